@@ -1,0 +1,44 @@
+# Everything a person or a machine does with this project, by name.
+#   make demo | test | lint | bench | campaign     ARGS="..." is passed on
+PYTHON ?= python3
+BIN := .venv/bin
+ARGS ?=
+
+.PHONY: demo test lint bench campaign format clean
+.DELETE_ON_ERROR:
+
+# Two environments in one: what the guard needs, then what tests and benchmarks need.
+.venv/core: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+.venv/dev: .venv/core
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+demo: .venv/core
+	$(BIN)/armguard demo $(ARGS)
+
+test: .venv/dev
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: .venv/dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: .venv/dev
+	$(BIN)/armguard bench all $(ARGS)
+
+# Long runs: not part of `make test`; results are written to docs/.
+campaign: .venv/dev
+	$(BIN)/python benchmarks/campaign.py $(ARGS)
+
+format: .venv/dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:
+	rm -rf .venv build dist out src/*.egg-info

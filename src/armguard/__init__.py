@@ -1,0 +1,1 @@
+"""Real-time collision guard for robot arms: joint angles in, verdicts out."""

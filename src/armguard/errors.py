@@ -1,0 +1,67 @@
+"""The family of errors raised at the door, before the loop runs.
+
+Inside the loop nothing is raised: there a bad input is a `Reason` of the verdict.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class ArmguardError(Exception):
+    """Any error this package raises on purpose."""
+
+
+class ShapeError(ArmguardError, ValueError):
+    """A shape has a size that is not finite, negative or zero."""
+
+
+class PoseError(ArmguardError, ValueError):
+    """A pose is not a rigid transform."""
+
+
+class ModelError(ArmguardError, ValueError):
+    """A robot description cannot be guarded as it is written."""
+
+
+class MeshError(ModelError):
+    """A mesh file is missing, empty or not finite."""
+
+
+class SceneError(ArmguardError, ValueError):
+    """A scene, or the file it came from, contradicts itself."""
+
+
+class UnknownNameError(SceneError, KeyError):
+    """A name nobody has; the message lists the nearest ones."""
+
+    def __str__(self) -> str:
+        """Message without the quotes that KeyError adds."""
+        return str(self.args[0])
+
+
+class TrajectoryError(ArmguardError, ValueError):
+    """A motion file does not fit the scene's joints."""
+
+
+class OctreeError(ArmguardError, ValueError):
+    """An octree is asked for what it cannot be."""
+
+
+def did_you_mean(name: str, known: Iterable[str], limit: int = 3) -> str:
+    """Sentence that offers the names nearest to a wrong one.
+
+    Example:
+        >>> did_you_mean("left/forarm", ["left/forearm", "right/forearm"])
+        "did you mean 'left/forearm', 'right/forearm'?"
+        >>> did_you_mean("x", ["left", "right"])
+        "known names are 'left', 'right'"
+    """
+    names = list(known)
+    near = get_close_matches(name, names, n=limit, cutoff=0.6)
+    if near:
+        return "did you mean " + ", ".join(f"'{n}'" for n in near) + "?"
+    if not names:
+        return "there are none"
+    shown = ", ".join(f"'{n}'" for n in names[:12])
+    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+    return f"known names are {shown}{more}"

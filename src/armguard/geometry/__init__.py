@@ -1,0 +1,1 @@
+"""Foundation: shapes, poses, signed distance and witness points of a pair."""

@@ -1,0 +1,1 @@
+"""Decide: the cycle from joint angles to verdict."""

@@ -1,0 +1,1 @@
+"""Broad phase: which primitives are near each other."""

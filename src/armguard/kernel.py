@@ -1,0 +1,59 @@
+"""The one decorator of compiled code, and the folder where it is kept."""
+
+import os
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config
+
+PACKAGE = Path(__file__).parent
+
+
+def cache_home() -> Path:
+    """Folder for everything the package may delete and make again.
+
+    `ARMGUARD_CACHE`, else `XDG_CACHE_HOME/armguard`, else `~/.cache/armguard`.
+    """
+    chosen = os.environ.get("ARMGUARD_CACHE")
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "armguard"
+
+
+def kernel_digest() -> str:
+    """Hash of every source file that holds a kernel, and of Numba's version.
+
+    Numba's own cache looks at one file only: it does not notice an edit in a
+    function called from another file (numba issue 8396). Keying the folder on all
+    of them does.
+    """
+    digest = sha256(numba.__version__.encode())
+    for path in sorted(PACKAGE.rglob("*.py")):
+        source = path.read_bytes()
+        if b"@kernel" in source:
+            digest.update(path.relative_to(PACKAGE).as_posix().encode())
+            digest.update(source)
+    return digest.hexdigest()[:16]
+
+
+KERNEL_CACHE = cache_home() / f"kernels-{kernel_digest()}"
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile `function` with the options every kernel shares.
+
+    No exception inside (`error_model="numpy"`: 1/0 is infinite, not raised), no
+    fast-math (a NaN must stay visible), no GIL, kept on disk in `KERNEL_CACHE`.
+    The cache folder is read by Numba when it decorates, so the setting is put back
+    at once and other users of Numba in the process keep theirs.
+    """
+    previous = config.CACHE_DIR
+    config.CACHE_DIR = str(KERNEL_CACHE)
+    try:
+        return numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    finally:
+        config.CACHE_DIR = previous

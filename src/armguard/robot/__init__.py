@@ -1,0 +1,1 @@
+"""Joint angles to link poses: trees, URDF and SRDF, limits, fitted capsules."""

@@ -1,0 +1,1 @@
+"""What is where: robots, objects, allowed pairs, scene files; flat tables."""
