@@ -1,1 +1,131 @@
-"""Real-time collision guard for robot arms: joint angles in, verdicts out."""
+"""Real-time collision guard for robot arms: joint angles in, verdicts out.
+
+Example:
+    >>> import armguard as ag
+    >>> guard = ag.Guard(ag.bay_scene())
+    >>> verdict = guard.step(guard.home)
+    >>> verdict.level.name
+    'CLEAR'
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armguard.errors import (
+        ArmguardError,
+        HomeContactError,
+        MeshError,
+        ModelError,
+        OctreeError,
+        PoseError,
+        SceneError,
+        ShapeError,
+        TrajectoryError,
+        UnknownNameError,
+    )
+    from armguard.geometry import (
+        Box,
+        Capsule,
+        PlacedShape,
+        Pose,
+        Proximity,
+        Sphere,
+        distance,
+    )
+    from armguard.guard import Counts, Guard, Level, NearPair, Reason, Verdict
+    from armguard.index import BruteForce, Octree
+    from armguard.scene import (
+        Scene,
+        Trajectory,
+        bay_scene,
+        bay_task,
+        load_scene,
+        load_trajectory,
+    )
+
+__version__ = version("armguard")
+
+# Public names and the room each comes from. They are imported when first used, so
+# that `import armguard` is quick and a scene can be read without compiling anything.
+_ROOMS = {
+    "armguard.errors": (
+        "ArmguardError",
+        "HomeContactError",
+        "MeshError",
+        "ModelError",
+        "OctreeError",
+        "PoseError",
+        "SceneError",
+        "ShapeError",
+        "TrajectoryError",
+        "UnknownNameError",
+    ),
+    "armguard.geometry": (
+        "Box",
+        "Capsule",
+        "PlacedShape",
+        "Pose",
+        "Proximity",
+        "Sphere",
+        "distance",
+    ),
+    "armguard.guard": ("Counts", "Guard", "Level", "NearPair", "Reason", "Verdict"),
+    "armguard.index": ("BruteForce", "Octree"),
+    "armguard.scene": (
+        "Scene",
+        "Trajectory",
+        "bay_scene",
+        "bay_task",
+        "load_scene",
+        "load_trajectory",
+    ),
+}
+_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = [
+    "ArmguardError",
+    "Box",
+    "BruteForce",
+    "Capsule",
+    "Counts",
+    "Guard",
+    "HomeContactError",
+    "Level",
+    "MeshError",
+    "ModelError",
+    "NearPair",
+    "Octree",
+    "OctreeError",
+    "PlacedShape",
+    "Pose",
+    "PoseError",
+    "Proximity",
+    "Reason",
+    "Scene",
+    "SceneError",
+    "ShapeError",
+    "Sphere",
+    "Trajectory",
+    "TrajectoryError",
+    "UnknownNameError",
+    "Verdict",
+    "bay_scene",
+    "bay_task",
+    "distance",
+    "load_scene",
+    "load_trajectory",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its room."""
+    if name not in _ROOM_OF:
+        raise AttributeError(f"module 'armguard' has no attribute '{name}'")
+    return getattr(import_module(_ROOM_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    """Public names."""
+    return __all__

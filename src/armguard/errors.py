@@ -31,6 +31,18 @@ class SceneError(ArmguardError, ValueError):
     """A scene, or the file it came from, contradicts itself."""
 
 
+class HomeContactError(SceneError):
+    """Checked bodies overlap at the home configuration.
+
+    Attributes:
+        contacts: The near pairs that overlap.
+    """
+
+    def __init__(self, message: str, contacts: tuple[object, ...]) -> None:
+        super().__init__(message)
+        self.contacts = contacts
+
+
 class UnknownNameError(SceneError, KeyError):
     """A name nobody has; the message lists the nearest ones."""
 

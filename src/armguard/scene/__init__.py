@@ -1,1 +1,20 @@
 """What is where: robots, objects, allowed pairs, scene files; flat tables."""
+
+from armguard.scene.bay import bay_path, bay_scene, bay_task
+from armguard.scene.compile import compile_scene
+from armguard.scene.file import load_scene
+from armguard.scene.scene import Scene
+from armguard.scene.tables import SceneTables
+from armguard.scene.trajectory import Trajectory, load_trajectory
+
+__all__ = [
+    "Scene",
+    "SceneTables",
+    "Trajectory",
+    "bay_path",
+    "bay_scene",
+    "bay_task",
+    "compile_scene",
+    "load_scene",
+    "load_trajectory",
+]

@@ -1,0 +1,187 @@
+"""The guard: joint positions in, a verdict out, every cycle."""
+
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter_ns
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armguard.errors import HomeContactError, UnknownNameError, did_you_mean
+from armguard.guard import layout
+from armguard.guard.compiling import announce_compiling
+from armguard.guard.cycle import run_cycle
+from armguard.guard.levels import Reason
+from armguard.guard.memory import FORCE, MEMORY
+from armguard.guard.reindex import BRUTE_FORCE, OCTREE
+from armguard.guard.verdict import Names, NearPair, Verdict
+from armguard.index import BruteForce, Index, Octree
+from armguard.scene.compile import compile_scene
+from armguard.scene.scene import Scene
+from armguard.scene.tables import SceneTables
+
+# Near pairs an answer has room for. More than this many at once is a reason to stop
+# (`Reason.CAPACITY`), not to count on.
+NEAR_CAPACITY = 4096
+
+FLOAT64 = np.dtype(np.float64)
+
+
+class Guard:
+    """Watches a scene: each `step` judges one joint configuration.
+
+    Everything slow happens here, before the loop: the scene is compiled to tables,
+    kernels are compiled or loaded, the home configuration is judged. `step` never
+    raises: an input it cannot judge gives a verdict whose level is a stop.
+
+    Attributes:
+        tables: The compiled scene.
+        index: The octree, or brute force; for pictures and statistics.
+        home_verdict: Verdict of the home configuration.
+
+    Args:
+        scene: What to guard.
+        progress: Called with one sentence before anything that takes long.
+        clock: Clock in nanoseconds that measures `Verdict.cycle_time`; no decision
+            depends on it.
+
+    Raises:
+        SceneError: The scene contradicts itself.
+        HomeContactError: Checked bodies overlap at the home configuration.
+
+    Example:
+        >>> from armguard import Guard, bay_scene
+        >>> guard = Guard(bay_scene())
+        >>> guard.step(guard.home).level
+        <Level.CLEAR: 0>
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        progress: Callable[[str], None] | None = None,
+        clock: Callable[[], int] = perf_counter_ns,
+    ) -> None:
+        self.tables: SceneTables = compile_scene(scene)
+        self._clock = clock
+        announce_compiling(progress)
+        self._prepare(self.tables)
+        self.home_verdict = self.step(self.tables.home)
+        contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
+        if contacts:
+            raise HomeContactError(home_sentence(contacts), contacts)
+        self.reset()
+
+    @property
+    def q_names(self) -> tuple[str, ...]:
+        """'robot/joint' of each place of q."""
+        return self.tables.q_names
+
+    @property
+    def home(self) -> NDArray[np.float64]:
+        """Home configuration, a copy, shape (n,) [rad or m]."""
+        return self.tables.home.copy()
+
+    def q(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
+        """Joint vector from positions by name, shape (n,).
+
+        Raises:
+            UnknownNameError: A joint is missing, or nobody has that name.
+        """
+        for name in positions:
+            if name not in self.q_names:
+                near = did_you_mean(name, self.q_names)
+                raise UnknownNameError(f"no joint is named '{name}'; {near}")
+        missing = [name for name in self.q_names if name not in positions]
+        if missing:
+            raise UnknownNameError(
+                "positions are missing for " + ", ".join(f"'{m}'" for m in missing)
+            )
+        return np.array([positions[name] for name in self.q_names], dtype=np.float64)
+
+    def step(self, q: ArrayLike, stamp: float | None = None) -> Verdict:
+        """Judge one joint configuration. Never raises.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
+            stamp: Time of the measurement [s]; must not go back.
+
+        Returns:
+            The verdict; a snapshot that later cycles do not change.
+        """
+        start = self._clock()
+        fault = ""
+        if stamp is not None:
+            fault = self._judge_stamp(stamp)
+        if fault:
+            data = self._fault_answer(Reason.TIME_BACKWARDS)
+        else:
+            if not (
+                type(q) is np.ndarray
+                and q.dtype is FLOAT64
+                and q.shape == self._shape
+                and q.flags.carray
+            ):
+                q, fault = self._convert(q)
+            if fault:
+                data = self._fault_answer(Reason.WRONG_INPUT)
+            else:
+                used = run_cycle(q, *self._arguments)
+                data = self._out[:used].copy()
+        return Verdict(
+            data, self._names, stamp, (self._clock() - start) * 1e-9, fault
+        )
+
+    def reset(self) -> None:
+        """Forget the last cycle and the last stamp.
+
+        The next verdict is the same either way; only the work is done anew.
+        """
+        self._memory[FORCE] = 1
+        self._last_stamp = -np.inf
+
+    def _judge_stamp(self, stamp: float) -> str:
+        """Take the stamp over, or say why not."""
+        try:
+            newer = stamp >= self._last_stamp
+        except (TypeError, ValueError):
+            newer = False
+        if not newer:
+            return (
+                f"stamp is {stamp!r}; it must be a number not less than the last "
+                f"one, {self._last_stamp}"
+            )
+        self._last_stamp = stamp
+        return ""
+
+    def _convert(self, q: ArrayLike) -> tuple[NDArray[np.float64], str]:
+        """`q` as the array the kernel takes, or in words what it is instead."""
+        wanted = f"it must be {self._shape[0]} numbers in the order of guard.q_names"
+        try:
+            array = np.array(q, dtype=np.float64)
+        except Exception:  # whatever a stranger's object raises, the loop goes on
+            return self.tables.home, f"q is a {type(q).__name__}; {wanted}"
+        if array.shape != self._shape:
+            return array, f"q has shape {array.shape}; {wanted}"
+        return array, ""
+
+    def _fault_answer(self, reason: Reason) -> NDArray[np.float64]:
+        """An answer without near pairs: the configuration was not judged."""
+        data = np.zeros(layout.HEADER)
+        data[layout.REASON] = reason
+        data[layout.JOINT] = -1.0
+        data[layout.NEAREST] = -1.0
+        return data
+
+
+def home_sentence(contacts: Sequence[NearPair]) -> str:
+    """What overlaps at home, and what to do about it."""
+    pairs = "; ".join(
+        f"{c.a} and {c.b} by {-c.distance * 1e3:.1f} mm" for c in contacts[:8]
+    )
+    more = f" and {len(contacts) - 8} more" if len(contacts) > 8 else ""
+    return (
+        f"at the home configuration these overlap: {pairs}{more}; give another "
+        "`home`, fit the links more closely (fit_target), or allow the pair with a "
+        "reason"
+    )

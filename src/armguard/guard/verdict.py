@@ -1,0 +1,278 @@
+"""What a cycle says: a snapshot that costs nothing until it is read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard import layout
+from armguard.guard.levels import SENTENCES, Level, Reason, level_of
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Names a verdict needs when it is read; shared by all verdicts of a guard.
+
+    Attributes:
+        joints: 'robot/joint' of each place of q.
+        lower: Least joint positions [rad or m].
+        upper: Greatest joint positions [rad or m].
+        bodies: Body of each primitive.
+        labels: Name of each primitive.
+        model_errors: Model error of each primitive [m].
+        checkable_pairs: Pairs of primitives that are checked at all.
+    """
+
+    joints: Sequence[str]
+    lower: Floats
+    upper: Floats
+    bodies: Sequence[str]
+    labels: Sequence[str]
+    model_errors: Floats
+    checkable_pairs: int
+
+
+@dataclass(frozen=True, slots=True)
+class NearPair:
+    """Two primitives within the reporting margin.
+
+    `point_b - point_a = distance · normal`.
+
+    Attributes:
+        a: Body of A: 'robot/link' or an object's name.
+        b: Body of B.
+        primitive_a: Primitive of A; a body may have several.
+        primitive_b: Primitive of B.
+        distance: Signed distance of the primitives [m].
+        buffer: Distance the pair must keep [m].
+        clearance: distance - buffer; negative means imminent collision [m].
+        point_a: Witness point on A, world frame, shape (3,) [m].
+        point_b: Witness point on B, world frame, shape (3,) [m].
+        normal: Unit vector from A to B, world frame, shape (3,).
+        model_error: How far the two primitives together may reach beyond the real
+            surfaces [m].
+    """
+
+    a: str
+    b: str
+    primitive_a: str
+    primitive_b: str
+    distance: float
+    buffer: float
+    clearance: float
+    point_a: Floats
+    point_b: Floats
+    normal: Floats
+    model_error: float
+
+    @property
+    def why(self) -> str:
+        """The pair in words and millimetres."""
+        verb = "needs" if self.clearance < 0.0 else "keeps"
+        model = (
+            f" (the model may reach {self.model_error * 1e3:.0f} mm too far)"
+            if self.model_error > 0.0
+            else ""
+        )
+        return (
+            f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm, "
+            f"{verb} {self.buffer * 1e3:.0f} mm buffer{model}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """What a cycle had to do.
+
+    Attributes:
+        pairs_tested: Pairs of primitives measured exactly.
+        pairs_kept: Near pairs whose two sides stood still and whose row was kept.
+        pairs_filtered: Pairs sharing a leaf whose bounding boxes are farther apart
+            than the margin.
+        pairs_skipped: Checked pairs that were not measured in this cycle.
+        bodies_moved: Bodies whose pose changed.
+        links_checked: Moved bodies whose leaves had to be looked after.
+        links_changed_leaf: Of these, the ones that entered or left a leaf.
+        leaves_entered: Leaves entered by primitives.
+        leaves_left: Leaves left by primitives.
+        splits: Leaves split.
+        merges: Nodes merged.
+    """
+
+    pairs_tested: int
+    pairs_kept: int
+    pairs_filtered: int
+    pairs_skipped: int
+    bodies_moved: int
+    links_checked: int
+    links_changed_leaf: int
+    leaves_entered: int
+    leaves_left: int
+    splits: int
+    merges: int
+
+
+class Verdict:
+    """Answer of one cycle; immutable, safe to keep.
+
+    Holds the numbers of the cycle; names, points and sentences are made when asked
+    for.
+
+    Attributes:
+        stamp: The stamp the cycle was given [s], or None.
+        cycle_time: Duration of the cycle [s]; the only thing in a verdict that is
+            not a function of the inputs.
+    """
+
+    __slots__ = ("_data", "_fault", "_names", "cycle_time", "stamp")
+
+    def __init__(
+        self,
+        data: Floats,
+        names: Names,
+        stamp: float | None,
+        cycle_time: float,
+        fault: str = "",
+    ) -> None:
+        self._data = data
+        self._names = names
+        self._fault = fault
+        self.stamp = stamp
+        self.cycle_time = cycle_time
+
+    @property
+    def reason(self) -> Reason:
+        """Why the level is what it is."""
+        return Reason(int(self._data[layout.REASON]))
+
+    @property
+    def level(self) -> Level:
+        """What the arm should do."""
+        return level_of(self.reason)
+
+    @property
+    def near(self) -> tuple[NearPair, ...]:
+        """Every checked pair within the margin, ordered by primitive."""
+        count = int(self._data[layout.NEAR_COUNT])
+        return tuple(self._pair(k) for k in range(count))
+
+    @property
+    def nearest(self) -> NearPair | None:
+        """The near pair with the least clearance, None if no pair is near."""
+        k = int(self._data[layout.NEAREST])
+        return None if k < 0 else self._pair(k)
+
+    @property
+    def joint(self) -> str | None:
+        """The joint a fault is about, None if it is about none."""
+        k = int(self._data[layout.JOINT])
+        return None if k < 0 else self._names.joints[k]
+
+    @property
+    def counts(self) -> Counts:
+        """What the cycle had to do."""
+        d = [int(v) for v in self._data[layout.PAIRS_TESTED : layout.HEADER]]
+        tested, kept, filtered, moved, links, changed, entered, left = d[:8]
+        return Counts(
+            pairs_tested=tested,
+            pairs_kept=kept,
+            pairs_filtered=filtered,
+            pairs_skipped=self._names.checkable_pairs - tested,
+            bodies_moved=moved,
+            links_checked=links,
+            links_changed_leaf=changed,
+            leaves_entered=entered,
+            leaves_left=left,
+            splits=d[8],
+            merges=d[9],
+        )
+
+    @property
+    def why(self) -> str:
+        """The verdict in one sentence, with names and numbers."""
+        reason = self.reason
+        nearest = self.nearest
+        if reason in (Reason.NEAR, Reason.TOO_CLOSE) and nearest is not None:
+            return nearest.why
+        if reason in (Reason.NOT_FINITE, Reason.OUT_OF_LIMITS):
+            return self._joint_sentence(reason)
+        return self._fault or SENTENCES[reason]
+
+    def to_dict(self) -> dict[str, object]:
+        """The verdict as plain numbers, lists and strings, ready for JSON."""
+        counts = self.counts
+        return {
+            "stamp": self.stamp,
+            "level": self.level.name,
+            "reason": self.reason.name,
+            "why": self.why,
+            "joint": self.joint,
+            "near": [pair_dict(pair) for pair in self.near],
+            "nearest": None if self.nearest is None else pair_dict(self.nearest),
+            "counts": {name: getattr(counts, name) for name in Counts.__slots__},
+            "cycle_time": self.cycle_time,
+        }
+
+    def tobytes(self) -> bytes:
+        """Level, reason and near pairs as bytes: equal inputs give equal bytes.
+
+        What the cycle had to do is left out: it depends on where the arms came from.
+        """
+        state = self._data.copy()
+        state[layout.PAIRS_TESTED : layout.HEADER] = 0.0
+        return state.tobytes()
+
+    def __repr__(self) -> str:
+        """Level, reason and the sentence."""
+        return f"<Verdict {self.level.name} {self.reason.name}: {self.why}>"
+
+    def _pair(self, k: int) -> NearPair:
+        at = layout.HEADER + k * layout.NEAR_WIDTH
+        row = self._data[at : at + layout.NEAR_WIDTH]
+        i, j = int(row[layout.FIRST]), int(row[layout.SECOND])
+        names = self._names
+        witness = row[layout.WITNESS :]
+        return NearPair(
+            a=names.bodies[i],
+            b=names.bodies[j],
+            primitive_a=names.labels[i],
+            primitive_b=names.labels[j],
+            distance=float(witness[0]),
+            buffer=float(row[layout.BUFFER]),
+            clearance=float(row[layout.CLEARANCE]),
+            point_a=witness[1:4].copy(),
+            point_b=witness[4:7].copy(),
+            normal=witness[7:10].copy(),
+            model_error=float(names.model_errors[i] + names.model_errors[j]),
+        )
+
+    def _joint_sentence(self, reason: Reason) -> str:
+        k = int(self._data[layout.JOINT])
+        names = self._names
+        value = float(self._data[layout.VALUE])
+        if reason is Reason.NOT_FINITE:
+            return f"joint '{names.joints[k]}' is at {value}; it must be finite"
+        return (
+            f"joint '{names.joints[k]}' is at {value:.4f}; its limits are "
+            f"[{names.lower[k]:.4f}, {names.upper[k]:.4f}]"
+        )
+
+
+def pair_dict(pair: NearPair) -> dict[str, object]:
+    """A near pair as plain numbers, lists and strings."""
+    return {
+        "a": pair.a,
+        "b": pair.b,
+        "primitive_a": pair.primitive_a,
+        "primitive_b": pair.primitive_b,
+        "distance": pair.distance,
+        "buffer": pair.buffer,
+        "clearance": pair.clearance,
+        "point_a": pair.point_a.tolist(),
+        "point_b": pair.point_b.tolist(),
+        "normal": pair.normal.tolist(),
+        "model_error": pair.model_error,
+    }

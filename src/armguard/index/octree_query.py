@@ -1,0 +1,77 @@
+"""Who shares a leaf with whom."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.index.octree_state import (
+    ABSENT,
+    FIRST_ENTRY,
+    HEAD,
+    IN_LEAF,
+    NEXT_IN_LEAF,
+    NEXT_OF_PRIMITIVE,
+    NONE,
+    OVERFLOW_COUNT,
+    PRIMITIVE,
+    STATUS,
+    OctreeState,
+)
+from armguard.kernel import kernel
+
+Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
+
+
+@kernel
+def octree_candidates(
+    i: int, state: OctreeState, seen: Longs, token: int, out: Ints
+) -> int:
+    """Primitives that share a leaf with primitive i, each once, in no special order.
+
+    Args:
+        i: The primitive.
+        state: The octree.
+        seen: Marks, one a primitive; those equal to `token` were met before.
+        token: A number `seen` does not hold yet.
+        out: Ids, overwritten, shape (p,).
+
+    Returns:
+        How many ids stand in `out`.
+    """
+    if state.header[OVERFLOW_COUNT] > 0:
+        return int(present_primitives(i, state.residency, out))
+    entries, nodes = state.entries, state.nodes
+    count = 0
+    seen[i] = token
+    mine = state.residency[i, FIRST_ENTRY]
+    while mine != NONE:
+        entry = nodes[entries[mine, IN_LEAF], HEAD]
+        while entry != NONE:
+            j = entries[entry, PRIMITIVE]
+            if seen[j] != token:
+                seen[j] = token
+                out[count] = j
+                count += 1
+            entry = entries[entry, NEXT_IN_LEAF]
+        mine = entries[mine, NEXT_OF_PRIMITIVE]
+    return count
+
+
+@kernel
+def present_primitives(i: int, residency: Ints, out: Ints) -> int:
+    """All primitives in the index but i: what brute force looks at.
+
+    Args:
+        i: The primitive.
+        residency: Only its STATUS is read, shape (p, RESIDENCY_WIDTH).
+        out: Ids, overwritten, shape (p,).
+
+    Returns:
+        How many ids stand in `out`.
+    """
+    count = 0
+    for j in range(residency.shape[0]):
+        if j != i and residency[j, STATUS] != ABSENT:
+            out[count] = j
+            count += 1
+    return count

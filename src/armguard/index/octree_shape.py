@@ -1,0 +1,157 @@
+"""The decomposition rule: split above N members, merge when N suffice again."""
+
+from armguard.geometry.place import displacement
+from armguard.index.octree_cell import grown_gap
+from armguard.index.octree_lists import (
+    entry_before,
+    free_block,
+    free_entry,
+    hang_entry,
+    link_entry,
+    take_block,
+    unhang_entry,
+)
+from armguard.index.octree_state import (
+    COUNT,
+    COUNT_MERGES,
+    COUNT_SPLITS,
+    COUNT_UNSPLIT,
+    COUNT_VISITED,
+    DEPTH,
+    FIRST_CHILD,
+    FREE_ENTRIES,
+    HEAD,
+    LEAF,
+    LEAF_CAPACITY,
+    MAX_DEPTH,
+    NEXT_IN_LEAF,
+    NONE,
+    PARENT,
+    PRIMITIVE,
+    TOKEN,
+    OctreeState,
+)
+from armguard.index.world import World
+from armguard.kernel import kernel
+
+
+@kernel
+def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
+    """Split a leaf, and its children, until the rule holds."""
+    nodes, stack = state.nodes, state.stack
+    stack[0] = leaf
+    height = 1
+    while height > 0:
+        height -= 1
+        node = stack[height]
+        if not must_split(node, state):
+            continue
+        first = split(node, world, state)
+        if first == NONE:
+            state.counters[COUNT_UNSPLIT] += 1
+            continue
+        nodes[node, FIRST_CHILD] = first
+        for c in range(8):
+            stack[height] = first + c
+            height += 1
+
+
+@kernel
+def must_split(leaf: int, state: OctreeState) -> bool:
+    """Whether a leaf has more than N members and may go deeper."""
+    nodes, header = state.nodes, state.header
+    return bool(
+        nodes[leaf, COUNT] > header[LEAF_CAPACITY]
+        and nodes[leaf, DEPTH] < header[MAX_DEPTH]
+    )
+
+
+@kernel
+def split(node: int, world: World, state: OctreeState) -> int:
+    """Hand a leaf's members on to eight children.
+
+    Returns:
+        The first child, or NONE if there is no room; then nothing has changed.
+    """
+    nodes, entries = state.nodes, state.entries
+    if state.header[FREE_ENTRIES] < 8 * nodes[node, COUNT]:
+        return NONE
+    first = take_block(node, state)
+    if first == NONE:
+        return NONE
+    entry = nodes[node, HEAD]
+    while entry != NONE:
+        after = entries[entry, NEXT_IN_LEAF]
+        i = entries[entry, PRIMITIVE]
+        free_entry(entry, entry_before(entry, state), state)
+        # The slack counts from the anchor, the gaps from where i is now.
+        moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
+        for c in range(8):
+            gap = grown_gap(i, first + c, world, state)
+            state.slack[i] = min(state.slack[i], abs(gap) - moved)
+            if not gap > 0.0:
+                link_entry(i, first + c, state)
+        entry = after
+    state.counters[COUNT_SPLITS] += 1
+    state.counters[COUNT_VISITED] += 8
+    return int(first)
+
+
+@kernel
+def merge_upwards(node: int, state: OctreeState) -> None:
+    """Merge a node's eight leaves if N suffice for them together, then its parent's."""
+    while node != NONE and mergeable(node, state):
+        merge(node, state)
+        node = state.nodes[node, PARENT]
+
+
+@kernel
+def mergeable(node: int, state: OctreeState) -> bool:
+    """Whether a node has eight leaves with at most N different members."""
+    nodes, entries, header = state.nodes, state.entries, state.header
+    first = nodes[node, FIRST_CHILD]
+    if first < 0:
+        return False
+    header[TOKEN] += 1
+    members = 0
+    for c in range(8):
+        if nodes[first + c, FIRST_CHILD] != LEAF:
+            return False
+        if nodes[first + c, COUNT] > header[LEAF_CAPACITY]:
+            return False
+    for c in range(8):
+        entry = nodes[first + c, HEAD]
+        while entry != NONE:
+            i = entries[entry, PRIMITIVE]
+            if state.primitive_marks[i] != header[TOKEN]:
+                state.primitive_marks[i] = header[TOKEN]
+                members += 1
+                if members > header[LEAF_CAPACITY]:
+                    return False
+            entry = entries[entry, NEXT_IN_LEAF]
+    return True
+
+
+@kernel
+def merge(node: int, state: OctreeState) -> None:
+    """Make a node of eight leaves a leaf that holds their members, each once."""
+    nodes, entries, header = state.nodes, state.entries, state.header
+    first = nodes[node, FIRST_CHILD]
+    nodes[node, FIRST_CHILD] = LEAF
+    nodes[node, HEAD] = NONE
+    nodes[node, COUNT] = 0
+    header[TOKEN] += 1
+    for c in range(8):
+        entry = nodes[first + c, HEAD]
+        while entry != NONE:
+            after = entries[entry, NEXT_IN_LEAF]
+            i = entries[entry, PRIMITIVE]
+            if state.primitive_marks[i] == header[TOKEN]:
+                free_entry(entry, entry_before(entry, state), state)
+            else:
+                state.primitive_marks[i] = header[TOKEN]
+                unhang_entry(entry, state)
+                hang_entry(entry, node, state)
+            entry = after
+    free_block(first, state)
+    state.counters[COUNT_MERGES] += 1

@@ -1,0 +1,23 @@
+"""The primitives an index looks after."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class World(NamedTuple):
+    """Primitives in the world frame; the caller moves them, the index follows.
+
+    Attributes:
+        kinds: ShapeKind of each primitive, shape (p,).
+        rows: Their rows, see `geometry.shapes`, shape (p, 16).
+        boxes: Their bounding boxes, lower and upper corner, shape (p, 6) [m].
+        growth: Extra radius each is indexed with: two primitives whose distance is at
+            most the larger of their growths share a leaf, shape (p,) [m].
+    """
+
+    kinds: NDArray[np.int32]
+    rows: NDArray[np.float64]
+    boxes: NDArray[np.float64]
+    growth: NDArray[np.float64]

@@ -1,0 +1,195 @@
+"""A sampled proposal of pairs that may need no check; for review, never applied."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.pairs import measure
+from armguard.geometry.place import place_row
+from armguard.kernel import kernel
+from armguard.robot.kinematics import forward_kinematics
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+# A continuous joint has no limits to sample between; one turn shows it all [rad].
+HALF_TURN = np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What sampling saw of a checked pair of bodies.
+
+    Sampling proves nothing: a pair that never came near in a thousand
+    configurations may do so in the next.
+
+    Attributes:
+        body_a: One body.
+        body_b: The other.
+        least: Least signed distance seen [m].
+        greatest: Greatest signed distance seen [m].
+        samples: Configurations looked at.
+    """
+
+    body_a: str
+    body_b: str
+    least: float
+    greatest: float
+    samples: int
+
+    @property
+    def kind(self) -> str:
+        """'always' if the pair overlapped every time, else 'never'."""
+        return "always" if self.greatest < 0.0 else "never"
+
+    @property
+    def yaml(self) -> str:
+        """The line a user may paste into the scene file after a review."""
+        seen = (
+            f"overlapped in all of {self.samples} sampled configurations, by "
+            f"{-self.greatest * 1e3:.0f} mm or more"
+            if self.kind == "always"
+            else f"no nearer than {self.least * 1e3:.0f} mm in {self.samples} "
+            "sampled configurations"
+        )
+        return f'- {{a: {self.body_a}, b: {self.body_b}, reason: "{seen}"}}'
+
+
+def propose_allowed(
+    tables: SceneTables, *, samples: int = 2000, seed: int = 0
+) -> list[Proposal]:
+    """Checked pairs of one robot that always overlap, or never come within the margin.
+
+    Args:
+        tables: The compiled scene.
+        samples: Random configurations within the joint limits.
+        seed: Of the random configurations.
+
+    Returns:
+        Proposals, 'always' first, each in the order of the tables.
+    """
+    first, second, owner, pairs = checked_pairs(tables)
+    if not pairs:
+        return []
+    least = np.full(len(pairs), np.inf)
+    greatest = np.full(len(pairs), -np.inf)
+    low = np.where(np.isfinite(tables.lower), tables.lower, -HALF_TURN)
+    high = np.where(np.isfinite(tables.upper), tables.upper, HALF_TURN)
+    rng = np.random.default_rng(seed)
+    configurations = rng.uniform(low, high, size=(samples, len(low)))
+    sample_extremes(
+        configurations,
+        tables.parent,
+        tables.joint_kind,
+        tables.q_index,
+        tables.gain,
+        tables.T_parent_joint,
+        tables.axis,
+        tables.kinds,
+        tables.bodies,
+        tables.local_rows,
+        first,
+        second,
+        owner,
+        np.zeros((len(tables.parent), 12)),
+        tables.local_rows.copy(),
+        np.zeros(10),
+        np.zeros(len(pairs)),
+        least,
+        greatest,
+    )
+    found = [
+        Proposal(a, b, float(lo), float(hi), samples)
+        for (a, b), lo, hi in zip(pairs, least, greatest, strict=True)
+        if hi < 0.0 or lo > tables.margin
+    ]
+    return sorted(found, key=lambda p: p.kind)
+
+
+def checked_pairs(
+    tables: SceneTables,
+) -> tuple[Ints, Ints, Ints, list[tuple[str, str]]]:
+    """Primitive pairs of links of one robot that are checked.
+
+    Returns:
+        First ids, second ids, index of the body pair each belongs to, body pairs.
+    """
+    first, second, owner = [], [], []
+    pairs: dict[tuple[str, str], int] = {}
+    count = len(tables.kinds)
+    for i in range(tables.moving_count):
+        for j in range(i + 1, count):
+            a, b = tables.body_names[i], tables.body_names[j]
+            if "/" not in a or a.split("/")[0] != b.split("/")[0]:
+                continue
+            if tables.checked[tables.groups[i], tables.groups[j]]:
+                first.append(i)
+                second.append(j)
+                owner.append(pairs.setdefault((a, b), len(pairs)))
+    as_ids = [np.array(ids, dtype=np.int32) for ids in (first, second, owner)]
+    return as_ids[0], as_ids[1], as_ids[2], list(pairs)
+
+
+@kernel
+def sample_extremes(
+    configurations: Floats,
+    parent: Ints,
+    joint_kind: Ints,
+    q_index: Ints,
+    gain: Floats,
+    T_parent_joint: Floats,
+    axis: Floats,
+    kinds: Ints,
+    bodies: Ints,
+    local_rows: Floats,
+    first: Ints,
+    second: Ints,
+    owner: Ints,
+    T_world: Floats,
+    rows: Floats,
+    witness: Floats,
+    nearest: Floats,
+    least: Floats,
+    greatest: Floats,
+) -> None:
+    """Least and greatest distance of body pairs over many configurations.
+
+    Args:
+        configurations: Joint positions, shape (s, n).
+        parent: See `SceneTables`, from here to `local_rows`.
+        joint_kind: Joint kinds.
+        q_index: Places in q.
+        gain: Multipliers and offsets.
+        T_parent_joint: Joint frames.
+        axis: Joint axes.
+        kinds: Shape kinds.
+        bodies: Bodies the primitives ride on.
+        local_rows: Primitives in their bodies.
+        first: Lower ids of the primitive pairs, shape (k,).
+        second: Higher ids, shape (k,).
+        owner: Body pair of each, shape (k,).
+        T_world: Scratch for poses.
+        rows: Scratch for primitives in the world; static ones are there already.
+        witness: Scratch, shape (10,).
+        nearest: Scratch, one place for each body pair.
+        least: Least distance of each body pair, updated [m].
+        greatest: Greatest distance of each body pair, updated [m].
+    """
+    for s in range(configurations.shape[0]):
+        forward_kinematics(
+            configurations[s], parent, joint_kind, q_index, gain, T_parent_joint,
+            axis, T_world,
+        )  # fmt: skip
+        for i in range(kinds.shape[0]):
+            if bodies[i] >= 0:
+                place_row(kinds[i], local_rows[i], T_world[bodies[i]], rows[i])
+        nearest[:] = np.inf
+        for k in range(first.shape[0]):
+            i, j = first[k], second[k]
+            measure(kinds[i], rows[i], kinds[j], rows[j], witness)
+            nearest[owner[k]] = min(nearest[owner[k]], witness[0])
+        for p in range(nearest.shape[0]):
+            least[p] = min(least[p], nearest[p])
+            greatest[p] = max(greatest[p], nearest[p])

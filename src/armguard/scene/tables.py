@@ -1,0 +1,78 @@
+"""A scene as flat arrays: all a cycle reads, in the order it reads them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.scene.settings import IndexSettings
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneTables:
+    """Flat tables of a compiled scene.
+
+    Bodies are rigid groups of links, in an order in which a parent comes before its
+    children. Primitives are sorted: the `moving_count` that move come first.
+
+    Attributes:
+        q_names: 'robot/joint' of each place of q.
+        lower: Least joint positions, shape (n,) [rad or m].
+        upper: Greatest joint positions, shape (n,) [rad or m].
+        home: Home configuration, shape (n,) [rad or m].
+        parent: Parent body, -1 for a robot's root, shape (b,).
+        joint_kind: 0 fixed, 1 revolute, 2 prismatic, shape (b,).
+        q_index: Place in q that moves the body, -1 if none, shape (b,).
+        gain: Multiplier and offset of that position, shape (b, 2).
+        T_parent_joint: Joint frame in the parent body's, 3×4 by rows, shape (b, 12).
+        axis: Unit joint axis, shape (b, 3).
+        kinds: ShapeKind of each primitive, shape (p,).
+        bodies: Body a primitive rides on, -1 if it stands still, shape (p,).
+        local_rows: Rows in the frame of the body, or in the world, shape (p, 16).
+        groups: Rule group of each primitive, shape (p,).
+        checked: 1 where two groups are checked against each other, shape (g, g).
+        buffers: Required distance of two groups, shape (g, g) [m].
+        growth: Extra radius in the index, shape (p,) [m].
+        margin: Signed distance up to which a pair is reported [m].
+        moving_count: Number of moving primitives.
+        checkable_pairs: Pairs of primitives that are checked at all.
+        body_names: 'robot/link' or object of each primitive, length p.
+        labels: Name of each primitive: the body's, with a number if it has several.
+        model_errors: How far a primitive may reach beyond what it stands for,
+            shape (p,) [m].
+        cube_centre: Centre of the octree's root cube, shape (3,) [m].
+        cube_edge: Its edge [m].
+        index: How near pairs are found.
+        notes: What the user should know, one sentence each.
+    """
+
+    q_names: tuple[str, ...]
+    lower: Floats
+    upper: Floats
+    home: Floats
+    parent: Ints
+    joint_kind: Ints
+    q_index: Ints
+    gain: Floats
+    T_parent_joint: Floats
+    axis: Floats
+    kinds: Ints
+    bodies: Ints
+    local_rows: Floats
+    groups: Ints
+    checked: NDArray[np.uint8]
+    buffers: Floats
+    growth: Floats
+    margin: float
+    moving_count: int
+    checkable_pairs: int
+    body_names: tuple[str, ...]
+    labels: tuple[str, ...]
+    model_errors: Floats
+    cube_centre: Floats
+    cube_edge: float
+    index: IndexSettings
+    notes: tuple[str, ...]
