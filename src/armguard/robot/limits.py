@@ -1,0 +1,69 @@
+"""Joint limits in the order of q, and the configuration a robot is at home in."""
+
+from collections.abc import Mapping
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import ModelError, did_you_mean
+from armguard.robot.model import RobotModel
+
+# Names of SRDF group states that say where a robot is at home, the first found wins.
+HOME_STATES = ("home", "ready", "default", "rest", "neutral", "half_sitting")
+
+# Nobody turns a joint by two full turns to go home; such a number is in degrees [rad].
+LOOKS_LIKE_DEGREES = 4 * pi
+
+
+def joint_limits(
+    model: RobotModel,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper limits in the order of `q_names`, each shape (n,)."""
+    joints = [model.joints[name] for name in model.q_names]
+    return np.array([j.lower for j in joints]), np.array([j.upper for j in joints])
+
+
+def home_configuration(
+    model: RobotModel, chosen: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Home position of every joint: chosen, else the SRDF's, else nearest to zero.
+
+    Args:
+        model: The robot.
+        chosen: Positions the user gives, by joint name [rad or m].
+
+    Raises:
+        ModelError: A chosen joint does not exist, or is outside its limits.
+    """
+    chosen = chosen or {}
+    for name, value in chosen.items():
+        if name not in model.q_names:
+            raise ModelError(
+                f"home names the joint '{name}', which robot '{model.name}' does not "
+                f"move; {did_you_mean(name, model.q_names)}"
+            )
+        joint = model.joints[name]
+        if not joint.lower <= value <= joint.upper:
+            hint = (
+                ", which looks like degrees"
+                if abs(value) > LOOKS_LIKE_DEGREES
+                else ""
+            )
+            raise ModelError(
+                f"home puts joint '{name}' at {value:g}{hint}; its limits are "
+                f"[{joint.lower:g}, {joint.upper:g}]"
+            )
+    state: Mapping[str, float] = {}
+    for name in HOME_STATES:
+        if name in model.group_states:
+            state = model.group_states[name]
+            break
+    home = {}
+    for name in model.q_names:
+        joint = model.joints[name]
+        value = state.get(name, 0.0)
+        home[name] = float(
+            chosen.get(name, min(max(value, joint.lower), joint.upper))
+        )
+    return home

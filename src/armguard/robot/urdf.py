@@ -1,0 +1,207 @@
+"""URDF to `RobotModel`: every oddity is an error with file and line."""
+
+from collections.abc import Mapping
+from math import inf
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import ModelError, did_you_mean
+from armguard.robot.model import Joint, JointKind, Link, Mimic, RobotModel
+from armguard.robot.srdf import load_srdf
+from armguard.robot.tree import check_tree
+from armguard.robot.urdf_geometry import read_collisions
+from armguard.robot.xml_source import Element, Reader, read_xml
+
+# Shorter than this an axis gives no direction [-].
+LEAST_AXIS = 1e-9
+
+
+def load_urdf(
+    source: str | Path,
+    *,
+    srdf: str | Path | None = None,
+    packages: Mapping[str, Path] | None = None,
+) -> RobotModel:
+    """Read a robot.
+
+    Args:
+        source: The URDF file.
+        srdf: Its SRDF file: disabled pairs and named configurations.
+        packages: Folders of `package://` names.
+
+    Raises:
+        ModelError: The description cannot be guarded as it is written.
+        MeshError: A mesh is not where the file says.
+    """
+    path = Path(source)
+    root = read_xml(path, "robot")
+    reader = Reader(path.name)
+    links: dict[str, Link] = {}
+    notes: list[str] = []
+    for element in root.iterchildren("link"):
+        name = reader.attribute(element, "name")
+        if name in links:
+            raise reader.fail(
+                element, f"link '{name}' is already on line {links[name].line}"
+            )
+        links[name] = Link(
+            name=name,
+            collisions=read_collisions(reader, element, path, packages),
+            has_visual=element.find("visual") is not None,
+            line=element.sourceline,
+        )
+    joints: dict[str, Joint] = {}
+    for element in root.iterchildren("joint"):
+        joint = read_joint(reader, element)
+        if joint.name in joints:
+            raise reader.fail(
+                element,
+                f"joint '{joint.name}' is already on line {joints[joint.name].line}",
+            )
+        for role, name in (("parent", joint.parent), ("child", joint.child)):
+            if name not in links:
+                raise reader.fail(
+                    element,
+                    f"joint '{joint.name}' has {role} link '{name}', which does not "
+                    f"exist; {did_you_mean(name, links)}",
+                )
+        joints[joint.name] = joint
+    root_link = check_tree(path.name, links, joints)
+    check_mimics(path.name, joints)
+    if not any(link.collisions for link in links.values()):
+        raise ModelError(
+            f"'{path.name}' has no <collision> geometry on any of its "
+            f"{len(links)} links; there is nothing to guard"
+        )
+    notes += [
+        f"link '{link.name}' has visual but no collision geometry; it is not guarded: "
+        "add a <collision> to the URDF"
+        for link in links.values()
+        if link.has_visual and not link.collisions
+    ]
+    model = RobotModel(
+        name=root.get("name", path.stem),
+        path=path.resolve(),
+        links=links,
+        joints=joints,
+        root=root_link,
+        notes=tuple(notes),
+    )
+    return model if srdf is None else load_srdf(Path(srdf), model)
+
+
+def read_joint(reader: Reader, element: Element) -> Joint:
+    """One <joint>."""
+    name = reader.attribute(element, "name")
+    type_name = reader.attribute(element, "type")
+    known = [kind.value for kind in JointKind]
+    if type_name in ("floating", "planar"):
+        raise reader.fail(
+            element,
+            f"joint '{name}' is {type_name}; write it as three to six revolute and "
+            "prismatic joints, or fix it and give the base a pose",
+        )
+    if type_name not in known:
+        raise reader.fail(
+            element,
+            f"joint '{name}' has type '{type_name}'; {did_you_mean(type_name, known)}",
+        )
+    kind = JointKind(type_name)
+    lower, upper, velocity = read_limits(reader, element, name, kind)
+    return Joint(
+        name=name,
+        kind=kind,
+        parent=reader.attribute(required(reader, element, name, "parent"), "link"),
+        child=reader.attribute(required(reader, element, name, "child"), "link"),
+        T_parent_joint=reader.origin(element),
+        axis=read_axis(reader, element, name, kind),
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        mimic=read_mimic(reader, element),
+        line=element.sourceline,
+    )
+
+
+def required(reader: Reader, element: Element, joint: str, tag: str) -> Element:
+    """A child element a joint has to have."""
+    found = element.find(tag)
+    if found is None:
+        raise reader.fail(element, f"joint '{joint}' has no <{tag}>")
+    return found
+
+
+def read_axis(
+    reader: Reader, element: Element, name: str, kind: JointKind
+) -> NDArray[np.float64]:
+    """Unit axis of a joint; x if the file gives none, as URDF says."""
+    found = element.find("axis")
+    if found is None or kind is JointKind.FIXED:
+        return np.array([1.0, 0.0, 0.0])
+    axis = np.array(reader.numbers(found, "xyz", 3))
+    length = float(np.linalg.norm(axis))
+    if not length > LEAST_AXIS:
+        raise reader.fail(
+            found, f"joint '{name}' has axis \"{found.get('xyz')}\" of length 0"
+        )
+    return axis / length
+
+
+def read_limits(
+    reader: Reader, element: Element, name: str, kind: JointKind
+) -> tuple[float, float, float | None]:
+    """Lower and upper limit, and speed limit if there is one."""
+    limit = element.find("limit")
+    velocity = None
+    if limit is not None and limit.get("velocity") is not None:
+        (velocity,) = reader.numbers(limit, "velocity", 1)
+        if velocity < 0.0:
+            raise reader.fail(limit, f"joint '{name}' has velocity limit {velocity}")
+    if kind is JointKind.FIXED:
+        return 0.0, 0.0, None
+    if kind is JointKind.CONTINUOUS:
+        return -inf, inf, velocity
+    if limit is None:
+        raise reader.fail(
+            element, f"joint '{name}' is {kind.value} and has no <limit lower upper>"
+        )
+    (lower,) = reader.numbers(limit, "lower", 1, "0")
+    (upper,) = reader.numbers(limit, "upper", 1, "0")
+    if not lower <= upper:
+        raise reader.fail(
+            limit, f"joint '{name}' has lower limit {lower} above its upper {upper}"
+        )
+    return lower, upper, velocity
+
+
+def read_mimic(reader: Reader, element: Element) -> Mimic | None:
+    """The joint another follows, or None."""
+    found = element.find("mimic")
+    if found is None:
+        return None
+    (multiplier,) = reader.numbers(found, "multiplier", 1, "1")
+    (offset,) = reader.numbers(found, "offset", 1, "0")
+    return Mimic(reader.attribute(found, "joint"), multiplier, offset)
+
+
+def check_mimics(file: str, joints: Mapping[str, Joint]) -> None:
+    """A mimic follows a joint that exists, moves, and follows nobody itself."""
+    for joint in joints.values():
+        if joint.mimic is None:
+            continue
+        followed = joints.get(joint.mimic.joint)
+        at = f"'{file}' line {joint.line}: joint '{joint.name}'"
+        if followed is None:
+            raise ModelError(
+                f"{at} mimics '{joint.mimic.joint}', which does not exist; "
+                f"{did_you_mean(joint.mimic.joint, joints)}"
+            )
+        if followed.kind is JointKind.FIXED:
+            raise ModelError(f"{at} mimics '{followed.name}', which is fixed")
+        if followed.mimic is not None:
+            raise ModelError(
+                f"{at} mimics '{followed.name}', which is a mimic itself; name the "
+                f"joint '{followed.mimic.joint}' that moves both"
+            )

@@ -1,0 +1,130 @@
+"""Collision geometry of a URDF link."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.shapes import Box, Capsule, Shape, Sphere
+from armguard.robot.model import CollisionElement, Cylinder, MeshFile
+from armguard.robot.packages import find_file
+from armguard.robot.xml_source import Element, Reader
+
+# A sphere caps a cylinder if centre and radius fit this well [m].
+CAP_TOLERANCE = 1e-6
+
+GEOMETRIES = ("box", "capsule", "cylinder", "mesh", "sphere")
+
+
+def read_collisions(
+    reader: Reader,
+    link: Element,
+    urdf: Path,
+    packages: Mapping[str, Path] | None,
+) -> tuple[CollisionElement, ...]:
+    """All <collision> elements of a link; capped cylinders become capsules."""
+    found = []
+    for element in link.iterchildren("collision"):
+        found.append(
+            CollisionElement(
+                geometry=read_geometry(reader, element, urdf, packages),
+                T_link_geometry=reader.origin(element),
+                line=element.sourceline,
+            )
+        )
+    return join_capsules(found)
+
+
+def read_geometry(
+    reader: Reader,
+    collision: Element,
+    urdf: Path,
+    packages: Mapping[str, Path] | None,
+) -> Shape | Cylinder | MeshFile:
+    """The one shape of a <collision>'s <geometry>.
+
+    `<capsule radius length>` is read as the newer URDF versions have it: the length is
+    that of the cylinder between the caps.
+    """
+    geometry = collision.find("geometry")
+    children = [] if geometry is None else list(geometry.iterchildren("*"))
+    if len(children) != 1:
+        raise reader.fail(
+            collision,
+            f"<collision> has {len(children)} shapes in its <geometry>; it must be one",
+        )
+    (shape,) = children
+    if shape.tag == "sphere":
+        return Sphere(radius=reader.size(shape, "radius")[0])
+    if shape.tag == "box":
+        x, y, z = reader.size(shape, "size", 3)
+        return Box(half_extents=(x / 2, y / 2, z / 2))
+    if shape.tag == "cylinder":
+        (radius,), (length,) = (reader.size(shape, n) for n in ("radius", "length"))
+        return Cylinder(radius, length)
+    if shape.tag == "capsule":
+        (radius,), (length,) = (reader.size(shape, n) for n in ("radius", "length"))
+        return capsule(radius, length)
+    if shape.tag == "mesh":
+        name = reader.attribute(shape, "filename")
+        a, b, c = reader.numbers(shape, "scale", 3, "1 1 1")
+        if not a * b * c != 0.0:
+            raise reader.fail(shape, f"<mesh> scale is \"{shape.get('scale')}\"")
+        return MeshFile(find_file(name, urdf, packages), (a, b, c))
+    raise reader.fail(
+        shape,
+        f"<{shape.tag}> is no shape of a URDF; there are {', '.join(GEOMETRIES)}",
+    )
+
+
+def capsule(radius: float, length: float) -> Capsule:
+    """Capsule along z whose axis has the given length [m]."""
+    return Capsule(start=(0, 0, -length / 2), end=(0, 0, length / 2), radius=radius)
+
+
+def join_capsules(
+    elements: list[CollisionElement],
+) -> tuple[CollisionElement, ...]:
+    """Make one capsule of a cylinder and the two spheres that cap it.
+
+    URDF long had no capsule, so files write one as three shapes. The union is the
+    same; one capsule is exact where enclosing the bare cylinder is not.
+    """
+    left = list(elements)
+    joined = []
+    for element in elements:
+        if not isinstance(element.geometry, Cylinder):
+            continue
+        caps = [cap_at(element, side, left) for side in (-0.5, 0.5)]
+        if caps[0] is None or caps[1] is None or caps[0] is caps[1]:
+            continue
+        for gone in (element, caps[0], caps[1]):
+            left = [other for other in left if other is not gone]
+        joined.append(
+            CollisionElement(
+                geometry=capsule(element.geometry.radius, element.geometry.length),
+                T_link_geometry=element.T_link_geometry,
+                line=element.line,
+            )
+        )
+    return (*joined, *left)
+
+
+def cap_at(
+    cylinder: CollisionElement, side: float, elements: list[CollisionElement]
+) -> CollisionElement | None:
+    """The sphere that caps one end of a cylinder, None if there is none."""
+    shape = cylinder.geometry
+    assert isinstance(shape, Cylinder)
+    end = np.array([0.0, 0.0, side * shape.length, 1.0])
+    centre: NDArray[np.float64] = (cylinder.T_link_geometry @ end)[:3]
+    for element in elements:
+        sphere = element.geometry
+        if (
+            isinstance(sphere, Sphere)
+            and abs(sphere.radius - shape.radius) <= CAP_TOLERANCE
+            and np.abs(element.T_link_geometry[:3, 3] - centre).max() <= CAP_TOLERANCE
+        ):
+            return element
+    return None
