@@ -22,6 +22,7 @@ from armguard.guard.memory import FORCE
 from armguard.guard.near_pairs import judge_pairs
 from armguard.guard.reindex import update_index
 from armguard.index.octree_state import OctreeState
+from armguard.index.world import World
 from armguard.kernel import kernel
 from armguard.robot.kinematics import forward_kinematics
 
@@ -45,22 +46,19 @@ def run_cycle(
     gain: Floats,
     T_parent_joint: Floats,
     axis: Floats,
-    kinds: Ints,
     bodies: Ints,
     local_rows: Floats,
     groups: Ints,
     checked: Bytes,
     buffers: Floats,
-    growth: Floats,
     margin: float,
     moving_count: int,
     index_kind: int,
+    world: World,
     octree: OctreeState,
     T_next: Floats,
     T_world: Floats,
     body_moved: Bytes,
-    rows: Floats,
-    boxes: Floats,
     candidates: Ints,
     seen: Longs,
     kept: Floats,
@@ -83,22 +81,19 @@ def run_cycle(
         gain: Multipliers and offsets.
         T_parent_joint: Joint frames.
         axis: Joint axes.
-        kinds: Shape kinds.
         bodies: Bodies the primitives ride on.
         local_rows: Primitives in their bodies.
         groups: Rule groups.
         checked: Which groups are checked.
         buffers: Required distances.
-        growth: Extra radii in the index.
         margin: Reporting distance.
         moving_count: Moving primitives.
-        index_kind: 0 octree, 1 brute force.
+        index_kind: OCTREE or BRUTE_FORCE.
+        world: Primitives in the world; rows and boxes are updated.
         octree: State of the octree, updated.
         T_next: Scratch for poses, shape (b, 12).
         T_world: Poses of the last good cycle, updated, shape (b, 12).
         body_moved: Scratch, 1 where a body's pose changed, shape (b,).
-        rows: Primitives in the world, updated, shape (p, 16).
-        boxes: Their bounding boxes, updated, shape (p, 6).
         candidates: Scratch for ids, shape (p,).
         seen: Scratch of the index, shape (p,).
         kept: Near pairs of the last good cycle, updated, shape (k, NEAR_WIDTH).
@@ -124,22 +119,18 @@ def run_cycle(
     for i in range(moving_count):
         body = bodies[i]
         if body_moved[body]:
-            place_row(kinds[i], local_rows[i], T_world[body], rows[i])
-            row_bounds(kinds[i], rows[i], 0.0, boxes[i])
+            place_row(world.kinds[i], local_rows[i], T_world[body], world.rows[i])
+            row_bounds(world.kinds[i], world.rows[i], 0.0, world.boxes[i])
             if body != last_body:
                 links += 1
                 last_body = body
     out[LINKS_CHECKED] = links
 
-    update_index(
-        index_kind, moving_count, bodies, body_moved, kinds, rows, growth, octree, out
-    )
+    update_index(index_kind, moving_count, bodies, body_moved, world, octree, out)
     judge_pairs(
         index_kind,
         moving_count,
-        kinds,
-        rows,
-        boxes,
+        world,
         groups,
         checked,
         buffers,

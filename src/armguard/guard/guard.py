@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.errors import HomeContactError, UnknownNameError, did_you_mean
+from armguard.geometry.bounds import row_bounds
+from armguard.geometry.place import place_row
 from armguard.guard import layout
 from armguard.guard.compiling import announce_compiling
 from armguard.guard.cycle import run_cycle
@@ -14,7 +16,8 @@ from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.reindex import BRUTE_FORCE, OCTREE
 from armguard.guard.verdict import Names, NearPair, Verdict
-from armguard.index import BruteForce, Index, Octree
+from armguard.index import BruteForce, Octree, World
+from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
@@ -140,6 +143,57 @@ class Guard:
         self._memory[FORCE] = 1
         self._last_stamp = -np.inf
 
+    def _prepare(self, tables: SceneTables) -> None:
+        """Allocate everything the loop will ever need."""
+        count, bodies = len(tables.kinds), len(tables.parent)
+        capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
+        T_world = np.zeros((bodies, 12))
+        world = world_at_home(tables, T_world)
+        self.index = build_index(tables, world)
+        octree = self.index.state
+        self._shape = (len(tables.q_names),)
+        self._last_stamp = -np.inf
+        self._memory = np.zeros(MEMORY, dtype=np.int64)
+        self._memory[FORCE] = 1
+        self._out = np.zeros(layout.HEADER + capacity * layout.NEAR_WIDTH)
+        self._arguments = (
+            tables.lower,
+            tables.upper,
+            tables.parent,
+            tables.joint_kind,
+            tables.q_index,
+            tables.gain,
+            tables.T_parent_joint,
+            tables.axis,
+            tables.bodies,
+            tables.local_rows,
+            tables.groups,
+            tables.checked,
+            tables.buffers,
+            tables.margin,
+            tables.moving_count,
+            BRUTE_FORCE if tables.index.kind == "brute_force" else OCTREE,
+            world,
+            octree,
+            np.zeros((bodies, 12)),
+            T_world,
+            np.zeros(bodies, dtype=np.uint8),
+            np.zeros(max(count, 1), dtype=np.int32),
+            np.zeros(count, dtype=np.int64),
+            np.zeros((capacity, layout.NEAR_WIDTH)),
+            self._memory,
+            self._out,
+        )
+        self._names = Names(
+            joints=tables.q_names,
+            lower=tables.lower,
+            upper=tables.upper,
+            bodies=tables.body_names,
+            labels=tables.labels,
+            model_errors=tables.model_errors,
+            checkable_pairs=tables.checkable_pairs,
+        )
+
     def _judge_stamp(self, stamp: float) -> str:
         """Take the stamp over, or say why not."""
         try:
@@ -184,4 +238,42 @@ def home_sentence(contacts: Sequence[NearPair]) -> str:
         f"at the home configuration these overlap: {pairs}{more}; give another "
         "`home`, fit the links more closely (fit_target), or allow the pair with a "
         "reason"
+    )
+
+
+def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
+    """The primitives, placed at the home configuration."""
+    world = World(
+        kinds=tables.kinds,
+        rows=tables.local_rows.copy(),
+        boxes=np.zeros((len(tables.kinds), 6)),
+        growth=tables.growth,
+    )
+    forward_kinematics(
+        tables.home,
+        tables.parent,
+        tables.joint_kind,
+        tables.q_index,
+        tables.gain,
+        tables.T_parent_joint,
+        tables.axis,
+        T_world,
+    )
+    for i, kind in enumerate(tables.kinds):
+        body = tables.bodies[i]
+        if body >= 0:
+            place_row(kind, tables.local_rows[i], T_world[body], world.rows[i])
+        row_bounds(kind, world.rows[i], 0.0, world.boxes[i])
+    return world
+
+
+def build_index(tables: SceneTables, world: World) -> Octree | BruteForce:
+    """The index the scene asks for."""
+    if tables.index.kind == "brute_force":
+        return BruteForce(world)
+    return Octree(
+        world,
+        leaf_capacity=tables.index.leaf_capacity,
+        max_depth=tables.index.max_depth,
+        cube=(tables.cube_centre, tables.cube_edge),
     )

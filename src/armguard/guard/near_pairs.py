@@ -22,8 +22,10 @@ from armguard.guard.layout import (
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, KEPT_COUNT, TOKEN
 from armguard.guard.sorting import sort_ids
-from armguard.index.octree_query import octree_candidates
+from armguard.guard.reindex import BRUTE_FORCE
+from armguard.index.octree_query import octree_candidates, present_primitives
 from armguard.index.octree_state import OctreeState
+from armguard.index.world import World
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -42,9 +44,7 @@ NO_DISTANCE = int(Reason.NO_DISTANCE)
 def judge_pairs(
     index_kind: int,
     moving_count: int,
-    kinds: Ints,
-    rows: Floats,
-    boxes: Floats,
+    world: World,
     groups: Ints,
     checked: Bytes,
     buffers: Floats,
@@ -87,7 +87,7 @@ def judge_pairs(
                 i, j, moved, moving_count, bodies, body_moved, kept, next_kept,
                 kept_count, count, capacity, out,
             )  # fmt: skip
-            if boxes_apart(boxes, i, j, margin):
+            if boxes_apart(world.boxes, i, j, margin):
                 out[PAIRS_FILTERED] += 1.0
                 continue
             out[PAIRS_TESTED] += 1.0
@@ -96,7 +96,7 @@ def judge_pairs(
                 continue
             place = HEADER + count * NEAR_WIDTH
             measure(
-                kinds[i], rows[i], kinds[j], rows[j],
+                world.kinds[i], world.rows[i], world.kinds[j], world.rows[j],
                 out[place + WITNESS : place + NEAR_WIDTH],
             )  # fmt: skip
             if out[place + WITNESS] > margin:
@@ -127,7 +127,7 @@ def index_candidates(
 ) -> int:
     """Ids that may be near primitive i, each once: by the octree or simply all."""
     if index_kind == BRUTE_FORCE:
-        return int(brute_force_candidates(i, seen.shape[0], candidates))
+        return int(present_primitives(i, octree.residency, candidates))
     return int(octree_candidates(i, octree, seen, token, candidates))
 
 

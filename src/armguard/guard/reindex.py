@@ -18,6 +18,7 @@ from armguard.index.octree_state import (
     OctreeState,
 )
 from armguard.index.octree_update import octree_update
+from armguard.index.world import World
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -35,9 +36,7 @@ def update_index(
     moving_count: int,
     bodies: Ints,
     body_moved: Bytes,
-    kinds: Ints,
-    rows: Floats,
-    growth: Floats,
+    world: World,
     octree: OctreeState,
     out: Floats,
 ) -> None:
@@ -56,7 +55,7 @@ def update_index(
         if not body_moved[body]:
             continue
         before = counters[COUNT_ENTERED] + counters[COUNT_LEFT]
-        octree_update(i, kinds, rows, growth, octree)
+        octree_update(i, world, octree)
         if (
             body != changed_body
             and counters[COUNT_ENTERED] + counters[COUNT_LEFT] != before

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import OctreeError
 from armguard.index.octree_query import present_primitives
-from armguard.index.octree_state import INDEXED, RESIDENCY_WIDTH, STATUS
+from armguard.index.octree_state import INDEXED, STATUS, empty_state
 from armguard.index.world import World
 
 
@@ -19,7 +19,18 @@ class BruteForce:
     def __init__(self, world: World) -> None:
         self.world = world
         count = len(world.kinds)
-        self.residency = np.zeros((count, RESIDENCY_WIDTH), dtype=np.int32)
+        # The cycle is handed an octree's state whatever the index; of this one it
+        # reads only who is present.
+        self.state = empty_state(
+            count,
+            leaf_capacity=1,
+            max_depth=0,
+            low=np.zeros(3),
+            high=np.ones(3),
+            node_capacity=1,
+            entry_capacity=1,
+        )
+        self.residency = self.state.residency
         self.residency[:, STATUS] = INDEXED
         self._out = np.zeros(max(count, 1), dtype=np.int32)
 

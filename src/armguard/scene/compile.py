@@ -16,8 +16,8 @@ from armguard.robot.kinematics import (
 )
 from armguard.robot.limits import joint_limits
 from armguard.scene.allowed import allowed_pairs
-from armguard.scene.rules import PairRules, pair_rules
-from armguard.scene.scene import Scene
+from armguard.scene.rules import pair_rules
+from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.settings import CubeSettings
 from armguard.scene.tables import SceneTables
 
@@ -86,7 +86,7 @@ def compile_scene(scene: Scene) -> SceneTables:
     growth = np.zeros(len(primitives))
     growth[:moving_count] = margin
     lower, upper, home = stack_limits(scene)
-    centre, edge = root_cube(scene, tables, primitives, margin)
+    centre, edge = root_cube(scene, tables, first_body, primitives)
     return SceneTables(
         q_names=scene.q_names,
         lower=lower,
@@ -214,8 +214,8 @@ def count_checkable(
 def root_cube(
     scene: Scene,
     tables: Mapping[str, KinematicTable],
+    first_body: Mapping[str, int],
     primitives: Sequence[Primitive],
-    margin: float,
 ) -> tuple[Floats, float]:
     """Cube that holds everything the scene can contain: centre and edge [m].
 
@@ -229,10 +229,10 @@ def root_cube(
             row_bounds(p.kind, p.row, 0.0, box)
             low, high = np.minimum(low, box[:3]), np.maximum(high, box[3:])
     for name, robot in scene.robots.items():
-        reach = robot_reach(name, robot_extents(scene, name, tables[name]), tables)
+        reach = robot_reach(robot, tables[name], primitives, first_body[name])
         origin = robot.base.matrix()[:3, 3]
-        low = np.minimum(low, origin - reach - margin)
-        high = np.maximum(high, origin + reach + margin)
+        low = np.minimum(low, origin - reach - scene.margin)
+        high = np.maximum(high, origin + reach + scene.margin)
     chosen = scene.index.cube
     if chosen is not None and holds(chosen, low, high):
         return np.array(chosen.centre, dtype=np.float64), chosen.edge
@@ -241,6 +241,25 @@ def root_cube(
         low = np.minimum(low, np.array(chosen.centre) - half)
         high = np.maximum(high, np.array(chosen.centre) + half)
     return (low + high) / 2.0, float((high - low).max()) * CUBE_SLACK
+
+
+def robot_reach(
+    robot: SceneRobot,
+    table: KinematicTable,
+    primitives: Sequence[Primitive],
+    first_body: int,
+) -> float:
+    """Radius about a robot's base that no primitive riding on it can leave [m]."""
+    frames = reach_bounds(table, *joint_limits(robot.model))
+    box = np.zeros(6)
+    reach = 0.0
+    for p in primitives:
+        body = p.body - first_body
+        if p.body >= 0 and 0 <= body < len(frames):
+            row_bounds(p.kind, p.row, 0.0, box)
+            corner = np.maximum(np.abs(box[:3]), np.abs(box[3:]))
+            reach = max(reach, frames[body] + float(np.linalg.norm(corner)))
+    return reach
 
 
 def holds(cube: CubeSettings, low: Floats, high: Floats) -> bool:

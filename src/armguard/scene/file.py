@@ -1,0 +1,280 @@
+"""Scene files: own YAML, or a MoveIt planning scene, to a `Scene`."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from armguard.errors import ArmguardError, did_you_mean
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Box, Capsule, PlacedShape, Sphere
+from armguard.robot.fitting import enclose_cylinder
+from armguard.scene.file_models import (
+    ObjectModel,
+    PoseModel,
+    RobotEntry,
+    SceneModel,
+    ShapeModel,
+    SizedBox,
+)
+from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
+from armguard.scene.scene import PAPER_BUFFER, Progress, Scene
+from armguard.scene.settings import CubeSettings, IndexSettings
+from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
+
+Keys = tuple[str | int, ...]
+
+
+def load_scene(
+    path: str | Path,
+    *,
+    robot: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Scene:
+    """Read a scene file.
+
+    Args:
+        path: Own YAML (docs/scene-file.md), or a MoveIt planning scene as it is.
+        robot: URDF for a MoveIt scene, which only names its robot.
+        progress: Called with link name, number and count while links are fitted.
+
+    Raises:
+        SceneFileError: The file is wrong; each problem with file, line and key path.
+    """
+    source = YamlSource(Path(path))
+    if is_moveit_scene(source.values):
+        return build_moveit_scene(source, robot=robot, progress=progress)
+    return build_scene(source, validated(source), progress)
+
+
+def validated(source: YamlSource) -> SceneModel:
+    """The file's values, checked against the grammar."""
+    if not isinstance(source.values, dict):
+        raise source.problem(1, "", "must be a mapping with the key 'robots'")
+    try:
+        return SceneModel.model_validate(source.values)
+    except ValidationError as error:
+        problems = [as_problem(source, dict(e)) for e in error.errors()]
+        raise SceneFileError(unique(problems)) from None
+
+
+def unique(problems: list[Problem]) -> list[Problem]:
+    """Problems without repetition, by line."""
+    return sorted(dict.fromkeys(problems), key=lambda p: p.line)
+
+
+def as_problem(source: YamlSource, error: dict[str, Any]) -> Problem:
+    """One of pydantic's findings in our words."""
+    keys = tuple(key for key in error["loc"] if not is_branch(key))
+    got, context = error.get("input"), error.get("ctx", {})
+    kind = str(error["type"])
+    if kind == "extra_forbidden":
+        known = known_keys(keys[:-1])
+        sentence = f"there is no such key; {did_you_mean(str(keys[-1]), known)}"
+    elif kind == "missing":
+        sentence = "is missing"
+    elif kind in ("too_short", "too_long"):
+        count = context.get("min_length") or context.get("max_length")
+        if isinstance(got, dict):
+            sentence = f"needs at least {count}"
+        else:
+            sentence = f"expected {count} numbers, got {context['actual_length']}"
+    elif kind in ("float_parsing", "float_type", "int_parsing", "int_type"):
+        sentence = f"expected a number, got {got!r}"
+    elif kind == "finite_number":
+        sentence = f"is {got}; it must be finite"
+    elif kind in ("greater_than", "greater_than_equal", "less_than_equal"):
+        sign = {"greater_than": ">", "greater_than_equal": ">="}.get(kind, "<=")
+        bound = context.get("gt", context.get("ge", context.get("le")))
+        sentence = f"is {got}; it must be {sign} {bound:g}"
+    elif kind in ("list_type", "model_type", "dict_type"):
+        wanted = "a list of numbers" if kind == "list_type" else "a mapping"
+        sentence = f"expected {wanted}, got {got!r}"
+    elif kind == "string_type":
+        sentence = f"expected text, got {got!r}"
+    elif kind == "string_too_short":
+        sentence = "must not be empty"
+    elif kind == "literal_error":
+        sentence = f"is {got!r}; it must be {context['expected']}"
+    else:
+        sentence = str(error["msg"]).removeprefix("Value error, ")
+    return Problem(source.path.name, source.line(keys), dotted(keys), sentence)
+
+
+def is_branch(key: str | int) -> bool:
+    """Whether a part of pydantic's path names a branch of a union, not a key."""
+    return isinstance(key, str) and (
+        key == "SizedBox" or key.startswith(("list[", "constrained-"))
+    )
+
+
+def known_keys(keys: Keys) -> list[str]:
+    """Keys a mapping of the grammar may have, as a user writes them."""
+    model: Any = SceneModel
+    for key in keys:
+        if isinstance(key, int) or model is None:
+            continue
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            return []
+        fields = {f.alias or name: f for name, f in model.model_fields.items()}
+        if key in fields:
+            model = inner_model(fields[key].annotation)
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        return []
+    return [f.alias or name for name, f in model.model_fields.items()]
+
+
+def inner_model(annotation: Any) -> Any:
+    """The grammar's mapping inside an annotation, None if there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = inner_model(argument)
+        if found is not None:
+            return found
+    return None
+
+
+def build_scene(
+    source: YamlSource, model: SceneModel, progress: Progress | None
+) -> Scene:
+    """Build a scene; errors of its parts get the line of their key."""
+    cube = model.index.cube
+    scene = Scene(
+        buffer=PAPER_BUFFER if model.buffer is None else model.buffer,
+        margin=model.margin,
+        index=IndexSettings(
+            kind=model.index.kind,
+            leaf_capacity=model.index.leaf_capacity,
+            max_depth=model.index.max_depth,
+            cube=None
+            if cube is None
+            else CubeSettings(triple(cube.centre), cube.edge),
+        ),
+    )
+    problems: list[Problem] = []
+
+    def attempt(keys: Keys, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except ArmguardError as error:
+            problems.append(
+                Problem(source.path.name, source.line(keys), dotted(keys), str(error))
+            )
+
+    for name, robot in model.robots.items():
+        attempt(
+            ("robots", name),
+            lambda n=name, r=robot: add_robot(scene, source, n, r, progress),  # type: ignore[misc]
+        )
+    for name, thing in model.objects.items():
+        attempt(
+            ("objects", name),
+            lambda n=name, t=thing: scene.add(  # type: ignore[misc]
+                object_shapes(t),
+                name=n,
+                pose=pose_of(t.at),
+                attached_to=t.attached_to,
+                buffer=t.buffer,
+            ),
+        )
+    if not problems:
+        for k, allow in enumerate(model.allow):
+            attempt(
+                ("allow", k),
+                lambda p=allow: scene.allow(p.a, p.b, reason=p.reason),  # type: ignore[misc]
+            )
+        for k, pair in enumerate(model.buffers):
+            attempt(
+                ("buffers", k),
+                lambda p=pair: scene.set_buffer(p.a, p.b, p.buffer),  # type: ignore[misc]
+            )
+        attempt(("margin",), scene.validate)
+    if problems:
+        raise SceneFileError(unique(problems))
+    return scene
+
+
+def add_robot(
+    scene: Scene,
+    source: YamlSource,
+    name: str,
+    entry: RobotEntry,
+    progress: Progress | None,
+) -> None:
+    """Add a robot of the file; relative paths count from the file's folder."""
+    folder = source.path.resolve().parent
+    beside = folder / entry.urdf
+    scene.add_robot(
+        beside if beside.exists() or "/" in entry.urdf or "." in entry.urdf
+        else entry.urdf,
+        name=name,
+        base=pose_of(entry.base),
+        srdf=None if entry.srdf is None else folder / entry.srdf,
+        packages={key: folder / value for key, value in entry.packages.items()},
+        buffer=entry.buffer,
+        fit_target=entry.fit_target,
+        max_primitives=entry.max_primitives,
+        home=entry.home,
+        progress=progress,
+    )  # fmt: skip
+
+
+def triple(values: list[float]) -> tuple[float, float, float]:
+    """Three numbers as a tuple."""
+    x, y, z = values
+    return (x, y, z)
+
+
+def pose_of(model: PoseModel) -> Pose:
+    """A pose of the file."""
+    xyz = triple(model.xyz)
+    if model.quat_wxyz is not None:
+        return Pose.from_quat_wxyz(model.quat_wxyz, xyz)
+    if model.quat_xyzw is not None:
+        x, y, z, w = model.quat_xyzw
+        return Pose.from_quat_wxyz((w, x, y, z), xyz)
+    return Pose(xyz=xyz, rpy=triple(model.rpy or [0.0, 0.0, 0.0]))
+
+
+def object_shapes(model: ObjectModel) -> list[PlacedShape]:
+    """Primitives of an object, in its own frame."""
+    if model.union is not None:
+        return [placed for part in model.union for placed in shapes_of(part, part.at)]
+    return shapes_of(model, PoseModel())
+
+
+def shapes_of(model: ShapeModel | ObjectModel, at: PoseModel) -> list[PlacedShape]:
+    """Primitives of one shape of the file."""
+    pose = pose_of(at)
+    if model.sphere is not None:
+        ball = Sphere(radius=model.sphere.radius, rounding=model.sphere.rounding)
+        return [PlacedShape(ball, pose)]
+    if model.capsule is not None:
+        half = (model.capsule.length or 0.0) / 2
+        rod = Capsule(
+            start=triple(model.capsule.start or [0.0, 0.0, -half]),
+            end=triple(model.capsule.end or [0.0, 0.0, half]),
+            radius=model.capsule.radius,
+            rounding=model.capsule.rounding,
+        )
+        return [PlacedShape(rod, pose)]
+    if model.box is not None:
+        size, rounding = (
+            (model.box.size, model.box.rounding)
+            if isinstance(model.box, SizedBox)
+            else (model.box, 0.0)
+        )
+        x, y, z = size
+        block = Box(half_extents=(x / 2, y / 2, z / 2), rounding=rounding)
+        return [PlacedShape(block, pose)]
+    assert model.cylinder is not None, "the grammar allows no object without a shape"
+    return [
+        PlacedShape(
+            part.shape,
+            Pose.from_matrix(pose.matrix() @ part.pose.matrix()),
+            part.model_error,
+        )
+        for part in enclose_cylinder(model.cylinder.radius, model.cylinder.length)
+    ]

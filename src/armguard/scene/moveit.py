@@ -1,0 +1,230 @@
+"""MoveIt planning scenes, read as they are."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import ArmguardError, SceneError
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Box, PlacedShape, Sphere
+from armguard.robot.fitting import enclose_cylinder
+from armguard.scene.scene import Progress, Scene
+from armguard.scene.yaml_source import SceneFileError, YamlSource
+
+# Type numbers of shape_msgs/SolidPrimitive, where a file has them in place of names.
+PRIMITIVE_NAMES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
+
+
+def is_moveit_scene(values: Any) -> bool:
+    """Whether a YAML file is a MoveIt planning scene."""
+    return isinstance(values, Mapping) and (
+        "robot_model_name" in values
+        or (isinstance(values.get("world"), Mapping) and "robots" not in values)
+    )
+
+
+def build_moveit_scene(
+    source: YamlSource,
+    *,
+    robot: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Scene:
+    """A scene of one robot, named as the file names its model.
+
+    The allowed collision matrix becomes allowances with the file as their reason; the
+    robot state becomes the home configuration where it is within limits.
+
+    Args:
+        source: The file.
+        robot: The URDF; by default the robot of the model's name.
+        progress: Called with link name, number and count while links are fitted.
+
+    Raises:
+        SceneFileError: The file holds something that cannot be guarded as it is.
+    """
+    values = source.values
+    name = str(values.get("robot_model_name") or "robot")
+    scene = Scene()
+    try:
+        model = scene.add_robot(
+            name if robot is None else robot, name=name, progress=progress
+        ).model
+    except ArmguardError as error:
+        raise source.problem(
+            source.line(("robot_model_name",)), "robot_model_name", str(error)
+        ) from None
+    state = (values.get("robot_state") or {}).get("joint_state") or {}
+    place_home(scene, name, state)
+    world = values.get("world") or {}
+    for k, thing in enumerate(world.get("collision_objects") or []):
+        keys = ("world", "collision_objects", k)
+        try:
+            add_object(scene, thing)
+        except (KeyError, TypeError, ValueError, ArmguardError) as error:
+            what = (
+                f"has no {error}" if isinstance(error, KeyError) else str(error)
+            )
+            raise source.problem(
+                source.line(keys), f"world.collision_objects[{k}]", what
+            ) from None
+    octomap = world.get("octomap") or {}
+    if (octomap.get("octomap") or octomap).get("data"):
+        raise source.problem(
+            source.line(("world", "octomap")),
+            "world.octomap",
+            "an octomap cannot be guarded; give its occupied boxes as objects",
+        )
+    allow_matrix(scene, source, name, set(model.links))
+    return scene
+
+
+def place_home(scene: Scene, name: str, state: Mapping[str, Any]) -> None:
+    """Take the file's robot state for home where it is within limits."""
+    robot = scene.robots[name]
+    positions = dict(
+        zip(state.get("name") or [], state.get("position") or [], strict=False)
+    )
+    home = dict(robot.home)
+    outside = []
+    for joint, value in positions.items():
+        if joint not in home:
+            continue
+        limits = robot.model.joints[joint]
+        home[joint] = min(max(float(value), limits.lower), limits.upper)
+        if home[joint] != float(value):
+            outside.append(f"{joint} at {float(value):g}")
+    scene.set_home(name, home)
+    if outside:
+        scene.notes.append(
+            "the file's robot state is outside the joint limits ("
+            + ", ".join(outside)
+            + "); home is the nearest configuration within them"
+        )
+
+
+def add_object(scene: Scene, thing: Mapping[str, Any]) -> None:
+    """Add one collision object; nothing of it is dropped.
+
+    Raises:
+        SceneError: It has meshes, planes, or a primitive nobody knows.
+    """
+    name = str(thing["id"])
+    for kind in ("meshes", "planes"):
+        if thing.get(kind):
+            raise SceneError(
+                f"object '{name}' has {kind}, which cannot be guarded; replace them "
+                "by primitives"
+            )
+    primitives = thing.get("primitives") or []
+    poses = thing.get("primitive_poses") or []
+    if len(primitives) != len(poses):
+        raise SceneError(
+            f"object '{name}' has {len(primitives)} primitives and {len(poses)} poses"
+        )
+    shapes = [
+        placed
+        for primitive, pose in zip(primitives, poses, strict=True)
+        for placed in primitive_shapes(name, primitive, pose_matrix(pose))
+    ]
+    own = thing.get("pose")
+    scene.add(
+        shapes,
+        name=name,
+        pose=Pose() if own is None else Pose.from_matrix(pose_matrix(own)),
+    )
+
+
+def pose_matrix(pose: Mapping[str, Any]) -> NDArray[np.float64]:
+    """A MoveIt pose; its quaternions are x y z w. Shape (4, 4)."""
+    x, y, z = map(float, in_order(pose["position"], "xyz"))
+    qx, qy, qz, qw = map(float, in_order(pose["orientation"], "xyzw"))
+    return Pose.from_quat_wxyz((qw, qx, qy, qz), (x, y, z)).matrix()
+
+
+def in_order(values: Any, keys: str) -> list[Any]:
+    """Numbers that stand in a list, or in a mapping by letter."""
+    return [values[k] for k in keys] if isinstance(values, Mapping) else list(values)
+
+
+def primitive_shapes(
+    name: str, primitive: Mapping[str, Any], T: NDArray[np.float64]
+) -> list[PlacedShape]:
+    """Our shapes for one primitive; a cylinder or cone is enclosed."""
+    kind = PRIMITIVE_NAMES.get(primitive["type"], primitive["type"])
+    sizes = [float(v) for v in primitive["dimensions"]]
+    expected = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
+    if kind not in expected:
+        raise SceneError(
+            f"object '{name}' has a primitive of type '{kind}'; known types are "
+            + ", ".join(expected)
+        )
+    if len(sizes) != expected[kind]:
+        raise SceneError(
+            f"object '{name}': a {kind} has {expected[kind]} dimensions, this one "
+            f"{len(sizes)}"
+        )
+    if kind == "box":
+        x, y, z = (size / 2 for size in sizes)
+        return [PlacedShape(Box(half_extents=(x, y, z)), Pose.from_matrix(T))]
+    if kind == "sphere":
+        return [PlacedShape(Sphere(radius=sizes[0]), Pose.from_matrix(T))]
+    height, radius = sizes
+    # A cone lies in the cylinder of its base; how far that reaches beyond it counts.
+    beyond = radius if kind == "cone" else 0.0
+    return [
+        PlacedShape(
+            part.shape,
+            Pose.from_matrix(T @ part.pose.matrix()),
+            part.model_error + beyond,
+        )
+        for part in enclose_cylinder(radius, height)
+    ]
+
+
+def allow_matrix(
+    scene: Scene, source: YamlSource, name: str, links: set[str]
+) -> None:
+    """Allowances of the allowed collision matrix.
+
+    Raises:
+        SceneFileError: The matrix is not square and symmetric.
+    """
+    matrix = source.values.get("allowed_collision_matrix") or {}
+    entries = [str(entry) for entry in matrix.get("entry_names") or []]
+    rows = matrix.get("entry_values") or []
+    if len(rows) != len(entries) or any(len(row_of(r)) != len(entries) for r in rows):
+        raise problem(
+            source, f"has {len(entries)} names, its values are not as many each way"
+        )
+    foreign = [e for e in entries if e not in links and e not in scene.objects]
+    for i, a in enumerate(entries):
+        for j in range(i + 1, len(entries)):
+            b = entries[j]
+            if bool(row_of(rows[i])[j]) != bool(row_of(rows[j])[i]):
+                raise problem(source, f"says two things about '{a}' and '{b}'")
+            if row_of(rows[i])[j] and a not in foreign and b not in foreign:
+                scene.allow(
+                    f"{name}/{a}" if a in links else a,
+                    f"{name}/{b}" if b in links else b,
+                    reason=f"allowed_collision_matrix of {source.path.name}",
+                )
+    if foreign:
+        scene.notes.append(
+            "the allowed collision matrix names "
+            + ", ".join(f"'{f}'" for f in foreign)
+            + ", which nobody has; those rows are left out"
+        )
+
+
+def row_of(row: Any) -> list[Any]:
+    """A row of the matrix: a list, or MoveIt's message with `enabled`."""
+    return list(row["enabled"]) if isinstance(row, Mapping) else list(row)
+
+
+def problem(source: YamlSource, sentence: str) -> SceneFileError:
+    """An error about the matrix."""
+    key = "allowed_collision_matrix"
+    return source.problem(source.line((key,)), key, sentence)

@@ -1,0 +1,437 @@
+"""A scene: robots, objects, what may touch, what distance is to be kept."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import SceneError, UnknownNameError, did_you_mean
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import PlacedShape, Shape
+from armguard.robot.fitting import fit_robot
+from armguard.robot.limits import home_configuration
+from armguard.robot.model import FittedLink, RobotModel
+from armguard.robot.named import find_named_robot
+from armguard.robot.urdf import load_urdf
+from armguard.scene.settings import IndexSettings
+
+# The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
+PAPER_BUFFER = 0.03048
+
+# Pairs are reported from this far beyond the largest buffer on, unless the scene says
+# otherwise: the operator sees a pair before it stops the arm [m].
+MARGIN_BEYOND_BUFFER = 0.02
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRobot:
+    """A robot in a scene.
+
+    Attributes:
+        name: Its name in the scene.
+        model: Its files.
+        fits: Primitives of each link that has collision geometry.
+        base: Its root frame in the world.
+        home: Home position of each joint [rad or m].
+        buffer: Distance its links must keep; None for the scene's [m].
+        fit_target: Overreach the fit was asked for [m].
+    """
+
+    name: str
+    model: RobotModel
+    fits: Mapping[str, FittedLink]
+    base: Pose
+    home: Mapping[str, float]
+    buffer: float | None
+    fit_target: float
+
+
+@dataclass(frozen=True, slots=True)
+class SceneObject:
+    """An object: a union of primitives.
+
+    Attributes:
+        name: Its name.
+        shapes: Its primitives, in its own frame.
+        pose: Its frame in the world, or in the link it is attached to.
+        attached_to: 'robot/link' it rides on, None if it stands still.
+        buffer: Distance it must keep; None for the scene's [m].
+    """
+
+    name: str
+    shapes: tuple[PlacedShape, ...]
+    pose: Pose
+    attached_to: str | None
+    buffer: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Allowance:
+    """A pair of bodies somebody allowed to touch.
+
+    Attributes:
+        a: One body.
+        b: The other.
+        reason: Why.
+    """
+
+    a: str
+    b: str
+    reason: str
+
+
+class Scene:
+    """What is where, and what it must keep away from.
+
+    Bodies are named 'robot/link', or by the object's name. Every pair of bodies in
+    which something moves is checked, unless a rule says otherwise, with a reason.
+
+    Args:
+        buffer: Distance every pair must keep beyond the modelled surfaces [m]; the
+            paper's 1.2 in by default.
+        margin: Signed distance up to which pairs are reported [m]; by default 20 mm
+            more than the largest buffer.
+        index: How near pairs are found.
+
+    Raises:
+        SceneError: A distance is negative or not finite.
+
+    Example:
+        >>> from armguard import Box, Pose, Scene
+        >>> scene = Scene()
+        >>> thing = scene.add(
+        ...     Box(half_extents=(0.6, 1.0, 0.025)),
+        ...     name="table",
+        ...     pose=Pose(xyz=(0.5, 0, -0.03)),
+        ... )
+        >>> scene.body_names()
+        ('table',)
+    """
+
+    def __init__(
+        self,
+        *,
+        buffer: float = PAPER_BUFFER,
+        margin: float | None = None,
+        index: IndexSettings | None = None,
+    ) -> None:
+        self.buffer = check_distance("buffer", buffer)
+        self._margin = None if margin is None else check_distance("margin", margin)
+        self.index = IndexSettings() if index is None else index
+        self._robots: dict[str, SceneRobot] = {}
+        self._objects: dict[str, SceneObject] = {}
+        self.allowances: list[Allowance] = []
+        self.pair_buffers: dict[tuple[str, str], float] = {}
+        self.notes: list[str] = []
+
+    @property
+    def robots(self) -> Mapping[str, SceneRobot]:
+        """Robots by name, in the order they were added."""
+        return MappingProxyType(self._robots)
+
+    @property
+    def objects(self) -> Mapping[str, SceneObject]:
+        """Objects by name, in the order they were added."""
+        return MappingProxyType(self._objects)
+
+    @property
+    def largest_buffer(self) -> float:
+        """Largest distance any pair must keep [m]."""
+        own = [
+            thing.buffer
+            for thing in (*self._robots.values(), *self._objects.values())
+            if thing.buffer is not None
+        ]
+        return max([self.buffer, *own, *self.pair_buffers.values()])
+
+    @property
+    def margin(self) -> float:
+        """Signed distance up to which pairs are reported [m]."""
+        if self._margin is not None:
+            return self._margin
+        return self.largest_buffer + MARGIN_BEYOND_BUFFER
+
+    @property
+    def q_names(self) -> tuple[str, ...]:
+        """'robot/joint' of each place of q: robots as added, joints as in the URDF."""
+        return tuple(
+            f"{name}/{joint}"
+            for name, robot in self._robots.items()
+            for joint in robot.model.q_names
+        )
+
+    @property
+    def home(self) -> NDArray[np.float64]:
+        """Home configuration, shape (n,) [rad or m]."""
+        return np.array(
+            [
+                robot.home[joint]
+                for robot in self._robots.values()
+                for joint in robot.model.q_names
+            ],
+            dtype=np.float64,
+        )
+
+    def body_names(self) -> tuple[str, ...]:
+        """Names of all bodies: 'robot/link', then objects."""
+        links = (
+            f"{name}/{link}"
+            for name, robot in self._robots.items()
+            for link in robot.model.links
+        )
+        return (*links, *self._objects)
+
+    def add_robot(
+        self,
+        urdf: str | Path | RobotModel,
+        *,
+        name: str,
+        base: Pose | None = None,
+        srdf: str | Path | None = None,
+        packages: Mapping[str, Path] | None = None,
+        buffer: float | None = None,
+        fit_target: float = 0.030,
+        max_primitives: int = 8,
+        home: Mapping[str, float] | None = None,
+        progress: Progress | None = None,
+    ) -> SceneRobot:
+        """Add a robot.
+
+        Args:
+            urdf: A URDF file, a model, or the name of a robot such as "panda", which
+                brings its SRDF.
+            name: Its name in the scene.
+            base: Its root frame in the world.
+            srdf: Its SRDF file.
+            packages: Folders of `package://` names.
+            buffer: Distance its links must keep; the scene's if None [m].
+            fit_target: Overreach the fitted primitives should stay below [m].
+            max_primitives: Primitives a link may be given for that.
+            home: Home positions by joint name; see `home_configuration` for the rest.
+            progress: Called with link name, number and count while links are fitted.
+
+        Raises:
+            SceneError: The name is taken or no name.
+            ModelError: The robot cannot be guarded as it is written.
+        """
+        self._check_name(name)
+        if not (isfinite(fit_target) and fit_target > 0.0):
+            raise SceneError(
+                f"robot '{name}': fit_target is {fit_target} m; it must be > 0"
+            )
+        if buffer is not None:
+            check_distance(f"robot '{name}': buffer", buffer)
+        model = self._load(urdf, srdf, packages)
+        robot = SceneRobot(
+            name=name,
+            model=model,
+            fits=fit_robot(
+                model,
+                target=fit_target,
+                max_primitives=max_primitives,
+                progress=progress,
+            ),
+            base=Pose() if base is None else base,
+            home=home_configuration(model, home),
+            buffer=buffer,
+            fit_target=fit_target,
+        )
+        self._robots[name] = robot
+        self.notes += [f"robot '{name}': {note}" for note in model.notes]
+        return robot
+
+    def add(
+        self,
+        shapes: Shape | PlacedShape | Sequence[Shape | PlacedShape],
+        *,
+        name: str,
+        pose: Pose | None = None,
+        attached_to: str | None = None,
+        buffer: float | None = None,
+    ) -> SceneObject:
+        """Add an object.
+
+        Args:
+            shapes: A shape, or several: their union.
+            name: Its name.
+            pose: Its frame in the world, or in the link it is attached to.
+            attached_to: 'robot/link' it rides on.
+            buffer: Distance it must keep; the scene's if None [m].
+
+        Raises:
+            SceneError: The name is taken or no name, or there is no shape.
+            UnknownNameError: The link does not exist.
+        """
+        self._check_name(name)
+        if buffer is not None:
+            check_distance(f"object '{name}': buffer", buffer)
+        parts = shapes if isinstance(shapes, Sequence) else (shapes,)
+        if not parts:
+            raise SceneError(f"object '{name}' has no shape")
+        if attached_to is not None:
+            self._check_body(attached_to, link=True)
+        thing = SceneObject(
+            name=name,
+            shapes=tuple(
+                part if isinstance(part, PlacedShape) else PlacedShape(part)
+                for part in parts
+            ),
+            pose=Pose() if pose is None else pose,
+            attached_to=attached_to,
+            buffer=buffer,
+        )
+        self._objects[name] = thing
+        return thing
+
+    def remove(self, name: str) -> None:
+        """Remove an object, and the rules about it.
+
+        Raises:
+            UnknownNameError: No object has that name.
+        """
+        if name not in self._objects:
+            raise UnknownNameError(
+                f"no object is named '{name}'; {did_you_mean(name, self._objects)}"
+            )
+        del self._objects[name]
+        self.allowances = [a for a in self.allowances if name not in (a.a, a.b)]
+        for pair in [p for p in self.pair_buffers if name in p]:
+            del self.pair_buffers[pair]
+
+    def set_home(self, name: str, home: Mapping[str, float]) -> None:
+        """Give a robot another home configuration.
+
+        Args:
+            name: The robot.
+            home: Positions by joint name; see `home_configuration` for the rest.
+
+        Raises:
+            ModelError: A joint does not exist, or is outside its limits.
+        """
+        robot = self._robots[name]
+        self._robots[name] = replace(
+            robot, home=home_configuration(robot.model, home)
+        )
+
+    def allow(self, a: str, b: str, *, reason: str) -> None:
+        """Leave a pair of bodies unchecked.
+
+        Args:
+            a: 'robot/link' or an object's name.
+            b: The other body.
+            reason: Why; it is reported with the pair.
+
+        Raises:
+            SceneError: There is no reason, or the pair is one body.
+            UnknownNameError: A body does not exist.
+        """
+        self._check_body(a)
+        self._check_body(b)
+        if a == b:
+            raise SceneError(f"'{a}' is allowed to touch itself; name two bodies")
+        if not reason.strip():
+            raise SceneError(f"'{a}' may touch '{b}' without a reason; give one")
+        self.allowances.append(Allowance(a, b, reason.strip()))
+
+    def set_buffer(self, a: str, b: str, value: float) -> None:
+        """Set the distance a pair must keep, in place of what its sides ask for.
+
+        Args:
+            a: A body, or a robot's name for all its links.
+            b: The other.
+            value: Distance [m].
+
+        Raises:
+            SceneError: The value is negative or not finite.
+            UnknownNameError: A name does not exist.
+        """
+        check_distance(f"buffer of '{a}' and '{b}'", value)
+        for x in self._bodies_of(a):
+            for y in self._bodies_of(b):
+                if x != y:
+                    self.pair_buffers.pop((y, x), None)
+                    self.pair_buffers[x, y] = value
+
+    def buffer_of(self, body: str) -> float:
+        """Distance a body must keep where no pair rule says otherwise [m]."""
+        own = (
+            self._objects[body].buffer
+            if body in self._objects
+            else self._robots[body.split("/", 1)[0]].buffer
+        )
+        return self.buffer if own is None else own
+
+    def validate(self) -> None:
+        """Check what only the whole scene can tell.
+
+        Raises:
+            SceneError: There is no robot, or a buffer exceeds the margin.
+        """
+        if not self._robots:
+            raise SceneError("the scene has no robot; add one with `add_robot`")
+        if not self.q_names:
+            raise SceneError("no robot of the scene has a joint that moves")
+        if self.largest_buffer > self.margin:
+            raise SceneError(
+                f"a buffer of {self.largest_buffer * 1e3:.1f} mm is larger than the "
+                f"margin of {self.margin * 1e3:.1f} mm, so a pair would stop the arm "
+                "before it is reported; raise `margin` or leave it out"
+            )
+
+    def _load(
+        self,
+        urdf: str | Path | RobotModel,
+        srdf: str | Path | None,
+        packages: Mapping[str, Path] | None,
+    ) -> RobotModel:
+        if isinstance(urdf, RobotModel):
+            return urdf
+        path = Path(urdf)
+        if not path.exists() and path.suffix == "" and len(path.parts) == 1:
+            path, own = find_named_robot(str(urdf))
+            srdf = own if srdf is None else srdf
+        return load_urdf(path, srdf=srdf, packages=packages)
+
+    def _check_name(self, name: str) -> None:
+        if not name or "/" in name or name != name.strip():
+            raise SceneError(
+                f"'{name}' is no name; it must not be empty, hold '/', or start or end "
+                "in a blank"
+            )
+        if name in self._robots or name in self._objects:
+            raise SceneError(f"the name '{name}' is taken; give another")
+
+    def _check_body(self, body: str, *, link: bool = False) -> None:
+        known = [n for n in self.body_names() if not link or "/" in n]
+        if body in known:
+            return
+        if body in self._robots:
+            raise UnknownNameError(
+                f"'{body}' is a robot; name one of its links, such as "
+                f"'{body}/{next(iter(self._robots[body].model.links))}'"
+            )
+        what = "link" if link else "body"
+        raise UnknownNameError(f"no {what} is named '{body}'; {did_you_mean(body, known)}")
+
+    def _bodies_of(self, name: str) -> list[str]:
+        if name in self._robots:
+            return [f"{name}/{link}" for link in self._robots[name].model.links]
+        self._check_body(name)
+        return [name]
+
+
+def check_distance(what: str, value: float) -> float:
+    """Return a distance that is finite and not negative.
+
+    Raises:
+        SceneError: It is not.
+    """
+    if not (isfinite(value) and value >= 0.0):
+        raise SceneError(f"{what} is {value} m; it must be finite and >= 0")
+    return float(value)

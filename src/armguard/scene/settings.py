@@ -1,0 +1,34 @@
+"""How near pairs are found: settings of the index."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class CubeSettings:
+    """The octree's root cube.
+
+    Attributes:
+        centre: Its centre [m].
+        edge: Its edge [m].
+    """
+
+    centre: tuple[float, float, float]
+    edge: float
+
+
+@dataclass(frozen=True, slots=True)
+class IndexSettings:
+    """Which index, and how fine.
+
+    Attributes:
+        kind: "octree", or "brute_force" for comparison.
+        leaf_capacity: The paper's N: a leaf with more primitives is split.
+        max_depth: Leaves at this depth are not split; chosen by the scene if None.
+        cube: Root cube; chosen by the scene if None, enlarged if too small.
+    """
+
+    kind: Literal["octree", "brute_force"] = "octree"
+    leaf_capacity: int = 5
+    max_depth: int | None = None
+    cube: CubeSettings | None = None
