@@ -56,7 +56,7 @@ def separation_along(
     return float(abs(dot(n, c)) - own - reach(n, b, e0, e1, e2))
 
 
-@kernel
+@kernel(inline=False)
 def best_axis(
     a: Vec3, b: Vec3, c: Vec3, e0: Vec3, e1: Vec3, e2: Vec3
 ) -> tuple[float, Vec3, int]:
@@ -100,7 +100,7 @@ def best_axis(
     return best, normal, from_edges
 
 
-@kernel
+@kernel(inline=False)
 def nearest_vertex(
     a: Vec3, b: Vec3, c: Vec3, e0: Vec3, e1: Vec3, e2: Vec3
 ) -> tuple[float, Vec3, Vec3]:
@@ -130,7 +130,7 @@ def nearest_vertex(
     return best, on_a, on_b
 
 
-@kernel
+@kernel(inline=False)
 def nearest_edges(
     gap: float,
     slack: float,
@@ -211,7 +211,7 @@ def nearest_edges(
     return best, on_a, on_b
 
 
-@kernel
+@kernel(inline=False)
 def box_distance(
     a: Vec3, b: Vec3, c: Vec3, e0: Vec3, e1: Vec3, e2: Vec3
 ) -> tuple[float, Vec3, Vec3]:

@@ -36,7 +36,7 @@ def point_gap(
     return sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@kernel
+@kernel(inline=False)
 def cell_gap(
     kind: int,
     row: Row,

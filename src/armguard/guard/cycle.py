@@ -13,6 +13,7 @@ from armguard.guard.layout import (
     JOINT,
     LINKS_CHECKED,
     NEAR_COUNT,
+    NEAR_WIDTH,
     NEAREST,
     REASON,
     VALUE,
@@ -21,13 +22,11 @@ from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE
 from armguard.guard.near_pairs import judge_pairs
 from armguard.guard.reindex import update_index
-from armguard.index.octree_state import OctreeState
-from armguard.index.world import World
+from armguard.guard.workspace import MOVING_COUNT, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
@@ -35,36 +34,8 @@ NOT_FINITE = int(Reason.NOT_FINITE)
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 WRONG_INPUT = int(Reason.WRONG_INPUT)
 
-@kernel
-def run_cycle(
-    q: Floats,
-    lower: Floats,
-    upper: Floats,
-    parent: Ints,
-    joint_kind: Ints,
-    q_index: Ints,
-    gain: Floats,
-    T_parent_joint: Floats,
-    axis: Floats,
-    bodies: Ints,
-    local_rows: Floats,
-    groups: Ints,
-    checked: Bytes,
-    buffers: Floats,
-    margin: float,
-    moving_count: int,
-    index_kind: int,
-    world: World,
-    octree: OctreeState,
-    T_next: Floats,
-    T_world: Floats,
-    body_moved: Bytes,
-    candidates: Ints,
-    seen: Longs,
-    kept: Floats,
-    memory: Longs,
-    out: Floats,
-) -> int:
+@kernel(inline=False)
+def run_cycle(q: Floats, lines: Longs) -> int:
     """Judge one joint configuration.
 
     The world is rebuilt from `q` alone. A pair whose two sides stand exactly where
@@ -73,79 +44,47 @@ def run_cycle(
 
     Args:
         q: Joint positions, shape (n,) [rad or m].
-        lower: See `SceneTables`, from here to `moving_count`.
-        upper: Greatest joint positions.
-        parent: Parent bodies.
-        joint_kind: Joint kinds.
-        q_index: Places in q.
-        gain: Multipliers and offsets.
-        T_parent_joint: Joint frames.
-        axis: Joint axes.
-        bodies: Bodies the primitives ride on.
-        local_rows: Primitives in their bodies.
-        groups: Rule groups.
-        checked: Which groups are checked.
-        buffers: Required distances.
-        margin: Reporting distance.
-        moving_count: Moving primitives.
-        index_kind: OCTREE or BRUTE_FORCE.
-        world: Primitives in the world; rows and boxes are updated.
-        octree: State of the octree, updated.
-        T_next: Scratch for poses, shape (b, 12).
-        T_world: Poses of the last good cycle, updated, shape (b, 12).
-        body_moved: Scratch, 1 where a body's pose changed, shape (b,).
-        candidates: Scratch for ids, shape (p,).
-        seen: Scratch of the index, shape (p,).
-        kept: Near pairs of the last good cycle, updated, shape (k, NEAR_WIDTH).
-        memory: See `memory`, updated, shape (MEMORY,).
-        out: Answer, overwritten; see `layout`, shape (HEADER + k · NEAR_WIDTH,).
+        lines: Ledger of a workspace; its state, memory and `out` are updated.
 
     Returns:
-        How many places of `out` were used.
+        How many places of the workspace's `out` were used.
     """
-    out[:HEADER] = 0.0
+    w = open_workspace(lines)
+    out = w.out
+    for k in range(HEADER):
+        out[k] = 0.0
     out[JOINT] = -1.0
     out[NEAREST] = -1.0
-    if not positions_are_finite(q, lower, out):
+    if not positions_are_finite(q, w.lower, out):
         return HEADER
-
     forward_kinematics(
-        q, parent, joint_kind, q_index, gain, T_parent_joint, axis, T_next
+        q, w.parent, w.joint_kind, w.q_index, w.gain, w.T_parent_joint, w.axis, w.T_next
     )
-    force = memory[FORCE] != 0
-    out[BODIES_MOVED] = mark_moved_bodies(T_next, T_world, body_moved, force)
+    place_moved(w)
+    update_index(w)
+    judge_pairs(w)
+    report_limits(q, w.lower, w.upper, out)
+    return HEADER + int(out[NEAR_COUNT]) * NEAR_WIDTH
+
+
+@kernel
+def place_moved(w: Workspace) -> None:
+    """Place the primitives of every body whose pose changed in any bit."""
+    force = w.memory[FORCE] != 0
+    w.out[BODIES_MOVED] = mark_moved_bodies(w.T_next, w.T_world, w.body_moved, force)
+    kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
     links = 0
     last_body = -1
-    for i in range(moving_count):
-        body = bodies[i]
-        if body_moved[body]:
-            place_row(world.kinds[i], local_rows[i], T_world[body], world.rows[i])
-            row_bounds(world.kinds[i], world.rows[i], 0.0, world.boxes[i])
+    for i in range(w.settings[MOVING_COUNT]):
+        body = w.bodies[i]
+        w.moved[i] = w.body_moved[body]
+        if w.body_moved[body]:
+            place_row(kinds[i], w.local_rows[i], w.T_world[body], rows[i])
+            row_bounds(kinds[i], rows[i], 0.0, boxes[i])
             if body != last_body:
                 links += 1
                 last_body = body
-    out[LINKS_CHECKED] = links
-
-    update_index(index_kind, moving_count, bodies, body_moved, world, octree, out)
-    judge_pairs(
-        index_kind,
-        moving_count,
-        world,
-        groups,
-        checked,
-        buffers,
-        margin,
-        bodies,
-        body_moved,
-        octree,
-        candidates,
-        seen,
-        kept,
-        memory,
-        out,
-    )
-    report_limits(q, lower, upper, out)
-    return HEADER + int(out[NEAR_COUNT]) * kept.shape[1]
+    w.out[LINKS_CHECKED] = links
 
 
 @kernel

@@ -14,8 +14,15 @@ from armguard.guard.compiling import announce_compiling
 from armguard.guard.cycle import run_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
-from armguard.guard.reindex import BRUTE_FORCE, OCTREE
 from armguard.guard.verdict import Names, NearPair, Verdict
+from armguard.guard.workspace import (
+    BRUTE_FORCE,
+    INDEX_KIND,
+    MOVING_COUNT,
+    OCTREE,
+    Workspace,
+    ledger_of,
+)
 from armguard.index import BruteForce, Octree, World
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
@@ -129,7 +136,7 @@ class Guard:
             if fault:
                 data = self._fault_answer(Reason.WRONG_INPUT)
             else:
-                used = run_cycle(q, *self._arguments)
+                used = run_cycle(q, self._lines)
                 data = self._out[:used].copy()
         return Verdict(
             data, self._names, stamp, (self._clock() - start) * 1e-9, fault
@@ -156,34 +163,40 @@ class Guard:
         self._memory = np.zeros(MEMORY, dtype=np.int64)
         self._memory[FORCE] = 1
         self._out = np.zeros(layout.HEADER + capacity * layout.NEAR_WIDTH)
-        self._arguments = (
-            tables.lower,
-            tables.upper,
-            tables.parent,
-            tables.joint_kind,
-            tables.q_index,
-            tables.gain,
-            tables.T_parent_joint,
-            tables.axis,
-            tables.bodies,
-            tables.local_rows,
-            tables.groups,
-            tables.checked,
-            tables.buffers,
-            tables.margin,
-            tables.moving_count,
-            BRUTE_FORCE if tables.index.kind == "brute_force" else OCTREE,
-            world,
-            octree,
-            np.zeros((bodies, 12)),
-            T_world,
-            np.zeros(bodies, dtype=np.uint8),
-            np.zeros(max(count, 1), dtype=np.int32),
-            np.zeros(count, dtype=np.int64),
-            np.zeros((capacity, layout.NEAR_WIDTH)),
-            self._memory,
-            self._out,
+        settings = np.zeros(2, dtype=np.int32)
+        settings[MOVING_COUNT] = tables.moving_count
+        brute_force = tables.index.kind == "brute_force"
+        settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
+        workspace = Workspace(
+            lower=tables.lower,
+            upper=tables.upper,
+            parent=tables.parent,
+            joint_kind=tables.joint_kind,
+            q_index=tables.q_index,
+            gain=tables.gain,
+            T_parent_joint=tables.T_parent_joint,
+            axis=tables.axis,
+            bodies=tables.bodies,
+            local_rows=tables.local_rows,
+            groups=tables.groups,
+            checked=tables.checked,
+            buffers=tables.buffers,
+            margin=np.array([tables.margin]),
+            settings=settings,
+            T_next=np.zeros((bodies, 12)),
+            T_world=T_world,
+            body_moved=np.zeros(bodies, dtype=np.uint8),
+            moved=np.zeros(count, dtype=np.uint8),
+            candidates=np.zeros(count, dtype=np.int32),
+            seen=np.zeros(count, dtype=np.int64),
+            kept=np.zeros((capacity, layout.NEAR_WIDTH)),
+            memory=self._memory,
+            out=self._out,
+            world=world,
+            octree=octree,
         )
+        self._ledger = ledger_of(workspace)
+        self._lines = self._ledger.lines
         self._names = Names(
             joints=tables.q_names,
             lower=tables.lower,

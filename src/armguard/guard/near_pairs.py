@@ -22,10 +22,13 @@ from armguard.guard.layout import (
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, KEPT_COUNT, TOKEN
 from armguard.guard.sorting import sort_ids
-from armguard.guard.reindex import BRUTE_FORCE
+from armguard.guard.workspace import (
+    BRUTE_FORCE,
+    INDEX_KIND,
+    MOVING_COUNT,
+    Workspace,
+)
 from armguard.index.octree_query import octree_candidates, present_primitives
-from armguard.index.octree_state import OctreeState
-from armguard.index.world import World
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -41,121 +44,99 @@ NO_DISTANCE = int(Reason.NO_DISTANCE)
 
 
 @kernel
-def judge_pairs(
-    index_kind: int,
-    moving_count: int,
-    world: World,
-    groups: Ints,
-    checked: Bytes,
-    buffers: Floats,
-    margin: float,
-    bodies: Ints,
-    body_moved: Bytes,
-    octree: OctreeState,
-    candidates: Ints,
-    seen: Longs,
-    kept: Floats,
-    memory: Longs,
-    out: Floats,
-) -> None:
+def judge_pairs(w: Workspace) -> None:
     """Write every checked pair within the margin, in ascending order, and the reason.
 
     A pair (i, j) belongs to its lower id, which always moves: the moving primitives
     come first. So each pair is met once, and the order of the answer does not depend
     on how the index happens to store its lists.
     """
+    out, kept, memory, candidates = w.out, w.kept, w.memory, w.candidates
+    kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
+    margin = w.margin[0]
+    moved, moving_count = w.moved, w.settings[MOVING_COUNT]
+    everything = w.groups.shape[0]
     kept_count = memory[KEPT_COUNT]
-    capacity = kept.shape[0]
     next_kept = 0
     count = 0
     for i in range(moving_count):
-        moved = body_moved[bodies[i]] != 0
-        while next_kept < kept_count and kept[next_kept, FIRST] < i:
-            next_kept += 1
         memory[TOKEN] += 1
-        found = index_candidates(
-            index_kind, i, octree, seen, memory[TOKEN], candidates
-        )
+        found = index_candidates(i, memory[TOKEN], w)
         wanted = keep_owned(
-            i, moved, found, moving_count, groups, checked, bodies, body_moved,
-            candidates,
-        )  # fmt: skip
+            i, found, moving_count, moved, w.groups, w.checked, candidates
+        )
         sort_ids(candidates, wanted)
         for c in range(wanted):
             j = candidates[c]
             count, next_kept = take_kept(
-                i, j, moved, moving_count, bodies, body_moved, kept, next_kept,
-                kept_count, count, capacity, out,
-            )  # fmt: skip
-            if boxes_apart(world.boxes, i, j, margin):
+                i, j, next_kept, kept_count, count, moved, kept, out
+            )
+            if boxes_apart(boxes, i, j, margin):
                 out[PAIRS_FILTERED] += 1.0
                 continue
             out[PAIRS_TESTED] += 1.0
-            if count == capacity:
+            if count == kept.shape[0]:
                 out[REASON] = CAPACITY
                 continue
             place = HEADER + count * NEAR_WIDTH
-            measure(
-                world.kinds[i], world.rows[i], world.kinds[j], world.rows[j],
-                out[place + WITNESS : place + NEAR_WIDTH],
-            )  # fmt: skip
-            if out[place + WITNESS] > margin:
+            witness = out[place + WITNESS : place + NEAR_WIDTH]
+            measure(kinds[i], rows[i], kinds[j], rows[j], witness)
+            if witness[0] > margin:
                 continue
-            required = buffers[groups[i], groups[j]]
+            required = w.buffers[w.groups[i], w.groups[j]]
             out[place + FIRST] = i
             out[place + SECOND] = j
             out[place + BUFFER] = required
-            out[place + CLEARANCE] = out[place + WITNESS] - required
+            out[place + CLEARANCE] = witness[0] - required
             count += 1
         count, next_kept = take_kept(
-            i, groups.shape[0], moved, moving_count, bodies, body_moved, kept,
-            next_kept, kept_count, count, capacity, out,
-        )  # fmt: skip
+            i, everything, next_kept, kept_count, count, moved, kept, out
+        )
     out[NEAR_COUNT] = count
     decide(count, out)
     remember(count, kept, memory, out)
 
 
 @kernel
-def index_candidates(
-    index_kind: int,
-    i: int,
-    octree: OctreeState,
-    seen: Longs,
-    token: int,
-    candidates: Ints,
-) -> int:
+def index_candidates(i: int, token: int, w: Workspace) -> int:
     """Ids that may be near primitive i, each once: by the octree or simply all."""
-    if index_kind == BRUTE_FORCE:
-        return int(present_primitives(i, octree.residency, candidates))
-    return int(octree_candidates(i, octree, seen, token, candidates))
+    if w.settings[INDEX_KIND] == BRUTE_FORCE:
+        return int(present_primitives(i, w.octree.residency, w.candidates))
+    return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
 
 
 @kernel
 def keep_owned(
     i: int,
-    moved: bool,
     found: int,
     moving_count: int,
+    moved: Bytes,
     groups: Ints,
     checked: Bytes,
-    bodies: Ints,
-    body_moved: Bytes,
     candidates: Ints,
 ) -> int:
-    """Drop candidates that are not checked, belong to another id, or did not move."""
-    group = groups[i]
+    """Drop candidates that are not checked, belong to another id, or did not move.
+
+    Args:
+        i: The lower id of the pairs.
+        found: Candidates.
+        moving_count: Moving primitives.
+        moved: 1 where a primitive moved in this cycle, shape (p,).
+        groups: Rule groups, shape (p,).
+        checked: Which groups are checked, shape (g, g).
+        candidates: Ids, those that are left are moved to the front.
+
+    Returns:
+        How many are left.
+    """
     wanted = 0
     for c in range(found):
         j = candidates[c]
         if j <= i and j < moving_count:
             continue
-        if not checked[group, groups[j]]:
-            continue
-        if not moved and not (j < moving_count and body_moved[bodies[j]]):
-            continue
-        candidates[wanted] = j
-        wanted += 1
+        if checked[groups[i], groups[j]] and (moved[i] or moved[j]):
+            candidates[wanted] = j
+            wanted += 1
     return wanted
 
 
@@ -163,34 +144,41 @@ def keep_owned(
 def take_kept(
     i: int,
     before: int,
-    moved: bool,
-    moving_count: int,
-    bodies: Ints,
-    body_moved: Bytes,
-    kept: Floats,
     next_kept: int,
     kept_count: int,
     count: int,
-    capacity: int,
+    moved: Bytes,
+    kept: Floats,
     out: Floats,
 ) -> tuple[int, int]:
     """Take over the rows of (i, j < before) whose two sides both stood still.
 
+    Args:
+        i: Lower id of the pairs.
+        before: Only rows of higher ids below this.
+        next_kept: Next kept row to look at.
+        kept_count: Kept rows.
+        count: Rows written so far.
+        moved: 1 where a primitive moved in this cycle, shape (p,).
+        kept: Rows of the last good cycle.
+        out: Answer.
+
     Returns:
-        The number of rows written so far, and the next kept row to look at.
+        The number of rows written now, and the next kept row to look at.
     """
-    while next_kept < kept_count and kept[next_kept, FIRST] == i:
-        j = int(kept[next_kept, SECOND])
-        if j >= before:
+    while next_kept < kept_count:
+        first, second = int(kept[next_kept, FIRST]), int(kept[next_kept, SECOND])
+        if first > i or (first == i and second >= before):
             break
-        still = not moved and not (j < moving_count and body_moved[bodies[j]])
-        if still and count < capacity:
+        if first == i and not (moved[first] or moved[second]):
+            if count == kept.shape[0]:
+                out[REASON] = CAPACITY
+                break
             place = HEADER + count * NEAR_WIDTH
-            out[place : place + NEAR_WIDTH] = kept[next_kept]
+            for k in range(NEAR_WIDTH):
+                out[place + k] = kept[next_kept, k]
             out[PAIRS_KEPT] += 1.0
             count += 1
-        elif still:
-            out[REASON] = CAPACITY
         next_kept += 1
     return count, next_kept
 
@@ -240,6 +228,7 @@ def remember(count: int, kept: Floats, memory: Longs, out: Floats) -> None:
         return
     for k in range(count):
         place = HEADER + k * NEAR_WIDTH
-        kept[k] = out[place : place + NEAR_WIDTH]
+        for n in range(NEAR_WIDTH):
+            kept[k, n] = out[place + n]
     memory[KEPT_COUNT] = count
     memory[FORCE] = 0

@@ -35,7 +35,7 @@ from armguard.index.world import World
 from armguard.kernel import kernel
 
 
-@kernel
+@kernel(inline=False)
 def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
     """Split a leaf, and its children, until the rule holds."""
     nodes, stack = state.nodes, state.stack
@@ -66,7 +66,7 @@ def must_split(leaf: int, state: OctreeState) -> bool:
     )
 
 
-@kernel
+@kernel(inline=False)
 def split(node: int, world: World, state: OctreeState) -> int:
     """Hand a leaf's members on to eight children.
 
@@ -97,7 +97,7 @@ def split(node: int, world: World, state: OctreeState) -> int:
     return int(first)
 
 
-@kernel
+@kernel(inline=False)
 def merge_upwards(node: int, state: OctreeState) -> None:
     """Merge a node's eight leaves if N suffice for them together, then its parent's."""
     while node != NONE and mergeable(node, state):
@@ -132,7 +132,7 @@ def mergeable(node: int, state: OctreeState) -> bool:
     return True
 
 
-@kernel
+@kernel(inline=False)
 def merge(node: int, state: OctreeState) -> None:
     """Make a node of eight leaves a leaf that holds their members, each once."""
     nodes, entries, header = state.nodes, state.entries, state.header

@@ -78,7 +78,7 @@ def octree_remove(i: int, state: OctreeState) -> None:
         merge_upwards(state.left[k], state)
 
 
-@kernel
+@kernel(inline=False)
 def relocate(i: int, world: World, state: OctreeState) -> None:
     """Determine the leaves of primitive i anew, and its slack.
 

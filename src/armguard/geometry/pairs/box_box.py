@@ -12,7 +12,7 @@ from armguard.kernel import kernel
 Row = NDArray[np.float64]
 
 
-@kernel
+@kernel(inline=False)
 def box_box(a: Row, b: Row, out: Row) -> None:
     """Signed distance between two boxes, with witness points and normal.
 

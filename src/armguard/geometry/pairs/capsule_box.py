@@ -65,7 +65,7 @@ def capsule_box(a: Row, b: Row, out: Row) -> None:
     write_witness(gap, world, turn_from_box(b, normal), a[0], b[0], out)
 
 
-@kernel
+@kernel(inline=False)
 def way_out(p: Vec3, u: Vec3, half: Vec3) -> tuple[float, Vec3]:
     """Shortest translation that takes a segment out of a box it crosses.
 

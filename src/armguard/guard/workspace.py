@@ -1,0 +1,154 @@
+"""Everything a cycle reads and writes, and its order in the ledger."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.ledger import (
+    Ledger,
+    matrix_f8,
+    matrix_i4,
+    matrix_u1,
+    vector_f8,
+    vector_i4,
+    vector_i8,
+    vector_u1,
+)
+from armguard.index.octree_state import OctreeState
+from armguard.index.world import World
+from armguard.kernel import kernel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+
+class Workspace(NamedTuple):
+    """Tables of a scene, state of its index, memory and scratch of its guard.
+
+    Attributes:
+        lower: See `SceneTables`, from here to `buffers`.
+        upper: Greatest joint positions.
+        parent: Parent bodies.
+        joint_kind: Joint kinds.
+        q_index: Places in q.
+        gain: Multipliers and offsets.
+        T_parent_joint: Joint frames.
+        axis: Joint axes.
+        bodies: Bodies the primitives ride on.
+        local_rows: Primitives in their bodies.
+        groups: Rule groups.
+        checked: Which groups are checked.
+        buffers: Required distances.
+        margin: Reporting distance, shape (1,).
+        settings: Moving primitives and kind of index, shape (2,).
+        T_next: Scratch for poses, shape (b, 12).
+        T_world: Poses of the last good cycle, shape (b, 12).
+        body_moved: 1 where a body's pose changed, shape (b,).
+        moved: 1 where a primitive rides on such a body, shape (p,).
+        candidates: Scratch for ids, shape (p,).
+        seen: Scratch of the index, shape (p,).
+        kept: Near pairs of the last good cycle, shape (k, NEAR_WIDTH).
+        memory: What is carried over, see `memory`, shape (MEMORY,).
+        out: Answer, see `layout`, shape (HEADER + k · NEAR_WIDTH,).
+        world: Primitives in the world.
+        octree: State of the octree.
+    """
+
+    lower: Floats
+    upper: Floats
+    parent: Ints
+    joint_kind: Ints
+    q_index: Ints
+    gain: Floats
+    T_parent_joint: Floats
+    axis: Floats
+    bodies: Ints
+    local_rows: Floats
+    groups: Ints
+    checked: Bytes
+    buffers: Floats
+    margin: Floats
+    settings: Ints
+    T_next: Floats
+    T_world: Floats
+    body_moved: Bytes
+    moved: Bytes
+    candidates: Ints
+    seen: Longs
+    kept: Floats
+    memory: Longs
+    out: Floats
+    world: World
+    octree: OctreeState
+
+
+# Places in `Workspace.settings`.
+MOVING_COUNT = 0
+INDEX_KIND = 1
+
+# Kinds of index.
+OCTREE = 0
+BRUTE_FORCE = 1
+
+
+def ledger_of(workspace: Workspace) -> Ledger:
+    """The workspace's arrays in the order `open_workspace` expects."""
+    return Ledger([*workspace[:-2], *workspace.world, *workspace.octree])
+
+
+@kernel
+def open_workspace(lines: Longs) -> Workspace:
+    """The workspace a ledger leads to."""
+    world = World(
+        vector_i4(lines, 24),
+        matrix_f8(lines, 25),
+        matrix_f8(lines, 26),
+        vector_f8(lines, 27),
+    )
+    octree = OctreeState(
+        matrix_i4(lines, 28),
+        matrix_f8(lines, 29),
+        matrix_i4(lines, 30),
+        matrix_i4(lines, 31),
+        matrix_f8(lines, 32),
+        vector_f8(lines, 33),
+        vector_i8(lines, 34),
+        vector_i8(lines, 35),
+        vector_i4(lines, 36),
+        vector_i4(lines, 37),
+        vector_i4(lines, 38),
+        vector_f8(lines, 39),
+        vector_i8(lines, 40),
+        vector_i8(lines, 41),
+    )
+    return Workspace(
+        vector_f8(lines, 0),
+        vector_f8(lines, 1),
+        vector_i4(lines, 2),
+        vector_i4(lines, 3),
+        vector_i4(lines, 4),
+        matrix_f8(lines, 5),
+        matrix_f8(lines, 6),
+        matrix_f8(lines, 7),
+        vector_i4(lines, 8),
+        matrix_f8(lines, 9),
+        vector_i4(lines, 10),
+        matrix_u1(lines, 11),
+        matrix_f8(lines, 12),
+        vector_f8(lines, 13),
+        vector_i4(lines, 14),
+        matrix_f8(lines, 15),
+        matrix_f8(lines, 16),
+        vector_u1(lines, 17),
+        vector_u1(lines, 18),
+        vector_i4(lines, 19),
+        vector_i8(lines, 20),
+        matrix_f8(lines, 21),
+        vector_i8(lines, 22),
+        vector_f8(lines, 23),
+        world,
+        octree,
+    )
