@@ -1,0 +1,121 @@
+"""Links to primitives: exact where they can be, fitted where not, kept on disk."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import PlacedShape
+from armguard.robot.fitting.store import fit_key, is_exact, read_fit, write_fit
+from armguard.robot.meshes import load_triangles
+from armguard.robot.model import (
+    CollisionElement,
+    Cylinder,
+    FittedLink,
+    Link,
+    MeshFile,
+    RobotModel,
+)
+
+Floats = NDArray[np.float64]
+
+
+def fit_robot(
+    model: RobotModel,
+    *,
+    target: float = 0.030,
+    max_primitives: int = 8,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> dict[str, FittedLink]:
+    """Primitives of every link that has collision geometry.
+
+    Args:
+        model: The robot.
+        target: Overreach to stay below where the primitives allow it [m].
+        max_primitives: Primitives a mesh or cylinder may be given.
+        progress: Called before each fit that is not kept on disk, with the link's
+            name, its number and the count of links.
+    """
+    links = [link for link in model.links.values() if link.collisions]
+    fits = {}
+    for k, link in enumerate(links):
+        key = "" if is_exact(link) else fit_key(link, (target, max_primitives))
+        found = read_fit(key, link.name) if key else None
+        if found is None:
+            if key and progress is not None:
+                progress(link.name, k + 1, len(links))
+            found = fit_link(link, target=target, max_primitives=max_primitives)
+            if key:
+                write_fit(key, found)
+        fits[link.name] = found
+    return fits
+
+
+def fit_link(
+    link: Link, *, target: float = 0.030, max_primitives: int = 8
+) -> FittedLink:
+    """Primitives of one link.
+
+    Meshes of a link are covered together: what one reaches into, the other may fill.
+
+    Args:
+        link: The link.
+        target: Overreach to stay below where the primitives allow it [m].
+        max_primitives: Primitives the meshes together, or a cylinder, may be given.
+    """
+    shapes: list[PlacedShape] = []
+    sources = []
+    soup = []
+    for element in link.collisions:
+        if isinstance(element.geometry, MeshFile):
+            soup.append(placed_triangles(element))
+        elif isinstance(element.geometry, Cylinder):
+            sources.append("cylinder")
+            shapes += placed_cylinder(element, target, max_primitives)
+        else:
+            sources.append("exact")
+            pose = Pose.from_matrix(element.T_link_geometry)
+            shapes.append(PlacedShape(element.geometry, pose))
+    if soup:
+        from armguard.robot.fitting.cover import cover
+
+        sources.append("mesh")
+        triangles = np.concatenate(soup)
+        found, reach = cover(triangles, target=target, max_primitives=max_primitives)
+        shapes += [
+            PlacedShape(s.shape, s.pose, r) for s, r in zip(found, reach, strict=True)
+        ]
+    return FittedLink(
+        link=link.name,
+        shapes=tuple(shapes),
+        overreach=max((s.model_error for s in shapes), default=0.0),
+        source=", ".join(dict.fromkeys(sources)),
+    )
+
+
+def placed_triangles(element: CollisionElement) -> Floats:
+    """Triangles of a mesh in the link's frame, shape (n, 3, 3) [m]."""
+    assert isinstance(element.geometry, MeshFile)
+    T = element.T_link_geometry
+    return np.asarray(load_triangles(element.geometry) @ T[:3, :3].T + T[:3, 3])
+
+
+def placed_cylinder(
+    element: CollisionElement, target: float, max_primitives: int
+) -> list[PlacedShape]:
+    """Primitives around a cylinder in the link's frame."""
+    from armguard.robot.fitting.cylinders import enclose_cylinder
+
+    assert isinstance(element.geometry, Cylinder)
+    around = enclose_cylinder(
+        element.geometry.radius, element.geometry.length, target, max_primitives
+    )
+    return [
+        PlacedShape(
+            s.shape,
+            Pose.from_matrix(element.T_link_geometry @ s.pose.matrix()),
+            s.model_error,
+        )
+        for s in around
+    ]

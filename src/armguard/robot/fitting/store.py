@@ -1,0 +1,106 @@
+"""Fits kept on disk, by what they were made of."""
+
+import json
+import os
+import tempfile
+from collections.abc import Iterable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Box, Capsule, PlacedShape, Sphere
+from armguard.kernel import PACKAGE, cache_home
+from armguard.robot.model import Cylinder, FittedLink, Link, MeshFile
+
+KINDS = {"sphere": Sphere, "capsule": Capsule, "box": Box}
+
+
+def fit_key(link: Link, settings: Iterable[object]) -> str:
+    """Hash of all a fit depends on: geometry, mesh files, settings, and this code."""
+    digest = sha256()
+    for source in sorted((PACKAGE / "robot" / "fitting").glob("*.py")):
+        digest.update(source.read_bytes())
+    digest.update(repr(tuple(settings)).encode())
+    for element in link.collisions:
+        digest.update(element.T_link_geometry.tobytes())
+        geometry = element.geometry
+        if isinstance(geometry, MeshFile):
+            digest.update(repr(geometry.scale).encode())
+            digest.update(geometry.path.suffix.lower().encode())
+            digest.update(geometry.path.read_bytes())
+        else:
+            digest.update(repr(geometry).encode())
+    return digest.hexdigest()[:32]
+
+
+def path_of(key: str) -> Path:
+    """File of a fit."""
+    return cache_home() / "fits" / f"{key}.json"
+
+
+def read_fit(key: str, link: str) -> FittedLink | None:
+    """A kept fit; None if there is none, or none that can be read."""
+    try:
+        held = json.loads(path_of(key).read_text(encoding="utf-8"))
+        return FittedLink(
+            link=link,
+            shapes=tuple(as_shape(s) for s in held["shapes"]),
+            overreach=float(held["overreach"]),
+            source=str(held["source"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def write_fit(key: str, fit: FittedLink) -> None:
+    """Keep a fit; a cache that cannot be written is no reason to stop."""
+    held = {
+        "shapes": [as_dict(s) for s in fit.shapes],
+        "overreach": fit.overreach,
+        "source": fit.source,
+    }
+    path = path_of(key)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump(held, file)
+        Path(name).replace(path)
+    except OSError:
+        return
+
+
+def as_dict(placed: PlacedShape) -> dict[str, Any]:
+    """A placed primitive as plain numbers; floats survive JSON bit for bit."""
+    shape = placed.shape
+    sizes = {
+        name: getattr(shape, name)
+        for name in ("radius", "rounding", "start", "end", "half_extents")
+        if hasattr(shape, name)
+    }
+    return {
+        "kind": shape.kind.name.lower(),
+        "sizes": sizes,
+        "xyz": placed.pose.xyz,
+        "rpy": placed.pose.rpy,
+        "model_error": placed.model_error,
+    }
+
+
+def as_shape(held: dict[str, Any]) -> PlacedShape:
+    """The placed primitive of `as_dict`."""
+    sizes = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in held["sizes"].items()
+    }
+    shape: Any = KINDS[held["kind"]](**sizes)
+    pose = Pose(xyz=tuple(held["xyz"]), rpy=tuple(held["rpy"]))
+    return PlacedShape(shape, pose, float(held["model_error"]))
+
+
+def is_exact(link: Link) -> bool:
+    """Whether a link needs no fit: all its shapes are ours."""
+    return not any(
+        isinstance(e.geometry, Cylinder | MeshFile) for e in link.collisions
+    )
