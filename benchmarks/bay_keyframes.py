@@ -51,13 +51,13 @@ K = Keyframe
 
 TASK_150 = (
     K(1, "both arms at home"),
-    K(28, "left turns to the panel", left={1: 0.795}),
+    K(29, "left turns to the panel", left={1: 0.795}),
     K(36, "left lifts its wrist", left={6: -0.073}),
-    K(22, "left folds its elbow", left={2: -0.175, 4: 2.081}),
-    K(15, "left turns its tool to the plug", left={7: 0.6}),
+    K(29, "left folds its elbow", left={2: -0.175, 4: 2.081}),
+    K(14, "left turns its tool to the plug", left={7: 0.6}),
     K(22, "left reaches for the plug; right makes ready", left=PANEL, right={1: 0.15}),
-    K(6, "the operator looks"),
-    K(20, "left draws back; right lifts its wrist", left=PANEL_FRONT, right={6: 0.9}),
+    K(3, "the operator looks"),
+    K(16, "left draws back; right lifts its wrist", left=PANEL_FRONT, right={6: 0.9}),
 )
 
 TASK_700 = (
@@ -88,7 +88,7 @@ TASK_700 = (
 TASK_2000 = (
     K(1, "both arms at home"),
     # Right fetches the tool from its holder.
-    K(90, "right turns its tool", right={7: 2.0}),
+    K(70, "right turns its tool", right={7: 2.0}),
     K(45, "right turns to the holder", right={1: -0.65}),
     K(25, "right straightens its wrist", right={6: 1.387}),
     K(60, "right opens its elbow", right={4: 1.032}),
@@ -99,16 +99,17 @@ TASK_2000 = (
     K(40, "right goes up again", right=TOOL_ABOVE),
     K(60, "right leans back", right={2: -0.35}),
     K(60, "right folds its elbow", right={4: 1.7}),
-    K(50, "right turns forward", right={1: 0.163}),
+    K(40, "right swings its elbow out", right={3: -0.5}),
+    K(50, "right turns forward, elbow down", right={1: 0.163, 3: 0.0}),
     K(20, "the operator looks"),
     # Left loosens its unit.
-    K(70, "left turns its tool", left={7: 1.5}),
+    K(63, "left turns its tool", left={7: 1.5}),
     K(45, "left lifts its wrist", left={6: 0.336}),
     K(25, "left turns to its unit", left={1: -0.163}),
     K(50, "left leans forward", left={2: 0.146}),
     K(20, "left folds its elbow", left={4: 1.787}),
     K(45, "left reaches for the handle", left=UNIT),
-    K(90, "left loosens the bolt", left={7: -1.0}),
+    K(80, "left loosens the bolt", left={7: -1.0}),
     K(15, "the operator looks"),
     K(45, "left draws back", left=UNIT_FRONT),
     # Both work: left at the panel, right at its unit.
@@ -128,7 +129,8 @@ TASK_2000 = (
     K(70, "right goes home", right={**HOME, 7: 0.5}),
     # Left shows what it holds to the camera.
     K(90, "left goes up to the camera", left=CAMERA),
-    K(80, "left turns its tool before the camera", left={7: 1.0}),
+    K(30, "left rolls its forearm", left={5: 0.6}),
+    K(66, "left turns its tool before the camera", left={7: 1.0}),
     K(90, "left goes home", left={**HOME, 7: 1.0}),
-    K(58, "both turn their tools back", left={7: 0.0}, right={7: 0.0}),
+    K(50, "both turn their tools back", left={7: 0.0}, right={7: 0.0}),
 )  # fmt: skip

@@ -172,7 +172,7 @@ class BayOracle:
             found.append(frames[k].act(np.array([0.0, 0.0, length / 2 + radius])))
         return np.array(found)
 
-    def corners(self, q: Floats) -> Floats:
+    def bounds(self, q: Floats) -> Floats:
         """Least and greatest coordinate of any primitive, shape (2, 3) [m]."""
         boxes = []
         for frame, p in zip(self.placements(q), self.primitives, strict=True):
@@ -225,7 +225,7 @@ def read_object(name: str, thing: dict[str, Any]) -> list[Primitive]:
 
 
 def read_shape(name: str, part: dict[str, Any], placement: Any) -> Primitive:
-    """One shape of the scene file; a capsule's frame is moved to its middle, z along."""
+    """One shape of the scene file; a capsule gets a frame at its middle, z along."""
     if "box" in part:
         size = tuple(map(float, part["box"]))
         return Primitive(name, coal.Box(*size), placement, size)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from armguard.errors import ModelError, did_you_mean
 from armguard.robot.model import RobotModel
 
-# Names of SRDF group states that say where a robot is at home, the first found wins.
+# Names of SRDF group states that say where a robot is at home, the first found wins;
+# if there is none of these, the file's first state does.
 HOME_STATES = ("home", "ready", "default", "rest", "neutral", "half_sitting")
 
 # Nobody turns a joint by two full turns to go home; such a number is in degrees [rad].
@@ -55,7 +56,7 @@ def home_configuration(
                 f"[{joint.lower:g}, {joint.upper:g}]"
             )
     state: Mapping[str, float] = {}
-    for name in HOME_STATES:
+    for name in (*HOME_STATES, *model.group_states):
         if name in model.group_states:
             state = model.group_states[name]
             break

@@ -1,9 +1,9 @@
 """Pairs that need no check, each with a reason and with who said so."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from armguard.robot.model import JointKind, RobotModel
+from armguard.robot.model import JointKind
+from armguard.scene.rigid import rigid_groups
 from armguard.scene.scene import Scene
 
 
@@ -67,19 +67,3 @@ def allowed_pairs(scene: Scene) -> list[PairRule]:
         ]
     rules += [PairRule(a.a, a.b, a.reason, "scene") for a in scene.allowances]
     return rules
-
-
-def rigid_groups(model: RobotModel) -> Mapping[str, str]:
-    """For each link the first link of the group that fixed joints hold together."""
-    fixed_parent = {
-        joint.child: joint.parent
-        for joint in model.joints.values()
-        if joint.kind is JointKind.FIXED
-    }
-    groups = {}
-    for link in model.links:
-        top = link
-        while top in fixed_parent:
-            top = fixed_parent[top]
-        groups[link] = top
-    return groups

@@ -219,8 +219,8 @@ def root_cube(
 ) -> tuple[Floats, float]:
     """Cube that holds everything the scene can contain: centre and edge [m].
 
-    The cube of the scene's settings is taken if it is large enough; otherwise it
-    grows about what it must hold. Nothing is ever left out.
+    The cube of the scene's settings is taken if it holds what stands still; otherwise
+    it grows about that. An arm may reach out of it: the outermost leaves have no end.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     box = np.zeros(6)
@@ -228,18 +228,19 @@ def root_cube(
         if p.body < 0:
             row_bounds(p.kind, p.row, 0.0, box)
             low, high = np.minimum(low, box[:3]), np.maximum(high, box[3:])
-    for name, robot in scene.robots.items():
-        reach = robot_reach(robot, tables[name], primitives, first_body[name])
-        origin = robot.base.matrix()[:3, 3]
-        low = np.minimum(low, origin - reach - scene.margin)
-        high = np.maximum(high, origin + reach + scene.margin)
     chosen = scene.index.cube
-    if chosen is not None and holds(chosen, low, high):
-        return np.array(chosen.centre, dtype=np.float64), chosen.edge
     if chosen is not None:
+        if holds(chosen, low, high):
+            return np.array(chosen.centre, dtype=np.float64), chosen.edge
         half = np.full(3, chosen.edge / 2.0)
         low = np.minimum(low, np.array(chosen.centre) - half)
         high = np.maximum(high, np.array(chosen.centre) + half)
+        return (low + high) / 2.0, float((high - low).max()) * CUBE_SLACK
+    for name, robot in scene.robots.items():
+        origin = robot.base.matrix()[:3, 3]
+        reach = robot_reach(robot, tables[name], primitives, first_body[name])
+        low = np.minimum(low, origin - reach - scene.margin)
+        high = np.maximum(high, origin + reach + scene.margin)
     return (low + high) / 2.0, float((high - low).max()) * CUBE_SLACK
 
 

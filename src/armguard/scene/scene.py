@@ -227,18 +227,17 @@ class Scene:
             )
         if buffer is not None:
             check_distance(f"robot '{name}': buffer", buffer)
-        model = self._load(urdf, srdf, packages)
+        model, home = self._load(urdf, srdf, packages, home)
+        at_home = home_configuration(model, home)
+        fits = fit_robot(
+            model, target=fit_target, max_primitives=max_primitives, progress=progress
+        )
         robot = SceneRobot(
             name=name,
             model=model,
-            fits=fit_robot(
-                model,
-                target=fit_target,
-                max_primitives=max_primitives,
-                progress=progress,
-            ),
+            fits=fits,
             base=Pose() if base is None else base,
-            home=home_configuration(model, home),
+            home=at_home,
             buffer=buffer,
             fit_target=fit_target,
         )
@@ -389,14 +388,16 @@ class Scene:
         urdf: str | Path | RobotModel,
         srdf: str | Path | None,
         packages: Mapping[str, Path] | None,
-    ) -> RobotModel:
+        home: Mapping[str, float] | None,
+    ) -> tuple[RobotModel, Mapping[str, float] | None]:
         if isinstance(urdf, RobotModel):
-            return urdf
+            return urdf, home
         path = Path(urdf)
         if not path.exists() and path.suffix == "" and len(path.parts) == 1:
-            path, own = find_named_robot(str(urdf))
-            srdf = own if srdf is None else srdf
-        return load_urdf(path, srdf=srdf, packages=packages)
+            named = find_named_robot(str(urdf))
+            path, srdf = named.urdf, named.srdf if srdf is None else srdf
+            home = {**named.home, **(home or {})}
+        return load_urdf(path, srdf=srdf, packages=packages), home
 
     def _check_name(self, name: str) -> None:
         if not name or "/" in name or name != name.strip():

@@ -22,11 +22,11 @@ Floats = NDArray[np.float64]
 BOX_GAIN = 0.75
 
 # Where a piece may be cut, as shares of its length along an axis.
-CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
+CUTS = (0.25, 0.5, 0.75)
 
 # Cuts that are followed up for a piece, and what one must leave of its overreach to be
 # worth a primitive [-].
-TRIALS = 9
+TRIALS = 5
 GAIN = 0.95
 
 # Half length below which a piece is not cut [m].
