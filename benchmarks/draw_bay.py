@@ -30,7 +30,7 @@ BUFFER, INK = "#F2A900", "#1F2933"
 # Pixels of a figure's inch.
 DPI = 100
 
-BAY = Camera((-0.07, -0.11, 0.89), -146.0, 26.0, 5.0, 2.52, 740, 610)
+BAY = Camera((-0.07, -0.11, 0.84), -146.0, 26.0, 5.0, 2.56, 740, 610)
 
 
 def solids_of(

@@ -34,8 +34,7 @@ def build_moveit_scene(
 ) -> Scene:
     """A scene of one robot, named as the file names its model.
 
-    The allowed collision matrix becomes allowances with the file as their reason; the
-    robot state becomes the home configuration where it is within limits.
+    The allowed collision matrix becomes allowances with the file as their reason.
 
     Args:
         source: The file.
@@ -82,27 +81,41 @@ def build_moveit_scene(
 
 
 def place_home(scene: Scene, name: str, state: Mapping[str, Any]) -> None:
-    """Take the file's robot state for home where it is within limits."""
+    """Take the file's robot state for home, if it is one a robot was in.
+
+    MoveIt writes zeros where nobody set a state, and many robots cannot be there: such
+    a state is left out with a note, and the robot keeps its own home.
+    """
     robot = scene.robots[name]
-    positions = dict(
-        zip(state.get("name") or [], state.get("position") or [], strict=False)
-    )
-    home = dict(robot.home)
-    outside = []
-    for joint, value in positions.items():
-        if joint not in home:
-            continue
-        limits = robot.model.joints[joint]
-        home[joint] = min(max(float(value), limits.lower), limits.upper)
-        if home[joint] != float(value):
-            outside.append(f"{joint} at {float(value):g}")
-    scene.set_home(name, home)
+    positions = {
+        str(joint): float(value)
+        for joint, value in zip(
+            state.get("name") or [], state.get("position") or [], strict=False
+        )
+        if joint in robot.home
+    }
+    if not any(positions.values()):
+        if positions:
+            scene.notes.append(
+                "the file's robot state is all zeros, as MoveIt writes where nobody "
+                "set one; the robot's own home is used"
+            )
+        return
+    outside = [
+        f"{joint} at {value:g}"
+        for joint, value in positions.items()
+        if not robot.model.joints[joint].lower
+        <= value
+        <= robot.model.joints[joint].upper
+    ]
     if outside:
         scene.notes.append(
             "the file's robot state is outside the joint limits ("
             + ", ".join(outside)
-            + "); home is the nearest configuration within them"
+            + "); the robot's own home is used"
         )
+        return
+    scene.set_home(name, {**robot.home, **positions})
 
 
 def add_object(scene: Scene, thing: Mapping[str, Any]) -> None:

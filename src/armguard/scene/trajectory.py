@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import TrajectoryError, did_you_mean
+from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -34,44 +35,35 @@ class Trajectory:
     source: str
     ends_only: bool = False
 
-    def for_joints(
-        self, joints: tuple[str, ...], fill: Mapping[str, float] | None = None
+    def for_scene(
+        self, scene: Scene, fill: Mapping[str, float] | None = None
     ) -> Floats:
-        """Configurations in the order of a scene's joints, shape (n, len(joints)).
+        """Configurations in the order of a scene's joints, shape (n, len(q_names)).
 
         A bare name serves every scene joint of that name if there is just one.
+        Columns of fixed joints, and of joints that mimic others, are left out: their
+        positions follow.
 
         Args:
-            joints: 'robot/joint' names, such as `scene.q_names`.
+            scene: The scene.
             fill: Positions of joints the file does not have, by 'robot/joint'.
 
         Raises:
             TrajectoryError: A joint is unknown, ambiguous, given twice, or missing.
         """
         fill = fill or {}
+        joints = scene.q_names
+        every = [
+            f"{name}/{joint}"
+            for name, robot in scene.robots.items()
+            for joint in robot.model.joints
+        ]
         column: dict[str, int] = {}
         for k, name in enumerate(self.names):
-            matches = (
-                [name]
-                if name in joints
-                else [j for j in joints if "/" not in name and j.endswith(f"/{name}")]
-            )
-            if not matches:
-                raise TrajectoryError(
-                    f"{self.source}: joint '{name}' is not in the scene; "
-                    f"{did_you_mean(name, joints)}"
-                )
-            if len(matches) > 1:
-                raise TrajectoryError(
-                    f"{self.source}: joint '{name}' may be "
-                    + " or ".join(f"'{m}'" for m in matches)
-                    + "; write the robot's name before it"
-                )
-            if matches[0] in column:
-                raise TrajectoryError(
-                    f"{self.source}: joint '{matches[0]}' has two columns"
-                )
-            column[matches[0]] = k
+            joint = self._match(name, every)
+            if joint in column:
+                raise TrajectoryError(f"{self.source}: joint '{joint}' has two columns")
+            column[joint] = k
         missing = [j for j in joints if j not in column and j not in fill]
         if missing:
             raise TrajectoryError(
@@ -85,6 +77,24 @@ class Trajectory:
                 for j in joints
             ]
         )
+
+    def _match(self, name: str, joints: list[str]) -> str:
+        """The one scene joint a column's name stands for."""
+        if name in joints:
+            return name
+        matches = [j for j in joints if "/" not in name and j.endswith(f"/{name}")]
+        if not matches:
+            raise TrajectoryError(
+                f"{self.source}: joint '{name}' is not in the scene; "
+                f"{did_you_mean(name, joints)}"
+            )
+        if len(matches) > 1:
+            raise TrajectoryError(
+                f"{self.source}: joint '{name}' may be "
+                + " or ".join(f"'{m}'" for m in matches)
+                + "; write the robot's name before it"
+            )
+        return matches[0]
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
