@@ -28,8 +28,7 @@ class Keyframe:
     right: Joints = field(default_factory=dict)
 
 
-# Where an arm goes more than once. The arms mirror each other: the other one has the
-# opposite sign at joint 1.
+# Places with a name, for the arm that goes there; joints left out stay as they are.
 HOME = {1: 0.0, 2: -0.35, 3: 0.0, 4: 1.7, 5: 0.0, 6: 1.25, 7: 0.0}
 PANEL_FRONT = {1: 0.795, 2: -0.175, 4: 2.081, 6: -0.073}
 PANEL = {1: 0.795, 2: 0.215, 4: 1.812, 6: -0.194}
@@ -39,8 +38,6 @@ RIGHT_UNIT_FRONT = {1: 0.163, 2: 0.123, 4: 1.921, 6: 0.05}
 RIGHT_UNIT = {1: 0.143, 2: 0.548, 4: 1.549, 6: -0.002}
 TOOL_ABOVE = {1: -0.65, 2: 0.199, 4: 1.032, 6: 1.387}
 TOOL = {1: -0.65, 2: 0.145, 4: 1.369, 6: 1.104}
-RIGHT_MIDDLE = {1: 0.605, 2: -0.014, 4: 1.877, 6: 0.057}
-LEFT_MIDDLE_FRONT = {1: -0.471, 2: -0.134, 4: 1.987, 6: 0.067}
 LEFT_MIDDLE = {1: -0.641, 2: 0.025, 4: 1.837, 6: 0.058}
 RIGHT_LOW = {1: 0.561, 2: 0.515, 4: 1.602, 6: -0.022}
 LEFT_ABOVE = {1: -0.56, 2: 0.257, 4: 1.57, 6: 0.093}

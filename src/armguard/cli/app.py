@@ -1,0 +1,46 @@
+"""The application, its commands, and how an error leaves it."""
+
+import sys
+
+import typer
+
+from armguard.cli.bench import bench
+from armguard.cli.check import check
+from armguard.cli.console import BAD_INPUT, complain
+from armguard.cli.demo import demo
+from armguard.cli.octree import octree
+from armguard.cli.run import run
+from armguard.errors import ArmguardError
+
+app = typer.Typer(
+    name="armguard",
+    help="Real-time collision guard for robot arms. Exit codes: 0 clear, "
+    "1 something came too close, 2 bad input.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+for command in (demo, check, run, octree, bench):
+    app.command()(command)
+
+
+@app.callback(invoke_without_command=True)
+def armguard(
+    version: bool = typer.Option(False, "--version", help="Print the version."),
+) -> None:
+    """Real-time collision guard for robot arms."""
+    if version:
+        from armguard import __version__
+
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+def main() -> None:
+    """Run the command line; an error of ours is one message and exit code 2."""
+    try:
+        app()
+    except ArmguardError as error:
+        complain(error)
+        sys.exit(BAD_INPUT)

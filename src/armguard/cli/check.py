@@ -1,0 +1,266 @@
+"""`armguard check`: is this scene sound? Each line PASS, WARN or FAIL."""
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from platform import machine, python_version
+from typing import Annotated, Literal
+
+import numpy as np
+import typer
+
+from armguard.cli.console import (
+    BAD_INPUT,
+    CLEAR,
+    TOO_CLOSE,
+    JsonOption,
+    out,
+    print_json,
+    say,
+    say_fitting,
+)
+from armguard.errors import ArmguardError, HomeContactError
+from armguard.guard import Guard, Level
+from armguard.scene import compile_scene, load_scene
+from armguard.scene.allowed import allowed_pairs
+from armguard.scene.proposal import propose_allowed
+from armguard.scene.scene import Scene
+
+Status = Literal["PASS", "WARN", "FAIL"]
+
+# Cycles the cycle time is measured over, and the step of each joint between them.
+CYCLES = 2000
+JITTER = 1e-4
+
+# A cycle that takes longer than this does not fit a 1 kHz loop [s].
+PERIOD = 1e-3
+
+STYLES = {"PASS": "blue", "WARN": "yellow", "FAIL": "bold magenta"}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the check.
+
+    Attributes:
+        topic: What was looked at.
+        status: PASS, WARN or FAIL.
+        sentence: What was found.
+        remedy: What to do about it, "" if nothing.
+    """
+
+    topic: str
+    status: Status
+    sentence: str
+    remedy: str = ""
+
+
+def check(
+    scene: Annotated[Path, typer.Argument(help="Scene file: ours, or MoveIt's.")],
+    robot: Annotated[
+        str | None, typer.Option(help="URDF for a MoveIt scene, or a robot's name.")
+    ] = None,
+    propose: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Sample this many configurations and propose pairs to allow; for "
+            "review, nothing is applied.",
+        ),
+    ] = 0,
+    json: bool = JsonOption,
+) -> None:
+    """Check a scene. Exit code 0 sound, 1 too close at home, 2 cannot be guarded."""
+    findings = [versions()]
+    proposals: list[str] = []
+    fits: list[dict[str, object]] = []
+    try:
+        loaded = load_scene(scene, robot=robot, progress=say_fitting)
+    except ArmguardError as error:
+        findings.append(Finding("scene", "FAIL", str(error), "mend the file"))
+    else:
+        fits = fit_table(loaded)
+        findings += describe(loaded, fits)
+        findings += judge_guard(loaded)
+        if propose:
+            found = propose_allowed(compile_scene(loaded), samples=propose)
+            proposals = [p.yaml for p in found]
+    code = worst(findings)
+    if json:
+        print_json(
+            {
+                "scene": scene.name,
+                "exit_code": code,
+                "findings": [
+                    {key: getattr(f, key) for key in Finding.__slots__}
+                    for f in findings
+                ],
+                "fits": fits,
+                "proposals": proposals,
+            }
+        )
+    else:
+        show(findings, fits, proposals, propose)
+    raise typer.Exit(code)
+
+
+def versions() -> Finding:
+    """Versions of what the guard stands on."""
+    parts = [f"{name} {version(name)}" for name in ("armguard", "numba", "numpy")]
+    where = f"Python {python_version()} on {machine()}"
+    return Finding("versions", "PASS", ", ".join([*parts, where]))
+
+
+def fit_table(scene: Scene) -> list[dict[str, object]]:
+    """Fit quality of each link."""
+    return [
+        {
+            "link": f"{name}/{link}",
+            "primitives": len(fit.shapes),
+            "kinds": "".join(s.shape.kind.name[0] for s in fit.shapes),
+            "overreach_mm": round(fit.overreach * 1e3, 1),
+            "target_mm": round(robot.fit_target * 1e3, 1),
+            "source": fit.source,
+        }
+        for name, robot in scene.robots.items()
+        for link, fit in robot.fits.items()
+    ]
+
+
+def describe(scene: Scene, fits: list[dict[str, object]]) -> list[Finding]:
+    """What the scene says: joints, names, geometry, fits, allowed pairs."""
+    findings = []
+    for name, robot in scene.robots.items():
+        joints = ", ".join(robot.model.q_names)
+        findings.append(
+            Finding(
+                "joints",
+                "PASS",
+                f"robot '{name}' takes {len(robot.model.q_names)} positions [rad, m] "
+                f"in this order: {joints}",
+            )
+        )
+        meshes = sum(
+            1
+            for link in robot.model.links.values()
+            for element in link.collisions
+            if hasattr(element.geometry, "path")
+        )
+        findings.append(
+            Finding("meshes", "PASS", f"robot '{name}': {meshes} mesh files, all found")
+        )
+    findings += [
+        Finding("notes", "WARN", note, "see docs/robots.md") for note in scene.notes
+    ] or [Finding("notes", "PASS", "every visible link has collision geometry")]
+    wide = [f for f in fits if float(str(f["overreach_mm"])) > float(str(f["target_mm"]))]
+    findings += [
+        Finding(
+            "fit",
+            "WARN",
+            f"{f['link']} overreaches by {f['overreach_mm']} mm, "
+            f"target {f['target_mm']} mm",
+            "raise max_primitives, or live with an earlier stop there",
+        )
+        for f in wide
+    ] or [Finding("fit", "PASS", "every link is within its fit target")]
+    rules = allowed_pairs(scene)
+    count = {
+        source: sum(rule.source == source for rule in rules)
+        for source in ("rigid", "adjacent", "srdf", "scene")
+    }
+    claimed = count["srdf"] + count["scene"]
+    findings.append(
+        Finding(
+            "allowed pairs",
+            "WARN" if claimed else "PASS",
+            f"{count['rigid']} rigid, {count['adjacent']} adjacent, "
+            f"{count['srdf']} claimed by SRDF, {count['scene']} allowed by the scene",
+            "claims are taken as they are; read them" if claimed else "",
+        )
+    )
+    return findings
+
+
+def judge_guard(scene: Scene) -> list[Finding]:
+    """What the guard says: overlap and closeness at home, index, cycle time."""
+    try:
+        guard = Guard(scene, progress=say)
+    except HomeContactError as error:
+        return [Finding("home", "FAIL", str(error), "see docs/concepts.md, home")]
+    except ArmguardError as error:
+        return [Finding("guard", "FAIL", str(error), "mend the scene")]
+    home = guard.home_verdict
+    findings = [
+        Finding(
+            "home",
+            "FAIL" if home.level is Level.STOP else "PASS",
+            home.why,
+            "give another home, or a smaller buffer to this pair"
+            if home.level is Level.STOP
+            else "",
+        )
+    ]
+    guard.index.check()
+    tables = guard.tables
+    findings.append(
+        Finding(
+            "index",
+            "PASS",
+            f"{len(tables.kinds)} primitives, {tables.moving_count} moving, "
+            f"{tables.checkable_pairs} pairs to check; the index passes its audit",
+        )
+    )
+    findings.append(cycle_time(guard))
+    return findings
+
+
+def cycle_time(guard: Guard) -> Finding:
+    """How long a cycle takes on this machine, all joints moving."""
+    rng = np.random.default_rng(0)
+    q = guard.home + rng.uniform(-JITTER, JITTER, size=(CYCLES, len(guard.home)))
+    q = np.clip(q, guard.tables.lower, guard.tables.upper)
+    times = np.array([guard.step(row).cycle_time for row in q])
+    median, p99 = float(np.median(times)), float(np.percentile(times, 99))
+    return Finding(
+        "cycle time",
+        "PASS" if p99 < PERIOD else "WARN",
+        f"median {median * 1e6:.1f} µs, p99 {p99 * 1e6:.1f} µs around home",
+        "" if p99 < PERIOD else "too long for 1 kHz: fewer primitives, a quieter machine",
+    )
+
+
+def worst(findings: list[Finding]) -> int:
+    """Exit code: 2 if there can be no guard, 1 if home is too close, else 0."""
+    failed = [f.topic for f in findings if f.status == "FAIL"]
+    if not failed:
+        return CLEAR
+    return TOO_CLOSE if failed == ["home"] else BAD_INPUT
+
+
+def show(
+    findings: list[Finding],
+    fits: list[dict[str, object]],
+    proposals: list[str],
+    propose: int,
+) -> None:
+    """Print the check for people."""
+    for f in findings:
+        style = STYLES[f.status]
+        out.print(f"[{style}]{f.status}[/{style}] {f.topic}: ", end="")
+        out.print(f.sentence, markup=False)
+        if f.remedy:
+            out.print(f"     -> {f.remedy}", markup=False, style="dim")
+    if fits:
+        out.print("\nlink, primitives (Sphere, Capsule, Box), overreach:")
+        for fit in fits:
+            out.print(
+                f"  {fit['link']:36} {fit['kinds']:10} {fit['overreach_mm']:6} mm  "
+                f"{fit['source']}",
+                markup=False,
+            )
+    if propose:
+        out.print(
+            "\npairs that may need no check, for your review; sampling proves nothing:"
+        )
+        for line in proposals or ["  none"]:
+            out.print(f"  {line}", markup=False)

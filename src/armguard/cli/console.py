@@ -1,0 +1,86 @@
+"""What every command shares: exit codes, JSON, progress, messages."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+)
+
+from armguard.guard.levels import Level
+
+CLEAR = 0
+TOO_CLOSE = 1
+BAD_INPUT = 2
+
+# Colours that those who do not see red and green apart can tell; the text says it too.
+STYLES = {Level.CLEAR: "blue", Level.CAUTION: "yellow", Level.STOP: "bold magenta"}
+
+out = Console(highlight=False)
+# Progress and remarks, so that standard output holds the answer alone.
+err = Console(stderr=True, highlight=False)
+
+JsonOption = typer.Option(False, "--json", help="Print one JSON object.")
+
+
+def complain(error: Exception) -> None:
+    """Print an error as one message."""
+    err.print(f"[bold]error[/bold] {type(error).__name__}: ", end="", markup=True)
+    err.print(str(error), markup=False)
+
+
+def print_json(answer: dict[str, Any]) -> None:
+    """Print one JSON object; NaN and infinity become null."""
+    json.dump(jsonable(answer), sys.stdout, indent=1, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def jsonable(value: Any) -> Any:
+    """A value without what JSON has no word for."""
+    if isinstance(value, dict):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [jsonable(item) for item in value]
+    if isinstance(value, float) and (value != value or abs(value) == float("inf")):
+        return None
+    return value
+
+
+def say(sentence: str) -> None:
+    """A remark on standard error."""
+    err.print(sentence, markup=False, style="dim")
+
+
+def say_fitting(link: str, number: int, count: int) -> None:
+    """A remark before a link is fitted, which takes a second or so."""
+    say(f"fitting link {number} of {count}: {link}")
+
+
+@contextmanager
+def progress_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """A bar on standard error; call it with the steps made."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as progress:
+        task = progress.add_task(title, total=total)
+        yield lambda steps: progress.update(task, advance=steps)
+
+
+def exit_code(levels: dict[Level, int], faults: int) -> int:
+    """Exit code of a run: input that could not be judged outranks closeness."""
+    if faults:
+        return BAD_INPUT
+    return TOO_CLOSE if levels[Level.STOP] else CLEAR

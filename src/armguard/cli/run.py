@@ -1,0 +1,88 @@
+"""`armguard run`: judge a motion in a scene, report every event."""
+
+import json as json_format
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armguard.cli.console import (
+    JsonOption,
+    jsonable,
+    out,
+    print_json,
+    progress_bar,
+    say,
+    say_fitting,
+)
+from armguard.cli.summary import print_summary, summary
+from armguard.guard import EventLog, Guard
+from armguard.guard.verdict import Counts
+from armguard.scene import load_scene, load_trajectory
+from armguard.scene.trajectory import densify
+
+
+def run(
+    scene: Annotated[Path, typer.Argument(help="Scene file: ours, or MoveIt's.")],
+    trajectory: Annotated[
+        Path,
+        typer.Option(help="CSV with joint names, NPZ, or a MoveIt motion request."),
+    ],
+    step: Annotated[
+        float,
+        typer.Option(
+            help="Largest joint step between cycles [rad or m] for a motion without "
+            "time: straight lines are walked in such steps."
+        ),
+    ] = 0.01,
+    hold_home: Annotated[
+        bool, typer.Option(help="Hold joints the motion does not have at home.")
+    ] = False,
+    robot: Annotated[
+        str | None, typer.Option(help="URDF for a MoveIt scene, or a robot's name.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Write the report with every event here.")
+    ] = None,
+    json: bool = JsonOption,
+) -> None:
+    """Judge a motion, cycle by cycle. Exit code 0 clear, 1 too close, 2 bad input."""
+    loaded = load_scene(scene, robot=robot, progress=say_fitting)
+    motion = load_trajectory(trajectory)
+    fill = dict(zip(loaded.q_names, loaded.home.tolist(), strict=True))
+    # Nobody's trajectory names the fingers of a MoveIt arm group.
+    q = motion.for_scene(loaded, fill if hold_home else None)
+    if motion.stamps is None and not motion.ends_only:
+        q = densify(q, step)
+    guard = Guard(loaded, progress=say)
+    log, times, counts = EventLog(), list[float](), list[Counts]()
+    timed = motion.stamps is not None
+    with progress_bar("judging", len(q)) as advance:
+        for k, configuration in enumerate(q):
+            stamp = float(motion.stamps[k]) if timed else None  # type: ignore[index]
+            verdict = guard.step(configuration, stamp)
+            log.add(verdict)
+            times.append(verdict.cycle_time)
+            counts.append(verdict.counts)
+            if k % 100 == 99:
+                advance(100)
+    answer = {
+        "scene": scene.name,
+        "trajectory": trajectory.name,
+        "notes": list(guard.tables.notes),
+        **summary(log, times, counts),
+    }
+    if report is not None:
+        text = json_format.dumps(jsonable(answer), indent=1)
+        report.write_text(text + "\n", encoding="utf-8")
+    if json:
+        print_json(answer)
+    else:
+        for note in guard.tables.notes:
+            say(f"note: {note}")
+        if motion.ends_only:
+            say("note: a request has no way between start and goal; both are judged")
+        print_summary(answer, log)
+        if report is not None:
+            out.print(f"report written to {report}")
+    raise typer.Exit(int(str(answer["exit_code"])))
