@@ -260,6 +260,7 @@ def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
         kinds=tables.kinds,
         rows=tables.local_rows.copy(),
         boxes=np.zeros((len(tables.kinds), 6)),
+        owners=owners_of(tables),
         growth=tables.growth,
     )
     forward_kinematics(
@@ -278,6 +279,16 @@ def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
             place_row(kind, tables.local_rows[i], T_world[body], world.rows[i])
         row_bounds(kind, world.rows[i], 0.0, world.boxes[i])
     return world
+
+
+def owners_of(tables: SceneTables) -> NDArray[np.int32]:
+    """Object of each primitive: its rigid group, or what stands still by its name."""
+    keys = [
+        name if body < 0 else int(body)
+        for name, body in zip(tables.body_names, tables.bodies, strict=True)
+    ]
+    numbers = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    return np.array([numbers[key] for key in keys], dtype=np.int32)
 
 
 def build_index(tables: SceneTables, world: World) -> Octree | BruteForce:

@@ -9,6 +9,7 @@ from armguard.errors import OctreeError
 from armguard.geometry.bounds import row_bounds
 from armguard.index.octree_audit import audit
 from armguard.index.octree_query import octree_candidates
+from armguard.index.octree_shape import count_owners
 from armguard.index.octree_state import (
     COUNT,
     COUNT_UNSPLIT,
@@ -19,6 +20,7 @@ from armguard.index.octree_state import (
     LEAF,
     NODES_USED,
     OVERFLOW_COUNT,
+    TOKEN,
     OctreeState,
     empty_state,
 )
@@ -123,7 +125,7 @@ class Octree:
     def remove(self, i: int) -> None:
         """Leave primitive i out from now on."""
         self._check_id(i)
-        octree_remove(i, self.state)
+        octree_remove(i, self.world, self.state)
 
     def update(self, i: int) -> None:
         """Follow primitive i to its present row."""
@@ -183,13 +185,20 @@ class Octree:
             "entries": int(lengths.sum()),
             "mean_list": float(lengths.mean()),
             "longest_list": int(lengths.max()),
-            "leaves_above_capacity": int((lengths > self.leaf_capacity).sum()),
+            "most_objects_in_a_leaf": self._most_objects(leaves),
             "refused_splits": int(state.counters[COUNT_UNSPLIT]),
             "overflowed_primitives": int(state.header[OVERFLOW_COUNT]),
             "node_room": [int(state.header[NODES_USED]), len(state.nodes)],
             "entry_room": [int(state.header[ENTRIES_USED]), len(state.entries)],
             "bytes": int(sum(array.nbytes for array in state)),
         }
+
+    def _most_objects(self, leaves: NDArray[np.int32]) -> int:
+        most = 0
+        for leaf in leaves:
+            self.state.header[TOKEN] += 1
+            most = max(most, count_owners(int(leaf), 0, self.world, self.state))
+        return most
 
     def _check_id(self, i: int) -> None:
         if not 0 <= i < len(self.world.kinds):
@@ -264,12 +273,12 @@ def root_corners(
 
 
 def depth_for(edge: float, growth: Floats) -> int:
-    """Depth at which a leaf is about as large as a growth, at most DEPTH_LIMIT.
+    """Depth at which a leaf is twice as large as a growth, at most DEPTH_LIMIT.
 
-    Finer leaves would each lie inside the grown primitive: more lists, fewer of them
+    Finer leaves would each lie inside the grown primitives: more lists, few of them
     any shorter.
     """
     largest = float(growth.max()) if len(growth) else 0.0
     if largest <= 0.0:
         return DEPTH_LIMIT // 2
-    return int(min(max(ceil(log2(edge / largest)), 1), DEPTH_LIMIT))
+    return int(min(max(ceil(log2(edge / largest)) - 1, 1), DEPTH_LIMIT))

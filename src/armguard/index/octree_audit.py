@@ -61,15 +61,15 @@ def audit(world: World, state: OctreeState) -> None:
     3. Lists: linked both ways, counts right, entries name their leaf, nobody twice.
     4. Books: every node and every entry is in use or free, never both, none lost.
     5. Truth: a list holds exactly the primitives that inhabit the leaf.
-    6. Rule: no leaf holds more than N above the depth limit; no eight leaves could be
-       one. (Where a split was refused for want of room this may not hold.)
+    6. Rule: no leaf holds more than N objects above the depth limit; no eight leaves
+       could be one. (Where a split was refused for want of room this may not hold.)
     7. Slack: a primitive's anchor, its row and its slack belong together.
     """
     leaves, cells, used = walk(state)
     members = read_lists(leaves, state)
     check_books(used, members, state)
     check_truth(leaves, cells, members, world, state)
-    check_rule(leaves, members, state)
+    check_rule(leaves, members, world, state)
     check_slack(leaves, cells, world, state)
 
 
@@ -203,9 +203,12 @@ def check_truth(
 
 
 def check_rule(
-    leaves: list[int], members: dict[int, set[int]], state: OctreeState
+    leaves: list[int],
+    members: dict[int, set[int]],
+    world: World,
+    state: OctreeState,
 ) -> None:
-    """Split above N, merged when N suffice."""
+    """Split above N objects, merged when N suffice."""
     if state.counters[COUNT_UNSPLIT]:
         return
     nodes, header = state.nodes, state.header
@@ -213,11 +216,14 @@ def check_rule(
     families: dict[int, list[int]] = {}
     for leaf in leaves:
         if nodes[leaf, DEPTH] < header[MAX_DEPTH]:
-            demand(len(members[leaf]) <= capacity, f"leaf {leaf} should be split")
+            held = {int(world.owners[i]) for i in members[leaf]}
+            demand(len(held) <= capacity, f"leaf {leaf} should be split")
         families.setdefault(int(nodes[leaf, PARENT]), []).append(leaf)
     for parent, children in families.items():
         if len(children) == 8:
-            together = set().union(*(members[leaf] for leaf in children))
+            together = {
+                int(world.owners[i]) for leaf in children for i in members[leaf]
+            }
             demand(len(together) > capacity, f"node {parent} should be a leaf")
 
 

@@ -44,7 +44,7 @@ def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
     while height > 0:
         height -= 1
         node = stack[height]
-        if not must_split(node, state):
+        if not must_split(node, world, state):
             continue
         first = split(node, world, state)
         if first == NONE:
@@ -57,13 +57,36 @@ def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
 
 
 @kernel
-def must_split(leaf: int, state: OctreeState) -> bool:
-    """Whether a leaf has more than N members and may go deeper."""
+def must_split(leaf: int, world: World, state: OctreeState) -> bool:
+    """Whether a leaf has members of more than N objects and may go deeper."""
     nodes, header = state.nodes, state.header
-    return bool(
-        nodes[leaf, COUNT] > header[LEAF_CAPACITY]
-        and nodes[leaf, DEPTH] < header[MAX_DEPTH]
-    )
+    if not nodes[leaf, COUNT] > header[LEAF_CAPACITY]:
+        return False
+    if not nodes[leaf, DEPTH] < header[MAX_DEPTH]:
+        return False
+    header[TOKEN] += 1
+    return bool(count_owners(leaf, 0, world, state) > header[LEAF_CAPACITY])
+
+
+@kernel
+def count_owners(leaf: int, known: int, world: World, state: OctreeState) -> int:
+    """Objects with a member in a leaf that do not bear the present token, and known.
+
+    Args:
+        leaf: The leaf.
+        known: Objects that bear the token already.
+        world: The primitives.
+        state: The octree.
+    """
+    token = state.header[TOKEN]
+    entry = state.nodes[leaf, HEAD]
+    while entry != NONE:
+        owner = world.owners[state.entries[entry, PRIMITIVE]]
+        if state.owner_marks[owner] != token:
+            state.owner_marks[owner] = token
+            known += 1
+        entry = state.entries[entry, NEXT_IN_LEAF]
+    return known
 
 
 @kernel(inline=False)
@@ -98,37 +121,29 @@ def split(node: int, world: World, state: OctreeState) -> int:
 
 
 @kernel(inline=False)
-def merge_upwards(node: int, state: OctreeState) -> None:
+def merge_upwards(node: int, world: World, state: OctreeState) -> None:
     """Merge a node's eight leaves if N suffice for them together, then its parent's."""
-    while node != NONE and mergeable(node, state):
+    while node != NONE and mergeable(node, world, state):
         merge(node, state)
         node = state.nodes[node, PARENT]
 
 
 @kernel
-def mergeable(node: int, state: OctreeState) -> bool:
-    """Whether a node has eight leaves with at most N different members."""
-    nodes, entries, header = state.nodes, state.entries, state.header
+def mergeable(node: int, world: World, state: OctreeState) -> bool:
+    """Whether a node has eight leaves with members of at most N objects together."""
+    nodes, header = state.nodes, state.header
     first = nodes[node, FIRST_CHILD]
     if first < 0:
         return False
-    header[TOKEN] += 1
-    members = 0
     for c in range(8):
         if nodes[first + c, FIRST_CHILD] != LEAF:
             return False
-        if nodes[first + c, COUNT] > header[LEAF_CAPACITY]:
-            return False
+    header[TOKEN] += 1
+    objects = 0
     for c in range(8):
-        entry = nodes[first + c, HEAD]
-        while entry != NONE:
-            i = entries[entry, PRIMITIVE]
-            if state.primitive_marks[i] != header[TOKEN]:
-                state.primitive_marks[i] = header[TOKEN]
-                members += 1
-                if members > header[LEAF_CAPACITY]:
-                    return False
-            entry = entries[entry, NEXT_IN_LEAF]
+        objects = count_owners(first + c, objects, world, state)
+        if objects > header[LEAF_CAPACITY]:
+            return False
     return True
 
 

@@ -38,7 +38,7 @@ INDEXED = 1  # in every leaf it overlaps
 OVERFLOWED = 2  # no entry was left; everything is a candidate until it fits again
 
 # header
-LEAF_CAPACITY = 0  # the paper's N
+LEAF_CAPACITY = 0  # the paper's N, in objects
 MAX_DEPTH = 1
 FREE_BLOCK = 2  # head of the list of free blocks, NONE if empty
 NODES_USED = 3  # nodes below this were handed out at least once
@@ -73,6 +73,7 @@ class OctreeState(NamedTuple):
         slack: How far its points may move before its leaves can change, (p,) [m].
         node_marks: Scratch, one token a node, shape (n,).
         primitive_marks: Scratch, one token a primitive, shape (p,).
+        owner_marks: Scratch, one token an object, shape (p,).
         stack: Scratch for walks, shape (n,).
         found: Scratch for leaves, shape (n,).
         left: Scratch for parents of leaves, shape (n,).
@@ -89,6 +90,7 @@ class OctreeState(NamedTuple):
     slack: NDArray[np.float64]
     node_marks: NDArray[np.int64]
     primitive_marks: NDArray[np.int64]
+    owner_marks: NDArray[np.int64]
     stack: NDArray[np.int32]
     found: NDArray[np.int32]
     left: NDArray[np.int32]
@@ -141,6 +143,7 @@ def empty_state(
         slack=np.zeros(primitive_count),
         node_marks=np.zeros(node_capacity, dtype=np.int64),
         primitive_marks=np.zeros(primitive_count, dtype=np.int64),
+        owner_marks=np.zeros(primitive_count, dtype=np.int64),
         stack=np.zeros(node_capacity, dtype=np.int32),
         found=np.zeros(node_capacity, dtype=np.int32),
         left=np.zeros(node_capacity, dtype=np.int32),

@@ -67,7 +67,7 @@ def octree_insert(i: int, world: World, state: OctreeState) -> None:
 
 
 @kernel
-def octree_remove(i: int, state: OctreeState) -> None:
+def octree_remove(i: int, world: World, state: OctreeState) -> None:
     """Take primitive i out of the tree."""
     if state.residency[i, STATUS] == OVERFLOWED:
         state.header[OVERFLOW_COUNT] -= 1
@@ -75,7 +75,7 @@ def octree_remove(i: int, state: OctreeState) -> None:
     state.header[TOKEN] += 1
     left = leave_unmarked(i, state)
     for k in range(left):
-        merge_upwards(state.left[k], state)
+        merge_upwards(state.left[k], world, state)
 
 
 @kernel(inline=False)
@@ -106,7 +106,7 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
         fresh += state.node_marks[state.found[k]] == token
 
     if fresh > state.header[FREE_ENTRIES]:
-        overflow(i, state)
+        overflow(i, world, state)
         return
     if state.residency[i, STATUS] == OVERFLOWED:
         state.residency[i, STATUS] = INDEXED
@@ -125,7 +125,7 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
     for k in range(found):
         split_as_needed(state.found[k], world, state)
     for k in range(left):
-        merge_upwards(state.left[k], state)
+        merge_upwards(state.left[k], world, state)
 
 
 @kernel
@@ -226,7 +226,7 @@ def leave_unmarked(i: int, state: OctreeState) -> int:
 
 
 @kernel
-def overflow(i: int, state: OctreeState) -> None:
+def overflow(i: int, world: World, state: OctreeState) -> None:
     """No entry is left for primitive i: from now on everything is its candidate."""
     if state.residency[i, STATUS] != OVERFLOWED:
         state.residency[i, STATUS] = OVERFLOWED
@@ -234,4 +234,4 @@ def overflow(i: int, state: OctreeState) -> None:
     state.header[TOKEN] += 1
     left = leave_unmarked(i, state)
     for k in range(left):
-        merge_upwards(state.left[k], state)
+        merge_upwards(state.left[k], world, state)

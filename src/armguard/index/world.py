@@ -13,6 +13,9 @@ class World(NamedTuple):
         kinds: ShapeKind of each primitive, shape (p,).
         rows: Their rows, see `geometry.shapes`, shape (p, 16).
         boxes: Their bounding boxes, lower and upper corner, shape (p, 6) [m].
+        owners: Which object each is part of, from 0 on, shape (p,). Parts of one
+            object are never checked against each other, so it is objects that the
+            octree counts.
         growth: Extra radius each is indexed with: two primitives whose distance is at
             most the larger of their growths share a leaf, shape (p,) [m].
     """
@@ -20,4 +23,5 @@ class World(NamedTuple):
     kinds: NDArray[np.int32]
     rows: NDArray[np.float64]
     boxes: NDArray[np.float64]
+    owners: NDArray[np.int32]
     growth: NDArray[np.float64]
