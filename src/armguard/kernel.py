@@ -4,10 +4,12 @@ import os
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numba
 from numba.core import config
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 PACKAGE = Path(__file__).parent
 
@@ -43,9 +45,17 @@ def kernel_digest() -> str:
 KERNEL_CACHE = cache_home() / f"kernels-{kernel_digest()}"
 
 
+@overload
+def kernel(function: Kernel) -> Kernel: ...
+
+
+@overload
+def kernel(*, inline: bool) -> Callable[[Kernel], Kernel]: ...
+
+
 def kernel(
     function: Callable[..., Any] | None = None, *, inline: bool = True
-) -> Any:
+) -> Callable[..., Any]:
     """Compile a function with the options every kernel shares.
 
     No exception inside (`error_model="numpy"`: 1/0 is infinite, not raised), no
@@ -60,13 +70,23 @@ def kernel(
             inlining made the cycle ten times faster. Large and rare kernels are left
             out of it, for the sake of compile time.
     """
-    if function is None:
-        return lambda wrapped: kernel(wrapped, inline=inline)
+    if function is not None:
+        return compiled(function, inline)
+
+    def decorate(wrapped: Callable[..., Any]) -> Callable[..., Any]:
+        return compiled(wrapped, inline)
+
+    return decorate
+
+
+def compiled(function: Callable[..., Any], inline: bool) -> Callable[..., Any]:
+    """The function as Numba's dispatcher, which compiles when it is first called."""
     previous = config.CACHE_DIR
     config.CACHE_DIR = str(KERNEL_CACHE)
     try:
-        return numba.njit(
+        jitted: Callable[..., Any] = numba.njit(
             cache=True, error_model="numpy", nogil=True, forceinline=inline
         )(function)
+        return jitted
     finally:
         config.CACHE_DIR = previous

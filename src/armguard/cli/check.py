@@ -152,7 +152,9 @@ def describe(scene: Scene, fits: list[dict[str, object]]) -> list[Finding]:
     findings += [
         Finding("notes", "WARN", note, "see docs/robots.md") for note in scene.notes
     ] or [Finding("notes", "PASS", "every visible link has collision geometry")]
-    wide = [f for f in fits if float(str(f["overreach_mm"])) > float(str(f["target_mm"]))]
+    wide = [
+        f for f in fits if float(str(f["overreach_mm"])) > float(str(f["target_mm"]))
+    ]
     findings += [
         Finding(
             "fit",
@@ -225,7 +227,9 @@ def cycle_time(guard: Guard) -> Finding:
         "cycle time",
         "PASS" if p99 < PERIOD else "WARN",
         f"median {median * 1e6:.1f} µs, p99 {p99 * 1e6:.1f} µs around home",
-        "" if p99 < PERIOD else "too long for 1 kHz: fewer primitives, a quieter machine",
+        ""
+        if p99 < PERIOD
+        else "too long for 1 kHz: fewer primitives, a quieter machine",
     )
 
 

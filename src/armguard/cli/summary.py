@@ -13,7 +13,9 @@ from armguard.guard.verdict import Counts
 SHOWN = 40
 
 
-def summary(log: EventLog, cycle_times: list[float], counts: list[Counts]) -> dict[str, Any]:
+def summary(
+    log: EventLog, cycle_times: list[float], counts: list[Counts]
+) -> dict[str, Any]:
     """A run as one JSON object.
 
     Args:
@@ -48,7 +50,8 @@ def event_line(event: Event) -> str:
     """An event as one line."""
     time = "" if event.stamp is None else f" {event.stamp:8.3f} s"
     style = STYLES[event.level]
-    return f"[{style}]{event.level.name:8}[/{style}] cycle {event.at:6d}{time}  {event.why}"
+    level = f"[{style}]{event.level.name:8}[/{style}]"
+    return f"{level} cycle {event.at:6d}{time}  {event.why}"
 
 
 def print_summary(answer: dict[str, Any], log: EventLog) -> None:

@@ -243,9 +243,7 @@ def box_distance(
         return gap, x, normal
     d, x, y = nearest_vertex(a, b, c, e0, e1, e2)
     if d > gap * (1.0 + 1e-15):
-        d, x, y = nearest_edges(
-            gap, EDGE_SLACK * size, a, b, c, e0, e1, e2, d, x, y
-        )
+        d, x, y = nearest_edges(gap, EDGE_SLACK * size, a, b, c, e0, e1, e2, d, x, y)
     if d > TOUCHING * size:
         normal = scaled(1.0 / d, sub(y, x))
     return d, x, normal

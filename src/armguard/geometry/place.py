@@ -47,7 +47,9 @@ def place_row(kind: int, local: Row, T: Row, out: Row) -> None:
     for r in range(3):
         a, b, c = T[4 * r], T[4 * r + 1], T[4 * r + 2]
         for k in range(3):
-            out[7 + 3 * r + k] = a * local[7 + k] + b * local[10 + k] + c * local[13 + k]
+            out[7 + 3 * r + k] = (
+                a * local[7 + k] + b * local[10 + k] + c * local[13 + k]
+            )
 
 
 @kernel

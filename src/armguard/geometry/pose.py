@@ -87,9 +87,7 @@ class Pose:
         return cls(xyz=xyz, rpy=rpy_from_rotation(rotation))
 
 
-def rotation_from_rpy(
-    roll: float, pitch: float, yaw: float
-) -> NDArray[np.float64]:
+def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
     """Rotation R = Rz(yaw) · Ry(pitch) · Rx(roll), shape (3, 3)."""
     cr, sr = cos(roll), sin(roll)
     cp, sp = cos(pitch), sin(pitch)

@@ -26,9 +26,7 @@ class ShapeKind(IntEnum):
 def _positive(shape: str, name: str, value: float, *, zero: bool = False) -> None:
     if not (isfinite(value) and (value > 0.0 or (zero and value == 0.0))):
         bound = ">= 0" if zero else "> 0"
-        raise ShapeError(
-            f"{shape} {name} is {value} m; it must be finite and {bound}"
-        )
+        raise ShapeError(f"{shape} {name} is {value} m; it must be finite and {bound}")
 
 
 def _point(

@@ -14,6 +14,5 @@ def announce_compiling(progress: Callable[[str], None] | None) -> None:
     """Tell `progress` if the next call has to compile."""
     if progress is not None and not kernels_are_compiled():
         progress(
-            "compiling kernels for this machine; first start only, "
-            "about half a minute"
+            "compiling kernels for this machine; first start only, about half a minute"
         )

@@ -34,6 +34,7 @@ NOT_FINITE = int(Reason.NOT_FINITE)
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 WRONG_INPUT = int(Reason.WRONG_INPUT)
 
+
 @kernel(inline=False)
 def run_cycle(q: Floats, lines: Longs) -> int:
     """Judge one joint configuration.

@@ -100,7 +100,8 @@ class EventLog:
             open_event is not None
             and open_event.last == self._cycle - 1
             and (open_event.a, open_event.b) == (a, b)
-            and (open_event.reason >= Reason.NOT_FINITE) == (reason >= Reason.NOT_FINITE)
+            and (open_event.reason >= Reason.NOT_FINITE)
+            == (reason >= Reason.NOT_FINITE)
         ):
             raised = level > open_event.level
             open_event.last = self._cycle

@@ -73,6 +73,8 @@ class Guard:
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
         self.tables: SceneTables = compile_scene(scene)
+        self._memory = np.zeros(MEMORY, dtype=np.int64)
+        self._last_stamp = -np.inf
         self._clock = clock
         announce_compiling(progress)
         self._prepare(self.tables)
@@ -138,9 +140,7 @@ class Guard:
             else:
                 used = run_cycle(q, self._lines)
                 data = self._out[:used].copy()
-        return Verdict(
-            data, self._names, stamp, (self._clock() - start) * 1e-9, fault
-        )
+        return Verdict(data, self._names, stamp, (self._clock() - start) * 1e-9, fault)
 
     def reset(self) -> None:
         """Forget the last cycle and the last stamp.
@@ -159,8 +159,6 @@ class Guard:
         self.index = build_index(tables, world)
         octree = self.index.state
         self._shape = (len(tables.q_names),)
-        self._last_stamp = -np.inf
-        self._memory = np.zeros(MEMORY, dtype=np.int64)
         self._memory[FORCE] = 1
         self._out = np.zeros(layout.HEADER + capacity * layout.NEAR_WIDTH)
         settings = np.zeros(2, dtype=np.int32)

@@ -5,6 +5,9 @@ the cycle is handed one array of addresses, made once, and looks at the others t
 it. The guard that owns the ledger owns the arrays too and never lets them go.
 """
 
+# `carray` has no types that mypy could see.
+# mypy: disable-error-code="no-any-return"
+
 import ctypes
 from collections.abc import Sequence
 from typing import Any

@@ -11,6 +11,7 @@ from armguard.index.octree_audit import audit
 from armguard.index.octree_query import octree_candidates
 from armguard.index.octree_shape import count_owners
 from armguard.index.octree_state import (
+    ABSENT,
     COUNT,
     COUNT_UNSPLIT,
     DEPTH,
@@ -20,6 +21,7 @@ from armguard.index.octree_state import (
     LEAF,
     NODES_USED,
     OVERFLOW_COUNT,
+    STATUS,
     TOKEN,
     OctreeState,
     empty_state,
@@ -142,7 +144,7 @@ class Octree:
     @property
     def present(self) -> NDArray[np.bool_]:
         """Which primitives are in the tree, shape (p,)."""
-        return self.state.residency[:, 2] != 0
+        return np.asarray(self.state.residency[:, STATUS] != ABSENT)
 
     def check(self) -> None:
         """Audit every invariant; see `octree_audit`.
@@ -232,9 +234,7 @@ class Octree:
 
 
 @kernel
-def insert_all(
-    present: NDArray[np.bool_], world: World, state: OctreeState
-) -> None:
+def insert_all(present: NDArray[np.bool_], world: World, state: OctreeState) -> None:
     """Insert every primitive that is present, in order."""
     for i in range(present.shape[0]):
         if present[i]:
@@ -265,7 +265,10 @@ def root_corners(
             )
         if (centre - edge / 2 <= low).all() and (high <= centre + edge / 2).all():
             return centre - edge / 2, centre + edge / 2
-        low, high = np.minimum(low, centre - edge / 2), np.maximum(high, centre + edge / 2)
+        low, high = (
+            np.minimum(low, centre - edge / 2),
+            np.maximum(high, centre + edge / 2),
+        )
     if not np.isfinite(low).all():
         low, high = np.full(3, -0.5), np.full(3, 0.5)
     centre, half = (low + high) / 2, float((high - low).max()) / 2 * 1.001

@@ -1,8 +1,8 @@
 """Audit of an octree: every invariant, in plain Python, by other means.
 
 Overlap of a primitive and a cell is decided here by alternating projections onto two
-convex sets and a separating direction, not by the kernel the tree is built with; cells are made by halving from
-the root, not read from the nodes.
+convex sets and a separating direction, not by the kernel the tree is built with; cells
+are made by halving from the root, not read from the nodes.
 """
 
 import numpy as np
@@ -169,9 +169,7 @@ def check_books(
         free += 1
         entry = int(entries[entry, NEXT_IN_LEAF])
     demand(held + free == header[ENTRIES_USED], "entries are lost")
-    demand(
-        header[FREE_ENTRIES] == len(entries) - held, "free entries are miscounted"
-    )
+    demand(header[FREE_ENTRIES] == len(entries) - held, "free entries are miscounted")
     overflowed = int((state.residency[:, STATUS] == OVERFLOWED).sum())
     demand(header[OVERFLOW_COUNT] == overflowed, "overflows are miscounted")
 
@@ -301,6 +299,6 @@ def nearest_in_core(kind: int, row: Floats, points: Floats) -> Floats:
         start, axis = row[1:4], row[4:7] - row[1:4]
         length2 = float(axis @ axis)
         along = (points - start) @ axis / length2 if length2 > 0.0 else 0.0
-        return start + np.multiply.outer(np.clip(along, 0.0, 1.0), axis)
+        return np.asarray(start + np.multiply.outer(np.clip(along, 0.0, 1.0), axis))
     R, half = row[7:16].reshape(3, 3), row[4:7]
-    return row[1:4] + np.clip((points - row[1:4]) @ R, -half, half) @ R.T
+    return np.asarray(row[1:4] + np.clip((points - row[1:4]) @ R, -half, half) @ R.T)

@@ -11,9 +11,7 @@ BEYOND = 1.0
 
 
 @kernel
-def grown_gap(
-    i: int, node: int, world: World, state: OctreeState
-) -> float:
+def grown_gap(i: int, node: int, world: World, state: OctreeState) -> float:
     """Distance between a grown primitive and a cell [m]; it inhabits the cell if <= 0.
 
     The distance of the core to the cell minus the radius and the growth, so that a
@@ -44,8 +42,8 @@ def grown_gap(
     # A box round the primitive that is too far away settles it; what is left for the
     # exact test is near, or inside. The gap of the box is a bound from below.
     apart = max(x0 - box[3], box[0] - x1)
-    apart = max(apart, max(y0 - box[4], box[1] - y1))
-    apart = max(apart, max(z0 - box[5], box[2] - z1))
+    apart = max(apart, y0 - box[4], box[1] - y1)
+    apart = max(apart, z0 - box[5], box[2] - z1)
     if apart > world.growth[i]:
         return float(apart - world.growth[i])
     row = world.rows[i]

@@ -21,7 +21,7 @@ GRID = 400
 def draw_octree(
     octree: Octree, path: Path, *, title: str = "", height: float | None = None
 ) -> None:
-    """Write a PNG: a horizontal slice on the left, all leaves that hold something right.
+    """Write a PNG: a horizontal slice, and all leaves that hold something in space.
 
     In the slice, leaves are squares shaded by the number of their members, primitives
     are filled; those that move are drawn with the growth they are indexed with.
@@ -83,9 +83,7 @@ def draw_slice(
             )
         )
         if count:
-            axes.text(
-                cell[0], cell[4], f" {count}", va="top", fontsize=7, color="0.2"
-            )
+            axes.text(cell[0], cell[4], f" {count}", va="top", fontsize=7, color="0.2")
     low, high = octree.low, octree.high
     x = np.linspace(low[0], high[0], GRID)
     y = np.linspace(low[1], high[1], GRID)
@@ -106,7 +104,8 @@ def draw_slice(
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(
-        f"slice at z = {z:.2f} m; numbers: members of a leaf; orange: moving", fontsize=9
+        f"slice at z = {z:.2f} m; numbers: members of a leaf; orange: moving",
+        fontsize=9,
     )
 
 

@@ -47,9 +47,7 @@ def home_configuration(
         joint = model.joints[name]
         if not joint.lower <= value <= joint.upper:
             hint = (
-                ", which looks like degrees"
-                if abs(value) > LOOKS_LIKE_DEGREES
-                else ""
+                ", which looks like degrees" if abs(value) > LOOKS_LIKE_DEGREES else ""
             )
             raise ModelError(
                 f"home puts joint '{name}' at {value:g}{hint}; its limits are "
@@ -64,7 +62,5 @@ def home_configuration(
     for name in model.q_names:
         joint = model.joints[name]
         value = state.get(name, 0.0)
-        home[name] = float(
-            chosen.get(name, min(max(value, joint.lower), joint.upper))
-        )
+        home[name] = float(chosen.get(name, min(max(value, joint.lower), joint.upper)))
     return home

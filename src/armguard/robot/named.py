@@ -77,7 +77,9 @@ ROBOTS = {
     ),
     "ur10": in_package("ur_description/urdf/ur10_robot.urdf"),
     "xarm7": in_package(
-        "xarm_description/urdf/xarm7.urdf", "xarm_description/srdf/xarm7.srdf", XARM7_HOME
+        "xarm_description/urdf/xarm7.urdf",
+        "xarm_description/srdf/xarm7.srdf",
+        XARM7_HOME,
     ),
     "z1": in_package("z1_description/urdf/z1.urdf", "z1_description/srdf/z1.srdf"),
 }

@@ -42,9 +42,7 @@ def find_file(
     )
 
 
-def candidates(
-    name: str, urdf: Path, packages: Mapping[str, Path]
-) -> Iterator[Path]:
+def candidates(name: str, urdf: Path, packages: Mapping[str, Path]) -> Iterator[Path]:
     """Places a file may be in, the likeliest first."""
     folder = urdf.resolve().parent
     if name.startswith("file://"):

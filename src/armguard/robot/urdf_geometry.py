@@ -70,7 +70,7 @@ def read_geometry(
         name = reader.attribute(shape, "filename")
         a, b, c = reader.numbers(shape, "scale", 3, "1 1 1")
         if not a * b * c != 0.0:
-            raise reader.fail(shape, f"<mesh> scale is \"{shape.get('scale')}\"")
+            raise reader.fail(shape, f'<mesh> scale is "{shape.get("scale")}"')
         return MeshFile(find_file(name, urdf, packages), (a, b, c))
     raise reader.fail(
         shape,

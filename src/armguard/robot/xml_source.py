@@ -83,7 +83,7 @@ class Reader:
         if len(values) != count or not all(map(isfinite, values)):
             what = "a finite number" if count == 1 else f"{count} finite numbers"
             raise self.fail(
-                element, f"<{element.tag}> {name} is \"{text}\"; it must be {what}"
+                element, f'<{element.tag}> {name} is "{text}"; it must be {what}'
             )
         return values
 
@@ -93,7 +93,7 @@ class Reader:
         if not all(v > 0.0 for v in values):
             raise self.fail(
                 element,
-                f"<{element.tag}> {name} is \"{element.get(name)}\"; it must be > 0",
+                f'<{element.tag}> {name} is "{element.get(name)}"; it must be > 0',
             )
         return values
 

@@ -148,9 +148,7 @@ def build_scene(
             kind=model.index.kind,
             leaf_capacity=model.index.leaf_capacity,
             max_depth=model.index.max_depth,
-            cube=None
-            if cube is None
-            else CubeSettings(triple(cube.centre), cube.edge),
+            cube=None if cube is None else CubeSettings(triple(cube.centre), cube.edge),
         ),
     )
     problems: list[Problem] = []

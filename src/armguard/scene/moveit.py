@@ -63,9 +63,7 @@ def build_moveit_scene(
         try:
             add_object(scene, thing)
         except (KeyError, TypeError, ValueError, ArmguardError) as error:
-            what = (
-                f"has no {error}" if isinstance(error, KeyError) else str(error)
-            )
+            what = f"has no {error}" if isinstance(error, KeyError) else str(error)
             raise source.problem(
                 source.line(keys), f"world.collision_objects[{k}]", what
             ) from None
@@ -197,9 +195,7 @@ def primitive_shapes(
     ]
 
 
-def allow_matrix(
-    scene: Scene, source: YamlSource, name: str, links: set[str]
-) -> None:
+def allow_matrix(scene: Scene, source: YamlSource, name: str, links: set[str]) -> None:
     """Allowances of the allowed collision matrix.
 
     Raises:

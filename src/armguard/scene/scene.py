@@ -144,11 +144,11 @@ class Scene:
     def largest_buffer(self) -> float:
         """Largest distance any pair must keep [m]."""
         own = [
-            thing.buffer
-            for thing in (*self._robots.values(), *self._objects.values())
-            if thing.buffer is not None
+            *(robot.buffer for robot in self._robots.values()),
+            *(thing.buffer for thing in self._objects.values()),
         ]
-        return max([self.buffer, *own, *self.pair_buffers.values()])
+        given = [buffer for buffer in own if buffer is not None]
+        return max([self.buffer, *given, *self.pair_buffers.values()])
 
     @property
     def margin(self) -> float:
@@ -314,9 +314,7 @@ class Scene:
             ModelError: A joint does not exist, or is outside its limits.
         """
         robot = self._robots[name]
-        self._robots[name] = replace(
-            robot, home=home_configuration(robot.model, home)
-        )
+        self._robots[name] = replace(robot, home=home_configuration(robot.model, home))
 
     def allow(self, a: str, b: str, *, reason: str) -> None:
         """Leave a pair of bodies unchecked.
@@ -418,7 +416,9 @@ class Scene:
                 f"'{body}/{next(iter(self._robots[body].model.links))}'"
             )
         what = "link" if link else "body"
-        raise UnknownNameError(f"no {what} is named '{body}'; {did_you_mean(body, known)}")
+        raise UnknownNameError(
+            f"no {what} is named '{body}'; {did_you_mean(body, known)}"
+        )
 
     def _bodies_of(self, name: str) -> list[str]:
         if name in self._robots:

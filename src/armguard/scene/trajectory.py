@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -252,7 +253,7 @@ def densify(q: Floats, max_step: float) -> Floats:
     if not max_step > 0.0:
         raise TrajectoryError(f"max_step is {max_step}; it must be > 0")
     pieces = []
-    for before, after in zip(q[:-1], q[1:], strict=True):
+    for before, after in pairwise(q):
         largest = float(np.abs(after - before).max(initial=0.0))
         finite = np.isfinite(largest)
         steps = max(int(np.ceil(largest / max_step)), 1) if finite else 1

@@ -1,4 +1,4 @@
-"""YAML that remembers lines: for messages that say `scene.yaml:14: robots.left.base`."""
+"""YAML that remembers lines, for messages that say where."""
 
 from dataclasses import dataclass
 from pathlib import Path

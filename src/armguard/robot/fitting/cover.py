@@ -108,5 +108,3 @@ def quick_reach(points: Floats) -> float:
     """Overreach of a primitive around points that nobody refined [m]."""
     capsule = best_capsule(points, refine=False)
     return min(capsule.reach, best_box(points, refine=False).reach)
-
-

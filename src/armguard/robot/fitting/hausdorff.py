@@ -21,7 +21,11 @@ def directions(count: int = 400) -> Floats:
     polar = np.arccos(1.0 - 2.0 * k / count)
     azimuth = np.pi * (1.0 + 5.0**0.5) * k
     return np.column_stack(
-        [np.cos(azimuth) * np.sin(polar), np.sin(azimuth) * np.sin(polar), np.cos(polar)]
+        [
+            np.cos(azimuth) * np.sin(polar),
+            np.sin(azimuth) * np.sin(polar),
+            np.cos(polar),
+        ]
     )
 
 

@@ -190,15 +190,13 @@ def triangle_distance2(x: float, y: float, z: float, t: Floats) -> float:
             py - v * aby - w * acy,
             pz - v * abz - w * acz,
         )
-        return ex * ex + ey * ey + ez * ez
+        return float(ex * ex + ey * ey + ez * ez)
     best = edge_distance2(px, py, pz, abx, aby, abz)
     best = min(best, edge_distance2(px, py, pz, acx, acy, acz))
-    return min(
-        best,
-        edge_distance2(
-            px - abx, py - aby, pz - abz, acx - abx, acy - aby, acz - abz
-        ),
+    third = edge_distance2(
+        px - abx, py - aby, pz - abz, acx - abx, acy - aby, acz - abz
     )
+    return float(min(best, third))
 
 
 @kernel

@@ -101,6 +101,4 @@ def as_shape(held: dict[str, Any]) -> PlacedShape:
 
 def is_exact(link: Link) -> bool:
     """Whether a link needs no fit: all its shapes are ours."""
-    return not any(
-        isinstance(e.geometry, Cylinder | MeshFile) for e in link.collisions
-    )
+    return not any(isinstance(e.geometry, Cylinder | MeshFile) for e in link.collisions)

@@ -1,0 +1,186 @@
+"""`bench index`: the paper's findings about its octree, measured again."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.benchmark.fixtures import crowded_bay
+from armguard.benchmark.machine import describe_machine
+from armguard.benchmark.motion import only_last, sway
+from armguard.benchmark.timing import percentiles, quiet, time_in_turns
+from armguard.guard import Guard
+from armguard.scene import Scene, bay_scene
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+CYCLES = 2000
+PERIOD = 1e-3
+PAPER_PERIOD = 30e-3
+CAPACITIES = tuple(range(1, 21))
+SIZES = (35, 50, 75, 100, 200, 2_000, 20_000)
+
+
+def bench_index(cycles: int | None, progress: Progress) -> dict[str, Any]:
+    """Time and work against N, links moving, and the number of primitives."""
+    count = CYCLES if cycles is None else cycles
+    guard = Guard(bay_scene(), progress=progress)
+    fast = motion_for(guard, count, PERIOD)
+    slow = motion_for(guard, count, PAPER_PERIOD)
+    progress("time against N")
+    by_capacity = against_capacity(fast)
+    progress("time against links moving")
+    by_links = against_links(guard, fast)
+    progress("changes of leaf")
+    changes = {
+        "1ms": changes_of_leaf(guard, fast),
+        "30ms": changes_of_leaf(guard, slow),
+    }
+    sizes = []
+    for size in SIZES:
+        progress(f"octree and brute force at {size} primitives")
+        sizes.append(against_brute_force(size, fast[: min(count, 500)]))
+    n5 = by_capacity[CAPACITIES.index(5)]
+    middle = [
+        row["median_us"] for row in by_capacity if 4 <= row["leaf_capacity"] <= 12
+    ]
+    octree = next(row for row in sizes if row["primitives"] == SIZES[0])
+    return {
+        "name": "index",
+        "machine": describe_machine(),
+        "ours": octree["octree"],
+        "peers": {"brute_force": octree["brute_force"]},
+        "ratio": {"brute_force": octree["ratio"]},
+        "cycles": count,
+        "time_against_N": by_capacity,
+        "time_against_links_moving": by_links,
+        "changes_of_leaf": changes,
+        "octree_against_brute_force": sizes,
+        "row_1": {
+            "share_of_pairs_measured_at_N5": n5["share_measured"],
+            "share_of_pairs_sharing_a_leaf_at_N5": n5["share_sharing_leaf"],
+            "share_of_link_cycles_that_change_leaf_1ms": changes["1ms"]["link_cycles"],
+            "links_checked_when_only_the_last_moves": by_links[0]["links_checked"],
+            "N4_to_N12_spread": (max(middle) - min(middle)) / float(np.mean(middle)),
+            "octree_overtakes_at": overtakes(sizes),
+        },
+    }
+
+
+def motion_for(guard: Guard, count: int, period: float) -> Floats:
+    """All joints swinging."""
+    t = guard.tables
+    return sway(t.home, t.lower, t.upper, cycles=count, period=period)
+
+
+def scene_with(scene: Scene, **settings: Any) -> Guard:
+    """A guard of a scene with other settings of its index."""
+    scene.index = replace(scene.index, **settings)
+    return Guard(scene)
+
+
+def against_capacity(q: Floats) -> list[dict[str, Any]]:
+    """Time and counts for each N, all measured in turns."""
+    guards = [scene_with(bay_scene(), leaf_capacity=n) for n in CAPACITIES]
+    with quiet():
+        times = time_in_turns([guard.step for guard in guards], q)
+    rows = []
+    for n, guard, t in zip(CAPACITIES, guards, times, strict=True):
+        guard.reset()
+        counts = [guard.step(row).counts for row in q]
+        checkable = guard.tables.checkable_pairs
+        tested = float(np.mean([c.pairs_tested for c in counts]))
+        shared = tested + float(np.mean([c.pairs_filtered for c in counts]))
+        statistics = guard.index.statistics()
+        rows.append(
+            {
+                "leaf_capacity": n,
+                **percentiles(t),
+                "nodes": statistics["nodes"],
+                "pairs_tested": tested,
+                "pairs_sharing_a_leaf": shared,
+                "share_measured": tested / checkable,
+                "share_sharing_leaf": shared / checkable,
+                "link_cycles_that_change_leaf": link_cycles(counts),
+            }
+        )
+    return rows
+
+
+def link_cycles(counts: list[Any]) -> float:
+    """Share of moved links that changed a leaf."""
+    moved = sum(c.links_checked for c in counts)
+    return sum(c.links_changed_leaf for c in counts) / moved if moved else 0.0
+
+
+def against_links(guard: Guard, q: Floats) -> list[dict[str, Any]]:
+    """Time against the number of links that move, the last of an arm first."""
+    rows = []
+    for moving in range(1, 15):
+        held = only_last(q, guard.tables.home, moving, arms=2)
+        with quiet():
+            (times,) = time_in_turns([guard.step], held)
+        counts = [guard.step(row).counts for row in held]
+        rows.append(
+            {
+                "links_moving": moving,
+                **percentiles(times),
+                "links_checked": int(np.median([c.links_checked for c in counts])),
+                "pairs_tested": float(np.mean([c.pairs_tested for c in counts])),
+            }
+        )
+    return rows
+
+
+def changes_of_leaf(guard: Guard, q: Floats) -> dict[str, float]:
+    """How often a step changes the tree."""
+    guard.step(q[0])
+    counts = [guard.step(row).counts for row in q[1:]]
+    touched = [c.leaves_entered + c.leaves_left + c.splits + c.merges for c in counts]
+    return {
+        "cycles": float(np.mean([t > 0 for t in touched])),
+        "cycles_that_split_or_merge": float(
+            np.mean([c.splits + c.merges > 0 for c in counts])
+        ),
+        "link_cycles": link_cycles(counts),
+    }
+
+
+def against_brute_force(size: int, q: Floats) -> dict[str, Any]:
+    """The same scene with both kinds of index, in turns."""
+    scene = crowded_bay(size)
+    octree = scene_with(
+        scene, kind="octree", cube=None if size > SIZES[0] else scene.index.cube
+    )
+    brute = scene_with(scene, kind="brute_force")
+    same = all(
+        octree.step(row).tobytes() == brute.step(row).tobytes() for row in q[::10]
+    )
+    with quiet():
+        times = time_in_turns([octree.step, brute.step], q)
+    ours, theirs = percentiles(times[0]), percentiles(times[1])
+    statistics = octree.index.statistics()
+    return {
+        "primitives": size,
+        "pairs_checkable": octree.tables.checkable_pairs,
+        "octree": ours,
+        "brute_force": theirs,
+        "ratio": theirs["median_us"] / ours["median_us"],
+        "same_verdicts": same,
+        "nodes": statistics["nodes"],
+        "max_depth": statistics["max_depth"],
+        "bytes": statistics["bytes"],
+    }
+
+
+def overtakes(sizes: list[dict[str, Any]]) -> int | None:
+    """The least size measured from which on the octree is faster; None if never."""
+    least = None
+    for row in reversed(sizes):
+        if row["ratio"] <= 1.0:
+            break
+        least = row["primitives"]
+    return least

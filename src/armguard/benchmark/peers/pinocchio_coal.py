@@ -1,0 +1,166 @@
+"""Pinocchio's kinematics with Coal's collision checks."""
+
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armguard.benchmark.peers import Pairs, checked_pairs
+from armguard.geometry.shapes import ShapeKind
+from armguard.scene import SceneTables
+
+Floats = NDArray[np.float64]
+
+
+def build_models(tables: SceneTables) -> tuple[Any, Any]:
+    """Pinocchio's model and geometry model of a scene's flat tables."""
+    model = pin.Model()
+    joint_of_body: list[int] = []
+    placement_of_body: list[Any] = []
+    for b in range(len(tables.parent)):
+        frame = transform(tables.T_parent_joint[b])
+        up = tables.parent[b]
+        if tables.joint_kind[b] == 0:
+            joint_of_body.append(0 if up < 0 else joint_of_body[up])
+            placement_of_body.append(frame if up < 0 else placement_of_body[up] * frame)
+            continue
+        axis = tables.axis[b]
+        joint = (
+            pin.JointModelRevoluteUnaligned(axis)
+            if tables.joint_kind[b] == 1
+            else pin.JointModelPrismaticUnaligned(axis)
+        )
+        at = placement_of_body[up] * frame
+        joint_of_body.append(model.addJoint(joint_of_body[up], joint, at, f"body{b}"))
+        placement_of_body.append(pin.SE3.Identity())
+    geometry = pin.GeometryModel()
+    for i in range(len(tables.kinds)):
+        shape, T = coal_shape(int(tables.kinds[i]), tables.local_rows[i])
+        body = tables.bodies[i]
+        joint_id = 0 if body < 0 else joint_of_body[body]
+        at = T if body < 0 else placement_of_body[body] * T
+        geometry.addGeometryObject(pin.GeometryObject(f"p{i}", joint_id, at, shape))
+    for i, j in checked_pairs(tables):
+        geometry.addCollisionPair(pin.CollisionPair(i, j))
+    return model, geometry
+
+
+def transform(rows: Floats) -> Any:
+    """Pinocchio's transform of twelve numbers."""
+    T = rows.reshape(3, 4)
+    return pin.SE3(np.ascontiguousarray(T[:, :3]), np.ascontiguousarray(T[:, 3]))
+
+
+def coal_shape(kind: int, row: Floats) -> tuple[Any, Any]:
+    """Coal's shape of a primitive and where it stands."""
+    if kind == ShapeKind.SPHERE:
+        return coal.Sphere(row[0]), pin.SE3(np.eye(3), row[1:4].copy())
+    if kind == ShapeKind.CAPSULE:
+        axis = row[4:7] - row[1:4]
+        length = float(np.linalg.norm(axis))
+        R = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis / length)
+        middle = (row[1:4] + row[4:7]) / 2.0
+        return coal.Capsule(row[0], length), pin.SE3(R.matrix(), middle)
+    box = coal.Box(*(2.0 * row[4:7]))
+    if row[0] > 0.0:
+        box.setSweptSphereRadius(row[0])
+    R = np.ascontiguousarray(row[7:16].reshape(3, 3))
+    return box, pin.SE3(R, row[1:4].copy())
+
+
+class AllDistances:
+    """`computeDistances` over all checked pairs."""
+
+    name = "pinocchio_coal_distances"
+
+    def __init__(self, tables: SceneTables) -> None:
+        self.margin = tables.margin
+        self.model, self.geometry = build_models(tables)
+        self.data = self.model.createData()
+        self.results = pin.GeometryData(self.geometry)
+
+    def step(self, q: Floats) -> object:
+        """Every distance."""
+        return pin.computeDistances(
+            self.model, self.data, self.geometry, self.results, q
+        )
+
+    def near_pairs(self, q: Floats) -> Pairs:
+        """Pairs whose distance is within the margin."""
+        self.step(q)
+        pairs = self.geometry.collisionPairs
+        return {
+            (pairs[k].first, pairs[k].second)
+            for k in range(len(pairs))
+            if self.results.distanceResults[k].min_distance <= self.margin
+        }
+
+
+class MarginCollisions:
+    """`computeCollisions` over all checked pairs, with the margin as security margin."""
+
+    name = "pinocchio_coal_margin"
+
+    def __init__(self, tables: SceneTables) -> None:
+        self.model, self.geometry = build_models(tables)
+        self.data = self.model.createData()
+        self.results = pin.GeometryData(self.geometry)
+        for request in self.results.collisionRequests:
+            request.security_margin = tables.margin
+
+    def step(self, q: Floats) -> object:
+        """Every pair, each only as far as "within the margin or not" needs."""
+        return pin.computeCollisions(
+            self.model, self.data, self.geometry, self.results, q, False
+        )
+
+    def near_pairs(self, q: Floats) -> Pairs:
+        """Pairs in collision with the margin."""
+        self.step(q)
+        pairs = self.geometry.collisionPairs
+        return {
+            (pairs[k].first, pairs[k].second)
+            for k in range(len(pairs))
+            if self.results.collisionResults[k].isCollision()
+        }
+
+
+class BroadPhase:
+    """The broad-phase manager over a dynamic tree of boxes, with the margin.
+
+    The manager leaves the margin out of its boxes unless the requests had it when the
+    manager was made (the default callback then inflates them).
+    """
+
+    name = "pinocchio_coal_broadphase"
+
+    def __init__(self, tables: SceneTables) -> None:
+        self.model, self.geometry = build_models(tables)
+        self.data = self.model.createData()
+        self.results = pin.GeometryData(self.geometry)
+        for request in self.results.collisionRequests:
+            request.security_margin = tables.margin
+        self.manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            self.model, self.geometry, self.results
+        )
+        self.callback = pin.CollisionCallBackDefault(self.geometry, self.results, False)
+
+    def step(self, q: Floats) -> object:
+        """Kinematics, boxes, tree, and the pairs whose boxes meet."""
+        return pin.computeCollisions(
+            self.model, self.data, self.manager, self.callback, q
+        )
+
+    def near_pairs(self, q: Floats) -> Pairs:
+        """Pairs in collision with the margin."""
+        for result in self.results.collisionResults:
+            result.clear()
+        self.step(q)
+        pairs = self.geometry.collisionPairs
+        return {
+            (pairs[k].first, pairs[k].second)
+            for k in range(len(pairs))
+            if self.results.collisionResults[k].isCollision()
+        }

@@ -1,0 +1,65 @@
+"""Timing of calls: one core, warmed up, collector off, percentiles."""
+
+import gc
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from time import perf_counter_ns
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """One core and no garbage collection, both put back afterwards."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        os.sched_setaffinity(0, before)
+
+
+def percentiles(nanoseconds: Floats) -> dict[str, float]:
+    """Median and tail in microseconds."""
+    p50, p99, p999 = np.percentile(nanoseconds, [50, 99, 99.9]) / 1e3
+    return {
+        "median_us": float(p50),
+        "p99_us": float(p99),
+        "p999_us": float(p999),
+        "max_us": float(nanoseconds.max() / 1e3),
+    }
+
+
+def time_calls(call: Callable[[Floats], object], rows: Floats) -> Floats:
+    """Duration of one call for each row [ns]."""
+    times = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        start = perf_counter_ns()
+        call(row)
+        times[k] = perf_counter_ns() - start
+    return times
+
+
+def time_in_turns(
+    calls: Sequence[Callable[[Floats], object]], rows: Floats, blocks: int = 10
+) -> list[Floats]:
+    """Durations of several calls over the same rows, block by block in turns [ns].
+
+    What disturbs the machine for a while disturbs them all.
+    """
+    for call in calls:
+        time_calls(call, rows[: max(len(rows) // 10, 1)])
+    parts: list[list[Floats]] = [[] for _ in calls]
+    for block in np.array_split(rows, blocks):
+        for k, call in enumerate(calls):
+            # The first call after a change of hands pays for cold caches.
+            call(block[0])
+            parts[k].append(time_calls(call, block))
+    return [np.concatenate(part) for part in parts]
