@@ -60,7 +60,10 @@ def geom(i: int, kind: int, row: Floats, margin: float) -> str:
     """A primitive as a geom; half of the margin is its own."""
     common = f'<geom name="p{i}" margin="{margin!r}" gap="{margin!r}" '
     if kind == ShapeKind.SPHERE:
-        return common + f'type="sphere" size="{row[0]!r}" pos="{as_text(row[1:4])}"/>'
+        return (
+            common
+            + f'type="sphere" size="{float(row[0])!r}" pos="{as_text(row[1:4])}"/>'
+        )
     if kind == ShapeKind.CAPSULE:
         ends = as_text(row[1:7])
         return common + f'type="capsule" size="{float(row[0])!r}" fromto="{ends}"/>'
