@@ -37,12 +37,12 @@ def turn_from_box(box: Row, u: Vec3) -> Vec3:
 
 @kernel
 def clamp(x: float, h: float) -> float:
-    """X, kept within [-h, h]; NaN stays NaN."""
+    """X, kept within [-h, h]; a NaN in either stays NaN."""
     if x < -h:
         return -h
     if x > h:
         return h
-    return x
+    return x + 0.0 * h
 
 
 @kernel

@@ -74,14 +74,36 @@ def cell_gap(
 
 
 @kernel
+def is_aligned(row: Row) -> bool:
+    """Whether a box's axes are the world's, to the last bit; a NaN is not."""
+    return bool(
+        row[7] == 1.0 and row[11] == 1.0 and row[15] == 1.0
+        and row[8] == 0.0 and row[9] == 0.0 and row[10] == 0.0
+        and row[12] == 0.0 and row[13] == 0.0 and row[14] == 0.0
+    )  # fmt: skip
+
+
+@kernel
+def outside_by(below: float, above: float) -> float:
+    """The positive one of two gaps, 0 if there is none; NaN stays NaN."""
+    if below > 0.0:
+        return below
+    if above > 0.0:
+        return above
+    return 0.0 * (below + above)
+
+
+@kernel
 def box_gap(
     row: Row, x0: float, y0: float, z0: float, x1: float, y1: float, z1: float
 ) -> float:
     """Distance of a box core to a cell."""
-    if row[7] == 1.0 and row[11] == 1.0 and row[15] == 1.0:
-        dx = max(x0 - (row[1] + row[4]), (row[1] - row[4]) - x1, 0.0)
-        dy = max(y0 - (row[2] + row[5]), (row[2] - row[5]) - y1, 0.0)
-        dz = max(z0 - (row[3] + row[6]), (row[3] - row[6]) - z1, 0.0)
+    if is_aligned(row):
+        cx, cy, cz = row[1], row[2], row[3]
+        # Gap of two intervals, twice: once they overlap, both are negative.
+        dx = outside_by(x0 - (cx + row[4]), (cx - row[4]) - x1)
+        dy = outside_by(y0 - (cy + row[5]), (cy - row[5]) - y1)
+        dz = outside_by(z0 - (cz + row[6]), (cz - row[6]) - z1)
         return sqrt(dx * dx + dy * dy + dz * dz)
     cx, cy, cz = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1)
     centre = (row[1] - cx, row[2] - cy, row[3] - cz)
@@ -93,4 +115,4 @@ def box_gap(
         (row[8], row[11], row[14]),
         (row[9], row[12], row[15]),
     )[0]  # fmt: skip
-    return float(max(gap, 0.0)) if gap == gap else float(gap)
+    return float(0.0 if gap < 0.0 else gap)

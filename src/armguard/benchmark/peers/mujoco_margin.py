@@ -29,8 +29,9 @@ def mjcf(tables: SceneTables) -> str:
     for b in range(len(tables.parent)):
         T = tables.T_parent_joint[b].reshape(3, 4)
         kind = {1: "hinge", 2: "slide"}.get(int(tables.joint_kind[b]))
+        at = f'pos="{as_text(T[:, 3])}" quat="{quaternion(T[:, :3])}"'
         lines[b] = [
-            f'<body name="b{b}" pos="{as_text(T[:, 3])}" quat="{quaternion(T[:, :3])}">',
+            f'<body name="b{b}" {at}>',
             '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>',
         ]
         if kind:

@@ -99,7 +99,7 @@ class AllDistances:
 
 
 class MarginCollisions:
-    """`computeCollisions` over all checked pairs, with the margin as security margin."""
+    """`computeCollisions` over all checked pairs; the margin is its security margin."""
 
     name = "pinocchio_coal_margin"
 
