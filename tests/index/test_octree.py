@@ -354,3 +354,21 @@ def test_a_box_inhabits_the_leaves_it_overlaps_and_no_others():
     octree.check()
     held = octree.state.residency[0, places.LEAF_COUNT]
     assert held < 0.5 * octree.statistics()["leaves"]
+
+
+def test_a_batch_of_moves_leaves_a_canonical_tree_too():
+    """All primitives are moved first and updated one by one, as the cycle does it.
+
+    A split in between sees members where they are now, not where their lists say: a
+    member may be in none of the children, and the split needless (found by jumps).
+    """
+    rng, shapes, poses, world = random_world(17, 40, MOVING)
+    octree = Octree(world, leaf_capacity=3)
+    for k in range(400):
+        for i in range(MOVING):
+            move(rng, i, shapes, poses, world, 0.0 if k % 3 else 0.1)
+        for i in range(MOVING):
+            octree.update(i)
+        if k % 8 == 0:
+            octree.check()
+            assert missing_pairs(octree, world, MOVING, 0.05) == []

@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numba.core.runtime import rtsys
+from numba.core.runtime import _nrt_python, rtsys
 
 from armguard.benchmark.machine import describe_machine
 from armguard.benchmark.motion import sway
@@ -36,6 +36,7 @@ def bench_memory(cycles: int | None, progress: Progress) -> dict[str, Any]:
     fresh = Guard(bay_scene())
     probes = q[::997]
     times = time_calls(guard.step, q)
+    _nrt_python.memsys_enable_stats()
     before = rtsys.get_allocation_stats()
     resident = [resident_kib()]
     progress(f"{count} cycles")

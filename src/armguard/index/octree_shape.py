@@ -18,6 +18,7 @@ from armguard.index.octree_state import (
     COUNT_UNSPLIT,
     COUNT_VISITED,
     DEPTH,
+    DROPPED,
     FIRST_CHILD,
     FREE_ENTRIES,
     HEAD,
@@ -39,6 +40,7 @@ from armguard.kernel import kernel
 def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
     """Split a leaf, and its children, until the rule holds."""
     nodes, stack = state.nodes, state.stack
+    state.header[DROPPED] = 0
     stack[0] = leaf
     height = 1
     while height > 0:
@@ -54,6 +56,32 @@ def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
         for c in range(8):
             stack[height] = first + c
             height += 1
+    if state.header[DROPPED]:
+        merge_below(leaf, world, state)
+
+
+@kernel(inline=False)
+def merge_below(top: int, world: World, state: OctreeState) -> None:
+    """Merge what can be merged below a node that was split just now.
+
+    A member that has moved, and whose own update is still to come, may be in none of
+    the children: then fewer are left than made the split necessary.
+    """
+    nodes, stack = state.nodes, state.stack
+    stack[0] = top
+    height = 1
+    while height > 0:
+        height -= 1
+        node = stack[height]
+        first = nodes[node, FIRST_CHILD]
+        # A leaf; or a node that a merge further up has freed in the meantime.
+        if first < 0:
+            continue
+        merge_upwards(node, world, state)
+        if nodes[node, FIRST_CHILD] == first:
+            for c in range(8):
+                stack[height] = first + c
+                height += 1
 
 
 @kernel
@@ -109,11 +137,15 @@ def split(node: int, world: World, state: OctreeState) -> int:
         free_entry(entry, entry_before(entry, state), state)
         # The slack counts from the anchor, the gaps from where i is now.
         moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
+        linked = 0
         for c in range(8):
             gap = grown_gap(i, first + c, world, state)
             state.slack[i] = min(state.slack[i], abs(gap) - moved)
             if not gap > 0.0:
                 link_entry(i, first + c, state)
+                linked += 1
+        if linked == 0:
+            state.header[DROPPED] = 1
         entry = after
     state.counters[COUNT_SPLITS] += 1
     state.counters[COUNT_VISITED] += 8

@@ -47,7 +47,8 @@ ENTRIES_USED = 5
 FREE_ENTRIES = 6  # entries that can still be handed out
 TOKEN = 7  # grows with every search, so that marks need no clearing
 OVERFLOW_COUNT = 8  # primitives that are OVERFLOWED
-HEADER_WIDTH = 9
+DROPPED = 9  # 1 if a split found a member that is in none of the children
+HEADER_WIDTH = 10
 
 # counters: they only grow; the difference over a cycle is what the cycle did.
 COUNT_ENTERED = 0

@@ -1,0 +1,42 @@
+"""Small robots and scenes for tests, built in memory."""
+
+import numpy as np
+
+from armguard.geometry import Box, Capsule, Pose
+from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
+from armguard.scene import Scene
+
+
+def simple_arm(joints=3, length=0.4, radius=0.04):
+    """A planar arm: capsules that turn about z, stacked 0.2 m apart so none overlap."""
+    links, chain = {"base": Link(name="base")}, {}
+    above = "base"
+    for k in range(joints):
+        name = f"link{k + 1}"
+        shape = Capsule(start=(0.1, 0, 0), end=(length, 0, 0), radius=radius)
+        links[name] = Link(
+            name=name,
+            collisions=(CollisionElement(geometry=shape, T_link_geometry=np.eye(4)),),
+        )
+        chain[f"joint{k + 1}"] = Joint(
+            name=f"joint{k + 1}",
+            kind=JointKind.REVOLUTE,
+            parent=above,
+            child=name,
+            T_parent_joint=Pose(xyz=(0.0 if k == 0 else length, 0, 0.2)).matrix(),
+            axis=np.array([0.0, 0.0, 1.0]),
+            lower=-2.0,
+            upper=2.0,
+        )
+        above = name
+    return RobotModel(name="arm", path=None, links=links, joints=chain, root="base")
+
+
+def wall_scene(**settings):
+    """One arm, and a wall whose face stands at y = 0.5."""
+    scene = Scene(**settings)
+    scene.add_robot(simple_arm(), name="arm")
+    scene.add(
+        Box(half_extents=(2.0, 0.1, 1.0)), name="wall", pose=Pose(xyz=(0, 0.6, 0.5))
+    )
+    return scene
