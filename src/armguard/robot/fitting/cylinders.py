@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Box, Capsule, PlacedShape
 from armguard.robot.fitting.cover import cover
+from armguard.robot.fitting.enclose import SEAM
 
 Floats = NDArray[np.float64]
 
@@ -37,21 +38,25 @@ def enclose_cylinder(
     cap = hypot(radius, inset)
     capsule = PlacedShape(
         Capsule(
-            start=(0.0, 0.0, inset - half), end=(0.0, 0.0, half - inset), radius=cap
+            start=(0.0, 0.0, inset - half),
+            end=(0.0, 0.0, half - inset),
+            radius=cap + SEAM,
         ),
         Pose(),
-        max(cap - inset, cap - radius),
+        max(cap - inset, cap - radius) + SEAM,
     )
     if capsule.model_error <= 0.5 * target:
         return (capsule,)
     core = radius / sqrt(2.0)
     rounded = PlacedShape(
-        Box(half_extents=(core, core, half), rounding=radius - core),
+        Box(half_extents=(core, core, half), rounding=radius - core + SEAM),
         Pose(),
-        radius - core,
+        radius - core + SEAM,
     )
     sharp = PlacedShape(
-        Box(half_extents=(radius, radius, half)), Pose(), (sqrt(2.0) - 1.0) * radius
+        Box(half_extents=(radius, radius, half), rounding=SEAM),
+        Pose(),
+        (sqrt(2.0) - 1.0) * radius + SEAM,
     )
     best = min((rounded, sharp, capsule), key=lambda placed: placed.model_error)
     if best.model_error <= target or max_primitives == 1:

@@ -1,0 +1,58 @@
+"""Benchmarks: their shape and their honesty, never their times."""
+
+import numpy as np
+import pytest
+
+from armguard.benchmark import print_result, run
+from armguard.benchmark.cycle import near_of
+from armguard.benchmark.memory import drift
+from armguard.benchmark.peers import available_peers, checked_pairs
+from armguard.benchmark.timing import percentiles
+from armguard.errors import UnknownNameError
+from armguard.guard import Guard
+from armguard.scene import bay_scene, bay_task
+
+
+def test_the_cycle_benchmark_has_the_promised_shape():
+    answer = run("cycle", cycles=100)
+    assert answer["name"] == "cycle"
+    figures = {"median_us", "p99_us", "p999_us", "max_us"}
+    assert set(answer["ours"]) == figures
+    assert len(answer["peers"]) == 4
+    for name, peer in answer["peers"].items():
+        assert set(peer) == figures
+        ratio = peer["median_us"] / answer["ours"]["median_us"]
+        assert answer["ratio"][name] == pytest.approx(ratio)
+    assert "ours.median_us" in print_result(answer)
+
+
+def test_peers_find_the_same_near_pairs():
+    """Four other checkers, given the same primitives, agree pair by pair."""
+    guard = Guard(bay_scene())
+    q = bay_task(2000).for_scene(bay_scene())[::25]
+    ours = [near_of(guard, row) for row in q]
+    assert any(ours)
+    peers = list(available_peers(guard.tables))
+    assert len(peers) == 4
+    for peer in peers:
+        assert [peer.near_pairs(row) for row in q] == ours, peer.name
+
+
+def test_checked_pairs_are_as_many_as_the_tables_say():
+    tables = Guard(bay_scene()).tables
+    assert len(checked_pairs(tables)) == tables.checkable_pairs
+
+
+def test_composed_rotations_drift_and_angles_do_not():
+    found = drift(20_000)
+    assert found["composed_float32_m"] > 1e-6 > found["composed_float64_m"]
+    assert found["from_angles_m"] == 0.0
+
+
+def test_percentiles_are_in_microseconds():
+    assert percentiles(np.array([1000.0, 2000.0, 3000.0]))["median_us"] == 2.0
+
+
+def test_an_unknown_benchmark_is_refused():
+    with pytest.raises(UnknownNameError, match="did you mean 'cycle'"):
+        run("cycel")

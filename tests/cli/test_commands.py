@@ -1,0 +1,99 @@
+"""The commands, as a user runs them: output, files, exit codes."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from armguard.cli.app import app, main
+from armguard.scene.bay import FOLDER, bay_path
+
+BAY = str(bay_path())
+TASK = str(FOLDER / "task_150.csv")
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_demo_prints_json_and_ends():
+    result = run("demo", "--headless", "--cycles", "300", "--json", "--task", "150")
+    answer = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert answer["cycles"] == 300
+    assert answer["levels"]["STOP"] > 0
+    assert answer["events"][0]["why"].startswith("left/link7 to task_panel")
+
+
+def test_demo_tells_events_as_they_come():
+    result = run("demo", "--headless", "--task", "150")
+    assert "STOP" in result.stdout
+    assert "150 cycles" in result.stdout
+
+
+def test_run_writes_a_report_and_says_too_close(tmp_path):
+    report = tmp_path / "report.json"
+    result = run("run", BAY, "--trajectory", TASK, "--report", str(report))
+    assert result.exit_code == 1
+    events = json.loads(report.read_text())["events"]
+    assert any(e["level"] == "STOP" for e in events)
+
+
+def test_run_is_clear_where_nothing_comes_near(tmp_path):
+    lines = (FOLDER / "task_150.csv").read_text().splitlines()[:40]
+    path = tmp_path / "start.csv"
+    path.write_text("\n".join(lines) + "\n")
+    assert run("run", BAY, "--trajectory", str(path)).exit_code == 0
+
+
+def test_run_with_a_nan_is_bad_input(tmp_path):
+    lines = (FOLDER / "task_150.csv").read_text().splitlines()[:4]
+    cells = lines[2].split(",")
+    cells[3] = "nan"
+    path = tmp_path / "nan.csv"
+    path.write_text("\n".join([*lines[:2], ",".join(cells), lines[3]]) + "\n")
+    result = run("run", BAY, "--trajectory", str(path), "--json")
+    assert result.exit_code == 2
+    (event,) = json.loads(result.stdout)["events"]
+    assert event["why"].startswith("joint 'left/joint3' is at nan")
+
+
+def test_check_lists_findings():
+    result = run("check", BAY)
+    assert result.exit_code == 0, result.output
+    for topic in ("versions", "joints", "meshes", "fit", "home", "index", "cycle time"):
+        assert f"{topic}: " in result.stdout
+    answer = json.loads(run("check", BAY, "--json", "--propose", "50").stdout)
+    assert {f["status"] for f in answer["findings"]} <= {"PASS", "WARN"}
+    assert len(answer["fits"]) == 14
+
+
+def test_check_of_a_broken_scene_fails(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text("robots: {a: {urdf: pnda}}\n")
+    result = run("check", str(path))
+    assert result.exit_code == 2
+    assert "FAIL" in result.stdout
+    assert "did you mean 'panda'" in " ".join(result.stdout.split())
+
+
+def test_octree_prints_numbers_and_draws(tmp_path):
+    png = tmp_path / "tree.png"
+    result = run("octree", BAY, "--png", str(png), "--json")
+    answer = json.loads(result.stdout)
+    assert answer["audit"] == "passed"
+    assert answer["primitives"] == 35
+    assert png.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_an_error_is_one_message_and_exit_code_two(monkeypatch, capsys, tmp_path):
+    arguments = ["armguard", "run", str(tmp_path / "no.yaml"), "--trajectory", TASK]
+    monkeypatch.setattr("sys.argv", arguments)
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    assert "no.yaml: cannot be read" in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_version_is_the_packages():
+    assert run("--version").stdout.strip() == "0.1.0"

@@ -1,0 +1,252 @@
+"""Fits: the whole surface is inside, and the overreach is what it says."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from armguard.errors import MeshError
+from armguard.geometry import Box, Capsule, PlacedShape, Pose, Sphere
+from armguard.robot import find_named_robot, load_urdf
+from armguard.robot.fitting import enclose_cylinder, fit_link, fit_robot, uncovered
+from armguard.robot.fitting.clipping import cut
+from armguard.robot.fitting.fit import placed_triangles
+from armguard.robot.fitting.overreach import overreaches, surface_samples
+from armguard.robot.fitting.proof import inside
+from armguard.robot.meshes import load_triangles
+from armguard.robot.model import CollisionElement, Cylinder, Link, MeshFile, RobotModel
+
+ROBOTS = ["panda", "ur5", "xarm7", "kinova", "baxter"]
+
+
+@pytest.fixture(scope="module")
+def models():
+    return {name: load_urdf(find_named_robot(name).urdf) for name in ROBOTS}
+
+
+def soup(link):
+    meshes = [e for e in link.collisions if isinstance(e.geometry, MeshFile)]
+    return [placed_triangles(e) for e in meshes]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_triangle_of_every_link_is_inside(models, name):
+    fits = fit_robot(models[name])
+    meshes = 0
+    for link in models[name].links.values():
+        for triangles in soup(link):
+            assert len(uncovered(triangles, fits[link.name].shapes)) == 0, link.name
+            meshes += 1
+    assert meshes > 0 or name == "baxter"
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_random_points_of_the_surface_are_inside(models, name):
+    """A second opinion that knows nothing of triangles in primitives."""
+    rng = np.random.default_rng(0)
+    fits = fit_robot(models[name])
+    for link in models[name].links.values():
+        for triangles in soup(link):
+            which = rng.integers(len(triangles), size=3000)
+            weights = rng.dirichlet(np.ones(3), size=3000)
+            points = np.einsum("nk,nkd->nd", weights, triangles[which])
+            held = np.zeros(len(points), dtype=bool)
+            for placed in fits[link.name].shapes:
+                held |= inside(placed, points)
+            assert held.all(), link.name
+
+
+def test_the_proof_has_teeth(models):
+    link = models["panda"].links["panda_link3"]
+    (triangles,) = soup(link)
+    (placed,) = fit_link(link).shapes
+    shape = placed.shape
+    smaller = Capsule(start=shape.start, end=shape.end, radius=shape.radius - 1e-3)
+    assert len(uncovered(triangles, [PlacedShape(smaller, placed.pose)])) > 0
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_the_overreach_bounds_what_sampling_finds(models, name):
+    """Distances to a dense cloud of surface points, by another library."""
+    rng = np.random.default_rng(1)
+    for link in list(models[name].links.values())[:5]:
+        if not soup(link):
+            continue
+        triangles = np.concatenate(soup(link))
+        fit = fit_link(link)
+        areas = np.linalg.norm(
+            np.cross(
+                triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+            ),
+            axis=1,
+        )
+        which = rng.choice(len(triangles), size=60_000, p=areas / areas.sum())
+        weights = rng.dirichlet(np.ones(3), size=60_000)
+        cloud = cKDTree(np.einsum("nk,nkd->nd", weights, triangles[which]))
+        worst = 0.0
+        for placed in fit.shapes:
+            points = surface_samples(placed, 0.004)
+            for other in fit.shapes:
+                if other is not placed:
+                    points = points[~inside(other, points)]
+            if len(points):
+                worst = max(worst, float(cloud.query(points)[0].max()))
+        # The cloud is a little farther away than the surface it is drawn from.
+        assert worst <= fit.overreach + 0.003
+        assert worst >= fit.overreach - 0.008
+
+
+def test_samples_lie_on_the_surface_and_leave_no_gap():
+    spacing = 0.01
+    rng = np.random.default_rng(2)
+    shapes = [
+        PlacedShape(Sphere(radius=0.1)),
+        PlacedShape(Capsule(start=(0, 0, -0.1), end=(0.1, 0, 0.2), radius=0.05)),
+        PlacedShape(Box(half_extents=(0.1, 0.05, 0.2))),
+        PlacedShape(
+            Box(half_extents=(0.1, 0.02, 0.15), rounding=0.04),
+            Pose(xyz=(0.3, 0, 0), rpy=(0.3, 0.4, 0.5)),
+        ),
+    ]
+    for placed in shapes:
+        samples = surface_samples(placed, spacing)
+        grown = type(placed.shape)(
+            **{
+                k: getattr(placed.shape, k)
+                for k in placed.shape.__slots__
+                if k != "rounding"
+            },
+            rounding=placed.shape.rounding + 1e-9,
+        )
+        assert inside(PlacedShape(grown, placed.pose), samples).all()
+        # Walk in from far away to the surface; the next sample is close by.
+        T = placed.pose.matrix()
+        tree = cKDTree(samples)
+        centre = (
+            T[:3, :3]
+            @ np.array(
+                np.add(placed.shape.start, placed.shape.end) / 2
+                if isinstance(placed.shape, Capsule)
+                else np.zeros(3)
+            )
+            + T[:3, 3]
+        )
+        rays = rng.normal(size=(500, 3))
+        rays /= np.linalg.norm(rays, axis=1)[:, None]
+        low, high = np.zeros(500), np.ones(500)
+        for _ in range(50):
+            middle = (low + high) / 2
+            hit = inside(placed, centre + middle[:, None] * rays)
+            low, high = np.where(hit, middle, low), np.where(hit, high, middle)
+        assert tree.query(centre + low[:, None] * rays)[0].max() <= spacing
+
+
+@pytest.mark.parametrize(
+    ("radius", "length", "target"),
+    [(0.03, 0.14, 0.03), (0.05, 0.5, 0.03), (0.2, 0.1, 0.03), (0.2, 1.0, 0.03)],
+)
+def test_a_cylinder_is_enclosed_and_its_overreach_bounds_the_truth(
+    radius, length, target
+):
+    shapes = enclose_cylinder(radius, length, target)
+    rng = np.random.default_rng(3)
+    angle = rng.uniform(0, 2 * np.pi, 20_000)
+    rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    side = np.column_stack([rim, rng.uniform(-length / 2, length / 2, 20_000)])
+    discs = np.column_stack(
+        [rim * np.sqrt(rng.random(20_000))[:, None], rng.choice([-1, 1], 20_000)]
+    )
+    discs[:, 2] *= length / 2
+    edges = np.column_stack([rim, rng.choice([-1, 1], 20_000) * length / 2])
+    points = np.concatenate([side, discs, edges])
+    held = np.zeros(len(points), dtype=bool)
+    for placed in shapes:
+        held |= inside(placed, points)
+    assert held.all()
+    for placed in shapes:
+        samples = surface_samples(placed, 0.005)
+        for other in shapes:
+            if other is not placed:
+                samples = samples[~inside(other, samples)]
+        r = np.hypot(samples[:, 0], samples[:, 1])
+        out = np.hypot(
+            np.maximum(r - radius, 0), np.maximum(np.abs(samples[:, 2]) - length / 2, 0)
+        )
+        if len(out):
+            assert out.max() <= placed.model_error + 1e-6
+
+
+def test_exact_shapes_stay_as_they_are():
+    T = Pose(xyz=(0.1, 0, 0)).matrix()
+    box = Box(half_extents=(0.1, 0.2, 0.3))
+    element = CollisionElement(geometry=box, T_link_geometry=T)
+    fit = fit_link(Link(name="l", collisions=(element,)))
+    assert fit.overreach == 0.0
+    assert fit.shapes[0].shape == box
+    assert fit.shapes[0].pose.xyz == (0.1, 0.0, 0.0)
+
+
+def test_more_primitives_overreach_less(models):
+    link = models["ur5"].links["upper_arm_link"]
+    one = fit_link(link, max_primitives=1)
+    many = fit_link(link, max_primitives=8)
+    assert len(one.shapes) == 1 < len(many.shapes)
+    assert many.overreach < 0.8 * one.overreach
+
+
+def test_a_cut_keeps_the_whole_surface():
+    rng = np.random.default_rng(4)
+    triangles = rng.normal(size=(200, 3, 3))
+    lower, upper = cut(triangles, np.array([0.0, 0.6, 0.8]), 0.1)
+
+    def area(t):
+        sides = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+        return np.linalg.norm(sides, axis=1).sum() / 2
+
+    assert area(lower) + area(upper) == pytest.approx(area(triangles))
+    assert (lower @ [0.0, 0.6, 0.8]).max() <= 0.1 + 1e-12
+    assert (upper @ [0.0, 0.6, 0.8]).min() >= 0.1 - 1e-12
+
+
+def test_fits_are_kept_on_disk_bit_for_bit(tmp_path, monkeypatch):
+    monkeypatch.setenv("ARMGUARD_CACHE", str(tmp_path))
+    element = CollisionElement(geometry=Cylinder(0.2, 0.6), T_link_geometry=np.eye(4))
+    model = RobotModel(
+        name="r",
+        path=None,
+        links={"l": Link(name="l", collisions=(element,))},
+        joints={},
+        root="l",
+    )
+    asked = []
+    first = fit_robot(model, progress=lambda *a: asked.append(a))
+    again = fit_robot(model, progress=lambda *a: asked.append(a))
+    assert first == again
+    assert asked == [("l", 1, 1)]
+    (kept,) = (tmp_path / "fits").glob("*.json")
+    kept.write_text("broken")
+    assert fit_robot(model) == first
+    assert json.loads(kept.read_text())["source"] == "cylinder"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("m.stl", "", "cannot be read|no triangle"),
+        ("m.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n", "not finite"),
+        ("m.xyz", "x", r"is no \.stl"),
+    ],
+)
+def test_meshes_that_are_none_are_refused(tmp_path, name, text, says):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(MeshError, match=says):
+        load_triangles(MeshFile(path))
+
+
+def test_a_shape_far_off_has_its_overreach():
+    triangle = np.array([[[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]])
+    ball = PlacedShape(Sphere(radius=0.3))
+    (reach,) = overreaches(triangle, [ball], 0.001)
+    assert reach == pytest.approx(0.3, abs=0.002)

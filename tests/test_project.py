@@ -1,0 +1,66 @@
+"""Promises about the package as a whole."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import armguard
+
+ROOT = Path(__file__).parents[1]
+
+PROBE = """
+import numpy as np
+from armguard.geometry.pairs import PAIR_KERNELS, measure
+from worlds import random_pose, random_shape
+from armguard.geometry.shapes import shape_row
+rng, out = np.random.default_rng(0), np.zeros(10)
+for kinds in PAIR_KERNELS:
+    for _ in range(30):
+        rows = [shape_row(random_shape(rng, k, 0.4), random_pose(rng)) for k in kinds]
+        measure(int(kinds[0]), rows[0], int(kinds[1]), rows[1], out)
+        print(kinds[0].name, kinds[1].name, *(f"{v:.12e}" for v in out))
+"""
+
+
+def output(program, **environment):
+    return subprocess.run(
+        [sys.executable, "-c", program],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "tests"), **environment},
+    ).stdout
+
+
+def test_importing_compiles_and_loads_nothing_heavy():
+    loaded = output("import sys, armguard; print(*sys.modules)").split()
+    assert not {"numba", "scipy", "trimesh", "pydantic", "typer"} & set(loaded)
+
+
+def test_interpreted_kernels_answer_as_compiled_ones():
+    compiled = output(PROBE).splitlines()
+    interpreted = output(PROBE, NUMBA_DISABLE_JIT="1").splitlines()
+    assert len(compiled) == 180
+    for one, two in zip(compiled, interpreted, strict=True):
+        for a, b in zip(one.split()[2:], two.split()[2:], strict=True):
+            assert abs(float(a) - float(b)) < 1e-11, (one, two)
+
+
+def test_public_names_exist():
+    for name in armguard.__all__:
+        assert getattr(armguard, name) is not None
+
+
+def test_the_kernel_cache_follows_every_source(tmp_path, monkeypatch):
+    import shutil
+
+    from armguard import kernel
+
+    copy = tmp_path / "armguard"
+    shutil.copytree(kernel.PACKAGE, copy, ignore=shutil.ignore_patterns("*.pyc"))
+    monkeypatch.setattr(kernel, "PACKAGE", copy)
+    before = kernel.kernel_digest()
+    vec3 = copy / "geometry" / "vec3.py"
+    vec3.write_text(vec3.read_text() + "\n# edited\n")
+    assert kernel.kernel_digest() != before
