@@ -25,7 +25,8 @@ ODD = """<robot name="odd">
 <joint name="f" type="fixed"><parent link="c"/><child link="d"/>
 <origin xyz="0 0 0.2" rpy="0.1 0 0"/></joint>
 <joint name="j3" type="revolute"><parent link="d"/><child link="e"/>
-<axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1" velocity="1"/><mimic joint="j1" multiplier="-2" offset="0.3"/></joint>
+<axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1" velocity="1"/>
+<mimic joint="j1" multiplier="-2" offset="0.3"/></joint>
 </robot>"""
 
 

@@ -233,7 +233,7 @@ def test_srdf_pairs_and_states_are_read(tmp_path):
     model = srdf(
         tmp_path,
         '<disable_collisions link1="a" link2="b" reason="Never"/>'
-        '<group_state name="home" group="g"><joint name="j" value="0.5"/></group_state>',
+        '<group_state name="home"><joint name="j" value="0.5"/></group_state>',
     )
     (pair,) = model.disabled_pairs
     assert (pair.link_a, pair.link_b, pair.reason) == ("a", "b", "r.srdf: Never")
