@@ -1,0 +1,18 @@
+"""The README's code runs as shown."""
+
+import re
+from pathlib import Path
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def test_the_code_of_the_readme_runs(capsys):
+    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
+    assert 15 <= len(code.splitlines()) <= 22
+    exec(compile(code, "README.md", "exec"), {})
+    assert "STOP - " in capsys.readouterr().out
+
+
+def test_every_link_of_the_readme_exists():
+    for target in re.findall(r"\]\(([^)#]+)\)", README.read_text()):
+        assert (README.parent / target).exists(), target
