@@ -11,7 +11,7 @@ from armguard.benchmark.fixtures import crowded_bay
 from armguard.benchmark.machine import describe_machine
 from armguard.benchmark.motion import only_last, sway
 from armguard.benchmark.timing import percentiles, quiet, time_in_turns
-from armguard.guard import Guard
+from armguard.guard import Guard, Reason
 from armguard.scene import Scene, bay_scene
 
 Floats = NDArray[np.float64]
@@ -48,6 +48,8 @@ def bench_index(cycles: int | None, progress: Progress) -> dict[str, Any]:
         row["median_us"] for row in by_capacity if 4 <= row["leaf_capacity"] <= 12
     ]
     octree = next(row for row in sizes if row["primitives"] == SIZES[0])
+    progress("random states, octree against brute force")
+    random_states = agree_on_random_states(5 * count, progress)
     return {
         "name": "index",
         "machine": describe_machine(),
@@ -59,6 +61,7 @@ def bench_index(cycles: int | None, progress: Progress) -> dict[str, Any]:
         "time_against_links_moving": by_links,
         "changes_of_leaf": changes,
         "octree_against_brute_force": sizes,
+        "random_states": random_states,
         "row_1": {
             "share_of_pairs_measured_at_N5": n5["share_measured"],
             "share_of_pairs_sharing_a_leaf_at_N5": n5["share_sharing_leaf"],
@@ -174,6 +177,32 @@ def against_brute_force(size: int, q: Floats) -> dict[str, Any]:
         "max_depth": statistics["max_depth"],
         "bytes": statistics["bytes"],
     }
+
+
+def agree_on_random_states(count: int, progress: Progress) -> dict[str, int]:
+    """Octree and brute force on random joint states: jumps, and walks between them.
+
+    Every tenth state lies anywhere within the limits; the nine after it are steps away
+    from it, of any size between a micrometre's worth and a tenth of a radian.
+    """
+    rng = np.random.default_rng(20)
+    octree = Guard(bay_scene())
+    brute = scene_with(bay_scene(), kind="brute_force")
+    t = octree.tables
+    different = too_close = 0
+    q = t.home.copy()
+    for k in range(count):
+        if k % 10 == 0:
+            q = rng.uniform(t.lower, t.upper)
+        else:
+            step = 10.0 ** rng.uniform(-6.0, -1.0)
+            q = np.clip(q + rng.uniform(-step, step, len(q)), t.lower, t.upper)
+        ours, theirs = octree.step(q), brute.step(q)
+        different += ours.tobytes() != theirs.tobytes()
+        too_close += ours.reason is Reason.TOO_CLOSE
+        if count >= 10 and k % (count // 10) == 0:
+            progress(f"state {k} of {count}, {different} verdicts differ")
+    return {"states": count, "verdicts_that_differ": different, "too_close": too_close}
 
 
 def overtakes(sizes: list[dict[str, Any]]) -> int | None:

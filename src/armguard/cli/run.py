@@ -50,16 +50,14 @@ def run(
     loaded = load_scene(scene, robot=robot, progress=say_fitting)
     motion = load_trajectory(trajectory)
     fill = dict(zip(loaded.q_names, loaded.home.tolist(), strict=True))
-    # Nobody's trajectory names the fingers of a MoveIt arm group.
     q = motion.for_scene(loaded, fill if hold_home else None)
     if motion.stamps is None and not motion.ends_only:
         q = densify(q, step)
     guard = Guard(loaded, progress=say)
     log, times, counts = EventLog(), list[float](), list[Counts]()
-    timed = motion.stamps is not None
     with progress_bar("judging", len(q)) as advance:
         for k, configuration in enumerate(q):
-            stamp = float(motion.stamps[k]) if timed else None  # type: ignore[index]
+            stamp = None if motion.stamps is None else float(motion.stamps[k])
             verdict = guard.step(configuration, stamp)
             log.add(verdict)
             times.append(verdict.cycle_time)

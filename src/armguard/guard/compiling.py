@@ -13,6 +13,4 @@ def kernels_are_compiled() -> bool:
 def announce_compiling(progress: Callable[[str], None] | None) -> None:
     """Tell `progress` if the next call has to compile."""
     if progress is not None and not kernels_are_compiled():
-        progress(
-            "compiling kernels for this machine; first start only, about half a minute"
-        )
+        progress("compiling kernels for this machine; first start only, about a minute")
