@@ -125,7 +125,7 @@ def against_links(guard: Guard, q: Floats) -> list[dict[str, Any]]:
     for moving in range(1, 15):
         held = only_last(q, guard.tables.home, moving, arms=2)
         with quiet():
-            (times,) = time_in_turns([guard.step], held)
+            (times,) = time_in_turns([guard.step], held, passes=20)
         counts = [guard.step(row).counts for row in held]
         rows.append(
             {
@@ -163,7 +163,9 @@ def against_brute_force(size: int, q: Floats) -> dict[str, Any]:
         octree.step(row).tobytes() == brute.step(row).tobytes() for row in q[::10]
     )
     with quiet():
-        times = time_in_turns([octree.step, brute.step], q)
+        # Brute force takes seconds a pass where it does not matter any more.
+        passes = 5 if size <= 200 else 1
+        times = time_in_turns([octree.step, brute.step], q, passes=passes)
     ours, theirs = percentiles(times[0]), percentiles(times[1])
     statistics = octree.index.statistics()
     return {

@@ -48,18 +48,24 @@ def time_calls(call: Callable[[Floats], object], rows: Floats) -> Floats:
 
 
 def time_in_turns(
-    calls: Sequence[Callable[[Floats], object]], rows: Floats, blocks: int = 10
+    calls: Sequence[Callable[[Floats], object]],
+    rows: Floats,
+    *,
+    blocks: int = 10,
+    passes: int = 5,
 ) -> list[Floats]:
     """Durations of several calls over the same rows, block by block in turns [ns].
 
-    What disturbs the machine for a while disturbs them all.
+    What disturbs the machine for a while disturbs them all, and no more than some of
+    the passes over the rows.
     """
     for call in calls:
         time_calls(call, rows[: max(len(rows) // 10, 1)])
     parts: list[list[Floats]] = [[] for _ in calls]
-    for block in np.array_split(rows, blocks):
-        for k, call in enumerate(calls):
-            # The first call after a change of hands pays for cold caches.
-            call(block[0])
-            parts[k].append(time_calls(call, block))
+    for _ in range(passes):
+        for block in np.array_split(rows, blocks):
+            for k, call in enumerate(calls):
+                # The first call after a change of hands pays for cold caches.
+                call(block[0])
+                parts[k].append(time_calls(call, block))
     return [np.concatenate(part) for part in parts]
