@@ -61,13 +61,15 @@ def page(results: dict[str, Any]) -> str:
         "| --- | --- | --- | --- | --- | --- |",
         time_row("`Guard.step`", cycle["ours"], 1.0),
         time_row("… level and nearest read", cycle["ours_with_report_read"], None),
+        time_row("… least of five passes", cycle["ours_undisturbed"], None),
         *(
             time_row(name, peer, cycle["ratio"][name])
             for name, peer in cycle["peers"].items()
         ),
         "",
         f"{cycle['pairs_tested_mean']:.1f} of {cycle['pairs_checkable']} pairs are "
-        f"measured a cycle. p99.9 is {cycle['p999_over_median']:.1f} × the median. On "
+        f"measured a cycle. p99.9 is {cycle['p999_over_median']:.1f} × the median, "
+        f"without the noise {cycle['p999_over_median_undisturbed']:.1f} ×. On "
         f"{cycle['agreement']['configurations']} configurations, "
         f"{cycle['agreement']['with_near_pairs']} of them with near pairs, the peers "
         "find the same near pairs as the guard: "

@@ -58,6 +58,9 @@ def time_in_turns(
 
     What disturbs the machine for a while disturbs them all, and no more than some of
     the passes over the rows.
+
+    Returns:
+        For each call its durations, shape (passes, rows).
     """
     for call in calls:
         time_calls(call, rows[: max(len(rows) // 10, 1)])
@@ -68,4 +71,4 @@ def time_in_turns(
                 # The first call after a change of hands pays for cold caches.
                 call(block[0])
                 parts[k].append(time_calls(call, block))
-    return [np.concatenate(part) for part in parts]
+    return [np.concatenate(part).reshape(passes, len(rows)) for part in parts]
