@@ -1,5 +1,6 @@
 """What a run came to: events, levels, times; for people and for programs."""
 
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,7 @@ def print_summary(answer: dict[str, Any], log: EventLog) -> None:
     out.print(f"{answer['cycles']} cycles: {levels}; {log.faults} faults")
     if log.levels[Level.STOP] == log.levels[Level.CAUTION] == 0:
         out.print("nothing came within the margin")
-    else:
+    elif isfinite(answer["least_clearance"]):
         out.print(f"least clearance {answer['least_clearance'] * 1e3:.1f} mm")
     times = answer["cycle_time_us"]
     out.print(
