@@ -10,7 +10,16 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 
-from armguard.geometry import Box, Capsule
+from armguard.geometry import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Hull,
+    Sphere,
+    Triangle,
+)
 
 
 def corners(shape, T):
@@ -25,6 +34,39 @@ def corners(shape, T):
     else:
         points, radius = np.zeros((1, 3)), shape.radius + shape.rounding
     return points @ T[:3, :3].T + T[:3, 3], radius
+
+
+def surface(shape, T, count=400):
+    """Points of the core that reach its bounds, in the world; curved cores sampled."""
+    turn = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(count)], axis=1)
+    if isinstance(shape, Box | Capsule | Sphere):
+        return corners(shape, T)[0]
+    if isinstance(shape, Triangle):
+        points = np.array([shape.a, shape.b, shape.c])
+    elif isinstance(shape, Hull):
+        points = shape.points
+    elif isinstance(shape, Cylinder | Cone):
+        top = shape.radius if isinstance(shape, Cylinder) else shape.top_radius
+        up = np.array([0.0, 0.0, shape.height / 2.0])
+        points = np.concatenate([shape.radius * ring - up, top * ring + up])
+    elif isinstance(shape, Ellipsoid):
+        points = sphere_points(20 * count) * np.array(shape.semi_axes)
+    else:
+        parameters = shape.parameters
+        points = np.array(
+            [type(shape).support(parameters, *d) for d in sphere_points(20 * count)]
+        )
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+def sphere_points(count):
+    """Points spread evenly over the unit sphere: a golden spiral."""
+    k = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * k / count
+    out = np.sqrt(1.0 - height**2)
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    return np.stack([out * np.cos(turn), out * np.sin(turn), height], axis=1)
 
 
 def signed_distance(shape_a, T_a, shape_b, T_b):

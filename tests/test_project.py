@@ -11,12 +11,14 @@ ROOT = Path(__file__).parents[1]
 
 PROBE = """
 import numpy as np
-from armguard.geometry.pairs import PAIR_KERNELS, measure
+from armguard.geometry import ShapeKind
+from armguard.geometry.pairs import measure
 from worlds import random_pose, random_shape
 from armguard.geometry.shapes import shape_row
 rng, out = np.random.default_rng(0), np.zeros(10)
-for kinds in PAIR_KERNELS:
-    for _ in range(30):
+numbers = [k for k in ShapeKind if k != ShapeKind.SUPPORT]
+for kinds in [(a, b) for a in numbers for b in numbers if a <= b]:
+    for _ in range(6):
         rows = [shape_row(random_shape(rng, k, 0.4), random_pose(rng)) for k in kinds]
         measure(int(kinds[0]), rows[0], int(kinds[1]), rows[1], out)
         print(kinds[0].name, kinds[1].name, *(f"{v:.12e}" for v in out))
@@ -41,10 +43,10 @@ def test_importing_compiles_and_loads_nothing_heavy():
 def test_interpreted_kernels_answer_as_compiled_ones():
     compiled = output(PROBE).splitlines()
     interpreted = output(PROBE, NUMBA_DISABLE_JIT="1").splitlines()
-    assert len(compiled) == 180
+    assert len(compiled) == 45 * 6
     for one, two in zip(compiled, interpreted, strict=True):
         for a, b in zip(one.split()[2:], two.split()[2:], strict=True):
-            assert abs(float(a) - float(b)) < 1e-11, (one, two)
+            assert a == b or abs(float(a) - float(b)) < 1e-11, (one, two)
 
 
 def test_public_names_exist():

@@ -3,10 +3,17 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from armguard.geometry import Box, Capsule, ShapeKind, Sphere
+from adding_a_shape import Superellipsoid
+from armguard.geometry import SHAPES, Box, Capsule, ShapeKind, Sphere
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.shapes import shape_row
 from armguard.index import World
+
+# What robots are made of.
+SIMPLE = (ShapeKind.SPHERE, ShapeKind.CAPSULE, ShapeKind.BOX)
+
+CLASS_OF = {shape.kind: shape for shape in SHAPES.values()}
+assert CLASS_OF[ShapeKind.SUPPORT] is Superellipsoid
 
 
 def random_pose(rng, spread=0.6):
@@ -29,17 +36,19 @@ def random_shape(rng, kind, size):
             end=(0, 0, length / 2),
             radius=size * rng.uniform(0.02, 0.4),
         )
-    half = size * 10.0 ** rng.uniform(-2.0, -0.2, 3)
-    rounding = float(rng.choice([0.0, size * 0.1]))
-    return Box(half_extents=tuple(float(h) for h in half), rounding=rounding)
+    if kind == ShapeKind.BOX:
+        half = size * 10.0 ** rng.uniform(-2.0, -0.2, 3)
+        rounding = float(rng.choice([0.0, size * 0.1]))
+        return Box(half_extents=tuple(float(h) for h in half), rounding=rounding)
+    return CLASS_OF[kind].example(rng, 0.6 * size)
 
 
-def random_world(seed, count, moving, growth=0.05):
+def random_world(seed, count, moving, growth=0.05, kinds=SIMPLE):
     """A world of random primitives, with what is needed to move them."""
     rng = np.random.default_rng(seed)
     shapes, poses = [], []
     for _ in range(count):
-        kind = ShapeKind(int(rng.integers(3)))
+        kind = kinds[int(rng.integers(len(kinds)))]
         shapes.append(random_shape(rng, kind, 10.0 ** rng.uniform(-1.5, -0.2)))
         poses.append(random_pose(rng, spread=1.0))
     rows = np.array([shape_row(s, T) for s, T in zip(shapes, poses, strict=True)])

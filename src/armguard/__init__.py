@@ -26,13 +26,22 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from armguard.geometry import (
+        SHAPES,
         Box,
         Capsule,
+        Cone,
+        Cylinder,
+        Ellipsoid,
+        HalfSpace,
+        Hull,
         PlacedShape,
         Pose,
         Proximity,
         Sphere,
+        SupportShape,
+        Triangle,
         distance,
+        register_shape,
     )
     from armguard.guard import Counts, Guard, Level, NearPair, Reason, Verdict
     from armguard.index import BruteForce, Octree
@@ -63,13 +72,22 @@ _ROOMS = {
         "UnknownNameError",
     ),
     "armguard.geometry": (
+        "SHAPES",
         "Box",
         "Capsule",
+        "Cone",
+        "Cylinder",
+        "Ellipsoid",
+        "HalfSpace",
+        "Hull",
         "PlacedShape",
         "Pose",
         "Proximity",
         "Sphere",
+        "SupportShape",
+        "Triangle",
         "distance",
+        "register_shape",
     ),
     "armguard.guard": ("Counts", "Guard", "Level", "NearPair", "Reason", "Verdict"),
     "armguard.index": ("BruteForce", "Octree"),
@@ -85,13 +103,19 @@ _ROOMS = {
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
+    "SHAPES",
     "ArmguardError",
     "Box",
     "BruteForce",
     "Capsule",
+    "Cone",
     "Counts",
+    "Cylinder",
+    "Ellipsoid",
     "Guard",
+    "HalfSpace",
     "HomeContactError",
+    "Hull",
     "Level",
     "MeshError",
     "ModelError",
@@ -107,8 +131,10 @@ __all__ = [
     "SceneError",
     "ShapeError",
     "Sphere",
+    "SupportShape",
     "Trajectory",
     "TrajectoryError",
+    "Triangle",
     "UnknownNameError",
     "Verdict",
     "bay_scene",
@@ -116,6 +142,7 @@ __all__ = [
     "distance",
     "load_scene",
     "load_trajectory",
+    "register_shape",
 ]
 
 

@@ -1,14 +1,19 @@
-"""Every pair against Coal: one hundred thousand random pairs in all."""
+"""Pairs of spheres, capsules and boxes against Coal: one hundred thousand in all.
+
+The other kinds are judged in test_accuracy.py.
+"""
+
+from itertools import combinations_with_replacement
 
 import coal
 import numpy as np
 import pytest
 
-from armguard.geometry.pairs import PAIR_KERNELS, measure
+from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import shape_row
 from coal_shapes import coal_request, coal_shape
 from oracle import signed_distance
-from worlds import random_pose, random_shape
+from worlds import SIMPLE, random_pose, random_shape
 
 PAIRS_EACH = 17_000
 
@@ -17,7 +22,9 @@ AGREEMENT = 1e-9
 
 
 @pytest.mark.parametrize(
-    "kinds", PAIR_KERNELS, ids=lambda k: f"{k[0].name}-{k[1].name}"
+    "kinds",
+    list(combinations_with_replacement(SIMPLE, 2)),
+    ids=lambda k: f"{k[0].name}-{k[1].name}",
 )
 def test_distances_agree_with_coal(kinds):
     rng = np.random.default_rng([int(kinds[0]), int(kinds[1])])

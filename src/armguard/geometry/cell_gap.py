@@ -1,19 +1,24 @@
 """Distance of a primitive's core to an axis-aligned cell."""
 
-from math import sqrt
+from math import nan, sqrt
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import stack
 from armguard.geometry.box_separation import box_distance
+from armguard.geometry.gjk import core_gap
 from armguard.geometry.segment_box import nearest_to_box
-from armguard.geometry.shapes import ShapeKind
+from armguard.geometry.shapes.kind import ShapeKind
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
 
 SPHERE = int(ShapeKind.SPHERE)
 CAPSULE = int(ShapeKind.CAPSULE)
+BOX = int(ShapeKind.BOX)
+HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 
 @kernel
@@ -70,7 +75,44 @@ def cell_gap(
                 x0, y0, z0, x1, y1, z1,
             )
         )  # fmt: skip
-    return float(box_gap(row, x0, y0, z0, x1, y1, z1))
+    if kind == BOX:
+        return float(box_gap(row, x0, y0, z0, x1, y1, z1))
+    if kind == HALF_SPACE:
+        return float(half_space_gap(row, x0, y0, z0, x1, y1, z1))
+    return float(convex_gap(kind, row, x0, y0, z0, x1, y1, z1))
+
+
+@kernel
+def half_space_gap(
+    row: Row, x0: float, y0: float, z0: float, x1: float, y1: float, z1: float
+) -> float:
+    """Distance of a cell's deepest corner to a half-space; 0 where they meet."""
+    gap = (
+        row[4] * ((x0 if row[4] >= 0.0 else x1) - row[1])
+        + row[5] * ((y0 if row[5] >= 0.0 else y1) - row[2])
+        + row[6] * ((z0 if row[6] >= 0.0 else z1) - row[3])
+    )
+    return float(0.0 if gap < 0.0 else gap)
+
+
+@kernel(inline=False)
+def convex_gap(
+    kind: int,
+    row: Row,
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float,
+) -> float:  # fmt: skip
+    """Distance of any convex core to a cell, a lower bound sharp to round-off."""
+    cell = numba.carray(stack(16), (16,), np.float64)
+    total = 0.0
+    for k in range(16):
+        cell[k] = 0.0
+        total += 0.0 * row[k]
+    if total != 0.0:
+        return float(nan)
+    cell[1], cell[2], cell[3] = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1)
+    cell[4], cell[5], cell[6] = x1 - cell[1], y1 - cell[2], z1 - cell[3]
+    cell[7] = cell[11] = cell[15] = 1.0
+    return float(core_gap(kind, row, BOX, cell))
 
 
 @kernel

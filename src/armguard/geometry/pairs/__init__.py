@@ -1,7 +1,6 @@
-"""Pair kernels: one pair, one file; kinds in rank order sphere < capsule < box."""
+"""Pair kernels: one pair, one file; kinds in rank order, see `ShapeKind`."""
 
-from collections.abc import Callable
-from typing import Any
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,27 +8,35 @@ from numpy.typing import NDArray
 from armguard.geometry.pairs.box_box import box_box
 from armguard.geometry.pairs.capsule_box import capsule_box
 from armguard.geometry.pairs.capsule_capsule import capsule_capsule
+from armguard.geometry.pairs.convex_convex import convex_convex
+from armguard.geometry.pairs.convex_half_space import convex_half_space
 from armguard.geometry.pairs.sphere_box import sphere_box
 from armguard.geometry.pairs.sphere_capsule import sphere_capsule
+from armguard.geometry.pairs.sphere_cone import sphere_cone
 from armguard.geometry.pairs.sphere_sphere import sphere_sphere
-from armguard.geometry.shapes import ShapeKind
-from armguard.geometry.witness import turn_witness
+from armguard.geometry.pairs.sphere_triangle import sphere_triangle
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.witness import WITNESS_WIDTH, turn_witness
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
 
 SPHERE = int(ShapeKind.SPHERE)
 CAPSULE = int(ShapeKind.CAPSULE)
+BOX = int(ShapeKind.BOX)
+TRIANGLE = int(ShapeKind.TRIANGLE)
+CYLINDER = int(ShapeKind.CYLINDER)
+CONE = int(ShapeKind.CONE)
+HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
-# Every pair there is; tests, accuracy table and docs read it from here.
-PAIR_KERNELS: dict[tuple[ShapeKind, ShapeKind], Callable[..., Any]] = {
-    (ShapeKind.SPHERE, ShapeKind.SPHERE): sphere_sphere,
-    (ShapeKind.SPHERE, ShapeKind.CAPSULE): sphere_capsule,
-    (ShapeKind.SPHERE, ShapeKind.BOX): sphere_box,
-    (ShapeKind.CAPSULE, ShapeKind.CAPSULE): capsule_capsule,
-    (ShapeKind.CAPSULE, ShapeKind.BOX): capsule_box,
-    (ShapeKind.BOX, ShapeKind.BOX): box_box,
-}
+
+def has_closed_form(kind_a: int, kind_b: int) -> bool:
+    """Whether a pair is measured by a formula; the others by the convex solver."""
+    low, high = sorted((int(kind_a), int(kind_b)))
+    if high == HALF_SPACE or high <= BOX:
+        return True
+    return low == SPHERE and high <= CONE
 
 
 @kernel
@@ -51,19 +58,40 @@ def measure(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
 
 
 @kernel
+def rows_are_numbers(a: Row, b: Row) -> bool:
+    """Whether two rows hold numbers only: no NaN, nothing infinite."""
+    total = 0.0
+    for k in range(ROW_WIDTH):
+        total += 0.0 * a[k] + 0.0 * b[k]
+    return bool(total == 0.0)
+
+
+@kernel(inline=False)
 def measure_ranked(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
     """The same, for kind_a <= kind_b."""
-    if kind_a == CAPSULE:
-        if kind_b == CAPSULE:
-            capsule_capsule(a, b, out)
-        else:
-            capsule_box(a, b, out)
-    elif kind_a == SPHERE:
-        if kind_b == SPHERE:
+    if kind_b <= BOX:
+        if kind_a == CAPSULE:
+            if kind_b == CAPSULE:
+                capsule_capsule(a, b, out)
+            else:
+                capsule_box(a, b, out)
+        elif kind_a == BOX:
+            box_box(a, b, out)
+        elif kind_b == SPHERE:
             sphere_sphere(a, b, out)
         elif kind_b == CAPSULE:
             sphere_capsule(a, b, out)
         else:
             sphere_box(a, b, out)
+    elif not rows_are_numbers(a, b):
+        # A comparison in a support function might lose sight of a NaN.
+        for k in range(WITNESS_WIDTH):
+            out[k] = nan
+    elif kind_b == HALF_SPACE:
+        convex_half_space(kind_a, a, b, out)
+    elif kind_a == SPHERE and kind_b == TRIANGLE:
+        sphere_triangle(a, b, out)
+    elif kind_a == SPHERE and (kind_b == CYLINDER or kind_b == CONE):
+        sphere_cone(a, b, out)
     else:
-        box_box(a, b, out)
+        convex_convex(kind_a, a, kind_b, b, out)

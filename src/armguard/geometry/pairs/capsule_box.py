@@ -12,6 +12,7 @@ from armguard.geometry.box_frame import (
     turn_to_box,
 )
 from armguard.geometry.box_separation import PLANE_SIN, axis_of
+from armguard.geometry.contact import contact_gap
 from armguard.geometry.segment_box import nearest_to_box
 from armguard.geometry.vec3 import (
     Vec3,
@@ -27,9 +28,6 @@ from armguard.geometry.witness import write_witness
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
-
-# Below this distance of the cores their direction is mostly round-off [m].
-TOUCHING_GAP = 1e-10
 
 
 @kernel
@@ -53,10 +51,12 @@ def capsule_box(a: Row, b: Row, out: Row) -> None:
     on_axis = along(p, t, u)
     apart = sub(clamp_to_box(on_axis, half), on_axis)
     gap = norm(apart)
-    if not gap <= TOUCHING_GAP:
+    if not gap <= contact_gap(norm(half) + norm(u), start, (b[1], b[2], b[3])):
         normal = scaled(1.0 / gap, apart)
     else:
-        gap, outward = way_out(p, u, half)
+        inside, outward = way_out(p, u, half)
+        # Outside by a hair the distance is good, only its direction is not.
+        gap = gap if inside > 0.0 else inside
         # Where the axis touches the box once it has been moved out: the witness.
         t = nearest_to_box(along(p, -gap, outward), u, half)
         on_axis = along(p, t, u)

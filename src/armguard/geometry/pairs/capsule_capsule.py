@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.contact import contact_gap
 from armguard.geometry.segments import closest_on_segments
 from armguard.geometry.vec3 import (
     Vec3,
@@ -18,9 +19,6 @@ from armguard.geometry.witness import write_witness
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
-
-# Below this distance between the axes their direction is mostly round-off [m].
-CROSSING_GAP = 1e-10
 
 # Sine of the angle below which two axes span no plane [-].
 PLANE_SIN = 1e-7
@@ -52,7 +50,7 @@ def capsule_capsule(a: Row, b: Row, out: Row) -> None:
     on_a = along(p, s, u)
     apart = sub(along(q, t, v), on_a)
     gap = norm(apart)
-    if not gap <= CROSSING_GAP:
+    if not gap <= contact_gap(norm(u) + norm(v), p, q):
         normal = scaled(1.0 / gap, apart)
     else:
         normal = crossing_normal(u, v, sub(q, p))

@@ -9,14 +9,12 @@ from armguard.geometry.box_frame import (
     to_box,
     turn_from_box,
 )
+from armguard.geometry.contact import contact_gap
 from armguard.geometry.vec3 import norm, scaled, sub
 from armguard.geometry.witness import write_witness
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
-
-# Below this distance of the cores their direction is mostly round-off [m].
-TOUCHING_GAP = 1e-10
 
 
 @kernel
@@ -38,10 +36,11 @@ def sphere_box(a: Row, b: Row, out: Row) -> None:
     half = (b[4], b[5], b[6])
     apart = sub(clamp_to_box(local, half), local)
     gap = norm(apart)
-    if not gap <= TOUCHING_GAP:
+    if not gap <= contact_gap(norm(half), p, (b[1], b[2], b[3])):
         normal = scaled(1.0 / gap, apart)
     else:
         depth, outward = leave_by_face(local, half)
-        gap = -depth
+        # Outside by a hair the distance is good, only its direction is not.
+        gap = gap if depth < 0.0 else -depth
         normal = scaled(-1.0, outward)
     write_witness(gap, p, turn_from_box(b, normal), a[0], b[0], out)

@@ -3,15 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.contact import contact_gap
 from armguard.geometry.segments import closest_on_segment
 from armguard.geometry.vec3 import along, any_perpendicular, norm, scaled, sub
 from armguard.geometry.witness import write_witness
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
-
-# Below this distance of the cores their direction is mostly round-off [m].
-CROSSING_GAP = 1e-10
 
 
 @kernel
@@ -32,7 +30,6 @@ def sphere_capsule(a: Row, b: Row, out: Row) -> None:
     t = closest_on_segment(p, start, u)
     apart = sub(along(start, t, u), p)
     gap = norm(apart)
-    normal = scaled(1.0 / gap, apart) if gap > CROSSING_GAP else any_perpendicular(u)
-    if gap != gap:
-        normal = apart
+    met = gap <= contact_gap(norm(u), p, start)
+    normal = any_perpendicular(u) if met else scaled(1.0 / gap, apart)
     write_witness(gap, p, normal, a[0], b[0], out)

@@ -1,0 +1,106 @@
+"""Memory by its address: numbers that lie elsewhere, and scratch on the stack.
+
+Handing an array to compiled code costs more than many a kernel does. So what a kernel
+needs beyond its arguments it finds through an address, and what it needs only while it
+runs lies on its stack.
+"""
+
+# `carray` has no types that mypy could see.
+# mypy: disable-error-code="no-any-return"
+
+import ctypes
+from collections import deque
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+if numba.config.DISABLE_JIT:
+    # As on a stack: memory that is soon used again.
+    RECENT: deque[Any] = deque(maxlen=256)
+
+    def pointer(address: int) -> Any:
+        """An address as something `carray` takes."""
+        return ctypes.c_void_p(int(address))
+
+    def stack(count: int) -> Any:
+        """Room for this many float64, as something `carray` takes."""
+        RECENT.append(np.zeros(count))
+        return ctypes.c_void_p(RECENT[-1].ctypes.data)
+
+    def call_support(
+        function: int, parameters: int, x: float, y: float, z: float
+    ) -> tuple[float, float, float]:
+        """Call a compiled support function by its address."""
+        out = np.zeros(3)
+        SUPPORT_PROTOTYPE(function)(parameters, x, y, z, out.ctypes.data)
+        return (float(out[0]), float(out[1]), float(out[2]))
+
+    SUPPORT_PROTOTYPE = ctypes.CFUNCTYPE(
+        None,
+        ctypes.c_void_p,
+        ctypes.c_double,
+        ctypes.c_double,
+        ctypes.c_double,
+        ctypes.c_void_p,
+    )
+
+else:
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def pointer(typing_context: Any, address: Any) -> Any:
+        """An address as something `carray` takes."""
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], cgutils.voidptr_t)
+
+        return types.voidptr(types.int64), generate
+
+    @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+    def stack(typing_context: Any, count: Any) -> Any:
+        """Room for this many float64, as something `carray` takes.
+
+        It is the calling kernel's, and gone when that returns. The count is a literal.
+        """
+        if not isinstance(count, types.IntegerLiteral):
+            return None
+        room = count.literal_value
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            place = cgutils.alloca_once(builder, ir.DoubleType(), size=room)
+            return builder.bitcast(place, cgutils.voidptr_t)
+
+        return types.voidptr(count), generate
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def call_support(
+        typing_context: Any, function: Any, parameters: Any, x: Any, y: Any, z: Any
+    ) -> Any:
+        """Call a compiled support function by its address."""
+        point = types.containers.UniTuple(types.float64, 3)
+        number = types.float64
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            double, address = ir.DoubleType(), cgutils.voidptr_t
+            kind = ir.FunctionType(
+                ir.VoidType(), [address, double, double, double, address]
+            )
+            out = cgutils.alloca_once(builder, double, size=3)
+            builder.call(
+                builder.inttoptr(args[0], kind.as_pointer()),
+                [
+                    builder.inttoptr(args[1], address),
+                    *args[2:5],
+                    builder.bitcast(out, address),
+                ],
+            )
+            numbers = [
+                builder.load(builder.gep(out, [ir.Constant(ir.IntType(32), k)]))
+                for k in range(3)
+            ]
+            return context.make_tuple(builder, point, numbers)
+
+        return point(types.int64, types.int64, number, number, number), generate

@@ -1,0 +1,125 @@
+"""The farthest point of a core in a direction: all a convex solver needs to know."""
+
+from math import nan, sqrt
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import call_support, pointer
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
+from armguard.kernel import kernel
+
+Row = NDArray[np.float64]
+
+SPHERE = int(ShapeKind.SPHERE)
+CAPSULE = int(ShapeKind.CAPSULE)
+BOX = int(ShapeKind.BOX)
+TRIANGLE = int(ShapeKind.TRIANGLE)
+CYLINDER = int(ShapeKind.CYLINDER)
+CONE = int(ShapeKind.CONE)
+ELLIPSOID = int(ShapeKind.ELLIPSOID)
+HULL = int(ShapeKind.HULL)
+SUPPORT = int(ShapeKind.SUPPORT)
+
+
+@kernel(inline=False)
+def core_support(kind: int, row: Row, d: Vec3) -> Vec3:
+    """Farthest point of a core in direction d, relative to the row's origin [m].
+
+    Args:
+        kind: ShapeKind; a half-space has no farthest point and gives NaN.
+        row: Row of the primitive, shape (16,).
+        d: Direction, of any length but 0.
+    """
+    if kind == SPHERE:
+        return (0.0, 0.0, 0.0)
+    if kind == CAPSULE:
+        u = (row[4] - row[1], row[5] - row[2], row[6] - row[3])
+        return u if dot(u, d) > 0.0 else (0.0, 0.0, 0.0)
+    if kind == TRIANGLE:
+        return triangle_support(row, d)
+    x = row[7] * d[0] + row[10] * d[1] + row[13] * d[2]
+    y = row[8] * d[0] + row[11] * d[1] + row[14] * d[2]
+    z = row[9] * d[0] + row[12] * d[1] + row[15] * d[2]
+    if kind == BOX:
+        local = (
+            row[4] if x >= 0.0 else -row[4],
+            row[5] if y >= 0.0 else -row[5],
+            row[6] if z >= 0.0 else -row[6],
+        )
+    elif kind == HULL:
+        local = hull_support(row, x, y, z)
+    elif kind == CYLINDER or kind == CONE:
+        local = cone_support(row, x, y, z)
+    elif kind == ELLIPSOID:
+        local = ellipsoid_support(row, x, y, z)
+    elif kind == SUPPORT:
+        local = call_support(int(row[5]), int(row[4]), x, y, z)
+    else:
+        local = (nan, nan, nan)
+    x, y, z = local
+    return (
+        row[7] * x + row[8] * y + row[9] * z,
+        row[10] * x + row[11] * y + row[12] * z,
+        row[13] * x + row[14] * y + row[15] * z,
+    )
+
+
+@kernel
+def triangle_support(row: Row, d: Vec3) -> Vec3:
+    """Farthest corner, relative to the first."""
+    first = (row[1], row[2], row[3])
+    u = sub((row[4], row[5], row[6]), first)
+    v = sub((row[7], row[8], row[9]), first)
+    along_u, along_v = dot(u, d), dot(v, d)
+    if along_u > 0.0 and along_u >= along_v:
+        return u
+    if along_v > 0.0:
+        return v
+    return (0.0, 0.0, 0.0)
+
+
+@kernel
+def cone_support(row: Row, x: float, y: float, z: float) -> Vec3:
+    """Farthest point of a cylinder or cone: on one of two rims.
+
+    Along the axis the whole end face is farthest; its centre is taken.
+    """
+    out = sqrt(x * x + y * y)
+    height = row[5]
+    if row[6] * out + height * z >= row[4] * out - height * z:
+        radius = row[6]
+    else:
+        radius = row[4]
+        height = -height
+    if not out > 0.0:
+        return (0.0, 0.0, height)
+    return (radius * x / out, radius * y / out, height)
+
+
+@kernel
+def ellipsoid_support(row: Row, x: float, y: float, z: float) -> Vec3:
+    """Farthest point of an ellipsoid."""
+    v = (row[4] * x, row[5] * y, row[6] * z)
+    length = norm(v)
+    if not length > 0.0:
+        return (0.0, 0.0, 0.0)
+    v = scaled(1.0 / length, v)
+    return (row[4] * v[0], row[5] * v[1], row[6] * v[2])
+
+
+@kernel
+def hull_support(row: Row, x: float, y: float, z: float) -> Vec3:
+    """Farthest vertex of a hull, the first of several."""
+    count = int(row[5])
+    v = numba.carray(pointer(int(row[4])), (3, count), np.float64)
+    best = 0
+    farthest = v[0, 0] * x + v[1, 0] * y + v[2, 0] * z
+    for k in range(1, count):
+        reach = v[0, k] * x + v[1, k] * y + v[2, k] * z
+        if reach > farthest:
+            farthest = reach
+            best = k
+    return (v[0, best], v[1, best], v[2, best])
