@@ -82,12 +82,13 @@ def picture_of(octree):
     """Leaves by their cells, with their members: what canonical means."""
     state = octree.state
     leaves = {}
-    for leaf in octree.leaves():
-        members, entry = [], state.nodes[leaf, places.HEAD]
+    found = octree.leaves()
+    for leaf, cell in zip(found, octree.cells(found), strict=True):
+        members, entry = [], state.nodes[leaf, places.LINK]
         while entry != places.NONE:
             members.append(int(state.entries[entry, places.PRIMITIVE]))
             entry = state.entries[entry, places.NEXT_IN_LEAF]
-        leaves[tuple(state.cells[leaf])] = sorted(members)
+        leaves[tuple(cell)] = sorted(members)
     return leaves
 
 
@@ -223,19 +224,20 @@ def corrupted():
 
     def lost_member(state):
         leaf = state.entries[state.residency[0, places.FIRST_ENTRY], places.IN_LEAF]
-        state.nodes[leaf, places.HEAD] = state.entries[
-            state.nodes[leaf, places.HEAD], places.NEXT_IN_LEAF
+        state.nodes[leaf, places.LINK] = state.entries[
+            state.nodes[leaf, places.LINK], places.NEXT_IN_LEAF
         ]
 
     def miscount(state):
         leaf = state.entries[state.residency[0, places.FIRST_ENTRY], places.IN_LEAF]
         state.nodes[leaf, places.COUNT] += 1
 
-    def moved_cell(state):
-        state.cells[3, 0] += 0.01
+    def wrong_place(state):
+        state.nodes[3, places.PLACE] += 1
 
-    def wrong_depth(state):
-        state.nodes[2, places.DEPTH] = 5
+    def unlinked_back(state):
+        entry = state.residency[0, places.FIRST_ENTRY]
+        state.entries[entry, places.PREVIOUS_OF_PRIMITIVE] = 7
 
     def wrong_parent(state):
         state.nodes[1, places.PARENT] = 4
@@ -250,17 +252,17 @@ def corrupted():
         state.header[places.NODES_USED] += 8
 
     def smaller_capacity(state):
-        state.header[places.LEAF_CAPACITY] = 2
+        state.rule[places.LEAF_CAPACITY] = 2
 
     def larger_capacity(state):
-        state.header[places.LEAF_CAPACITY] = 39
+        state.rule[places.LEAF_CAPACITY] = 39
 
     return [
         (slack, "by its slack"),
-        (lost_member, "linked back|miscounts"),
+        (lost_member, "miscounts"),
         (miscount, "miscounts"),
-        (moved_cell, "misplaced"),
-        (wrong_depth, "wrong depth"),
+        (wrong_place, "misplaced"),
+        (unlinked_back, "linked back"),
         (wrong_parent, "wrong parent"),
         (lost_entries, "entries are lost"),
         (miscounted_free, "free entries"),
@@ -352,7 +354,7 @@ def test_a_box_inhabits_the_leaves_it_overlaps_and_no_others():
     row_bounds(world.kinds[0], world.rows[0], 0.0, world.boxes[0])
     octree = Octree(world, leaf_capacity=2, max_depth=4)
     octree.check()
-    held = octree.state.residency[0, places.LEAF_COUNT]
+    held = sum(0 in members for members in picture_of(octree).values())
     assert held < 0.5 * octree.statistics()["leaves"]
 
 

@@ -1,9 +1,24 @@
 """The bay with many more fixtures around it."""
 
-import numpy as np
+from dataclasses import replace
 
-from armguard.geometry import Box, Capsule, Pose
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry import Box, Capsule, Pose, ShapeKind
+from armguard.geometry.pose import rotation_from_rpy
+from armguard.geometry.shapes import ROW_WIDTH
+from armguard.index import World
 from armguard.scene import Scene, bay_scene
+
+Floats = NDArray[np.float64]
+
+BAY_PRIMITIVES = 35
+
+# Where the boxes of a crowded world are: distance of their centres from the origin,
+# and halves of their edges [m].
+SHELL = (3.0, 40.0)
+HALF_EDGES = (0.005, 0.1)
 
 # Fixtures stand in a shell around the bay's cube, so that the arms move among as many
 # neighbours as before while the world grows [m].
@@ -22,7 +37,7 @@ def crowded_bay(primitives: int, seed: int = 0) -> Scene:
     """
     scene = bay_scene()
     rng = np.random.default_rng(seed)
-    for k in range(max(primitives - 35, 0)):
+    for k in range(max(primitives - BAY_PRIMITIVES, 0)):
         inside = k % 10 == 0
         while True:
             span = INNER if inside else OUTER
@@ -47,3 +62,73 @@ def crowded_bay(primitives: int, seed: int = 0) -> Scene:
         )
         scene.add(shape, name=f"fixture{k}", pose=pose)
     return scene
+
+
+def bay_among_boxes(primitives: int, seed: int = 0) -> Scene:
+    """The bay with boxes in a wide shell around it until it has so many primitives.
+
+    Half of the boxes are aligned with the world, half turned at random; their edges are
+    1 to 20 cm. None is in reach of an arm: what the arms meet stays the same while the
+    world grows.
+
+    Args:
+        primitives: All primitives, the bay's 35 included.
+        seed: Of places, sizes and turns.
+    """
+    scene = bay_scene()
+    # The cube of the bay's file does not hold the shell.
+    if primitives > BAY_PRIMITIVES:
+        scene.index = replace(scene.index, cube=None)
+    centres, halves, turns = shell_boxes(primitives - BAY_PRIMITIVES, seed)
+    for k, (x, h, r) in enumerate(
+        zip(centres.tolist(), halves.tolist(), turns.tolist(), strict=True)
+    ):
+        scene.add(
+            Box(half_extents=(h[0], h[1], h[2])),
+            name=f"box{k}",
+            pose=Pose(xyz=(x[0], x[1], x[2]), rpy=(r[0], r[1], r[2])),
+        )
+    return scene
+
+
+def shell_boxes(count: int, seed: int) -> tuple[Floats, Floats, Floats]:
+    """Boxes spread evenly over a shell about the origin, each array of shape (k, 3).
+
+    Returns:
+        Centres [m]; half extents [m]; roll, pitch and yaw, 0 for every other box [rad].
+    """
+    rng = np.random.default_rng(seed)
+    count = max(count, 0)
+    direction = rng.normal(size=(count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    radius = np.cbrt(rng.uniform(SHELL[0] ** 3, SHELL[1] ** 3, (count, 1)))
+    halves = rng.uniform(*HALF_EDGES, (count, 3))
+    turns = rng.uniform(-np.pi, np.pi, (count, 3))
+    turns[::2] = 0.0
+    return direction * radius, halves, turns
+
+
+def boxes_world(movers: int, boxes: int, growth: float, seed: int = 0) -> World:
+    """Moving boxes among standing ones, for an index alone.
+
+    Args:
+        movers: Boxes that move; they come first, within 2 m of the origin.
+        boxes: Boxes that stand in the shell.
+        growth: Of those that move [m].
+        seed: Of places, sizes and turns.
+    """
+    count = movers + boxes
+    centres, halves, turns = shell_boxes(count, seed)
+    rng = np.random.default_rng(seed + 1)
+    centres[:movers] = rng.uniform(-2.0, 2.0, (movers, 3))
+    R = np.array([rotation_from_rpy(*turn) for turn in turns]).reshape(-1, 3, 3)
+    rows = np.zeros((count, ROW_WIDTH))
+    rows[:, 1:4], rows[:, 4:7], rows[:, 7:] = centres, halves, R.reshape(-1, 9)
+    reach = np.einsum("nij,nj->ni", np.abs(R), halves)
+    return World(
+        kinds=np.full(count, int(ShapeKind.BOX), dtype=np.int32),
+        rows=rows,
+        boxes=np.hstack([centres - reach, centres + reach]),
+        owners=np.arange(count, dtype=np.int32),
+        growth=np.where(np.arange(count) < movers, growth, 0.0),
+    )

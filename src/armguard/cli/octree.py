@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from armguard.cli.console import JsonOption, out, print_json, say, say_fitting
+from armguard.cli.console import JsonOption, out, print_json, say, say_progress
 from armguard.errors import OctreeError
 from armguard.guard import Guard
 from armguard.index import Octree
@@ -24,7 +24,7 @@ def octree(
 ) -> None:
     """Show the N-objects octree of a scene at home, audited."""
     path = bay_path() if scene is None else scene
-    guard = Guard(load_scene(path, progress=say_fitting), progress=say)
+    guard = Guard(load_scene(path, progress=say_progress), progress=say)
     index = guard.index
     if not isinstance(index, Octree):
         raise OctreeError(f"'{path.name}' asks for brute force; there is no octree")

@@ -29,6 +29,7 @@ class BruteForce:
             high=np.ones(3),
             node_capacity=1,
             entry_capacity=1,
+            anchor_count=0,
         )
         self.residency = self.state.residency
         self.residency[:, STATUS] = INDEXED

@@ -8,41 +8,58 @@ from numpy.typing import NDArray
 from armguard.errors import OctreeError
 from armguard.geometry.bounds import row_bounds
 from armguard.index.octree_audit import audit
-from armguard.index.octree_query import octree_candidates
-from armguard.index.octree_shape import count_owners
+from armguard.index.octree_bulk import (
+    BUILT,
+    CLEAR,
+    ENTRIES_SHORT,
+    LISTS_SHORT,
+    NODES_SHORT,
+    build_tree,
+    grown_extent,
+)
+from armguard.index.octree_query import candidate_bound, octree_candidates
 from armguard.index.octree_state import (
     ABSENT,
     COUNT,
     COUNT_UNSPLIT,
-    DEPTH,
+    DEPTH_LIMIT,
     ENTRIES_USED,
-    FIRST_CHILD,
-    FREE_ENTRIES,
-    LEAF,
     NODES_USED,
     OVERFLOW_COUNT,
+    OVERFLOWED,
+    PLACE,
+    STACK_ROOM,
     STATUS,
     TOKEN,
     OctreeState,
     empty_state,
+    state_with_room,
 )
 from armguard.index.octree_update import (
     octree_insert,
     octree_remove,
     octree_update,
 )
+from armguard.index.octree_walk import (
+    corners,
+    entries_of_moving,
+    most_owners,
+    walk_leaves,
+)
 from armguard.index.world import World
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
-# Deeper than this a leaf of a ten metre cube is 1 cm [-].
-DEPTH_LIMIT = 10
-
-# Room beyond what the first build needed: a scene in motion splits and merges.
+# Room beyond what was built, since a scene in motion splits and merges: this much of
+# what the moving primitives take up, and at least so many.
 SPARE = 4
-LEAST_NODES = 1 + 8 * 512
+LEAST_NODES = 8 * 512
 LEAST_ENTRIES = 8192
+
+# Primitives that have an anchor even if nothing tells that they move.
+LEAST_ANCHORS = 1024
 
 
 class Octree:
@@ -51,6 +68,10 @@ class Octree:
     The decomposition rule is the paper's: a leaf with more than N primitives is split,
     eight leaves that hold at most N together are merged. Structure and lists are a
     function of where the primitives are, never of how they got there.
+
+    Primitives with a growth are taken for those that move: there is room to spare for
+    them, and up to the last of them each has an anchor. The others may be moved as
+    well, but every update of theirs looks at the tree.
 
     Args:
         world: The primitives. Arrays are shared: the caller writes rows and boxes, and
@@ -85,21 +106,19 @@ class Octree:
             raise OctreeError("a primitive's row is not finite")
         self.world = world
         self.leaf_capacity = leaf_capacity
-        count = len(world.kinds)
-        self._seen = np.zeros(count, dtype=np.int64)
-        self._token = 0
-        self._out = np.zeros(max(count, 1), dtype=np.int32)
-        boxes = grown_boxes(world)
-        self.low, self.high = root_corners(boxes, cube)
+        everyone = np.ones(len(world.kinds), dtype=np.bool_)
+        self.low, self.high = root_corners(extent_of(everyone, world), cube)
         self.max_depth = (
             depth_for(float(self.high[0] - self.low[0]), world.growth)
             if max_depth is None
             else max_depth
         )
-        self.state = self._build(np.ones(count, dtype=np.bool_))
+        self.state = self._build(everyone)
 
     def insert(self, i: int) -> None:
         """Take primitive i in; the root cube grows if the primitive is outside.
+
+        If there is no room for it, the tree is built anew with more.
 
         Raises:
             OctreeError: The row of the primitive is not finite.
@@ -107,22 +126,16 @@ class Octree:
         self._check_id(i)
         if not np.isfinite(self.world.rows[i]).all():
             raise OctreeError(f"the row of primitive {i} is not finite")
-        box = np.zeros(6)
-        growth = self.world.growth[i]
-        row_bounds(self.world.kinds[i], self.world.rows[i], growth, box)
-        if (box[:3] < self.low).any() or (box[3:] > self.high).any():
+        if self._grow_cube(i):
             present = self.present
             present[i] = True
-            while (box[:3] < self.low).any() or (box[3:] > self.high).any():
-                # Twice the edge, towards the side that sticks out.
-                edge = self.high - self.low
-                towards_low = box[:3] < self.low
-                self.low = np.where(towards_low, self.low - edge, self.low)
-                self.high = np.where(towards_low, self.high, self.high + edge)
-                self.max_depth = min(self.max_depth + 1, DEPTH_LIMIT)
             self.state = self._build(present)
             return
+        refused = int(self.state.counters[COUNT_UNSPLIT])
         octree_insert(i, self.world, self.state)
+        overflowed = self.state.residency[i, STATUS] == OVERFLOWED
+        if overflowed or self.state.counters[COUNT_UNSPLIT] != refused:
+            self.state = self._build(self.present)
 
     def remove(self, i: int) -> None:
         """Leave primitive i out from now on."""
@@ -137,14 +150,22 @@ class Octree:
     def candidates(self, i: int) -> NDArray[np.int32]:
         """Ids that share a leaf with primitive i, ascending."""
         self._check_id(i)
-        self._token += 1
-        found = octree_candidates(i, self.state, self._seen, self._token, self._out)
-        return np.sort(self._out[:found])
+        state = self.state
+        state.header[TOKEN] += 1
+        out = np.zeros(candidate_bound(i, state), dtype=np.int32)
+        token = int(state.header[TOKEN])
+        found = octree_candidates(i, state, state.primitive_marks, token, out)
+        return np.sort(out[:found])
 
     @property
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Bools:
         """Which primitives are in the tree, shape (p,)."""
         return np.asarray(self.state.residency[:, STATUS] != ABSENT)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays of the tree; the world's are not among them."""
+        return int(sum(array.nbytes for array in self.state))
 
     def check(self) -> None:
         """Audit every invariant; see `octree_audit`.
@@ -156,23 +177,21 @@ class Octree:
 
     def leaves(self) -> NDArray[np.int32]:
         """Ids of the leaves, in the order of a walk from the root, children in turn."""
-        nodes = self.state.nodes
-        found, stack = [], [0]
-        while stack:
-            node = stack.pop()
-            if nodes[node, FIRST_CHILD] == LEAF:
-                found.append(node)
-            else:
-                first = nodes[node, FIRST_CHILD]
-                stack.extend(range(first + 7, first - 1, -1))
-        return np.array(found, dtype=np.int32)
+        out = np.zeros(int(self.state.header[NODES_USED]), dtype=np.int32)
+        return out[: walk_leaves(self.state, out)].copy()
+
+    def cells(self, nodes: NDArray[np.int32]) -> Floats:
+        """Lower and upper corner of nodes, shape (k, 6) [m]."""
+        out = np.zeros((len(nodes), 6))
+        corners(self.state.nodes[nodes, PLACE], self.state.cube, out)
+        return out
 
     def statistics(self) -> dict[str, object]:
         """What the tree looks like: nodes, leaves, depths, lists, memory."""
         state = self.state
         leaves = self.leaves()
         lengths = state.nodes[leaves, COUNT]
-        depths = np.bincount(state.nodes[leaves, DEPTH])
+        depths = np.bincount(np.log2(state.nodes[leaves, PLACE]).astype(int) // 3)
         return {
             "kind": "octree",
             "leaf_capacity": self.leaf_capacity,
@@ -187,20 +206,34 @@ class Octree:
             "entries": int(lengths.sum()),
             "mean_list": float(lengths.mean()),
             "longest_list": int(lengths.max()),
-            "most_objects_in_a_leaf": self._most_objects(leaves),
+            "most_objects_in_a_leaf": int(most_owners(leaves, self.world, state)),
             "refused_splits": int(state.counters[COUNT_UNSPLIT]),
             "overflowed_primitives": int(state.header[OVERFLOW_COUNT]),
             "node_room": [int(state.header[NODES_USED]), len(state.nodes)],
             "entry_room": [int(state.header[ENTRIES_USED]), len(state.entries)],
-            "bytes": int(sum(array.nbytes for array in state)),
+            "bytes": self.nbytes,
         }
 
-    def _most_objects(self, leaves: NDArray[np.int32]) -> int:
-        most = 0
-        for leaf in leaves:
-            self.state.header[TOKEN] += 1
-            most = max(most, count_owners(int(leaf), 0, self.world, self.state))
-        return most
+    def _grow_cube(self, i: int) -> bool:
+        """Enlarge the cube until it holds primitive i; whether that was necessary.
+
+        What has no end on a side does not stick out there: outermost leaves have none.
+        """
+        box = np.zeros(6)
+        world = self.world
+        row_bounds(world.kinds[i], world.rows[i], world.growth[i], box)
+        box[:3] = np.where(np.isneginf(box[:3]), self.low, box[:3])
+        box[3:] = np.where(np.isposinf(box[3:]), self.high, box[3:])
+        grown = False
+        while (box[:3] < self.low).any() or (box[3:] > self.high).any():
+            # Twice the edge, towards the side that sticks out.
+            edge = self.high - self.low
+            towards_low = box[:3] < self.low
+            self.low = np.where(towards_low, self.low - edge, self.low)
+            self.high = np.where(towards_low, self.high, self.high + edge)
+            self.max_depth = min(self.max_depth + 1, DEPTH_LIMIT)
+            grown = True
+        return grown
 
     def _check_id(self, i: int) -> None:
         if not 0 <= i < len(self.world.kinds):
@@ -208,10 +241,23 @@ class Octree:
                 f"there is no primitive {i}; there are {len(self.world.kinds)}"
             )
 
-    def _build(self, present: NDArray[np.bool_]) -> OctreeState:
-        """Build, with room that grows until no split was refused for want of it."""
-        count = len(self.world.kinds)
-        nodes, entries = LEAST_NODES, max(LEAST_ENTRIES, 16 * count)
+    def _build(self, present: Bools) -> OctreeState:
+        """The tree of what is present, with room to spare for what moves."""
+        world = self.world
+        count = len(present)
+        moving = np.flatnonzero(world.growth > 0.0)
+        anchored = max(int(moving[-1]) + 1 if len(moving) else 0, LEAST_ANCHORS)
+        extent = extent_of(present, world)
+        reach = np.abs(np.concatenate([self.low, self.high, extent]))
+        clear = CLEAR * float(reach[np.isfinite(reach)].max())
+        # Pages that are never written are never there: guesses may be generous.
+        room = {
+            NODES_SHORT: LEAST_NODES + 2 * count,
+            ENTRIES_SHORT: LEAST_ENTRIES + 4 * count,
+            LISTS_SHORT: LEAST_ENTRIES + 4 * count,
+        }
+        masks = np.zeros(count, dtype=np.uint8)
+        frames = np.zeros((STACK_ROOM, 3), dtype=np.int64)
         while True:
             state = empty_state(
                 count,
@@ -219,43 +265,44 @@ class Octree:
                 max_depth=self.max_depth,
                 low=self.low,
                 high=self.high,
-                node_capacity=nodes,
-                entry_capacity=entries,
+                node_capacity=room[NODES_SHORT],
+                entry_capacity=room[ENTRIES_SHORT],
+                anchor_count=min(anchored, count),
             )
-            insert_all(present, self.world, state)
-            used = state.header[NODES_USED]
-            held = entries - state.header[FREE_ENTRIES]
-            refused = state.counters[COUNT_UNSPLIT] + state.header[OVERFLOW_COUNT]
-            roomy = used * SPARE <= nodes and held * SPARE <= entries
-            if roomy and refused == 0:
-                state.counters[:] = 0
-                return state
-            nodes, entries = SPARE * nodes, SPARE * entries
+            lists = np.zeros(room[LISTS_SHORT], dtype=np.int32)
+            answer = build_tree(present, clear, world, state, lists, masks, frames)
+            if answer == BUILT:
+                break
+            room[answer] *= 2
+        state.counters[:] = 0
+        held = SPARE * entries_of_moving(world, state)
+        return state_with_room(
+            state,
+            spare_nodes=LEAST_NODES + 8 * held,
+            spare_entries=LEAST_ENTRIES + held,
+        )
 
 
 @kernel
-def insert_all(present: NDArray[np.bool_], world: World, state: OctreeState) -> None:
+def insert_all(present: Bools, world: World, state: OctreeState) -> None:
     """Insert every primitive that is present, in order."""
     for i in range(present.shape[0]):
         if present[i]:
             octree_insert(i, world, state)
 
 
-def grown_boxes(world: World) -> Floats:
-    """Bounding boxes of the primitives as they are indexed, shape (p, 6) [m]."""
-    boxes = np.zeros((len(world.kinds), 6))
-    for i, kind in enumerate(world.kinds):
-        row_bounds(kind, world.rows[i], world.growth[i], boxes[i])
-    return boxes
+def extent_of(present: Bools, world: World) -> Floats:
+    """Lower and upper corner of the grown primitives, shape (6,) [m]."""
+    out = np.zeros(6)
+    grown_extent(present, world, np.zeros(6), out)
+    return out
 
 
 def root_corners(
-    boxes: Floats, cube: tuple[Floats, float] | None
+    extent: Floats, cube: tuple[Floats, float] | None
 ) -> tuple[Floats, Floats]:
-    """Corners of a cube that holds the boxes, and the wished-for cube."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    if len(boxes):
-        low, high = boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)
+    """Corners of a cube that holds an extent, and the wished-for cube."""
+    low, high = extent[:3], extent[3:]
     if cube is not None:
         centre, edge = np.asarray(cube[0], dtype=np.float64), float(cube[1])
         if not (np.isfinite(centre).all() and np.isfinite(edge) and edge > 0.0):
@@ -269,7 +316,7 @@ def root_corners(
             np.minimum(low, centre - edge / 2),
             np.maximum(high, centre + edge / 2),
         )
-    if not np.isfinite(low).all():
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
         low, high = np.full(3, -0.5), np.full(3, 0.5)
     centre, half = (low + high) / 2, float((high - low).max()) / 2 * 1.001
     return centre - half, centre + half

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from armguard.index.octree_state import (
     ABSENT,
+    COUNT,
     FIRST_ENTRY,
-    HEAD,
     IN_LEAF,
+    LINK,
     NEXT_IN_LEAF,
     NEXT_OF_PRIMITIVE,
     NONE,
@@ -33,7 +34,7 @@ def octree_candidates(
         state: The octree.
         seen: Marks, one a primitive; those equal to `token` were met before.
         token: A number `seen` does not hold yet.
-        out: Ids, overwritten, shape (p,).
+        out: Ids, overwritten, shape (p,) or as many as `candidate_bound` says.
 
     Returns:
         How many ids stand in `out`.
@@ -45,7 +46,7 @@ def octree_candidates(
     seen[i] = token
     mine = state.residency[i, FIRST_ENTRY]
     while mine != NONE:
-        entry = nodes[entries[mine, IN_LEAF], HEAD]
+        entry = nodes[entries[mine, IN_LEAF], LINK]
         while entry != NONE:
             j = entries[entry, PRIMITIVE]
             if seen[j] != token:
@@ -55,6 +56,20 @@ def octree_candidates(
             entry = entries[entry, NEXT_IN_LEAF]
         mine = entries[mine, NEXT_OF_PRIMITIVE]
     return count
+
+
+@kernel
+def candidate_bound(i: int, state: OctreeState) -> int:
+    """At least as many as primitive i has candidates."""
+    everyone = int(state.residency.shape[0])
+    if state.header[OVERFLOW_COUNT] > 0:
+        return everyone
+    members = 0
+    mine = state.residency[i, FIRST_ENTRY]
+    while mine != NONE:
+        members += state.nodes[state.entries[mine, IN_LEAF], COUNT]
+        mine = state.entries[mine, NEXT_OF_PRIMITIVE]
+    return int(min(members, everyone))
 
 
 @kernel

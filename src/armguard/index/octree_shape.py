@@ -1,15 +1,13 @@
 """The decomposition rule: split above N members, merge when N suffice again."""
 
 from armguard.geometry.place import displacement
-from armguard.index.octree_cell import grown_gap
+from armguard.index.octree_cell import depth_of, grown_gap
 from armguard.index.octree_lists import (
-    entry_before,
     free_block,
-    free_entry,
     hang_entry,
     link_entry,
     take_block,
-    unhang_entry,
+    take_entry_back,
 )
 from armguard.index.octree_state import (
     COUNT,
@@ -17,17 +15,16 @@ from armguard.index.octree_state import (
     COUNT_SPLITS,
     COUNT_UNSPLIT,
     COUNT_VISITED,
-    DEPTH,
+    DIVIDED,
     DROPPED,
-    FIRST_CHILD,
     FREE_ENTRIES,
-    HEAD,
-    LEAF,
     LEAF_CAPACITY,
+    LINK,
     MAX_DEPTH,
     NEXT_IN_LEAF,
     NONE,
     PARENT,
+    PLACE,
     PRIMITIVE,
     TOKEN,
     OctreeState,
@@ -39,7 +36,7 @@ from armguard.kernel import kernel
 @kernel(inline=False)
 def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
     """Split a leaf, and its children, until the rule holds."""
-    nodes, stack = state.nodes, state.stack
+    stack = state.stack
     state.header[DROPPED] = 0
     stack[0] = leaf
     height = 1
@@ -52,7 +49,6 @@ def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
         if first == NONE:
             state.counters[COUNT_UNSPLIT] += 1
             continue
-        nodes[node, FIRST_CHILD] = first
         for c in range(8):
             stack[height] = first + c
             height += 1
@@ -65,7 +61,8 @@ def merge_below(top: int, world: World, state: OctreeState) -> None:
     """Merge what can be merged below a node that was split just now.
 
     A member that has moved, and whose own update is still to come, may be in none of
-    the children: then fewer are left than made the split necessary.
+    the children, and so may one that touches the node, by rounding: then fewer are left
+    than made the split necessary.
     """
     nodes, stack = state.nodes, state.stack
     stack[0] = top
@@ -73,27 +70,29 @@ def merge_below(top: int, world: World, state: OctreeState) -> None:
     while height > 0:
         height -= 1
         node = stack[height]
-        first = nodes[node, FIRST_CHILD]
         # A leaf; or a node that a merge further up has freed in the meantime.
-        if first < 0:
+        if nodes[node, COUNT] != DIVIDED:
             continue
         merge_upwards(node, world, state)
-        if nodes[node, FIRST_CHILD] == first:
+        if nodes[node, COUNT] == DIVIDED:
             for c in range(8):
-                stack[height] = first + c
+                stack[height] = nodes[node, LINK] + c
                 height += 1
 
 
 @kernel
 def must_split(leaf: int, world: World, state: OctreeState) -> bool:
-    """Whether a leaf has members of more than N objects and may go deeper."""
-    nodes, header = state.nodes, state.header
-    if not nodes[leaf, COUNT] > header[LEAF_CAPACITY]:
+    """Whether a leaf has members of more than N objects and may go deeper.
+
+    A node that is divided already need not be.
+    """
+    nodes, rule = state.nodes, state.rule
+    if not nodes[leaf, COUNT] > rule[LEAF_CAPACITY]:
         return False
-    if not nodes[leaf, DEPTH] < header[MAX_DEPTH]:
+    if not depth_of(nodes[leaf, PLACE]) < rule[MAX_DEPTH]:
         return False
-    header[TOKEN] += 1
-    return bool(count_owners(leaf, 0, world, state) > header[LEAF_CAPACITY])
+    state.header[TOKEN] += 1
+    return bool(count_owners(leaf, 0, world, state) > rule[LEAF_CAPACITY])
 
 
 @kernel
@@ -107,7 +106,7 @@ def count_owners(leaf: int, known: int, world: World, state: OctreeState) -> int
         state: The octree.
     """
     token = state.header[TOKEN]
-    entry = state.nodes[leaf, HEAD]
+    entry = state.nodes[leaf, LINK]
     while entry != NONE:
         owner = world.owners[state.entries[entry, PRIMITIVE]]
         if state.owner_marks[owner] != token:
@@ -125,26 +124,37 @@ def split(node: int, world: World, state: OctreeState) -> int:
         The first child, or NONE if there is no room; then nothing has changed.
     """
     nodes, entries = state.nodes, state.entries
-    if state.header[FREE_ENTRIES] < 8 * nodes[node, COUNT]:
+    # Each member takes the entry it has along, and up to seven more.
+    if state.header[FREE_ENTRIES] < 7 * nodes[node, COUNT]:
         return NONE
     first = take_block(node, state)
     if first == NONE:
         return NONE
-    entry = nodes[node, HEAD]
+    entry = nodes[node, LINK]
+    nodes[node, LINK] = first
+    nodes[node, COUNT] = DIVIDED
     while entry != NONE:
         after = entries[entry, NEXT_IN_LEAF]
         i = entries[entry, PRIMITIVE]
-        free_entry(entry, entry_before(entry, state), state)
-        # The slack counts from the anchor, the gaps from where i is now.
-        moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
+        anchored = i < state.anchors.shape[0]
+        moved = 0.0
+        if anchored:
+            # The slack counts from the anchor, the gaps from where i is now.
+            moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
         linked = 0
         for c in range(8):
-            gap = grown_gap(i, first + c, world, state)
-            state.slack[i] = min(state.slack[i], abs(gap) - moved)
-            if not gap > 0.0:
+            gap = grown_gap(i, nodes[first + c, PLACE], world, state)
+            if anchored:
+                state.slack[i] = min(state.slack[i], abs(gap) - moved)
+            if gap > 0.0:
+                continue
+            if linked == 0:
+                hang_entry(entry, first + c, state)
+            else:
                 link_entry(i, first + c, state)
-                linked += 1
+            linked += 1
         if linked == 0:
+            take_entry_back(entry, state)
             state.header[DROPPED] = 1
         entry = after
     state.counters[COUNT_SPLITS] += 1
@@ -163,18 +173,18 @@ def merge_upwards(node: int, world: World, state: OctreeState) -> None:
 @kernel
 def mergeable(node: int, world: World, state: OctreeState) -> bool:
     """Whether a node has eight leaves with members of at most N objects together."""
-    nodes, header = state.nodes, state.header
-    first = nodes[node, FIRST_CHILD]
-    if first < 0:
+    nodes = state.nodes
+    if nodes[node, COUNT] != DIVIDED:
         return False
+    first = nodes[node, LINK]
     for c in range(8):
-        if nodes[first + c, FIRST_CHILD] != LEAF:
+        if nodes[first + c, COUNT] == DIVIDED:
             return False
-    header[TOKEN] += 1
+    state.header[TOKEN] += 1
     objects = 0
     for c in range(8):
         objects = count_owners(first + c, objects, world, state)
-        if objects > header[LEAF_CAPACITY]:
+        if objects > state.rule[LEAF_CAPACITY]:
             return False
     return True
 
@@ -183,21 +193,19 @@ def mergeable(node: int, world: World, state: OctreeState) -> bool:
 def merge(node: int, state: OctreeState) -> None:
     """Make a node of eight leaves a leaf that holds their members, each once."""
     nodes, entries, header = state.nodes, state.entries, state.header
-    first = nodes[node, FIRST_CHILD]
-    nodes[node, FIRST_CHILD] = LEAF
-    nodes[node, HEAD] = NONE
+    first = nodes[node, LINK]
+    nodes[node, LINK] = NONE
     nodes[node, COUNT] = 0
     header[TOKEN] += 1
     for c in range(8):
-        entry = nodes[first + c, HEAD]
+        entry = nodes[first + c, LINK]
         while entry != NONE:
             after = entries[entry, NEXT_IN_LEAF]
             i = entries[entry, PRIMITIVE]
             if state.primitive_marks[i] == header[TOKEN]:
-                free_entry(entry, entry_before(entry, state), state)
+                take_entry_back(entry, state)
             else:
                 state.primitive_marks[i] = header[TOKEN]
-                unhang_entry(entry, state)
                 hang_entry(entry, node, state)
             entry = after
     free_block(first, state)

@@ -7,48 +7,51 @@ from numpy.typing import NDArray
 
 # nodes: one row a node; children stand in blocks of eight, child c at first + c with
 # bit 0 of c for the upper half in x, bit 1 in y, bit 2 in z.
-FIRST_CHILD = 0  # LEAF, or the first of eight children
-PARENT = 1  # -1 for the root; in a free block, the next free block
-HEAD = 2  # first entry of a leaf's list, NONE if empty
-COUNT = 3  # members of a leaf
-DEPTH = 4  # 0 for the root
-BORDER = 5  # bits 0-2: touches the root's lower x, y, z face; bits 3-5: the upper
-NODE_WIDTH = 6
+LINK = 0  # of a leaf, the first entry of its list; of a divided node, its first child
+PARENT = 1  # NONE for the root; in a free block, the next free block
+COUNT = 2  # members of a leaf; DIVIDED; FREE
+PLACE = 3  # which cell: 1 for the root, 8 · place + c for child c of a node
+NODE_WIDTH = 4
 
-LEAF = -1
+DIVIDED = -1
 FREE = -2
 NONE = -1
+
+# Set in COUNT of the leaves a search has found, until they are entered.
+FOUND = 1 << 30
 
 # entries: one row for each primitive in each leaf.
 PRIMITIVE = 0
 IN_LEAF = 1
 NEXT_IN_LEAF = 2  # in a free entry, the next free entry
-PREVIOUS_IN_LEAF = 3
-NEXT_OF_PRIMITIVE = 4
+NEXT_OF_PRIMITIVE = 3
+PREVIOUS_OF_PRIMITIVE = 4
 ENTRY_WIDTH = 5
 
 # residency: one row a primitive.
 FIRST_ENTRY = 0
-LEAF_COUNT = 1
-STATUS = 2
-RESIDENCY_WIDTH = 3
+STATUS = 1
+RESIDENCY_WIDTH = 2
 
 ABSENT = 0  # not in the tree
 INDEXED = 1  # in every leaf it overlaps
 OVERFLOWED = 2  # no entry was left; everything is a candidate until it fits again
 
-# header
+# rule: the decomposition rule.
 LEAF_CAPACITY = 0  # the paper's N, in objects
 MAX_DEPTH = 1
-FREE_BLOCK = 2  # head of the list of free blocks, NONE if empty
-NODES_USED = 3  # nodes below this were handed out at least once
-FREE_ENTRY = 4
-ENTRIES_USED = 5
-FREE_ENTRIES = 6  # entries that can still be handed out
-TOKEN = 7  # grows with every search, so that marks need no clearing
-OVERFLOW_COUNT = 8  # primitives that are OVERFLOWED
-DROPPED = 9  # 1 if a split found a member that is in none of the children
-HEADER_WIDTH = 10
+RULE_WIDTH = 2
+
+# header
+FREE_BLOCK = 0  # head of the list of free blocks, NONE if empty
+NODES_USED = 1  # nodes below this were handed out at least once
+FREE_ENTRY = 2
+ENTRIES_USED = 3
+FREE_ENTRIES = 4  # entries that can still be handed out
+TOKEN = 5  # grows with every search, so that marks need no clearing
+OVERFLOW_COUNT = 6  # primitives that are OVERFLOWED
+DROPPED = 7  # 1 if a split found a member that is in none of the children
+HEADER_WIDTH = 8
 
 # counters: they only grow; the difference over a cycle is what the cycle did.
 COUNT_ENTERED = 0
@@ -61,37 +64,48 @@ COUNT_SKIPPED = 6  # updates that the slack proved needless
 COUNT_UNSPLIT = 7  # splits that had no room; the leaf stays, correct but long
 COUNTER_WIDTH = 8
 
+# Deeper than this a leaf of a ten metre cube is 1 cm, and a place has no room in 32
+# bits [-].
+DEPTH_LIMIT = 10
+
+# A walk pushes eight children and takes one of them before it pushes the next eight.
+STACK_ROOM = 8 + 7 * DEPTH_LIMIT
+
 
 class OctreeState(NamedTuple):
     """All an octree consists of; kernels read and write it in place.
 
+    What stands still has a place in a million, so nothing here is kept for it that
+    could be derived: a node's cell follows from its place, and only the first a
+    primitives, among them all that move, have an anchor and a slack.
+
     Attributes:
         nodes: Topology, shape (n, NODE_WIDTH).
-        cells: Lower and upper corner of each node, shape (n, 6) [m].
+        cube: Lower corner and edges of the root, shape (2, 3) [m].
         entries: Lists of the leaves, shape (e, ENTRY_WIDTH).
         residency: Where each primitive is, shape (p, RESIDENCY_WIDTH).
-        anchors: Row each primitive had when its leaves were determined, (p, 16).
-        slack: How far its points may move before its leaves can change, (p,) [m].
-        node_marks: Scratch, one token a node, shape (n,).
+        anchors: Row each primitive had when its leaves were determined, (a, 16).
+        slack: How far its points may move before its leaves can change, (a,) [m].
         primitive_marks: Scratch, one token a primitive, shape (p,).
         owner_marks: Scratch, one token an object, shape (p,).
-        stack: Scratch for walks, shape (n,).
-        found: Scratch for leaves, shape (n,).
-        left: Scratch for parents of leaves, shape (n,).
+        rule: N and the depth limit, shape (RULE_WIDTH,).
+        stack: Scratch for walks, shape (STACK_ROOM,).
+        found: Scratch for the leaves of a primitive, shape (f,).
+        left: Scratch for parents of leaves, shape (f,).
         box: Scratch for a bounding box, shape (6,).
-        header: Settings and free lists, shape (HEADER_WIDTH,).
+        header: Free lists and tokens, shape (HEADER_WIDTH,).
         counters: What was done, shape (COUNTER_WIDTH,).
     """
 
     nodes: NDArray[np.int32]
-    cells: NDArray[np.float64]
+    cube: NDArray[np.float64]
     entries: NDArray[np.int32]
     residency: NDArray[np.int32]
     anchors: NDArray[np.float64]
     slack: NDArray[np.float64]
-    node_marks: NDArray[np.int64]
     primitive_marks: NDArray[np.int64]
     owner_marks: NDArray[np.int64]
+    rule: NDArray[np.int64]
     stack: NDArray[np.int32]
     found: NDArray[np.int32]
     left: NDArray[np.int32]
@@ -109,6 +123,7 @@ def empty_state(
     high: NDArray[np.float64],
     node_capacity: int,
     entry_capacity: int,
+    anchor_count: int | None = None,
 ) -> OctreeState:
     """A tree of one empty leaf.
 
@@ -119,36 +134,64 @@ def empty_state(
         low: Lower corner of the root cube, shape (3,) [m].
         high: Upper corner, shape (3,) [m].
         node_capacity: Room for nodes.
-        entry_capacity: Room for entries.
+        entry_capacity: Room for entries, and for the leaves one search may find.
+        anchor_count: Primitives that have an anchor; all if None.
     """
-    nodes = np.full((node_capacity, NODE_WIDTH), FREE, dtype=np.int32)
-    nodes[0] = (LEAF, NONE, NONE, 0, 0, 0b111111)
-    cells = np.zeros((node_capacity, 6))
-    cells[0, :3] = low
-    cells[0, 3:] = high
+    nodes = np.zeros((node_capacity, NODE_WIDTH), dtype=np.int32)
+    nodes[0] = (NONE, NONE, 0, 1)
+    rule = np.zeros(RULE_WIDTH, dtype=np.int64)
+    rule[LEAF_CAPACITY] = leaf_capacity
+    rule[MAX_DEPTH] = max_depth
     header = np.zeros(HEADER_WIDTH, dtype=np.int64)
-    header[LEAF_CAPACITY] = leaf_capacity
-    header[MAX_DEPTH] = max_depth
     header[FREE_BLOCK] = NONE
     header[NODES_USED] = 1
     header[FREE_ENTRY] = NONE
     header[FREE_ENTRIES] = entry_capacity
     residency = np.zeros((primitive_count, RESIDENCY_WIDTH), dtype=np.int32)
     residency[:, FIRST_ENTRY] = NONE
+    anchored = primitive_count if anchor_count is None else anchor_count
     return OctreeState(
         nodes=nodes,
-        cells=cells,
-        entries=np.full((entry_capacity, ENTRY_WIDTH), NONE, dtype=np.int32),
+        cube=np.array([low, high - low], dtype=np.float64),
+        entries=np.zeros((entry_capacity, ENTRY_WIDTH), dtype=np.int32),
         residency=residency,
-        anchors=np.zeros((primitive_count, 16)),
-        slack=np.zeros(primitive_count),
-        node_marks=np.zeros(node_capacity, dtype=np.int64),
+        anchors=np.zeros((anchored, 16)),
+        slack=np.zeros(anchored),
         primitive_marks=np.zeros(primitive_count, dtype=np.int64),
         owner_marks=np.zeros(primitive_count, dtype=np.int64),
-        stack=np.zeros(node_capacity, dtype=np.int32),
-        found=np.zeros(node_capacity, dtype=np.int32),
-        left=np.zeros(node_capacity, dtype=np.int32),
+        rule=rule,
+        stack=np.zeros(STACK_ROOM, dtype=np.int32),
+        found=np.zeros(entry_capacity, dtype=np.int32),
+        left=np.zeros(entry_capacity, dtype=np.int32),
         box=np.zeros(6),
         header=header,
         counters=np.zeros(COUNTER_WIDTH, dtype=np.int64),
     )
+
+
+def state_with_room(
+    state: OctreeState, *, spare_nodes: int, spare_entries: int
+) -> OctreeState:
+    """The same tree in arrays of their exact size and some room for what moves.
+
+    Args:
+        state: The tree.
+        spare_nodes: Room for further nodes.
+        spare_entries: Room for further entries, and for the leaves a search may find.
+    """
+    header = state.header.copy()
+    header[FREE_ENTRIES] += header[ENTRIES_USED] + spare_entries - len(state.entries)
+    return state._replace(
+        nodes=enlarged(state.nodes[: header[NODES_USED]], spare_nodes),
+        entries=enlarged(state.entries[: header[ENTRIES_USED]], spare_entries),
+        found=np.zeros(spare_entries, dtype=np.int32),
+        left=np.zeros(spare_entries, dtype=np.int32),
+        header=header,
+    )
+
+
+def enlarged(rows: NDArray[np.int32], spare: int) -> NDArray[np.int32]:
+    """A copy of a matrix with further rows of zeros."""
+    copy = np.zeros((len(rows) + spare, rows.shape[1]), dtype=np.int32)
+    copy[: len(rows)] = rows
+    return copy

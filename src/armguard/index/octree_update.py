@@ -5,30 +5,31 @@ from numpy.typing import NDArray
 
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import displacement
-from armguard.index.octree_cell import grown_gap
+from armguard.index.octree_cell import border_of, cell_at, grown_gap
 from armguard.index.octree_lists import free_entry, link_entry
 from armguard.index.octree_shape import merge_upwards, split_as_needed
 from armguard.index.octree_state import (
     ABSENT,
-    BORDER,
+    COUNT,
     COUNT_ENTERED,
     COUNT_EVALUATED,
     COUNT_LEFT,
     COUNT_SKIPPED,
     COUNT_VISITED,
-    FIRST_CHILD,
+    DIVIDED,
     FIRST_ENTRY,
+    FOUND,
     FREE_ENTRIES,
     IN_LEAF,
     INDEXED,
-    LEAF,
+    LINK,
     NEXT_OF_PRIMITIVE,
     NONE,
     OVERFLOW_COUNT,
     OVERFLOWED,
     PARENT,
+    PLACE,
     STATUS,
-    TOKEN,
     OctreeState,
 )
 from armguard.index.world import World
@@ -46,14 +47,15 @@ def octree_update(i: int, world: World, state: OctreeState) -> None:
     """Let the tree follow primitive i to its present row.
 
     While no point of its core has moved farther than the slack, every cell is on the
-    side it was on, and there is nothing to do.
+    side it was on, and there is nothing to do. What has no anchor is looked for anew.
     """
     if state.residency[i, STATUS] == ABSENT:
         return
-    moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
-    if state.residency[i, STATUS] == INDEXED and moved + ROUNDING < state.slack[i]:
-        state.counters[COUNT_SKIPPED] += 1
-        return
+    if i < state.anchors.shape[0] and state.residency[i, STATUS] == INDEXED:
+        moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
+        if moved + ROUNDING < state.slack[i]:
+            state.counters[COUNT_SKIPPED] += 1
+            return
     relocate(i, world, state)
 
 
@@ -72,10 +74,22 @@ def octree_remove(i: int, world: World, state: OctreeState) -> None:
     if state.residency[i, STATUS] == OVERFLOWED:
         state.header[OVERFLOW_COUNT] -= 1
     state.residency[i, STATUS] = ABSENT
-    state.header[TOKEN] += 1
-    left = leave_unmarked(i, state)
-    for k in range(left):
-        merge_upwards(state.left[k], world, state)
+    withdraw(i, world, state)
+
+
+@kernel(inline=False)
+def withdraw(i: int, world: World, state: OctreeState) -> None:
+    """Take primitive i out of every leaf it is in, and merge what can be merged.
+
+    A merge on the way may free entries of i: the first one is looked up every time.
+    """
+    entry = state.residency[i, FIRST_ENTRY]
+    while entry != NONE:
+        parent = state.nodes[state.entries[entry, IN_LEAF], PARENT]
+        free_entry(entry, state)
+        state.counters[COUNT_LEFT] += 1
+        merge_upwards(parent, world, state)
+        entry = state.residency[i, FIRST_ENTRY]
 
 
 @kernel(inline=False)
@@ -86,96 +100,116 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
     holds the primitive with room for its growth, and goes down only where the
     primitive is. A small step searches the neighbourhood, a jump climbs to the root.
     """
+    nodes, leaves = state.nodes, state.found
     state.counters[COUNT_EVALUATED] += 1
-    state.header[TOKEN] += 1
-    token = state.header[TOKEN]
-    start = search_root(i, world, state)
-    found = find_leaves(i, start, world, state)
-    state.anchors[i] = world.rows[i]
-
-    fresh = 0
-    for k in range(found):
-        state.node_marks[state.found[k]] = token
-    entry = state.residency[i, FIRST_ENTRY]
-    while entry != NONE:
-        leaf = state.entries[entry, IN_LEAF]
-        if state.node_marks[leaf] == token:
-            state.node_marks[leaf] = -token
-        entry = state.entries[entry, NEXT_OF_PRIMITIVE]
-    for k in range(found):
-        fresh += state.node_marks[state.found[k]] == token
-
-    if fresh > state.header[FREE_ENTRIES]:
+    if not few_leaves(i, state):
+        withdraw(i, world, state)
+    start, slack = search_root(i, world, state)
+    found, slack = find_leaves(i, start, slack, world, state)
+    if i < state.anchors.shape[0]:
+        state.anchors[i] = world.rows[i]
+        state.slack[i] = slack
+    if found > leaves.shape[0]:
         overflow(i, world, state)
         return
-    if state.residency[i, STATUS] == OVERFLOWED:
+    # What i is in and bears no mark it leaves; what bears one and i is not in yet it
+    # enters. Marks are gone before anything is split or merged.
+    for k in range(found):
+        nodes[leaves[k], COUNT] += FOUND
+    left, kept = leave_unmarked(i, state)
+    fits = found - kept <= state.header[FREE_ENTRIES]
+    for k in range(found):
+        leaf = leaves[k]
+        if nodes[leaf, COUNT] >= FOUND:
+            nodes[leaf, COUNT] -= FOUND
+            if fits:
+                link_entry(i, leaf, state)
+                state.counters[COUNT_ENTERED] += 1
+    if fits and state.residency[i, STATUS] == OVERFLOWED:
         state.residency[i, STATUS] = INDEXED
         state.header[OVERFLOW_COUNT] -= 1
-    # A leaf that i keeps is marked -token, one it enters token: mark both alike, so
-    # that what bears neither is what it leaves.
-    for k in range(found):
-        leaf = state.found[k]
-        if state.node_marks[leaf] == token:
-            link_entry(i, leaf, state)
-            state.counters[COUNT_ENTERED] += 1
-        state.node_marks[leaf] = token
     # Enter, leave, split, merge: in another order a small step would merge what the
     # next line splits again.
-    left = leave_unmarked(i, state)
-    for k in range(found):
-        split_as_needed(state.found[k], world, state)
+    if fits:
+        for k in range(found):
+            split_as_needed(leaves[k], world, state)
     for k in range(left):
         merge_upwards(state.left[k], world, state)
+    if not fits:
+        overflow(i, world, state)
 
 
 @kernel
-def search_root(i: int, world: World, state: OctreeState) -> int:
+def few_leaves(i: int, state: OctreeState) -> bool:
+    """Whether the parents of the leaves of primitive i have room in `left`."""
+    count = 0
+    entry = state.residency[i, FIRST_ENTRY]
+    while entry != NONE:
+        count += 1
+        if count > state.left.shape[0]:
+            return False
+        entry = state.entries[entry, NEXT_OF_PRIMITIVE]
+    return True
+
+
+@kernel
+def search_root(i: int, world: World, state: OctreeState) -> tuple[int, float]:
     """The smallest node above a leaf of primitive i that holds it now, with room.
 
-    Beyond the faces of that node nothing is searched, so they count for the slack.
+    Returns:
+        The node, and how far i is from its faces [m]: beyond them nothing is searched,
+        so they count for the slack.
     """
-    state.slack[i] = np.inf
     entry = state.residency[i, FIRST_ENTRY]
     if entry == NONE:
-        return 0
+        return 0, np.inf
     room = world.growth[i]
     row_bounds(world.kinds[i], world.rows[i], room, state.box)
-    node = state.entries[entry, IN_LEAF]
+    node = int(state.entries[entry, IN_LEAF])
     while True:
-        inside = room_inside(node, state.box, state)
+        inside = room_inside(state.nodes[node, PLACE], state.box, state.cube)
         if inside > room:
-            state.slack[i] = inside
-            return int(node)
+            return node, float(inside)
         if state.nodes[node, PARENT] == NONE:
-            return int(node)
-        node = state.nodes[node, PARENT]
+            return node, np.inf
+        node = int(state.nodes[node, PARENT])
 
 
 @kernel
-def room_inside(node: int, box: Floats, state: OctreeState) -> float:
-    """Least distance from a box to the faces of the node around it [m].
+def room_inside(place: int, box: Floats, cube: Floats) -> float:
+    """Least distance from a box to the faces of the cell around it [m].
 
     Negative if the box sticks out; faces at the root's border do not count.
     """
+    x0, y0, z0, x1, y1, z1 = cell_at(place, cube)
+    border = border_of(place)
     room = np.inf
-    border = state.nodes[node, BORDER]
-    for k in range(3):
-        if not border & (1 << k):
-            room = min(room, box[k] - state.cells[node, k])
-        if not border & (1 << (k + 3)):
-            room = min(room, state.cells[node, k + 3] - box[k + 3])
+    if not border & 1:
+        room = min(room, box[0] - x0)
+    if not border & 2:
+        room = min(room, box[1] - y0)
+    if not border & 4:
+        room = min(room, box[2] - z0)
+    if not border & 8:
+        room = min(room, x1 - box[3])
+    if not border & 16:
+        room = min(room, y1 - box[4])
+    if not border & 32:
+        room = min(room, z1 - box[5])
     return room
 
 
 @kernel
-def find_leaves(i: int, start: int, world: World, state: OctreeState) -> int:
-    """Write the leaves below `start` that primitive i inhabits; lower its slack.
+def find_leaves(
+    i: int, start: int, slack: float, world: World, state: OctreeState
+) -> tuple[int, float]:
+    """Write the leaves below `start` that primitive i inhabits into `state.found`.
 
     Returns:
-        How many leaves stand in `state.found`.
+        How many there are, more than `found` has room for if they do not fit; and the
+        slack, lowered by every cell that was tested [m].
     """
     nodes, stack = state.nodes, state.stack
-    slack = state.slack[i]
     stack[0] = start
     height = 1
     found = 0
@@ -183,46 +217,48 @@ def find_leaves(i: int, start: int, world: World, state: OctreeState) -> int:
     while height > 0:
         height -= 1
         node = stack[height]
-        gap = grown_gap(i, node, world, state)
+        gap = grown_gap(i, nodes[node, PLACE], world, state)
         visited += 1
         if gap > 0.0:
             slack = min(slack, gap)
-        elif nodes[node, FIRST_CHILD] == LEAF:
-            slack = min(slack, -gap)
-            state.found[found] = node
-            found += 1
-        else:
+        elif nodes[node, COUNT] == DIVIDED:
             for c in range(8):
-                stack[height] = nodes[node, FIRST_CHILD] + c
+                stack[height] = nodes[node, LINK] + c
                 height += 1
-    state.slack[i] = slack
+        else:
+            slack = min(slack, -gap)
+            if found < state.found.shape[0]:
+                state.found[found] = node
+            found += 1
     state.counters[COUNT_VISITED] += visited
-    return found
+    return found, slack
 
 
 @kernel
-def leave_unmarked(i: int, state: OctreeState) -> int:
-    """Take primitive i out of every leaf that does not bear the present token.
+def leave_unmarked(i: int, state: OctreeState) -> tuple[int, int]:
+    """Take primitive i out of every leaf without a mark, and the marks off the others.
 
     Returns:
-        How many parents of such leaves stand in `state.left`.
+        How many parents of leaves it left stand in `state.left`, and how many leaves
+        it kept.
     """
-    token = state.header[TOKEN]
+    nodes, entries = state.nodes, state.entries
     left = 0
-    previous = NONE
+    kept = 0
     entry = state.residency[i, FIRST_ENTRY]
     while entry != NONE:
-        after = state.entries[entry, NEXT_OF_PRIMITIVE]
-        leaf = state.entries[entry, IN_LEAF]
-        if state.node_marks[leaf] == token:
-            previous = entry
+        after = entries[entry, NEXT_OF_PRIMITIVE]
+        leaf = entries[entry, IN_LEAF]
+        if nodes[leaf, COUNT] >= FOUND:
+            nodes[leaf, COUNT] -= FOUND
+            kept += 1
         else:
-            free_entry(entry, previous, state)
-            state.left[left] = state.nodes[leaf, PARENT]
+            free_entry(entry, state)
+            state.left[left] = nodes[leaf, PARENT]
             left += 1
-            state.counters[COUNT_LEFT] += 1
         entry = after
-    return left
+    state.counters[COUNT_LEFT] += left
+    return left, kept
 
 
 @kernel
@@ -231,7 +267,4 @@ def overflow(i: int, world: World, state: OctreeState) -> None:
     if state.residency[i, STATUS] != OVERFLOWED:
         state.residency[i, STATUS] = OVERFLOWED
         state.header[OVERFLOW_COUNT] += 1
-    state.header[TOKEN] += 1
-    left = leave_unmarked(i, state)
-    for k in range(left):
-        merge_upwards(state.left[k], world, state)
+    withdraw(i, world, state)

@@ -43,7 +43,7 @@ def draw_octree(
             "pictures need matplotlib: pip install 'armguard[plot]'"
         ) from None
     leaves = octree.leaves()
-    cells, counts = octree.state.cells[leaves], octree.state.nodes[leaves, COUNT]
+    cells, counts = octree.cells(leaves), octree.state.nodes[leaves, COUNT]
     z = busiest_height(cells) if height is None else height
     figure = Figure(figsize=(14, 7), dpi=90)
     FigureCanvasAgg(figure)

@@ -1,0 +1,82 @@
+"""Figures of a whole octree: leaves, cells, lengths of lists."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.index.octree_cell import cell_at
+from armguard.index.octree_shape import count_owners
+from armguard.index.octree_state import (
+    COUNT,
+    DIVIDED,
+    FIRST_ENTRY,
+    LINK,
+    NEXT_OF_PRIMITIVE,
+    NONE,
+    TOKEN,
+    OctreeState,
+)
+from armguard.index.world import World
+from armguard.kernel import kernel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@kernel(inline=False)
+def walk_leaves(state: OctreeState, out: Ints) -> int:
+    """Write the leaves in the order of a walk from the root, children in turn.
+
+    Args:
+        state: The octree.
+        out: Leaves, overwritten, as many as there are nodes in use.
+
+    Returns:
+        How many leaves there are.
+    """
+    nodes, stack = state.nodes, state.stack
+    stack[0] = 0
+    height = 1
+    found = 0
+    while height > 0:
+        height -= 1
+        node = stack[height]
+        if nodes[node, COUNT] == DIVIDED:
+            for c in range(8):
+                stack[height] = nodes[node, LINK] + 7 - c
+                height += 1
+        else:
+            out[found] = node
+            found += 1
+    return found
+
+
+@kernel(inline=False)
+def corners(places: Ints, cube: Floats, out: Floats) -> None:
+    """Write lower and upper corner of the cells at some places, shape (k, 6) [m]."""
+    for k in range(places.shape[0]):
+        out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = cell_at(
+            places[k], cube
+        )
+
+
+@kernel(inline=False)
+def most_owners(leaves: Ints, world: World, state: OctreeState) -> int:
+    """Objects in the leaf that holds most of them."""
+    most = 0
+    for k in range(leaves.shape[0]):
+        state.header[TOKEN] += 1
+        most = max(most, count_owners(leaves[k], 0, world, state))
+    return most
+
+
+@kernel(inline=False)
+def entries_of_moving(world: World, state: OctreeState) -> int:
+    """Entries of all primitives that have a growth."""
+    count = 0
+    for i in range(world.growth.shape[0]):
+        if world.growth[i] > 0.0:
+            entry = state.residency[i, FIRST_ENTRY]
+            while entry != NONE:
+                count += 1
+                entry = state.entries[entry, NEXT_OF_PRIMITIVE]
+    return count
