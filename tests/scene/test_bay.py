@@ -43,7 +43,7 @@ def test_35_primitives_14_of_them_moving() -> None:
     assert tables.moving_count == 14
     kinds = [ShapeKind(kind) for kind in tables.kinds]
     assert kinds[:14] == [ShapeKind.CAPSULE] * 14
-    assert {kind: kinds[14:].count(kind) for kind in ShapeKind} == {
+    assert {kind: kinds[14:].count(kind) for kind in set(kinds[14:])} == {
         ShapeKind.SPHERE: 1,
         ShapeKind.CAPSULE: 9,
         ShapeKind.BOX: 11,

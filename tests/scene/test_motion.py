@@ -167,7 +167,10 @@ world:
 @pytest.mark.parametrize(
     ("inner", "says"),
     [
-        ("meshes: [{}]", ":4: world.collision_objects[0]: object 'thing' has meshes"),
+        (
+            "meshes: [{}]",
+            ":4: world.collision_objects[0]: object 'thing' has 1 meshes and 0 poses",
+        ),
         (
             "primitives: [{type: box, dimensions: [1, 1, 1]}]",
             "has 1 primitives and 0 poses",

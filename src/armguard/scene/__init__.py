@@ -3,6 +3,7 @@
 from armguard.scene.bay import bay_path, bay_scene, bay_task
 from armguard.scene.compile import compile_scene
 from armguard.scene.file import load_scene
+from armguard.scene.meshes import Surface, convex_pieces, mesh_hull
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.scene.trajectory import Trajectory, load_trajectory
@@ -10,11 +11,14 @@ from armguard.scene.trajectory import Trajectory, load_trajectory
 __all__ = [
     "Scene",
     "SceneTables",
+    "Surface",
     "Trajectory",
     "bay_path",
     "bay_scene",
     "bay_task",
     "compile_scene",
+    "convex_pieces",
     "load_scene",
     "load_trajectory",
+    "mesh_hull",
 ]

@@ -1,13 +1,10 @@
 """From a scene to flat tables."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.bounds import row_bounds
-from armguard.geometry.shapes import ROW_WIDTH, PlacedShape, shape_row
 from armguard.robot.kinematics import (
     KinematicTable,
     concatenate,
@@ -16,37 +13,26 @@ from armguard.robot.kinematics import (
 )
 from armguard.robot.limits import joint_limits
 from armguard.scene.allowed import allowed_pairs
+from armguard.scene.blocks import (
+    Block,
+    blocks_of,
+    extent,
+    index_owners,
+    stacked_rows,
+)
+from armguard.scene.exact import ExactPart, exact_tables
+from armguard.scene.names import PrimitiveNames
 from armguard.scene.rules import pair_rules
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.settings import CubeSettings
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
 
 # The root cube is this much larger than what it must hold, so that nothing lies on
 # its faces [-].
 CUBE_SLACK = 1.02
-
-
-@dataclass(frozen=True, slots=True)
-class Primitive:
-    """One primitive on its way into the tables.
-
-    Attributes:
-        owner: 'robot/link' or an object's name.
-        label: Its own name.
-        body: Kinematic body it rides on, -1 if it stands still.
-        row: Row in the body's frame, or in the world, shape (16,).
-        kind: ShapeKind as a number.
-        model_error: How far it may reach beyond what it stands for [m].
-    """
-
-    owner: str
-    label: str
-    body: int
-    row: Floats
-    kind: int
-    model_error: float
 
 
 def compile_scene(scene: Scene) -> SceneTables:
@@ -67,26 +53,30 @@ def compile_scene(scene: Scene) -> SceneTables:
             strict=True,
         )
     )
-    primitives = sorted(
+    blocks = sorted(
         [
-            *robot_primitives(scene, tables, first_body),
-            *object_primitives(scene, tables, first_body),
+            *robot_blocks(scene, tables, first_body),
+            *object_blocks(scene, tables, first_body),
         ],
-        key=lambda p: p.body if p.body >= 0 else np.iinfo(np.int32).max,
+        key=lambda b: b.body if b.body >= 0 else np.iinfo(np.int32).max,
     )
-    moving_count = sum(p.body >= 0 for p in primitives)
+    sizes = [len(b) for b in blocks]
+    moving_count = sum(len(b) for b in blocks if b.body >= 0)
     rules = pair_rules(
         scene,
         allowed_pairs(scene),
-        owners=list(dict.fromkeys(p.owner for p in primitives)),
-        moving={p.owner for p in primitives if p.body >= 0},
+        owners=list(dict.fromkeys(b.owner for b in blocks)),
+        moving={b.owner for b in blocks if b.body >= 0},
     )
-    groups = np.array([rules.group_of[p.owner] for p in primitives], dtype=np.int32)
+    groups = repeated([rules.group_of[b.owner] for b in blocks], sizes)
+    kinds = np.concatenate([np.zeros(0, dtype=np.int32), *(b.kinds for b in blocks)])
+    bodies = repeated([b.body for b in blocks], sizes)
+    local_rows = stacked_rows(blocks)
     margin = scene.margin
-    growth = np.zeros(len(primitives))
+    growth = np.zeros(len(kinds))
     growth[:moving_count] = margin
     lower, upper, home = stack_limits(scene)
-    centre, edge = root_cube(scene, tables, first_body, primitives)
+    centre, edge = root_cube(scene, tables, first_body, kinds, bodies, local_rows)
     return SceneTables(
         q_names=scene.q_names,
         lower=lower,
@@ -98,9 +88,10 @@ def compile_scene(scene: Scene) -> SceneTables:
         gain=joined.gain,
         T_parent_joint=joined.T_parent_joint,
         axis=joined.axis,
-        kinds=np.array([p.kind for p in primitives], dtype=np.int32),
-        bodies=np.array([p.body for p in primitives], dtype=np.int32),
-        local_rows=np.array([p.row for p in primitives]).reshape(-1, ROW_WIDTH),
+        kinds=kinds,
+        bodies=bodies,
+        owners=index_owners(blocks),
+        local_rows=local_rows,
         groups=groups,
         checked=rules.checked,
         buffers=rules.buffers,
@@ -108,9 +99,13 @@ def compile_scene(scene: Scene) -> SceneTables:
         margin=margin,
         moving_count=moving_count,
         checkable_pairs=count_checkable(groups, rules.checked, moving_count),
-        body_names=tuple(p.owner for p in primitives),
-        labels=tuple(p.label for p in primitives),
-        model_errors=np.array([p.model_error for p in primitives]),
+        body_names=PrimitiveNames(blocks, numbered=False),
+        labels=PrimitiveNames(blocks, numbered=True),
+        model_errors=np.concatenate([np.zeros(0), *(b.model_errors for b in blocks)]),
+        shapes=tuple(shape for b in blocks for shape in b.shapes),
+        exact=exact_tables(
+            [b.owner for b in blocks], sizes, exact_parts(scene, tables)
+        ),
         cube_centre=centre,
         cube_edge=edge,
         index=scene.index,
@@ -118,44 +113,54 @@ def compile_scene(scene: Scene) -> SceneTables:
     )
 
 
-def labels_of(owner: str, shapes: Sequence[PlacedShape]) -> list[str]:
-    """Names of a body's primitives: numbered if there are several."""
-    if len(shapes) == 1:
-        return [owner]
-    return [f"{owner}[{k}]" for k in range(len(shapes))]
+def repeated(values: Sequence[int], sizes: Sequence[int]) -> Ints:
+    """A value of each block for each of its primitives, shape (p,)."""
+    return np.repeat(np.array(values, dtype=np.int32), np.array(sizes, dtype=np.intp))
 
 
-def robot_primitives(
+def robot_blocks(
     scene: Scene,
     tables: Mapping[str, KinematicTable],
     first_body: Mapping[str, int],
-) -> list[Primitive]:
+) -> Iterator[Block]:
     """Primitives of all links; those of a robot's root body stand still."""
-    found = []
     for name, robot in scene.robots.items():
         table = tables[name]
-        base = robot.base.matrix()
         for link, fit in robot.fits.items():
             body = table.body_of_link[link]
-            T_link = table.T_body_link[link]
-            if body == 0:
-                T_link = base @ T_link
-            found += placed(
+            yield from blocks_of(
                 f"{name}/{link}",
                 fit.shapes,
-                T_link,
+                (),
+                link_frame(robot, table, link),
                 -1 if body == 0 else first_body[name] + body,
             )
-    return found
 
 
-def object_primitives(
+def link_frame(robot: SceneRobot, table: KinematicTable, link: str) -> Floats:
+    """Frame of a link in its body; of the root body's links, in the world."""
+    T = table.T_body_link[link]
+    return robot.base.matrix() @ T if table.body_of_link[link] == 0 else T
+
+
+def exact_parts(
+    scene: Scene, tables: Mapping[str, KinematicTable]
+) -> dict[str, ExactPart]:
+    """Exact geometry of the links that have another than their primitives."""
+    return {
+        f"{name}/{link}": ExactPart(fit.exact, link_frame(robot, tables[name], link))
+        for name, robot in scene.robots.items()
+        for link, fit in robot.fits.items()
+        if fit.exact
+    }
+
+
+def object_blocks(
     scene: Scene,
     tables: Mapping[str, KinematicTable],
     first_body: Mapping[str, int],
-) -> list[Primitive]:
+) -> Iterator[Block]:
     """Primitives of all objects; attached ones ride on their link's body."""
-    found = []
     for name, thing in scene.objects.items():
         T, body = thing.pose.matrix(), -1
         if thing.attached_to is not None:
@@ -167,25 +172,7 @@ def object_primitives(
                 T = scene.robots[robot].base.matrix() @ T
             else:
                 body = first_body[robot] + local
-        found += placed(name, thing.shapes, T, body)
-    return found
-
-
-def placed(
-    owner: str, shapes: Sequence[PlacedShape], T: Floats, body: int
-) -> list[Primitive]:
-    """Primitives of one owner whose frame stands at T in its body or the world."""
-    return [
-        Primitive(
-            owner=owner,
-            label=label,
-            body=body,
-            row=shape_row(s.shape, T @ s.pose.matrix()),
-            kind=int(s.shape.kind),
-            model_error=s.model_error,
-        )
-        for label, s in zip(labels_of(owner, shapes), shapes, strict=True)
-    ]
+        yield from blocks_of(name, thing.shapes, thing.surfaces, T, body)
 
 
 def stack_limits(scene: Scene) -> tuple[Floats, Floats, Floats]:
@@ -215,19 +202,20 @@ def root_cube(
     scene: Scene,
     tables: Mapping[str, KinematicTable],
     first_body: Mapping[str, int],
-    primitives: Sequence[Primitive],
+    kinds: Ints,
+    bodies: Ints,
+    rows: Floats,
 ) -> tuple[Floats, float]:
     """Cube that holds everything the scene can contain: centre and edge [m].
 
     The cube of the scene's settings is taken if it holds what stands still; otherwise
-    it grows about that. An arm may reach out of it: the outermost leaves have no end.
+    it grows about that. An arm may reach out of it, and a half-space always does: the
+    outermost leaves have no end.
     """
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    first = int(np.count_nonzero(bodies >= 0))
     box = np.zeros(6)
-    for p in primitives:
-        if p.body < 0:
-            row_bounds(p.kind, p.row, 0.0, box)
-            low, high = np.minimum(low, box[:3]), np.maximum(high, box[3:])
+    extent(kinds[first:], rows[first:], box)
+    low, high = box[:3], box[3:]
     chosen = scene.index.cube
     if chosen is not None:
         if holds(chosen, low, high):
@@ -238,7 +226,8 @@ def root_cube(
         return (low + high) / 2.0, float((high - low).max()) * CUBE_SLACK
     for name, robot in scene.robots.items():
         origin = robot.base.matrix()[:3, 3]
-        reach = robot_reach(robot, tables[name], primitives, first_body[name])
+        own = bodies[:first] - first_body[name]
+        reach = robot_reach(robot, tables[name], kinds[:first], own, rows[:first])
         low = np.minimum(low, origin - reach - scene.margin)
         high = np.maximum(high, origin + reach + scene.margin)
     return (low + high) / 2.0, float((high - low).max()) * CUBE_SLACK
@@ -247,19 +236,30 @@ def root_cube(
 def robot_reach(
     robot: SceneRobot,
     table: KinematicTable,
-    primitives: Sequence[Primitive],
-    first_body: int,
+    kinds: Ints,
+    bodies: Ints,
+    rows: Floats,
 ) -> float:
-    """Radius about a robot's base that no primitive riding on it can leave [m]."""
-    frames = reach_bounds(table, *joint_limits(robot.model))
-    box = np.zeros(6)
+    """Radius about a robot's base that no primitive riding on it can leave [m].
+
+    Half-spaces, which have no end, are left out.
+
+    Args:
+        robot: The robot.
+        table: Its bodies.
+        kinds: Kind of each primitive that moves.
+        bodies: Body of each, counted from the robot's first.
+        rows: Their rows.
+    """
     reach = 0.0
-    for p in primitives:
-        body = p.body - first_body
-        if p.body >= 0 and 0 <= body < len(frames):
-            row_bounds(p.kind, p.row, 0.0, box)
+    box = np.zeros(6)
+    for body, frame in enumerate(reach_bounds(table, *joint_limits(robot.model))):
+        riders = bodies == body
+        if riders.any():
+            extent(kinds[riders], rows[riders], box)
             corner = np.maximum(np.abs(box[:3]), np.abs(box[3:]))
-            reach = max(reach, frames[body] + float(np.linalg.norm(corner)))
+            if np.isfinite(corner).all():
+                reach = max(reach, frame + float(np.linalg.norm(corner)))
     return reach
 
 

@@ -7,19 +7,11 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from armguard.errors import ArmguardError, did_you_mean
-from armguard.geometry.pose import Pose
-from armguard.geometry.shapes import Box, Capsule, PlacedShape, Sphere
-from armguard.robot.fitting import enclose_cylinder
-from armguard.scene.file_models import (
-    ObjectModel,
-    PoseModel,
-    RobotEntry,
-    SceneModel,
-    ShapeModel,
-    SizedBox,
-)
+from armguard.scene.file_models import ObjectModel, RobotEntry, SceneModel
+from armguard.scene.file_parts import object_parts, pose_of, triple
+from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
-from armguard.scene.scene import PAPER_BUFFER, Progress, Scene
+from armguard.scene.scene import PAPER_BUFFER, Scene
 from armguard.scene.settings import CubeSettings, IndexSettings
 from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
 
@@ -37,7 +29,8 @@ def load_scene(
     Args:
         path: Own YAML (docs/scene-file.md), or a MoveIt planning scene as it is.
         robot: URDF for a MoveIt scene, which only names its robot.
-        progress: Called with link name, number and count while links are fitted.
+        progress: Called with what is done, its number and their count, before
+            anything that takes long.
 
     Raises:
         SceneFileError: The file is wrong; each problem with file, line and key path.
@@ -76,7 +69,7 @@ def as_problem(source: YamlSource, error: dict[str, Any]) -> Problem:
         sentence = "is missing"
     elif kind in ("too_short", "too_long"):
         count = context.get("min_length") or context.get("max_length")
-        if isinstance(got, dict):
+        if isinstance(got, dict) or count == 1:
             sentence = f"needs at least {count}"
         else:
             sentence = f"expected {count} numbers, got {context['actual_length']}"
@@ -169,13 +162,7 @@ def build_scene(
     for name, thing in model.objects.items():
         attempt(
             ("objects", name),
-            lambda n=name, t=thing: scene.add(  # type: ignore[misc]
-                object_shapes(t),
-                name=n,
-                pose=pose_of(t.at),
-                attached_to=t.attached_to,
-                buffer=t.buffer,
-            ),
+            lambda n=name, t=thing: add_object(scene, source, n, t, progress),  # type: ignore[misc]
         )
     if not problems:
         for k, allow in enumerate(model.allow):
@@ -192,6 +179,23 @@ def build_scene(
     if problems:
         raise SceneFileError(unique(problems))
     return scene
+
+
+def add_object(
+    scene: Scene,
+    source: YamlSource,
+    name: str,
+    entry: ObjectModel,
+    progress: Progress | None,
+) -> None:
+    """Add an object of the file; relative paths count from the file's folder."""
+    scene.add(
+        object_parts(entry, source.path.resolve().parent, progress),
+        name=name,
+        pose=pose_of(entry.at),
+        attached_to=entry.attached_to,
+        buffer=entry.buffer,
+    )
 
 
 def add_robot(
@@ -217,62 +221,3 @@ def add_robot(
         home=entry.home,
         progress=progress,
     )  # fmt: skip
-
-
-def triple(values: list[float]) -> tuple[float, float, float]:
-    """Three numbers as a tuple."""
-    x, y, z = values
-    return (x, y, z)
-
-
-def pose_of(model: PoseModel) -> Pose:
-    """A pose of the file."""
-    xyz = triple(model.xyz)
-    if model.quat_wxyz is not None:
-        return Pose.from_quat_wxyz(model.quat_wxyz, xyz)
-    if model.quat_xyzw is not None:
-        x, y, z, w = model.quat_xyzw
-        return Pose.from_quat_wxyz((w, x, y, z), xyz)
-    return Pose(xyz=xyz, rpy=triple(model.rpy or [0.0, 0.0, 0.0]))
-
-
-def object_shapes(model: ObjectModel) -> list[PlacedShape]:
-    """Primitives of an object, in its own frame."""
-    if model.union is not None:
-        return [placed for part in model.union for placed in shapes_of(part, part.at)]
-    return shapes_of(model, PoseModel())
-
-
-def shapes_of(model: ShapeModel | ObjectModel, at: PoseModel) -> list[PlacedShape]:
-    """Primitives of one shape of the file."""
-    pose = pose_of(at)
-    if model.sphere is not None:
-        ball = Sphere(radius=model.sphere.radius, rounding=model.sphere.rounding)
-        return [PlacedShape(ball, pose)]
-    if model.capsule is not None:
-        half = (model.capsule.length or 0.0) / 2
-        rod = Capsule(
-            start=triple(model.capsule.start or [0.0, 0.0, -half]),
-            end=triple(model.capsule.end or [0.0, 0.0, half]),
-            radius=model.capsule.radius,
-            rounding=model.capsule.rounding,
-        )
-        return [PlacedShape(rod, pose)]
-    if model.box is not None:
-        size, rounding = (
-            (model.box.size, model.box.rounding)
-            if isinstance(model.box, SizedBox)
-            else (model.box, 0.0)
-        )
-        x, y, z = size
-        block = Box(half_extents=(x / 2, y / 2, z / 2), rounding=rounding)
-        return [PlacedShape(block, pose)]
-    assert model.cylinder is not None, "the grammar allows no object without a shape"
-    return [
-        PlacedShape(
-            part.shape,
-            Pose.from_matrix(pose.matrix() @ part.pose.matrix()),
-            part.model_error,
-        )
-        for part in enclose_cylinder(model.cylinder.radius, model.cylinder.length)
-    ]

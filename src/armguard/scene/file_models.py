@@ -3,29 +3,26 @@
 from math import pi
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
+
+from armguard.scene.file_numbers import (
+    NotNegative,
+    Number,
+    Positive,
+    Quaternion,
+    Strict,
+    Triple,
+)
+from armguard.scene.file_shapes import SHAPE_KEYS, ShapeKeys
 
 # More than two turns is no orientation anyone writes in radians [rad].
 LOOKS_LIKE_DEGREES = 4 * pi
-
-Number = Annotated[float, Field(allow_inf_nan=False, strict=False)]
-Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0)]
-NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
-Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
-PositiveTriple = Annotated[list[Positive], Field(min_length=3, max_length=3)]
-Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
-
-
-class Strict(BaseModel):
-    """A mapping without unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class PoseModel(Strict):
     """Where a frame stands: `xyz`, and one way to say the orientation."""
 
-    xyz: Triple = [0.0, 0.0, 0.0]
+    xyz: Triple = Field(default=[0.0, 0.0, 0.0])
     rpy: Triple | None = None
     quat_wxyz: Quaternion | None = None
     quat_xyzw: Quaternion | None = None
@@ -50,68 +47,20 @@ class PoseModel(Strict):
         return self
 
 
-class SphereModel(Strict):
-    """`sphere: {radius: 0.1}`."""
-
-    radius: Positive
-    rounding: NotNegative = 0.0
-
-
-class CapsuleModel(Strict):
-    """`capsule: {from: [..], to: [..], radius: r}` or `{length: l, radius: r}`."""
-
-    start: Triple | None = Field(None, alias="from")
-    end: Triple | None = Field(None, alias="to")
-    length: NotNegative | None = None
-    radius: Positive
-    rounding: NotNegative = 0.0
-
-    @model_validator(mode="after")
-    def _one_axis(self) -> Self:
-        ends = self.start is not None and self.end is not None
-        either = self.start is not None or self.end is not None
-        if (ends and self.length is None) or (not either and self.length is not None):
-            return self
-        raise ValueError("needs `from` and `to`, or `length` along z, not both")
-
-
-class SizedBox(Strict):
-    """`box: {size: [x, y, z], rounding: r}`."""
-
-    size: PositiveTriple
-    rounding: NotNegative = 0.0
-
-
-class CylinderModel(Strict):
-    """`cylinder: {radius: r, length: l}`, enclosed by primitives."""
-
-    radius: Positive
-    length: Positive
-
-
-class ShapeModel(Strict):
+class ShapeModel(ShapeKeys):
     """Exactly one shape, and where it stands."""
 
-    sphere: SphereModel | None = None
-    capsule: CapsuleModel | None = None
-    box: PositiveTriple | SizedBox | None = None
-    cylinder: CylinderModel | None = None
     at: PoseModel = PoseModel()
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
-        kinds = ("sphere", "capsule", "box", "cylinder")
-        check_one(self, kinds)
+        check_one(self, SHAPE_KEYS)
         return self
 
 
-class ObjectModel(Strict):
+class ObjectModel(ShapeKeys):
     """Exactly one shape or a union of several."""
 
-    sphere: SphereModel | None = None
-    capsule: CapsuleModel | None = None
-    box: PositiveTriple | SizedBox | None = None
-    cylinder: CylinderModel | None = None
     union: Annotated[list[ShapeModel], Field(min_length=1)] | None = None
     at: PoseModel = PoseModel()
     attached_to: str | None = None
@@ -119,7 +68,7 @@ class ObjectModel(Strict):
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
-        check_one(self, ("sphere", "capsule", "box", "cylinder", "union"))
+        check_one(self, (*SHAPE_KEYS, "union"))
         return self
 
 
@@ -140,8 +89,8 @@ class RobotEntry(Strict):
     buffer: NotNegative | None = None
     fit_target: Positive = 0.030
     max_primitives: Annotated[int, Field(ge=1, le=64)] = 8
-    home: dict[str, Number] = {}
-    packages: dict[str, str] = {}
+    home: dict[str, Number] = Field(default={})
+    packages: dict[str, str] = Field(default={})
 
 
 class AllowEntry(Strict):
@@ -180,9 +129,9 @@ class SceneModel(Strict):
     """The whole file."""
 
     robots: Annotated[dict[str, RobotEntry], Field(min_length=1)]
-    objects: dict[str, ObjectModel] = {}
+    objects: dict[str, ObjectModel] = Field(default={})
     buffer: NotNegative | None = None
     margin: NotNegative | None = None
-    allow: list[AllowEntry] = []
-    buffers: list[BufferEntry] = []
+    allow: list[AllowEntry] = Field(default=[])
+    buffers: list[BufferEntry] = Field(default=[])
     index: IndexModel = IndexModel()

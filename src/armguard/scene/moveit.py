@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError, SceneError
 from armguard.geometry.pose import Pose
-from armguard.geometry.shapes import Box, PlacedShape, Sphere
-from armguard.robot.fitting import enclose_cylinder
-from armguard.scene.scene import Progress, Scene
+from armguard.geometry.shapes import PlacedShape
+from armguard.scene.meshes import Progress, Surface, mesh_parts
+from armguard.scene.moveit_shapes import (
+    half_space,
+    mesh_arrays,
+    pose_matrix,
+    primitive_shape,
+)
+from armguard.scene.scene import Scene
 from armguard.scene.yaml_source import SceneFileError, YamlSource
-
-# Type numbers of shape_msgs/SolidPrimitive, where a file has them in place of names.
-PRIMITIVE_NAMES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
 
 
 def is_moveit_scene(values: Any) -> bool:
@@ -39,7 +42,8 @@ def build_moveit_scene(
     Args:
         source: The file.
         robot: The URDF; by default the robot of the model's name.
-        progress: Called with link name, number and count while links are fitted.
+        progress: Called with what is done, its number and their count, before
+            anything that takes long.
 
     Raises:
         SceneFileError: The file holds something that cannot be guarded as it is.
@@ -61,7 +65,7 @@ def build_moveit_scene(
     for k, thing in enumerate(world.get("collision_objects") or []):
         keys = ("world", "collision_objects", k)
         try:
-            add_object(scene, thing)
+            add_object(scene, thing, progress)
         except (KeyError, TypeError, ValueError, ArmguardError) as error:
             what = f"has no {error}" if isinstance(error, KeyError) else str(error)
             raise source.problem(
@@ -116,83 +120,45 @@ def place_home(scene: Scene, name: str, state: Mapping[str, Any]) -> None:
     scene.set_home(name, {**robot.home, **positions})
 
 
-def add_object(scene: Scene, thing: Mapping[str, Any]) -> None:
+def add_object(
+    scene: Scene, thing: Mapping[str, Any], progress: Progress | None
+) -> None:
     """Add one collision object; nothing of it is dropped.
 
     Raises:
-        SceneError: It has meshes, planes, or a primitive nobody knows.
+        SceneError: It has a primitive nobody knows, or more or fewer poses than
+            things to place.
     """
     name = str(thing["id"])
-    for kind in ("meshes", "planes"):
-        if thing.get(kind):
-            raise SceneError(
-                f"object '{name}' has {kind}, which cannot be guarded; replace them "
-                "by primitives"
-            )
-    primitives = thing.get("primitives") or []
-    poses = thing.get("primitive_poses") or []
-    if len(primitives) != len(poses):
-        raise SceneError(
-            f"object '{name}' has {len(primitives)} primitives and {len(poses)} poses"
+    parts: list[PlacedShape | Surface] = []
+    for primitive, T in placed(name, thing, "primitives", "primitive_poses"):
+        shape = primitive_shape(name, primitive)
+        parts.append(PlacedShape(shape, Pose.from_matrix(T)))
+    for plane, T in placed(name, thing, "planes", "plane_poses"):
+        shape, inner = half_space(name, plane)
+        parts.append(PlacedShape(shape, Pose.from_matrix(T @ inner)))
+    for mesh, T in placed(name, thing, "meshes", "mesh_poses"):
+        parts += mesh_parts(
+            mesh_arrays(name, mesh), pose=Pose.from_matrix(T), progress=progress
         )
-    shapes = [
-        placed
-        for primitive, pose in zip(primitives, poses, strict=True)
-        for placed in primitive_shapes(name, primitive, pose_matrix(pose))
-    ]
     own = thing.get("pose")
     scene.add(
-        shapes,
+        parts,
         name=name,
         pose=Pose() if own is None else Pose.from_matrix(pose_matrix(own)),
     )
 
 
-def pose_matrix(pose: Mapping[str, Any]) -> NDArray[np.float64]:
-    """A MoveIt pose; its quaternions are x y z w. Shape (4, 4)."""
-    x, y, z = map(float, in_order(pose["position"], "xyz"))
-    qx, qy, qz, qw = map(float, in_order(pose["orientation"], "xyzw"))
-    return Pose.from_quat_wxyz((qw, qx, qy, qz), (x, y, z)).matrix()
-
-
-def in_order(values: Any, keys: str) -> list[Any]:
-    """Numbers that stand in a list, or in a mapping by letter."""
-    return [values[k] for k in keys] if isinstance(values, Mapping) else list(values)
-
-
-def primitive_shapes(
-    name: str, primitive: Mapping[str, Any], T: NDArray[np.float64]
-) -> list[PlacedShape]:
-    """Our shapes for one primitive; a cylinder or cone is enclosed."""
-    kind = PRIMITIVE_NAMES.get(primitive["type"], primitive["type"])
-    sizes = [float(v) for v in primitive["dimensions"]]
-    expected = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
-    if kind not in expected:
+def placed(
+    name: str, thing: Mapping[str, Any], what: str, where: str
+) -> list[tuple[Any, NDArray[np.float64]]]:
+    """Things of one list of a collision object with their frames, shape (4, 4)."""
+    things, poses = thing.get(what) or [], thing.get(where) or []
+    if len(things) != len(poses):
         raise SceneError(
-            f"object '{name}' has a primitive of type '{kind}'; known types are "
-            + ", ".join(expected)
+            f"object '{name}' has {len(things)} {what} and {len(poses)} poses"
         )
-    if len(sizes) != expected[kind]:
-        raise SceneError(
-            f"object '{name}': a {kind} has {expected[kind]} dimensions, this one "
-            f"{len(sizes)}"
-        )
-    if kind == "box":
-        x, y, z = (size / 2 for size in sizes)
-        return [PlacedShape(Box(half_extents=(x, y, z)), Pose.from_matrix(T))]
-    if kind == "sphere":
-        return [PlacedShape(Sphere(radius=sizes[0]), Pose.from_matrix(T))]
-    height, radius = sizes
-    # A cone lies in the cylinder of its base; how far that reaches beyond it counts.
-    beyond = radius if kind == "cone" else 0.0
-    return [
-        PlacedShape(
-            part.shape,
-            Pose.from_matrix(T @ part.pose.matrix()),
-            part.model_error + beyond,
-        )
-        for part in enclose_cylinder(radius, height)
-    ]
+    return [(t, pose_matrix(p)) for t, p in zip(things, poses, strict=True)]
 
 
 def allow_matrix(scene: Scene, source: YamlSource, name: str, links: set[str]) -> None:

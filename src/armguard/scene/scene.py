@@ -1,6 +1,6 @@
 """A scene: robots, objects, what may touch, what distance is to be kept."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -17,6 +17,14 @@ from armguard.robot.limits import home_configuration
 from armguard.robot.model import FittedLink, RobotModel
 from armguard.robot.named import find_named_robot
 from armguard.robot.urdf import load_urdf
+from armguard.scene.meshes import (
+    MAX_TRIANGLES,
+    MeshForm,
+    MeshInput,
+    Progress,
+    Surface,
+    mesh_parts,
+)
 from armguard.scene.settings import IndexSettings
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
@@ -26,7 +34,8 @@ PAPER_BUFFER = 0.03048
 # otherwise: the operator sees a pair before it stops the arm [m].
 MARGIN_BEYOND_BUFFER = 0.02
 
-Progress = Callable[[str, int, int], None]
+
+Part = Shape | PlacedShape | Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +67,8 @@ class SceneObject:
 
     Attributes:
         name: Its name.
-        shapes: Its primitives, in its own frame.
+        shapes: Its shapes, in its own frame.
+        surfaces: Its triangles, in its own frame.
         pose: Its frame in the world, or in the link it is attached to.
         attached_to: 'robot/link' it rides on, None if it stands still.
         buffer: Distance it must keep; None for the scene's [m].
@@ -66,6 +76,7 @@ class SceneObject:
 
     name: str
     shapes: tuple[PlacedShape, ...]
+    surfaces: tuple[Surface, ...]
     pose: Pose
     attached_to: str | None
     buffer: float | None
@@ -214,7 +225,8 @@ class Scene:
             fit_target: Overreach the fitted primitives should stay below [m].
             max_primitives: Primitives a link may be given for that.
             home: Home positions by joint name; see `home_configuration` for the rest.
-            progress: Called with link name, number and count while links are fitted.
+            progress: Called with what is done, its number and their count, while links
+                are fitted.
 
         Raises:
             SceneError: The name is taken or no name.
@@ -230,7 +242,10 @@ class Scene:
         model, home = self._load(urdf, srdf, packages, home)
         at_home = home_configuration(model, home)
         fits = fit_robot(
-            model, target=fit_target, max_primitives=max_primitives, progress=progress
+            model,
+            target=fit_target,
+            max_primitives=max_primitives,
+            progress=progress and fitting(progress),
         )
         robot = SceneRobot(
             name=name,
@@ -247,7 +262,7 @@ class Scene:
 
     def add(
         self,
-        shapes: Shape | PlacedShape | Sequence[Shape | PlacedShape],
+        shapes: Part | Sequence[Part],
         *,
         name: str,
         pose: Pose | None = None,
@@ -257,14 +272,15 @@ class Scene:
         """Add an object.
 
         Args:
-            shapes: A shape, or several: their union.
+            shapes: A shape or a surface, or several: their union.
             name: Its name.
             pose: Its frame in the world, or in the link it is attached to.
             attached_to: 'robot/link' it rides on.
             buffer: Distance it must keep; the scene's if None [m].
 
         Raises:
-            SceneError: The name is taken or no name, or there is no shape.
+            SceneError: The name is taken or no name, there is no shape, or a surface
+                is to ride on a link.
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
@@ -273,20 +289,85 @@ class Scene:
         parts = shapes if isinstance(shapes, Sequence) else (shapes,)
         if not parts:
             raise SceneError(f"object '{name}' has no shape")
+        surfaces = tuple(part for part in parts if isinstance(part, Surface))
         if attached_to is not None:
             self._check_body(attached_to, link=True)
+            if surfaces:
+                raise SceneError(riding_surface(name, attached_to))
         thing = SceneObject(
             name=name,
             shapes=tuple(
                 part if isinstance(part, PlacedShape) else PlacedShape(part)
                 for part in parts
+                if not isinstance(part, Surface)
             ),
+            surfaces=surfaces,
             pose=Pose() if pose is None else pose,
             attached_to=attached_to,
             buffer=buffer,
         )
         self._objects[name] = thing
         return thing
+
+    def add_mesh(
+        self,
+        mesh: MeshInput,
+        *,
+        name: str,
+        form: MeshForm = "triangles",
+        pose: Pose | None = None,
+        attached_to: str | None = None,
+        scale: float | Sequence[float] = 1.0,
+        rounding: float = 0.0,
+        buffer: float | None = None,
+        max_triangles: int = MAX_TRIANGLES,
+        progress: Progress | None = None,
+    ) -> SceneObject:
+        """Add an object that is a mesh.
+
+        Args:
+            mesh: An STL, OBJ, PLY or DAE file, or vertices of shape (v, 3) [m] and
+                faces of shape (n, 3).
+            name: Its name.
+            form: "triangles", its surface as it is; "hull", its convex hull;
+                "pieces", several convex hulls that follow it, see `convex_pieces`.
+            pose: Its frame in the world, or in the link it is attached to.
+            attached_to: 'robot/link' it rides on; not for triangles.
+            scale: Factor from the mesh's numbers to metres, or one for each axis [-].
+            rounding: Growth outwards on all sides [m].
+            buffer: Distance it must keep; the scene's if None [m].
+            max_triangles: More than this many are refused.
+            progress: Called with what is done, its number and their count, if it
+                takes long.
+
+        Raises:
+            MeshError: The mesh cannot be read, or not be brought into this form.
+            SceneError: The name is taken or no name, or triangles are to ride on a
+                link.
+            UnknownNameError: The link does not exist.
+
+        Example:
+            >>> from armguard import Scene
+            >>> vertices = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0.2)]
+            >>> faces = [(0, 1, 2), (1, 3, 2)]
+            >>> ramp = Scene().add_mesh((vertices, faces), name="ramp")
+            >>> len(ramp.surfaces[0])
+            2
+        """
+        self._check_name(name)
+        if attached_to is not None and form == "triangles":
+            raise SceneError(riding_surface(name, attached_to))
+        parts = mesh_parts(
+            mesh,
+            form=form,
+            scale=scale,
+            rounding=rounding,
+            max_triangles=max_triangles,
+            progress=progress,
+        )
+        return self.add(
+            parts, name=name, pose=pose, attached_to=attached_to, buffer=buffer
+        )
 
     def remove(self, name: str) -> None:
         """Remove an object, and the rules about it.
@@ -425,6 +506,19 @@ class Scene:
             return [f"{name}/{link}" for link in self._robots[name].model.links]
         self._check_body(name)
         return [name]
+
+
+def fitting(progress: Progress) -> Progress:
+    """A progress of links that says what is done with them."""
+    return lambda link, number, count: progress(f"fitting {link}", number, count)
+
+
+def riding_surface(name: str, link: str) -> str:
+    """Why triangles cannot be attached, and what can."""
+    return (
+        f"object '{name}' is a mesh of triangles, which stand still; to ride on "
+        f"'{link}' give the mesh as 'hull' or as 'pieces'"
+    )
 
 
 def check_distance(what: str, value: float) -> float:

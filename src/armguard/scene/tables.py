@@ -1,10 +1,13 @@
 """A scene as flat arrays: all a cycle reads, in the order it reads them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.shapes import Shape
+from armguard.scene.exact import ExactTables
 from armguard.scene.settings import IndexSettings
 
 Floats = NDArray[np.float64]
@@ -31,6 +34,7 @@ class SceneTables:
         axis: Unit joint axis, shape (b, 3).
         kinds: ShapeKind of each primitive, shape (p,).
         bodies: Body a primitive rides on, -1 if it stands still, shape (p,).
+        owners: What the index counts as one object, see `index_owners`, shape (p,).
         local_rows: Rows in the frame of the body, or in the world, shape (p, 16).
         groups: Rule group of each primitive, shape (p,).
         checked: 1 where two groups are checked against each other, shape (g, g).
@@ -43,6 +47,8 @@ class SceneTables:
         labels: Name of each primitive: the body's, with a number if it has several.
         model_errors: How far a primitive may reach beyond what it stands for,
             shape (p,) [m].
+        shapes: Shapes whose numbers rows lead to; kept so that these live as long.
+        exact: The second stage of links: their collision geometry itself.
         cube_centre: Centre of the octree's root cube, shape (3,) [m].
         cube_edge: Its edge [m].
         index: How near pairs are found.
@@ -61,6 +67,7 @@ class SceneTables:
     axis: Floats
     kinds: Ints
     bodies: Ints
+    owners: Ints
     local_rows: Floats
     groups: Ints
     checked: NDArray[np.uint8]
@@ -69,9 +76,11 @@ class SceneTables:
     margin: float
     moving_count: int
     checkable_pairs: int
-    body_names: tuple[str, ...]
-    labels: tuple[str, ...]
+    body_names: Sequence[str]
+    labels: Sequence[str]
     model_errors: Floats
+    shapes: tuple[Shape, ...]
+    exact: ExactTables
     cube_centre: Floats
     cube_edge: float
     index: IndexSettings
