@@ -9,11 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 from armguard.errors import HomeContactError, UnknownNameError, did_you_mean
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
+from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.compiling import announce_compiling
 from armguard.guard.cycle import run_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
+from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.verdict import Names, NearPair, Verdict
 from armguard.guard.workspace import (
     BRUTE_FORCE,
@@ -24,6 +26,7 @@ from armguard.guard.workspace import (
     ledger_of,
 )
 from armguard.index import BruteForce, Octree, World
+from armguard.kernel import kernel
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
@@ -32,6 +35,9 @@ from armguard.scene.tables import SceneTables
 # Near pairs an answer has room for. More than this many at once is a reason to stop
 # (`Reason.CAPACITY`), not to count on.
 NEAR_CAPACITY = 4096
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
 
 FLOAT64 = np.dtype(np.float64)
 
@@ -190,6 +196,11 @@ class Guard:
             kept=np.zeros((capacity, layout.NEAR_WIDTH)),
             memory=self._memory,
             out=self._out,
+            exact_of=tables.exact.of_primitive,
+            exact_kinds=tables.exact.kinds,
+            exact_rows=tables.exact.rows,
+            memo=np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
+            memo_rows=np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
             world=world,
             octree=octree,
         )
@@ -258,7 +269,7 @@ def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
         kinds=tables.kinds,
         rows=tables.local_rows.copy(),
         boxes=np.zeros((len(tables.kinds), 6)),
-        owners=owners_of(tables),
+        owners=tables.owners,
         growth=tables.growth,
     )
     forward_kinematics(
@@ -271,22 +282,19 @@ def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
         tables.axis,
         T_world,
     )
-    for i, kind in enumerate(tables.kinds):
-        body = tables.bodies[i]
-        if body >= 0:
-            place_row(kind, tables.local_rows[i], T_world[body], world.rows[i])
-        row_bounds(kind, world.rows[i], 0.0, world.boxes[i])
+    place_all(tables.kinds, tables.bodies, tables.local_rows, T_world, world)
     return world
 
 
-def owners_of(tables: SceneTables) -> NDArray[np.int32]:
-    """Object of each primitive: its rigid group, or what stands still by its name."""
-    keys = [
-        name if body < 0 else int(body)
-        for name, body in zip(tables.body_names, tables.bodies, strict=True)
-    ]
-    numbers = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-    return np.array([numbers[key] for key in keys], dtype=np.int32)
+@kernel(inline=False)
+def place_all(
+    kinds: Ints, bodies: Ints, local_rows: Floats, T_world: Floats, world: World
+) -> None:
+    """Write the world row and the bounding box of every primitive."""
+    for i in range(kinds.shape[0]):
+        if bodies[i] >= 0:
+            place_row(kinds[i], local_rows[i], T_world[bodies[i]], world.rows[i])
+        row_bounds(kinds[i], world.rows[i], 0.0, world.boxes[i])
 
 
 def build_index(tables: SceneTables, world: World) -> Octree | BruteForce:

@@ -21,12 +21,15 @@ LEAVES_ENTERED = 11
 LEAVES_LEFT = 12
 SPLITS = 13
 MERGES = 14
-HEADER = 15
+PAIRS_REFINED = 15  # pairs of links whose exact shapes were measured
+HEADER = 16
 
 # Places in the row of a near pair.
 FIRST = 0  # primitive index of A
 SECOND = 1  # primitive index of B
 CLEARANCE = 2  # signed distance minus buffer [m]
 BUFFER = 3  # required distance [m]
-WITNESS = 4  # then the witness row: distance, point_a(3), point_b(3), normal(3)
-NEAR_WIDTH = 14
+OUTER = 4  # signed distance of the two primitives [m]
+EXACT = 5  # signed distance of the exact shapes [m]; infinite where not measured
+WITNESS = 6  # then the witness row: distance, point_a(3), point_b(3), normal(3)
+NEAR_WIDTH = 16

@@ -8,16 +8,14 @@ it. The guard that owns the ledger owns the arrays too and never lets them go.
 # `carray` has no types that mypy could see.
 # mypy: disable-error-code="no-any-return"
 
-import ctypes
 from collections.abc import Sequence
 from typing import Any
 
 import numba
 import numpy as np
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from armguard.address import pointer
 from armguard.kernel import kernel
 
 Longs = NDArray[np.int64]
@@ -45,24 +43,6 @@ class Ledger:
                 raise TypeError(f"array {k} of a ledger is not a contiguous matrix")
             columns = array.shape[1] if array.ndim == 2 else 1
             self.lines[k * LINE :][:LINE] = array.ctypes.data, array.shape[0], columns
-
-
-if numba.config.DISABLE_JIT:
-
-    def pointer(address: int) -> Any:
-        """An address as something `carray` takes."""
-        return ctypes.c_void_p(int(address))
-
-else:
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def pointer(typing_context: Any, address: Any) -> Any:
-        """An address as something `carray` takes."""
-
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], cgutils.voidptr_t)
-
-        return types.voidptr(address), generate
 
 
 @kernel
@@ -95,6 +75,13 @@ def matrix_i4(lines: Longs, k: int) -> NDArray[np.int32]:
 def vector_i8(lines: Longs, k: int) -> NDArray[np.int64]:
     """Array k as a vector of int64."""
     return numba.carray(pointer(lines[3 * k]), (lines[3 * k + 1],), np.int64)
+
+
+@kernel
+def matrix_i8(lines: Longs, k: int) -> NDArray[np.int64]:
+    """Array k as a matrix of int64."""
+    shape = (lines[3 * k + 1], lines[3 * k + 2])
+    return numba.carray(pointer(lines[3 * k]), shape, np.int64)
 
 
 @kernel

@@ -3,4 +3,5 @@
 TOKEN = 0  # grows with every list of candidates, so that `seen` needs no clearing
 KEPT_COUNT = 1  # near pairs of the last good cycle
 FORCE = 2  # 1: nothing of the last cycle may be kept
-MEMORY = 3
+CYCLE = 3  # grows with every cycle
+MEMORY = 4

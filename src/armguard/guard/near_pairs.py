@@ -7,11 +7,13 @@ from armguard.geometry.pairs import measure
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
+    EXACT,
     FIRST,
     HEADER,
     NEAR_COUNT,
     NEAR_WIDTH,
     NEAREST,
+    OUTER,
     PAIRS_FILTERED,
     PAIRS_KEPT,
     PAIRS_TESTED,
@@ -20,7 +22,8 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.levels import Reason
-from armguard.guard.memory import FORCE, KEPT_COUNT, TOKEN
+from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
+from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.workspace import (
     BRUTE_FORCE,
@@ -56,6 +59,7 @@ def judge_pairs(w: Workspace) -> None:
     margin = w.margin[0]
     moved, moving_count = w.moved, w.settings[MOVING_COUNT]
     everything = w.groups.shape[0]
+    memory[CYCLE] += 1
     kept_count = memory[KEPT_COUNT]
     next_kept = 0
     count = 0
@@ -87,6 +91,10 @@ def judge_pairs(w: Workspace) -> None:
             out[place + FIRST] = i
             out[place + SECOND] = j
             out[place + BUFFER] = required
+            out[place + OUTER] = witness[0]
+            out[place + EXACT] = np.inf
+            if not witness[0] - required >= 0.0:
+                refine_pair(i, j, place, w)
             out[place + CLEARANCE] = witness[0] - required
             count += 1
         count, next_kept = take_kept(

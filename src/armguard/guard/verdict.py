@@ -46,14 +46,18 @@ class NearPair:
         b: Body of B.
         primitive_a: Primitive of A; a body may have several.
         primitive_b: Primitive of B.
-        distance: Signed distance of the primitives [m].
+        distance: Signed distance the verdict rests on: that of the primitives, or of
+            the exact shapes where those are farther apart [m].
+        primitive_distance: Signed distance of the primitives [m].
+        exact_distance: Signed distance of the exact shapes of the two links or
+            objects; None where the primitives keep their buffer and nobody asked [m].
         buffer: Distance the pair must keep [m].
         clearance: distance - buffer; negative means imminent collision [m].
         point_a: Witness point on A, world frame, shape (3,) [m].
         point_b: Witness point on B, world frame, shape (3,) [m].
         normal: Unit vector from A to B, world frame, shape (3,).
-        model_error: How far the two primitives together may reach beyond the real
-            surfaces [m].
+        model_error: How far what was measured may reach beyond the real surfaces [m];
+            for exact shapes this is 0: a mesh is represented by its convex hull.
     """
 
     a: str
@@ -61,6 +65,8 @@ class NearPair:
     primitive_a: str
     primitive_b: str
     distance: float
+    primitive_distance: float
+    exact_distance: float | None
     buffer: float
     clearance: float
     point_a: Floats
@@ -72,6 +78,13 @@ class NearPair:
     def why(self) -> str:
         """The pair in words and millimetres."""
         verb = "needs" if self.clearance < 0.0 else "keeps"
+        if self.exact_distance is not None:
+            return (
+                f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm, {verb} "
+                f"{self.buffer * 1e3:.0f} mm buffer (exact shapes "
+                f"{self.exact_distance * 1e3:.0f} mm, primitives "
+                f"{self.primitive_distance * 1e3:.0f} mm)"
+            )
         model = (
             f" (the model may reach {self.model_error * 1e3:.0f} mm too far)"
             if self.model_error > 0.0
@@ -88,7 +101,9 @@ class Counts:
     """What a cycle had to do.
 
     Attributes:
-        pairs_tested: Pairs of primitives measured exactly.
+        pairs_tested: Pairs of primitives measured.
+        pairs_refined: Pairs of links whose exact shapes were measured because their
+            primitives would not keep their buffer.
         pairs_kept: Near pairs whose two sides stood still and whose row was kept.
         pairs_filtered: Pairs sharing a leaf whose bounding boxes are farther apart
             than the margin.
@@ -103,6 +118,7 @@ class Counts:
     """
 
     pairs_tested: int
+    pairs_refined: int
     pairs_kept: int
     pairs_filtered: int
     pairs_skipped: int
@@ -178,6 +194,7 @@ class Verdict:
         tested, kept, filtered, moved, links, changed, entered, left = d[:8]
         return Counts(
             pairs_tested=tested,
+            pairs_refined=d[10],
             pairs_kept=kept,
             pairs_filtered=filtered,
             pairs_skipped=self._names.checkable_pairs - tested,
@@ -235,18 +252,24 @@ class Verdict:
         i, j = int(row[layout.FIRST]), int(row[layout.SECOND])
         names = self._names
         witness = row[layout.WITNESS :]
+        exact = float(row[layout.EXACT])
+        refined = exact != np.inf and not exact <= row[layout.OUTER]
         return NearPair(
             a=names.bodies[i],
             b=names.bodies[j],
             primitive_a=names.labels[i],
             primitive_b=names.labels[j],
             distance=float(witness[0]),
+            primitive_distance=float(row[layout.OUTER]),
+            exact_distance=None if exact == np.inf else exact,
             buffer=float(row[layout.BUFFER]),
             clearance=float(row[layout.CLEARANCE]),
             point_a=witness[1:4].copy(),
             point_b=witness[4:7].copy(),
             normal=witness[7:10].copy(),
-            model_error=float(names.model_errors[i] + names.model_errors[j]),
+            model_error=0.0
+            if refined
+            else float(names.model_errors[i] + names.model_errors[j]),
         )
 
     def _joint_sentence(self, reason: Reason) -> str:
@@ -269,6 +292,8 @@ def pair_dict(pair: NearPair) -> dict[str, object]:
         "primitive_a": pair.primitive_a,
         "primitive_b": pair.primitive_b,
         "distance": pair.distance,
+        "primitive_distance": pair.primitive_distance,
+        "exact_distance": pair.exact_distance,
         "buffer": pair.buffer,
         "clearance": pair.clearance,
         "point_a": pair.point_a.tolist(),

@@ -9,6 +9,7 @@ from armguard.guard.ledger import (
     Ledger,
     matrix_f8,
     matrix_i4,
+    matrix_i8,
     matrix_u1,
     vector_f8,
     vector_i4,
@@ -53,6 +54,11 @@ class Workspace(NamedTuple):
         kept: Near pairs of the last good cycle, shape (k, NEAR_WIDTH).
         memory: What is carried over, see `memory`, shape (MEMORY,).
         out: Answer, see `layout`, shape (HEADER + k · NEAR_WIDTH,).
+        exact_of: See `ExactTables`, from here to `exact_rows`.
+        exact_kinds: Kinds of the exact shapes.
+        exact_rows: Exact shapes in their bodies.
+        memo: Pairs of links whose exact distance is known, see `refine`.
+        memo_rows: Their witness rows, shape (m, 10).
         world: Primitives in the world.
         octree: State of the octree.
     """
@@ -81,6 +87,11 @@ class Workspace(NamedTuple):
     kept: Floats
     memory: Longs
     out: Floats
+    exact_of: Ints
+    exact_kinds: Ints
+    exact_rows: Floats
+    memo: Longs
+    memo_rows: Floats
     world: World
     octree: OctreeState
 
@@ -103,28 +114,28 @@ def ledger_of(workspace: Workspace) -> Ledger:
 def open_workspace(lines: Longs) -> Workspace:
     """The workspace a ledger leads to."""
     world = World(
-        vector_i4(lines, 24),
-        matrix_f8(lines, 25),
-        matrix_f8(lines, 26),
-        vector_i4(lines, 27),
-        vector_f8(lines, 28),
+        vector_i4(lines, 29),
+        matrix_f8(lines, 30),
+        matrix_f8(lines, 31),
+        vector_i4(lines, 32),
+        vector_f8(lines, 33),
     )
     octree = OctreeState(
-        matrix_i4(lines, 29),
-        matrix_f8(lines, 30),
-        matrix_i4(lines, 31),
-        matrix_i4(lines, 32),
-        matrix_f8(lines, 33),
-        vector_f8(lines, 34),
-        vector_i8(lines, 35),
-        vector_i8(lines, 36),
-        vector_i8(lines, 37),
-        vector_i4(lines, 38),
-        vector_i4(lines, 39),
-        vector_i4(lines, 40),
-        vector_f8(lines, 41),
+        matrix_i4(lines, 34),
+        matrix_f8(lines, 35),
+        matrix_i4(lines, 36),
+        matrix_i4(lines, 37),
+        matrix_f8(lines, 38),
+        vector_f8(lines, 39),
+        vector_i8(lines, 40),
+        vector_i8(lines, 41),
         vector_i8(lines, 42),
-        vector_i8(lines, 43),
+        vector_i4(lines, 43),
+        vector_i4(lines, 44),
+        vector_i4(lines, 45),
+        vector_f8(lines, 46),
+        vector_i8(lines, 47),
+        vector_i8(lines, 48),
     )
     return Workspace(
         vector_f8(lines, 0),
@@ -151,6 +162,11 @@ def open_workspace(lines: Longs) -> Workspace:
         matrix_f8(lines, 21),
         vector_i8(lines, 22),
         vector_f8(lines, 23),
+        matrix_i4(lines, 24),
+        vector_i4(lines, 25),
+        matrix_f8(lines, 26),
+        matrix_i8(lines, 27),
+        matrix_f8(lines, 28),
         world,
         octree,
     )

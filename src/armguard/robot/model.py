@@ -189,9 +189,15 @@ class FittedLink:
         overreach: Model error: no point of the union's surface is farther than
             this from the collision geometry [m].
         source: What was enclosed, in words: "mesh", "exact", "cylinder" …
+        exact: The collision geometry itself, meshes by their convex hulls, in the
+            link's frame; empty if `shapes` are the geometry already.
+        contained: Whether the hulls were proven to lie in `shapes`; if not, the meshes
+            do but their hulls, which may be larger, stick out.
     """
 
     link: str
     shapes: tuple[PlacedShape, ...]
     overreach: float
     source: str
+    exact: tuple[PlacedShape, ...] = ()
+    contained: bool = True

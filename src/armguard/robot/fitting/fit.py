@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import PlacedShape
+from armguard.robot.fitting.exact import exact_shapes, hulls_are_contained
 from armguard.robot.fitting.store import fit_key, is_exact, read_fit, write_fit
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import (
@@ -86,11 +87,14 @@ def fit_link(
         shapes += [
             PlacedShape(s.shape, s.pose, r) for s, r in zip(found, reach, strict=True)
         ]
+    exact = exact_shapes(link)
     return FittedLink(
         link=link.name,
         shapes=tuple(shapes),
         overreach=max((s.model_error for s in shapes), default=0.0),
         source=", ".join(dict.fromkeys(sources)),
+        exact=exact,
+        contained=hulls_are_contained(exact, shapes),
     )
 
 

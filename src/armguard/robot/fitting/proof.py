@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.shapes import Box, Capsule, PlacedShape
+from armguard.geometry.shapes import Box, Capsule, PlacedShape, Sphere
 
 Floats = NDArray[np.float64]
 
@@ -65,6 +65,8 @@ def inside(placed: PlacedShape, points: Floats) -> NDArray[np.bool_]:
         t = (local - start) @ axis / length2 if length2 > 0.0 else np.zeros(len(local))
         excess = local - start - np.multiply.outer(np.clip(t, 0.0, 1.0), axis)
         radius = shape.radius + shape.rounding
+    elif isinstance(shape, Sphere):
+        excess, radius = local, shape.core_radius
     else:
-        excess, radius = local, shape.radius + shape.rounding
+        raise TypeError(f"links are not fitted with a {type(shape).__name__}")
     return np.asarray((excess**2).sum(axis=1) <= radius**2)

@@ -8,12 +8,19 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from armguard.geometry import shapes as convex
 from armguard.geometry.pose import Pose
-from armguard.geometry.shapes import Box, Capsule, PlacedShape, Sphere
+from armguard.geometry.shapes import Box, Capsule, Hull, PlacedShape, Sphere
 from armguard.kernel import PACKAGE, cache_home
 from armguard.robot.model import Cylinder, FittedLink, Link, MeshFile
 
-KINDS = {"sphere": Sphere, "capsule": Capsule, "box": Box}
+KINDS = {
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "box": Box,
+    "cylinder": convex.Cylinder,
+    "hull": Hull,
+}
 
 
 def fit_key(link: Link, settings: Iterable[object]) -> str:
@@ -48,6 +55,8 @@ def read_fit(key: str, link: str) -> FittedLink | None:
             shapes=tuple(as_shape(s) for s in held["shapes"]),
             overreach=float(held["overreach"]),
             source=str(held["source"]),
+            exact=tuple(as_shape(s) for s in held["exact"]),
+            contained=bool(held["contained"]),
         )
     except (OSError, ValueError, KeyError, TypeError):
         return None
@@ -59,6 +68,8 @@ def write_fit(key: str, fit: FittedLink) -> None:
         "shapes": [as_dict(s) for s in fit.shapes],
         "overreach": fit.overreach,
         "source": fit.source,
+        "exact": [as_dict(s) for s in fit.exact],
+        "contained": fit.contained,
     }
     path = path_of(key)
     try:
@@ -76,9 +87,11 @@ def as_dict(placed: PlacedShape) -> dict[str, Any]:
     shape = placed.shape
     sizes = {
         name: getattr(shape, name)
-        for name in ("radius", "rounding", "start", "end", "half_extents")
+        for name in ("radius", "rounding", "start", "end", "half_extents", "height")
         if hasattr(shape, name)
     }
+    if isinstance(shape, Hull):
+        sizes["points"] = shape.vertices.tolist()
     return {
         "kind": shape.kind.name.lower(),
         "sizes": sizes,

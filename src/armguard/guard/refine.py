@@ -1,0 +1,113 @@
+"""Second stage of a pair: where primitives would bind, the exact shapes are asked.
+
+Links are measured by primitives that enclose them. The real link lies in the union of
+its primitives and also in the union of its exact shapes, so the real distance of two
+links is at least the distance of the primitives and at least that of the exact shapes:
+the larger of the two may be taken, whichever it is.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import stack
+from armguard.geometry.pairs import measure
+from armguard.geometry.place import place_row
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard.layout import EXACT, PAIRS_REFINED, WITNESS
+from armguard.guard.memory import CYCLE
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+
+Floats = NDArray[np.float64]
+
+# A link has several primitives, so a pair of links is asked for several times a cycle;
+# the memo knows the answer. Places in a line: the pair of parts, and the cycle.
+KEY_A = 0
+KEY_B = 1
+WHEN = 2
+MEMO_WIDTH = 3
+MEMO_SIZE = 512
+
+
+@kernel(inline=False)
+def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
+    """Replace a row's witness by that of the exact shapes, if they are farther apart.
+
+    Args:
+        i: Lower primitive of the pair.
+        j: Higher primitive.
+        place: Where the pair's row starts in `w.out`.
+        w: Workspace.
+    """
+    first_a, count_a = w.exact_of[i, 0], w.exact_of[i, 1]
+    first_b, count_b = w.exact_of[j, 0], w.exact_of[j, 1]
+    if count_a == 0 and count_b == 0:
+        return
+    out = w.out
+    # What stands for a side: its link's shapes, or the primitive, which is exact.
+    key_a = first_a if count_a else -1 - i
+    key_b = first_b if count_b else -1 - j
+    line = (key_a * 31 + key_b) % MEMO_SIZE
+    cycle = w.memory[CYCLE]
+    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    if (
+        w.memo[line, WHEN] == cycle
+        and w.memo[line, KEY_A] == key_a
+        and w.memo[line, KEY_B] == key_b
+    ):
+        for k in range(WITNESS_WIDTH):
+            found[k] = w.memo_rows[line, k]
+    else:
+        measure_parts(i, j, w, found)
+        out[PAIRS_REFINED] += 1.0
+        for k in range(WITNESS_WIDTH):
+            w.memo_rows[line, k] = found[k]
+        w.memo[line, KEY_A], w.memo[line, KEY_B] = key_a, key_b
+        w.memo[line, WHEN] = cycle
+    out[place + EXACT] = found[0]
+    # A NaN stops: it replaces the distance.
+    if not found[0] <= out[place + WITNESS]:
+        for k in range(WITNESS_WIDTH):
+            out[place + WITNESS + k] = found[k]
+
+
+@kernel(inline=False)
+def measure_parts(i: int, j: int, w: Workspace, nearest: Floats) -> None:
+    """Witness row of the nearest two exact shapes of two primitives' links."""
+    row_a = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
+    row_b = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    nearest[0] = np.inf
+    for m in range(max(w.exact_of[i, 1], 1)):
+        kind_a = exact_row(i, m, w, row_a)
+        for n in range(max(w.exact_of[j, 1], 1)):
+            kind_b = exact_row(j, n, w, row_b)
+            measure(kind_a, row_a, kind_b, row_b, witness)
+            if not witness[0] >= nearest[0]:
+                for k in range(WITNESS_WIDTH):
+                    nearest[k] = witness[k]
+                if witness[0] != witness[0]:
+                    return
+
+
+@kernel
+def exact_row(i: int, m: int, w: Workspace, row: Floats) -> int:
+    """Write the world row of the m-th exact shape of a primitive's link.
+
+    Returns:
+        Its kind.
+    """
+    if w.exact_of[i, 1] == 0:
+        for k in range(ROW_WIDTH):
+            row[k] = w.world.rows[i, k]
+        return int(w.world.kinds[i])
+    e = w.exact_of[i, 0] + m
+    body = w.bodies[i]
+    if body >= 0:
+        place_row(w.exact_kinds[e], w.exact_rows[e], w.T_world[body], row)
+    else:
+        for k in range(ROW_WIDTH):
+            row[k] = w.exact_rows[e, k]
+    return int(w.exact_kinds[e])

@@ -1,0 +1,66 @@
+"""The second, exact stage of a link's geometry: hulls of meshes, true cylinders."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from armguard.geometry import shapes as convex
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Hull, PlacedShape
+from armguard.robot.fitting.proof import uncovered
+from armguard.robot.meshes import load_triangles
+from armguard.robot.model import Cylinder, Link, MeshFile
+
+Floats = NDArray[np.float64]
+
+
+def exact_shapes(link: Link) -> tuple[PlacedShape, ...]:
+    """Collision geometry of a link as convex shapes; empty if it needs no fit.
+
+    A mesh is represented by its convex hull, which holds the mesh.
+    """
+    if not any(isinstance(e.geometry, Cylinder | MeshFile) for e in link.collisions):
+        return ()
+    found = []
+    for element in link.collisions:
+        pose = Pose.from_matrix(element.T_link_geometry)
+        geometry = element.geometry
+        if isinstance(geometry, MeshFile):
+            points = load_triangles(geometry).reshape(-1, 3)
+            found.append(PlacedShape(Hull(points=points), pose))
+        elif isinstance(geometry, Cylinder):
+            cylinder = convex.Cylinder(radius=geometry.radius, height=geometry.length)
+            found.append(PlacedShape(cylinder, pose))
+        else:
+            found.append(PlacedShape(geometry, pose))
+    return tuple(found)
+
+
+def hulls_are_contained(
+    exact: Sequence[PlacedShape], shapes: Sequence[PlacedShape]
+) -> bool:
+    """Whether the whole surface of every hull is proven to lie in the primitives.
+
+    Cylinders and the other shapes lie in their primitives by construction.
+    """
+    for placed in exact:
+        if isinstance(placed.shape, Hull):
+            T = placed.pose.matrix()
+            faces = hull_faces(placed.shape) @ T[:3, :3].T + T[:3, 3]
+            if len(uncovered(faces, shapes)):
+                return False
+    return True
+
+
+def hull_faces(hull: Hull) -> Floats:
+    """Triangles of a hull's surface, shape (n, 3, 3) [m]; of a flat one, its plane."""
+    vertices = hull.vertices
+    try:
+        return np.asarray(vertices[ConvexHull(vertices).simplices])
+    except (QhullError, ValueError):
+        # Flat, or fewer than four vertices: a fan holds the whole of it.
+        last = len(vertices) - 1
+        fan = [(0, k, min(k + 1, last)) for k in range(last)] or [(0, 0, 0)]
+        return np.asarray(vertices[np.array(fan)])

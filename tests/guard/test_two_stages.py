@@ -1,0 +1,159 @@
+"""Primitives first, exact shapes where those would bind."""
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from armguard.geometry import Hull, Pose
+from armguard.guard import Guard, Level
+from armguard.robot.fitting import fit_robot
+from armguard.robot.fitting.exact import hull_faces
+from armguard.robot.fitting.proof import uncovered
+from armguard.robot.kinematics import kinematic_table
+from armguard.scene import Scene, bay_scene
+
+
+@pytest.fixture(scope="module")
+def scene():
+    scene = Scene()
+    scene.add_robot("panda", name="left", base=Pose(xyz=(0, 0.3, 0)))
+    scene.add_robot("panda", name="right", base=Pose(xyz=(0, -0.3, 0)))
+    return scene
+
+
+@pytest.fixture(scope="module")
+def guard(scene):
+    return Guard(scene)
+
+
+def inwards(guard, turn):
+    q = guard.home
+    q[0] -= turn
+    q[8] += turn
+    return q
+
+
+def test_the_exact_shapes_let_pass_what_primitives_would_stop(guard):
+    verdict = guard.step(inwards(guard, 0.7))
+    near = verdict.nearest
+    assert verdict.level is Level.CAUTION
+    assert near.primitive_distance < near.buffer < near.exact_distance
+    assert near.distance == near.exact_distance
+    assert near.clearance == near.distance - near.buffer
+    assert near.model_error == 0.0
+    assert "exact shapes" in near.why
+    assert verdict.counts.pairs_refined >= 1
+    assert np.linalg.norm(near.normal) == pytest.approx(1.0, abs=1e-12)
+    gap = near.point_b - near.point_a - near.distance * near.normal
+    assert np.abs(gap).max() < 1e-12
+
+
+def test_the_distance_is_the_larger_of_both_and_asked_for_only_in_need(guard):
+    refined = 0
+    for turn in np.linspace(0.4, 1.4, 41):
+        for near in guard.step(inwards(guard, turn)).near:
+            if near.primitive_distance >= near.buffer:
+                assert near.exact_distance is None
+                assert near.distance == near.primitive_distance
+            elif near.exact_distance is not None:
+                refined += 1
+                wanted = max(near.primitive_distance, near.exact_distance)
+                assert near.distance == wanted
+    assert refined > 100
+
+
+def world_vertices(guard, scene, q, body):
+    """Vertices of a link's hull in the world, by matrices."""
+    robot, link = body.split("/")
+    placed = scene.robots[robot]
+    table = kinematic_table(placed.model)
+    names = [n.removeprefix(robot + "/") for n in guard.q_names if n.startswith(robot)]
+    values = [
+        v for n, v in zip(guard.q_names, q, strict=True) if n.startswith(robot + "/")
+    ]
+    T = link_pose(placed.model, dict(zip(names, values, strict=True)), link)
+    assert table.body_of_link[link] >= 0
+    (hull,) = placed.fits[link].exact
+    points = hull.shape.vertices @ hull.pose.matrix()[:3, :3].T
+    points = points + hull.pose.matrix()[:3, 3]
+    T = placed.base.matrix() @ T
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+def link_pose(model, positions, link):
+    """Pose of a link in the robot's frame: the chain, joint by joint."""
+    by_child = {joint.child: joint for joint in model.joints.values()}
+    T = np.eye(4)
+    while link in by_child:
+        joint = by_child[link]
+        turn = np.eye(4)
+        if joint.name in positions:
+            x, y, z = joint.axis
+            angle = positions[joint.name]
+            K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            turn[:3, :3] += np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+        T = joint.T_parent_joint @ turn @ T
+        link = joint.parent
+    return T
+
+
+def test_the_exact_distance_is_that_of_the_hulls(guard, scene):
+    """Proven pair by pair: no plane separates more, and both points are in the hulls.
+
+    Overlapping, against the faces of the difference of all vertices.
+    """
+    checked, overlapping = set(), 0
+    for turn in (0.71, 0.74, 0.78, 1.1):
+        q = inwards(guard, turn)
+        for near in guard.step(q).near:
+            if near.exact_distance is None or (turn, near.a, near.b) in checked:
+                continue
+            if "finger" in near.a or "finger" in near.b:
+                continue
+            a, b = (world_vertices(guard, scene, q, body) for body in (near.a, near.b))
+            if near.exact_distance < 0.0:
+                if overlapping >= 3:
+                    continue
+                overlapping += 1
+                faces = ConvexHull((b[:, None] - a[None]).reshape(-1, 3)).equations
+                theirs = faces[:, 3].max()
+            else:
+                theirs = (b @ near.normal).min() - (a @ near.normal).max()
+                for points, witness in ((a, near.point_a), (b, near.point_b)):
+                    walls = ConvexHull(points).equations
+                    assert (walls[:, :3] @ witness + walls[:, 3]).max() < 1e-9
+            assert near.exact_distance == pytest.approx(theirs, abs=1e-9), near.why
+            checked.add((turn, near.a, near.b))
+    assert overlapping == 3
+    assert len(checked) >= 6
+
+
+def test_hulls_lie_in_their_primitives_where_the_model_says_so():
+    from armguard.robot.named import find_named_robot
+    from armguard.robot.urdf import load_urdf
+
+    named = find_named_robot("panda")
+    fits = fit_robot(load_urdf(named.urdf))
+    proven = 0
+    for fit in fits.values():
+        for placed in fit.exact:
+            if fit.contained and isinstance(placed.shape, Hull):
+                T = placed.pose.matrix()
+                faces = hull_faces(placed.shape) @ T[:3, :3].T + T[:3, 3]
+                assert len(uncovered(faces, fit.shapes)) == 0
+                proven += 1
+    assert proven == 9
+
+
+def test_what_is_exact_already_is_not_asked_again():
+    guard = Guard(bay_scene())
+    q = guard.home
+    rng = np.random.default_rng(0)
+    stops = 0
+    for _ in range(300):
+        q = rng.uniform(guard.tables.lower, guard.tables.upper)
+        verdict = guard.step(q)
+        stops += verdict.level is Level.STOP
+        assert verdict.counts.pairs_refined == 0
+        assert all(near.exact_distance is None for near in verdict.near)
+    assert stops > 20
