@@ -5,7 +5,9 @@ from typing import Any
 
 from armguard.errors import UnknownNameError, did_you_mean
 
-NAMES = ("cycle", "index", "memory")
+Bench = Callable[[int | None, Callable[[str], None]], dict[str, Any]]
+
+NAMES = ("cycle", "index", "memory", "distance", "scale")
 
 
 def run(
@@ -17,7 +19,7 @@ def run(
     """Run a benchmark.
 
     Args:
-        name: cycle, index, memory, or all.
+        name: cycle, index, memory, distance, scale, or all.
         cycles: Cycles to measure; each benchmark has its own default.
         progress: Called with a sentence before each part that takes a while.
 
@@ -28,11 +30,19 @@ def run(
         UnknownNameError: There is no such benchmark.
     """
     from armguard.benchmark.cycle import bench_cycle
+    from armguard.benchmark.distance import bench_distance
     from armguard.benchmark.index import bench_index
     from armguard.benchmark.memory import bench_memory
+    from armguard.benchmark.scale import bench_scale
 
     tell = progress or (lambda sentence: None)
-    benches = {"cycle": bench_cycle, "index": bench_index, "memory": bench_memory}
+    benches: dict[str, Bench] = {
+        "cycle": bench_cycle,
+        "index": bench_index,
+        "memory": bench_memory,
+        "distance": bench_distance,
+        "scale": bench_scale,
+    }
     if name == "all":
         return {key: bench(cycles, tell) for key, bench in benches.items()}
     if name not in benches:

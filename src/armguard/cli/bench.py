@@ -10,7 +10,9 @@ from armguard.cli.console import JsonOption, jsonable, out, print_json, say
 
 
 def bench(
-    name: Annotated[str, typer.Argument(help="cycle, index, memory, or all.")] = "all",
+    name: Annotated[
+        str, typer.Argument(help="cycle, index, memory, distance, scale, or all.")
+    ] = "all",
     cycles: Annotated[
         int | None, typer.Option(min=1, help="Cycles to measure.")
     ] = None,

@@ -17,7 +17,7 @@ from armguard.cli.console import (
     out,
     print_json,
     say,
-    say_fitting,
+    say_progress,
 )
 from armguard.errors import ArmguardError, HomeContactError
 from armguard.guard import Guard, Level
@@ -75,7 +75,7 @@ def check(
     proposals: list[str] = []
     fits: list[dict[str, object]] = []
     try:
-        loaded = load_scene(scene, robot=robot, progress=say_fitting)
+        loaded = load_scene(scene, robot=robot, progress=say_progress)
     except ArmguardError as error:
         findings.append(Finding("scene", "FAIL", str(error), "mend the file"))
     else:

@@ -60,9 +60,9 @@ def say(sentence: str) -> None:
     err.print(sentence, markup=False, style="dim")
 
 
-def say_fitting(link: str, number: int, count: int) -> None:
-    """A remark before a link is fitted, which takes a second or so."""
-    say(f"fitting link {number} of {count}: {link}")
+def say_progress(what: str, number: int, count: int) -> None:
+    """A remark before something that takes a second or more."""
+    say(f"{what}, {number} of {count}" if count > 1 else what)
 
 
 @contextmanager

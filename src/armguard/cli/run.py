@@ -13,7 +13,7 @@ from armguard.cli.console import (
     print_json,
     progress_bar,
     say,
-    say_fitting,
+    say_progress,
 )
 from armguard.cli.summary import print_summary, summary
 from armguard.guard import EventLog, Guard
@@ -47,7 +47,7 @@ def run(
     json: bool = JsonOption,
 ) -> None:
     """Judge a motion, cycle by cycle. Exit code 0 clear, 1 too close, 2 bad input."""
-    loaded = load_scene(scene, robot=robot, progress=say_fitting)
+    loaded = load_scene(scene, robot=robot, progress=say_progress)
     motion = load_trajectory(trajectory)
     fill = dict(zip(loaded.q_names, loaded.home.tolist(), strict=True))
     q = motion.for_scene(loaded, fill if hold_home else None)
