@@ -1,0 +1,144 @@
+"""One batch of pairs: measured, judged, summed up."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from accuracy import depth, slow
+from accuracy.bodies import Array, Bodies, gather, length, unit
+from accuracy.certificate import half_space_separation, separation, witness_bound
+from accuracy.ours import measure_all
+from accuracy.regimes import Pair, draw, scale
+from armguard.geometry import ShapeKind
+from armguard.geometry.shapes import shape_row
+
+# Pairs whose bounds leave more than this open are given to the slow oracle [-].
+OPEN = 1e-9
+
+
+@dataclass
+class Batch:
+    """What is known about n pairs of the same kinds and regime; arrays are (n,).
+
+    Attributes:
+        kinds: Their kinds.
+        numbers: Numbers of the pairs.
+        pairs: The pairs.
+        rows: Rows of A and of B, shape (n, 16) each.
+        out: Witness rows that were answered, shape (n, 10).
+        seconds: Time of each call [s].
+        scale: What errors are measured by [m].
+        deep: Whether the cores overlap.
+        lower: The signed distance is no less than this [m].
+        upper: Nor more than this, as far as could be found [m].
+        witness: How far the witness points are outside their shapes [m].
+        identity: Error of point_b - point_a = distance · normal [m].
+        unit: Error of |normal| = 1.
+        lost: Separation the answered normal is short of the best one [m].
+    """
+
+    kinds: tuple[ShapeKind, ShapeKind]
+    numbers: list[int]
+    pairs: list[Pair]
+    rows: tuple[Array, Array]
+    out: NDArray[np.float64]
+    seconds: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    deep: NDArray[np.bool_]
+    lower: Array
+    upper: Array
+    witness: Array
+    identity: Array
+    unit: Array
+    lost: Array
+    bodies: tuple[Bodies, Bodies] = field(repr=False)
+
+    @property
+    def error(self) -> Array:
+        """Bound on the error of the distances: anything the bounds leave open [m]."""
+        d = self.out[:, 0]
+        return np.fmax(np.fmax(d - self.lower, self.upper - d), 0)
+
+    @property
+    def too_far(self) -> Array:
+        """How much too large the distances may be: the unsafe side [m]."""
+        return np.fmax(self.out[:, 0] - self.lower, 0)
+
+
+def judge(kind_a: ShapeKind, kind_b: ShapeKind, regime: str, numbers: Any) -> Batch:
+    """Draw pairs, measure and judge them."""
+    pairs = [draw(kind_a, kind_b, regime, k) for k in numbers]
+    return judge_pairs(kind_a, kind_b, pairs, list(numbers))
+
+
+def judge_pairs(
+    kind_a: ShapeKind, kind_b: ShapeKind, pairs: list[Pair], numbers: list[int]
+) -> Batch:
+    """Measure and judge pairs."""
+    rows_a = np.array([shape_row(p.shape_a, p.T_a) for p in pairs])
+    rows_b = np.array([shape_row(p.shape_b, p.T_b) for p in pairs])
+    out, seconds = measure_all(kind_a, rows_a, kind_b, rows_b)
+    a = gather([p.shape_a for p in pairs], rows_a)
+    b = gather([p.shape_b for p in pairs], rows_b)
+    scales = np.array([scale(p) for p in pairs])
+    exact = out.astype(np.longdouble)
+    n = unit(exact[:, 7:10])
+    upper, out_a, out_b = witness_bound(a, b, exact, n)
+    if kind_b == ShapeKind.HALF_SPACE:
+        lower = upper = along = half_space_separation(a, b)
+        deep = lower + a.radius + b.radius <= 0
+    else:
+        hints = [
+            n_k if p.hint is None else p.hint for n_k, p in zip(n, pairs, strict=True)
+        ]
+        ways = np.stack([n, unit(np.array(hints, dtype=np.longdouble))], axis=1)
+        found = separation(a, b, ways)
+        along, lower = found[:, 0], found.max(axis=1)
+        lower, upper, deep = settle(a, b, out, scales, lower, upper)
+    gap = exact[:, 4:7] - exact[:, 1:4] - exact[:, :1] * exact[:, 7:10]
+    return Batch(
+        kinds=(kind_a, kind_b),
+        numbers=numbers,
+        pairs=pairs,
+        rows=(rows_a, rows_b),
+        out=out,
+        seconds=seconds,
+        scale=scales,
+        deep=deep,
+        lower=lower,
+        upper=upper,
+        witness=np.maximum(out_a, out_b),
+        identity=np.abs(gap).max(axis=1),
+        unit=np.abs(length(exact[:, 7:10]) - 1),
+        lost=lower - along,
+        bodies=(a, b),
+    )
+
+
+def settle(
+    a: Bodies, b: Bodies, out: Array, scales: Array, lower: Array, upper: Array
+) -> tuple[Array, Array, Array]:
+    """Close the bounds: by search where cores overlap, anew where a proof is open.
+
+    Returns:
+        Lower bounds, upper bounds, and whether the cores overlap.
+    """
+    radii = a.radius + b.radius
+    # What the answer says decides which oracle is asked first, not what is true.
+    open_ = ~((lower + radii > 0) & (upper - lower <= OPEN * scales))
+    apart = np.flatnonzero(open_ & (out[:, 0] + radii > 0))
+    if len(apart):
+        low, high = slow.bounds(a.pick(apart), b.pick(apart), out[apart, 7:10])
+        lower[apart] = np.maximum(lower[apart], low)
+        upper[apart] = np.minimum(upper[apart], high)
+    deep = lower + radii <= 0
+    # Not proven apart, or still open at contact: the least width decides.
+    overlap = np.flatnonzero(deep | ~(upper - lower <= OPEN * scales))
+    if len(overlap):
+        one, other = a.pick(overlap), b.pick(overlap)
+        least = depth.least_width(one, other, unit(out[overlap, 7:10]))
+        lower[overlap] = np.maximum(lower[overlap], -least)
+        upper[overlap] = lower[overlap]
+    return lower, upper, deep
