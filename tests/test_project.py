@@ -19,7 +19,8 @@ rng, out = np.random.default_rng(0), np.zeros(10)
 numbers = [k for k in ShapeKind if k != ShapeKind.SUPPORT]
 for kinds in [(a, b) for a in numbers for b in numbers if a <= b]:
     for _ in range(6):
-        rows = [shape_row(random_shape(rng, k, 0.4), random_pose(rng)) for k in kinds]
+        shapes = [random_shape(rng, k, 0.4) for k in kinds]
+        rows = [shape_row(shape, random_pose(rng)) for shape in shapes]
         measure(int(kinds[0]), rows[0], int(kinds[1]), rows[1], out)
         print(kinds[0].name, kinds[1].name, *(f"{v:.12e}" for v in out))
 """

@@ -6,8 +6,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_support, pointer
+from armguard.address import call_support, pointer, stack
 from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
 from armguard.kernel import kernel
 
@@ -23,8 +24,11 @@ ELLIPSOID = int(ShapeKind.ELLIPSOID)
 HULL = int(ShapeKind.HULL)
 SUPPORT = int(ShapeKind.SUPPORT)
 
+# Vertices of a hull looked at together: what fits a small scratch [-].
+BLOCK = 256
 
-@kernel(inline=False)
+
+@kernel
 def core_support(kind: int, row: Row, d: Vec3) -> Vec3:
     """Farthest point of a core in direction d, relative to the row's origin [m].
 
@@ -33,6 +37,13 @@ def core_support(kind: int, row: Row, d: Vec3) -> Vec3:
         row: Row of the primitive, shape (16,).
         d: Direction, of any length but 0.
     """
+    return support_at(kind, row.ctypes.data, d)
+
+
+@kernel(inline=False)
+def support_at(kind: int, address: int, d: Vec3) -> Vec3:
+    """The same, for a row by its address."""
+    row = numba.carray(pointer(address), (ROW_WIDTH,), np.float64)
     if kind == SPHERE:
         return (0.0, 0.0, 0.0)
     if kind == CAPSULE:
@@ -112,14 +123,31 @@ def ellipsoid_support(row: Row, x: float, y: float, z: float) -> Vec3:
 
 @kernel
 def hull_support(row: Row, x: float, y: float, z: float) -> Vec3:
-    """Farthest vertex of a hull, the first of several."""
+    """Farthest vertex of a hull; of several, always the same one.
+
+    The processor compares several vertices at once where each of one half is compared
+    with its like of the other half, and one at a time only among what is left.
+    """
     count = int(row[5])
-    v = numba.carray(pointer(int(row[4])), (3, count), np.float64)
-    best = 0
-    farthest = v[0, 0] * x + v[1, 0] * y + v[2, 0] * z
-    for k in range(1, count):
-        reach = v[0, k] * x + v[1, k] * y + v[2, k] * z
-        if reach > farthest:
-            farthest = reach
-            best = k
-    return (v[0, best], v[1, best], v[2, best])
+    v = numba.carray(pointer(int(row[4])), (3 * count,), np.float64)
+    farther = numba.carray(stack(128), (BLOCK // 2,), np.float64)
+    # Unsigned: an index that cannot be negative is not asked for its sign.
+    to_y, to_z = np.uint64(count), np.uint64(2 * count)
+    best, most = 0, -np.inf
+    for start in range(0, count, BLOCK):
+        half = min(BLOCK, count - start) // 2
+        to_half = np.uint64(half)
+        for k in range(half):
+            i = np.uint64(start + k)
+            j = i + to_half
+            one = v[i] * x + v[i + to_y] * y + v[i + to_z] * z
+            other = v[j] * x + v[j + to_y] * y + v[j + to_z] * z
+            farther[np.uint64(k)] = one if one >= other else other
+        for k in range(half):
+            if farther[np.uint64(k)] > most:
+                most = farther[np.uint64(k)]
+                best = start + k
+    at = np.uint64(best)
+    if v[at] * x + v[at + to_y] * y + v[at + to_z] * z < most:
+        at += np.uint64(min(BLOCK, count - best // BLOCK * BLOCK) // 2)
+    return (v[at], v[at + to_y], v[at + to_z])

@@ -20,8 +20,10 @@ Matrix = NDArray[np.float64]
 # Steps after which the best answer so far is given; polytopes need about ten [-].
 MOST_STEPS = 128
 
-# The distance is proven to this share of the largest number that enters it [-].
-PRECISION = 1e-12
+# The distance is proven to this share of itself, so the normal is as good whether cores
+# are far or near, or to this share of the largest number that enters it [-].
+PRECISION = 1e-9
+ROUND_OFF = 1e-12
 
 # Nearer than this share, a direction is mostly round-off; the cores count as met [-].
 TOUCHING = 1e-10
@@ -31,7 +33,7 @@ UNPROVEN = 1e-11
 CLOSE = 1e-3
 
 
-@kernel
+@kernel(inline=False)
 def gjk(
     kind_a: int, a: Row, kind_b: int, b: Row, shift: Vec3, simplex: Matrix
 ) -> tuple[float, float, Vec3, int, Weights, float]:
@@ -62,7 +64,8 @@ def gjk(
     if not dot(v, v) > 0.0:
         v = (1.0, 0.0, 0.0)
     lower = 0.0
-    largest = norm(offset)
+    square = dot(v, v)
+    largest = np.sqrt(square)
     count = 0
     weights = (1.0, 0.0, 0.0, 0.0)
     inside = False
@@ -73,10 +76,10 @@ def gjk(
         vv = dot(v, v)
         vw = dot(v, w)
         length = np.sqrt(vv)
-        largest = max(largest, norm(w), norm(on_a), norm(on_b))
-        if vw > lower * length:
-            lower = vw / length
-        if step > 0 and not length - lower > PRECISION * largest:
+        square = max(square, dot(w, w), dot(on_a, on_a), dot(on_b, on_b))
+        largest = np.sqrt(square)
+        lower = max(lower, vw / length)
+        if step > 0 and not length - lower > PRECISION * length + ROUND_OFF * largest:
             break
         if repeats(simplex, count, w):
             break

@@ -7,6 +7,9 @@ from armguard.kernel import kernel
 # |u|²|v|², so that a 1 cm finger and a 1 m link are judged alike.
 PARALLEL_SIN2 = 1e-15
 
+# Squared length below which a segment is a point: its inverse is still finite [m²].
+POINT = 1e-300
+
 
 @kernel
 def clamp01(x: float) -> float:
@@ -41,14 +44,15 @@ def closest_on_segments(a0: Vec3, u: Vec3, b0: Vec3, v: Vec3) -> tuple[float, fl
     uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
     uw, vw = dot(u, w), dot(v, w)
 
+    # Divisions take long and wait for nothing: they are begun first.
+    per_uu = 1.0 / uu if uu > POINT else 0.0
+    per_vv = 1.0 / vv if vv > POINT else 0.0
     s = 0.0
     det = uu * vv - uv * uv
     if det > PARALLEL_SIN2 * uu * vv:
         s = clamp01((uv * vw - vv * uw) / det)
-    t = clamp01((uv * s + vw) / vv) if vv > 0.0 else 0.0
-    if uu > 0.0:
-        s = clamp01((uv * t - uw) / uu)
-    if vv > 0.0:
-        # One more turn: near-parallel segments lose digits in det, not here.
-        t = clamp01(dot(v, sub(along(a0, s, u), b0)) / vv)
+    t = clamp01((uv * s + vw) * per_vv)
+    s = clamp01((uv * t - uw) * per_uu)
+    # One more turn: near-parallel segments lose digits in det, not here.
+    t = clamp01(dot(v, sub(along(a0, s, u), b0)) * per_vv)
     return s, t

@@ -42,6 +42,12 @@ def norm(a: Vec3) -> float:
 
 
 @kernel
+def extent(a: Vec3) -> float:
+    """Sum of the sizes of its numbers: a length good enough for a tolerance."""
+    return abs(a[0]) + abs(a[1]) + abs(a[2])
+
+
+@kernel
 def scaled(s: float, a: Vec3) -> Vec3:
     """S · a."""
     return (s * a[0], s * a[1], s * a[2])

@@ -28,6 +28,7 @@ class CoalPair(NamedTuple):
         T_b: Frame of B.
         request: Coal's own settings.
         result: Where it answers.
+        geometries: The two; the functor only points to them.
     """
 
     functor: Any
@@ -35,6 +36,7 @@ class CoalPair(NamedTuple):
     T_b: Any
     request: Any
     result: Any
+    geometries: tuple[Any, Any]
 
 
 def coal_pair(a: Shape, T_a: Floats, b: Shape, T_b: Floats) -> CoalPair:
@@ -58,6 +60,7 @@ def coal_pair(a: Shape, T_a: Floats, b: Shape, T_b: Floats) -> CoalPair:
         frames[1],
         coal.DistanceRequest(),
         coal.DistanceResult(),
+        (geometries[0], geometries[1]),
     )
 
 

@@ -11,6 +11,7 @@ from armguard.geometry.vec3 import (
     any_perpendicular,
     cross,
     dot,
+    extent,
     norm,
     scaled,
     sub,
@@ -50,7 +51,7 @@ def capsule_capsule(a: Row, b: Row, out: Row) -> None:
     on_a = along(p, s, u)
     apart = sub(along(q, t, v), on_a)
     gap = norm(apart)
-    if not gap <= contact_gap(norm(u) + norm(v), p, q):
+    if not gap <= contact_gap(extent(u) + extent(v), p, q):
         normal = scaled(1.0 / gap, apart)
     else:
         normal = crossing_normal(u, v, sub(q, p))

@@ -59,8 +59,10 @@ class Hull:
         vertices = points[corners(points)]
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "vertices", vertices)
-        # What rows lead to: all x, then all y, then all z, as the support scan reads.
-        object.__setattr__(self, "columns", np.ascontiguousarray(vertices.T))
+        # What rows lead to: all x, then all y, then all z, as the support scan reads,
+        # and the last one twice where that makes their number even.
+        even = np.vstack([vertices, vertices[len(vertices) - len(vertices) % 2 :]])
+        object.__setattr__(self, "columns", np.ascontiguousarray(even.T))
 
     @property
     def core_radius(self) -> float:
@@ -70,7 +72,7 @@ class Hull:
     def row(self, T: Floats) -> Floats:
         """Table row where the frame stands at T; the shape must outlive it."""
         reach = float(np.linalg.norm(self.vertices, axis=1).max())
-        sizes = (self.columns.ctypes.data, len(self.vertices), reach)
+        sizes = (self.columns.ctypes.data, self.columns.shape[1], reach)
         return framed_row(self.rounding, T, sizes)
 
     @classmethod
