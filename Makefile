@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | bench | campaign     ARGS="..." is passed on
+#   make demo | test | lint | bench | campaign | accuracy     ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint bench campaign format clean
+.PHONY: demo test lint bench campaign accuracy format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what the guard needs, then what tests and benchmarks need.
@@ -35,6 +35,9 @@ bench: .venv/dev
 # Long runs: not part of `make test`; results are written to docs/.
 campaign: .venv/dev
 	$(BIN)/python benchmarks/campaign.py $(ARGS)
+
+accuracy: .venv/dev
+	$(BIN)/python benchmarks/accuracy_campaign.py $(ARGS)
 
 format: .venv/dev
 	$(BIN)/ruff format .

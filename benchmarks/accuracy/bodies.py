@@ -7,6 +7,7 @@ they need, not the point.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -126,9 +127,7 @@ class Bodies:
             power = 0 * self.exponents + 2
             if self.kind == ShapeKind.SUPPORT:
                 power = self.exponents
-            reach = power_norm(x / self.sizes, power[:, None])
-            # Shrunk to reach 1 the point is inside; that is how far it moves.
-            return length(x) * np.maximum(1 - 1 / np.maximum(reach, 1), 0)
+            return outside_ellipsoid(x, self.sizes, power[:, None])
         return outside_cone(x, self.sizes)
 
 
@@ -152,6 +151,28 @@ def power_norm(x: Array, power: Array) -> Array:
     safe = np.where(most > 0, most, 1)
     total = ((x / safe[..., None]) ** power[..., None]).sum(axis=-1)
     return np.where(most > 0, most * total ** (1 / power), 0)
+
+
+def outside_ellipsoid(x: Array, sizes: Array, power: Array) -> Array:
+    """Bound on the distance of points from (super)ellipsoids: a way back that is known.
+
+    Down the slope of the norm as far as Newton's method goes, and from there to the
+    centre until the point is inside.
+    """
+    start, way = x, None
+    best = np.full(x.shape[:-1], np.inf)
+    for _ in range(6):
+        reach = power_norm(x / sizes, power)
+        # Shrunk to reach 1 the point is inside; that is how far it moves.
+        left = length(x) * np.maximum(1 - 1 / np.maximum(reach, 1), 0)
+        best = np.minimum(best, length(x - start) + left)
+        ratio = np.abs(x / sizes) / np.where(reach > 0, reach, 1)[..., None]
+        slope = np.copysign(ratio ** (power[..., None] - 1) / sizes, x)
+        way = unit(slope) if way is None else way
+        fall = (slope * way).sum(axis=-1)
+        step = np.maximum(reach - 1, 0) / np.where(fall > 0, fall, 1)
+        x = x - step[..., None] * way
+    return np.asarray(best)
 
 
 def outside_segment(x: Array, p: Array, q: Array) -> Array:
@@ -187,7 +208,7 @@ def outside_cone(x: Array, sizes: Array) -> Array:
     outline = [(0, -1), (lower, -1), (upper, 1), (0, 1)]
     ends = [np.stack([p + 0 * r, s * half + 0 * r, 0 * r], axis=-1) for p, s in outline]
     least = outside_segment(point, ends[0], ends[1])
-    for p, q in zip(ends[1:], ends[2:], strict=False):
+    for p, q in pairwise(ends[1:]):
         least = np.minimum(least, outside_segment(point, p, q))
     # Inside by the height and the slant, without a division.
     side = (r - lower) * 2 * half - (z + half) * (upper - lower)

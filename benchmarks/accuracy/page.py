@@ -29,8 +29,8 @@ def page(results: dict[str, Any]) -> str:
         f"{total:,} pairs of shapes, {len(kinds)} pairs of kinds in {len(REGIMES)} "
         "regimes, each judged by an oracle that shares no code with the kernels.",
         "",
-        "Errors are relative to the *scale* of a pair: its largest size or the distance "
-        "of its centres, whichever is larger.",
+        "Errors are relative to the *scale* of a pair: its largest size or the "
+        "distance of its centres, whichever is larger.",
         "",
         "**How it is judged.** Cores apart: the witness points bound the distance from "
         "above, a direction that separates the shapes from below, both in extended "
@@ -88,7 +88,8 @@ def targets(kinds: dict[str, Any]) -> list[str]:
         *table(["figure", "meaning", "worst", "target", "where"], rows),
         "",
         f"Answers that are no finite numbers: {lost}. NaN in, number out: {missed} of "
-        f"{tried}. Longest call, waits of the machine included: {slowest * 1e3:.1f} ms.",
+        f"{tried}. Longest call, waits of the machine included: "
+        f"{slowest * 1e3:.1f} ms.",
     ]
 
 
@@ -141,8 +142,8 @@ def peer_section(results: dict[str, Any]) -> list[str]:
         return ["Not asked in this run."]
     lines = [
         f"The first {results['peer_count']} pairs of each regime and pair of kinds, "
-        "tolerances of 1e-12 (python-fcl has none to set). An answer is wrong where it is more "
-        f"than {number(NOTABLE)} × scale outside the oracle's bounds.",
+        "tolerances of 1e-12 (python-fcl has none to set). An answer is wrong where it "
+        f"is more than {number(NOTABLE)} × scale outside the oracle's bounds.",
         "",
     ]
     rows = []

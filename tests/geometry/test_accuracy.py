@@ -2,27 +2,25 @@
 
 The rule: over the first pairs of every regime of the campaign, drawn again, no figure
 exceeds GROWTH times the worst the campaign found over all of its pairs, plus SLACK for
-what another processor rounds otherwise. Better figures come into force when the campaign
-is run again (`make accuracy`), which writes the file. In it, nothing may be worse than
-the targets.
+what another processor rounds otherwise. Better figures come into force when the
+campaign is run again (`make accuracy`), which writes the file. In it, nothing may be
+worse than the targets.
 """
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "benchmarks"))
 
 from accuracy.judge import judge_pairs
 from accuracy.nan_laws import swallowed
 from accuracy.regimes import REGIMES, draw
 from accuracy.summary import FIGURES, NAMES, TARGETS, figures
 
-KNOWN = json.loads((ROOT / "docs" / "accuracy.json").read_text("utf-8"))["kinds"]
+RESULTS = Path(__file__).parents[2] / "docs" / "accuracy.json"
+
+KNOWN = json.loads(RESULTS.read_text("utf-8"))["kinds"]
 
 # How much worse than the campaign's worst a figure may be [-].
 GROWTH = 3.0

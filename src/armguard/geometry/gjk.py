@@ -23,7 +23,7 @@ MOST_STEPS = 128
 # The distance is proven to this share of itself, so the normal is as good whether cores
 # are far or near, or to this share of the largest number that enters it [-].
 PRECISION = 1e-9
-ROUND_OFF = 1e-12
+ROUND_OFF = 1e-13
 
 # Nearer than this share, a direction is mostly round-off; the cores count as met [-].
 TOUCHING = 1e-10
