@@ -2,10 +2,11 @@
 
 python benchmarks/two_stages.py FOLDER    FOLDER: planning scenes with motion requests
 
-The straight line in joint space from the start to the goal of each request is walked in
-steps of 0.02 rad, grippers kept within their limits. A cycle in which a pair of
-primitives does not keep its buffer would have been a stop with primitives alone; it is
-one only if the exact shapes do not keep it either.
+Walked in steps of 0.02 rad, grippers kept within their limits: the published paths,
+which planners found free of collisions, and the straight lines in joint space from the
+start to the goal of each request. A cycle in which a pair of primitives does not keep
+its buffer would have been a stop with primitives alone; it is one only if the exact
+shapes do not keep it either. Counted for the buffer of the scene and for none at all.
 """
 
 import json
@@ -22,37 +23,44 @@ from armguard.scene.trajectory import densify
 
 STEP = 0.02
 
+# Required distances that are tried: the paper's, and none [m].
+BUFFERS = (0.03048, 0.0)
+
+NOTHING = {"cycles": 0, "primitives_would_stop": 0, "stops": 0, "refined": 0}
+
 
 def main() -> None:
     """Walk every motion, print one JSON object."""
     root = Path(sys.argv[1])
-    totals = {"cycles": 0, "primitives_would_stop": 0, "stops": 0, "refined": 0}
-    scenes: dict[str, dict[str, Any]] = {}
-    for path in sorted(root.glob("*/request*.yaml")):
-        number = path.stem.removeprefix("request")
-        scene = path.with_name(f"scene{number}.yaml")
-        if not scene.exists():
-            continue
-        counts = walk(scene, path)
-        say(f"{path.parent.name}/{path.stem}: {counts}")
-        scenes[f"{path.parent.name}/{path.stem}"] = counts
-        for key in totals:
-            totals[key] += counts[key]
-    totals["let_pass_by_exact_shapes"] = (
-        totals["primitives_would_stop"] - totals["stops"]
-    )
-    print(json.dumps({"step": STEP, "totals": totals, "scenes": scenes}, indent=1))
+    totals: dict[str, dict[str, Any]] = {}
+    for path in sorted([*root.glob("*/path*.csv"), *root.glob("*/request*.yaml")]):
+        kind = path.stem.rstrip("0123456789")
+        scene = path.with_name(f"scene{path.stem.removeprefix(kind)}.yaml")
+        for buffer in BUFFERS:
+            counts = walk(scene, path, buffer)
+            name = f"{path.parent.name}, {kind}s, buffer {buffer * 1e3:.0f} mm"
+            total = totals.setdefault(name, {"motions": 0, **NOTHING})
+            total["motions"] += 1
+            for key, value in counts.items():
+                total[key] += value
+        say(f"{path.parent.name}/{path.stem}")
+    for total in totals.values():
+        total["let_pass_by_exact_shapes"] = (
+            total["primitives_would_stop"] - total["stops"]
+        )
+    print(json.dumps({"step": STEP, "totals": totals}, indent=1))
 
 
-def walk(scene_file: Path, path: Path) -> dict[str, int]:
+def walk(scene_file: Path, path: Path, buffer: float) -> dict[str, int]:
     """Levels along one motion, with and without the second stage."""
     scene = load_scene(scene_file)
+    scene.buffer = buffer
     motion = load_trajectory(path)
     home = dict(zip(scene.q_names, scene.home.tolist(), strict=True))
     guard = Guard(scene)
     ends = motion.for_scene(scene, home)
     q = densify(np.clip(ends, guard.tables.lower, guard.tables.upper), STEP)
-    counts = {"cycles": 0, "primitives_would_stop": 0, "stops": 0, "refined": 0}
+    counts = dict(NOTHING)
     for row in q:
         verdict = guard.step(row)
         if verdict.level is Level.STOP and verdict.reason is not Reason.TOO_CLOSE:

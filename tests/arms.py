@@ -40,3 +40,20 @@ def wall_scene(**settings):
         Box(half_extents=(2.0, 0.1, 1.0)), name="wall", pose=Pose(xyz=(0, 0.6, 0.5))
     )
     return scene
+
+
+def link_pose(model, positions, link):
+    """Pose of a link in the robot's frame: the chain, joint by joint."""
+    by_child = {joint.child: joint for joint in model.joints.values()}
+    T = np.eye(4)
+    while link in by_child:
+        joint = by_child[link]
+        turn = np.eye(4)
+        if joint.name in positions:
+            x, y, z = joint.axis
+            angle = positions[joint.name]
+            K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            turn[:3, :3] += np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+        T = joint.T_parent_joint @ turn @ T
+        link = joint.parent
+    return T

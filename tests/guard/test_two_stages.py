@@ -11,6 +11,7 @@ from armguard.robot.fitting.exact import hull_faces
 from armguard.robot.fitting.proof import uncovered
 from armguard.robot.kinematics import kinematic_table
 from armguard.scene import Scene, bay_scene
+from arms import link_pose
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def test_the_exact_shapes_let_pass_what_primitives_would_stop(guard):
     assert near.primitive_distance < near.buffer < near.exact_distance
     assert near.distance == near.exact_distance
     assert near.clearance == near.distance - near.buffer
-    assert near.model_error == 0.0
+    assert 0.0 < near.model_error < 1e-3  # the panda's meshes are nearly convex
     assert "exact shapes" in near.why
     assert verdict.counts.pairs_refined >= 1
     assert np.linalg.norm(near.normal) == pytest.approx(1.0, abs=1e-12)
@@ -78,23 +79,6 @@ def world_vertices(guard, scene, q, body):
     points = points + hull.pose.matrix()[:3, 3]
     T = placed.base.matrix() @ T
     return points @ T[:3, :3].T + T[:3, 3]
-
-
-def link_pose(model, positions, link):
-    """Pose of a link in the robot's frame: the chain, joint by joint."""
-    by_child = {joint.child: joint for joint in model.joints.values()}
-    T = np.eye(4)
-    while link in by_child:
-        joint = by_child[link]
-        turn = np.eye(4)
-        if joint.name in positions:
-            x, y, z = joint.axis
-            angle = positions[joint.name]
-            K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            turn[:3, :3] += np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
-        T = joint.T_parent_joint @ turn @ T
-        link = joint.parent
-    return T
 
 
 def test_the_exact_distance_is_that_of_the_hulls(guard, scene):

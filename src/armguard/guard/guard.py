@@ -213,6 +213,7 @@ class Guard:
             bodies=tables.body_names,
             labels=tables.labels,
             model_errors=tables.model_errors,
+            exact_errors=tables.exact.errors,
             checkable_pairs=tables.checkable_pairs,
         )
 

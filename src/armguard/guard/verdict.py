@@ -11,6 +11,9 @@ from armguard.guard.levels import SENTENCES, Level, Reason, level_of
 
 Floats = NDArray[np.float64]
 
+# A model error that rounds to no millimetre is not worth a clause [m].
+TOLD = 5e-4
+
 
 @dataclass(frozen=True, slots=True)
 class Names:
@@ -23,6 +26,7 @@ class Names:
         bodies: Body of each primitive.
         labels: Name of each primitive.
         model_errors: Model error of each primitive [m].
+        exact_errors: Model error of the exact shapes of each primitive's link [m].
         checkable_pairs: Pairs of primitives that are checked at all.
     """
 
@@ -32,6 +36,7 @@ class Names:
     bodies: Sequence[str]
     labels: Sequence[str]
     model_errors: Floats
+    exact_errors: Floats
     checkable_pairs: int
 
 
@@ -56,8 +61,9 @@ class NearPair:
         point_a: Witness point on A, world frame, shape (3,) [m].
         point_b: Witness point on B, world frame, shape (3,) [m].
         normal: Unit vector from A to B, world frame, shape (3,).
-        model_error: How far what was measured may reach beyond the real surfaces [m];
-            for exact shapes this is 0: a mesh is represented by its convex hull.
+        model_error: How far what was measured may reach beyond the real surfaces, both
+            sides together: the primitives, or the exact shapes where `distance` is
+            theirs; a convex hull reaches into the dents of its mesh [m].
     """
 
     a: str
@@ -78,21 +84,18 @@ class NearPair:
     def why(self) -> str:
         """The pair in words and millimetres."""
         verb = "needs" if self.clearance < 0.0 else "keeps"
+        notes = []
         if self.exact_distance is not None:
-            return (
-                f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm, {verb} "
-                f"{self.buffer * 1e3:.0f} mm buffer (exact shapes "
-                f"{self.exact_distance * 1e3:.0f} mm, primitives "
-                f"{self.primitive_distance * 1e3:.0f} mm)"
+            notes.append(
+                f"exact shapes {self.exact_distance * 1e3:.0f} mm, primitives "
+                f"{self.primitive_distance * 1e3:.0f} mm"
             )
-        model = (
-            f" (the model may reach {self.model_error * 1e3:.0f} mm too far)"
-            if self.model_error > 0.0
-            else ""
-        )
+        if self.model_error >= TOLD:
+            notes.append(f"the model may reach {self.model_error * 1e3:.0f} mm too far")
         return (
             f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm, "
-            f"{verb} {self.buffer * 1e3:.0f} mm buffer{model}"
+            f"{verb} {self.buffer * 1e3:.0f} mm buffer"
+            + (f" ({'; '.join(notes)})" if notes else "")
         )
 
 
@@ -254,6 +257,7 @@ class Verdict:
         witness = row[layout.WITNESS :]
         exact = float(row[layout.EXACT])
         refined = exact != np.inf and not exact <= row[layout.OUTER]
+        errors = names.exact_errors if refined else names.model_errors
         return NearPair(
             a=names.bodies[i],
             b=names.bodies[j],
@@ -267,9 +271,7 @@ class Verdict:
             point_a=witness[1:4].copy(),
             point_b=witness[4:7].copy(),
             normal=witness[7:10].copy(),
-            model_error=0.0
-            if refined
-            else float(names.model_errors[i] + names.model_errors[j]),
+            model_error=float(errors[i] + errors[j]),
         )
 
     def _joint_sentence(self, reason: Reason) -> str:

@@ -34,12 +34,15 @@ class ExactTables:
             many there are; (-1, 0) where the primitive is exact itself, shape (p, 2).
         kinds: ShapeKind of each exact shape, shape (e,).
         rows: Rows in the frame of the body, or in the world, shape (e, 16).
+        errors: Model error of the exact shapes a primitive's link has, the largest;
+            0 where the primitive is exact itself, shape (p,) [m].
         shapes: The shapes, whose numbers the rows lead to.
     """
 
     of_primitive: Ints
     kinds: Ints
     rows: Floats
+    errors: Floats
     shapes: tuple[Shape, ...]
 
 
@@ -57,8 +60,10 @@ def exact_tables(
     rows: list[Floats] = []
     shapes: list[Shape] = []
     ranges = {}
+    errors = {}
     for owner, part in parts.items():
         ranges[owner] = (len(kinds), len(part.shapes))
+        errors[owner] = max((placed.model_error for placed in part.shapes), default=0.0)
         for placed in part.shapes:
             kinds.append(int(placed.shape.kind))
             rows.append(shape_row(placed.shape, part.T @ placed.pose.matrix()))
@@ -68,5 +73,9 @@ def exact_tables(
         of_primitive=np.repeat(of_run.reshape(-1, 2), np.array(sizes, np.intp), axis=0),
         kinds=np.array(kinds, dtype=np.int32),
         rows=np.array(rows, dtype=np.float64).reshape(-1, ROW_WIDTH),
+        errors=np.repeat(
+            np.array([errors.get(owner, 0.0) for owner in owners], dtype=np.float64),
+            np.array(sizes, np.intp),
+        ),
         shapes=tuple(shapes),
     )

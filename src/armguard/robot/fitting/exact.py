@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull, QhullError
 from armguard.geometry import shapes as convex
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Hull, PlacedShape
+from armguard.robot.fitting.hull_reach import hull_reach
 from armguard.robot.fitting.proof import uncovered
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, Link, MeshFile
@@ -19,7 +20,8 @@ Floats = NDArray[np.float64]
 def exact_shapes(link: Link) -> tuple[PlacedShape, ...]:
     """Collision geometry of a link as convex shapes; empty if it needs no fit.
 
-    A mesh is represented by its convex hull, which holds the mesh.
+    A mesh is represented by its convex hull, which holds the mesh; how far it reaches
+    beyond it is the model error of the shape.
     """
     if not any(isinstance(e.geometry, Cylinder | MeshFile) for e in link.collisions):
         return ()
@@ -28,8 +30,10 @@ def exact_shapes(link: Link) -> tuple[PlacedShape, ...]:
         pose = Pose.from_matrix(element.T_link_geometry)
         geometry = element.geometry
         if isinstance(geometry, MeshFile):
-            points = load_triangles(geometry).reshape(-1, 3)
-            found.append(PlacedShape(Hull(points=points), pose))
+            triangles = load_triangles(geometry)
+            hull = Hull(points=triangles.reshape(-1, 3))
+            reach = hull_reach(hull_faces(hull), triangles)
+            found.append(PlacedShape(hull, pose, reach))
         elif isinstance(geometry, Cylinder):
             cylinder = convex.Cylinder(radius=geometry.radius, height=geometry.length)
             found.append(PlacedShape(cylinder, pose))

@@ -40,15 +40,20 @@ def uncovered(triangles: Floats, shapes: Sequence[PlacedShape]) -> Floats:
         left = left[~done]
         if len(left) == 0 or len(left) > PIECES:
             return left
-        a, b, c = left[:, 0], left[:, 1], left[:, 2]
-        ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
-        left = np.concatenate(
-            [
-                np.stack(corner, axis=1)
-                for corner in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-            ]
-        )
+        left = quartered(left)
     return left
+
+
+def quartered(triangles: Floats) -> Floats:
+    """Each triangle as four of half its size, shape (4n, 3, 3)."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
+    return np.concatenate(
+        [
+            np.stack(corner, axis=1)
+            for corner in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        ]
+    )
 
 
 def inside(placed: PlacedShape, points: Floats) -> NDArray[np.bool_]:
