@@ -1,5 +1,6 @@
 """`armguard check`: is this scene sound? Each line PASS, WARN or FAIL."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -21,6 +22,7 @@ from armguard.cli.console import (
 )
 from armguard.errors import ArmguardError, HomeContactError
 from armguard.guard import Guard, Level
+from armguard.robot.model import FittedLink
 from armguard.scene import compile_scene, load_scene
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.proposal import propose_allowed
@@ -121,10 +123,37 @@ def fit_table(scene: Scene) -> list[dict[str, object]]:
             "overreach_mm": round(fit.overreach * 1e3, 1),
             "target_mm": round(robot.fit_target * 1e3, 1),
             "source": fit.source,
+            "exact_shapes": len(fit.exact),
+            "exact_overreach_mm": round(exact_overreach(fit) * 1e3, 1),
+            "exact_contained": fit.contained,
         }
         for name, robot in scene.robots.items()
         for link, fit in robot.fits.items()
     ]
+
+
+def exact_overreach(fit: FittedLink) -> float:
+    """How far the exact shapes of a link reach beyond its geometry [m]."""
+    return max((placed.model_error for placed in fit.exact), default=0.0)
+
+
+def exact_stage(name: str, fits: Iterable[FittedLink]) -> Finding:
+    """What the second, exact stage of a robot's links is worth."""
+    both = [fit for fit in fits if fit.exact]
+    if not both:
+        return Finding(
+            "exact shapes", "PASS", f"robot '{name}': its primitives are exact"
+        )
+    contained = sum(fit.contained for fit in both)
+    better = sum(exact_overreach(fit) < fit.overreach for fit in both)
+    return Finding(
+        "exact shapes",
+        "PASS",
+        f"robot '{name}': {len(both)} links are measured again by hulls and true "
+        f"cylinders before they stop the arm; {contained} of these are proven to lie "
+        f"in the link's primitives, {better} reach less far beyond the mesh than the "
+        "primitives do",
+    )
 
 
 def describe(scene: Scene, fits: list[dict[str, object]]) -> list[Finding]:
@@ -149,6 +178,7 @@ def describe(scene: Scene, fits: list[dict[str, object]]) -> list[Finding]:
         findings.append(
             Finding("meshes", "PASS", f"robot '{name}': {meshes} mesh files, all found")
         )
+        findings.append(exact_stage(name, robot.fits.values()))
     findings += [
         Finding("notes", "WARN", note, "see docs/robots.md") for note in scene.notes
     ] or [Finding("notes", "PASS", "every visible link has collision geometry")]
@@ -255,11 +285,15 @@ def show(
         if f.remedy:
             out.print(f"     -> {f.remedy}", markup=False, style="dim")
     if fits:
-        out.print("\nlink, primitives (Sphere, Capsule, Box), overreach:")
+        out.print(
+            "\nlink, primitives (Sphere, Capsule, Box), overreach of these and of the "
+            "exact shapes:"
+        )
         for fit in fits:
+            exact = f"{fit['exact_overreach_mm']} mm" if fit["exact_shapes"] else "-"
             out.print(
                 f"  {fit['link']:36} {fit['kinds']:10} {fit['overreach_mm']:6} mm  "
-                f"{fit['source']}",
+                f"{exact:>9}  {fit['source']}",
                 markup=False,
             )
     if propose:

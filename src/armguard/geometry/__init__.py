@@ -1,7 +1,7 @@
 """Foundation: shapes, poses, signed distance and witness points of a pair."""
 
 from armguard.geometry.pose import Pose
-from armguard.geometry.proximity import Proximity, distance
+from armguard.geometry.proximity import Proximities, Proximity, distance, distances
 from armguard.geometry.shapes import (
     SHAPES,
     Box,
@@ -31,6 +31,7 @@ __all__ = [
     "Hull",
     "PlacedShape",
     "Pose",
+    "Proximities",
     "Proximity",
     "Shape",
     "ShapeKind",
@@ -38,5 +39,6 @@ __all__ = [
     "SupportShape",
     "Triangle",
     "distance",
+    "distances",
     "register_shape",
 ]

@@ -122,6 +122,43 @@ def check_transform(name: str, T: ArrayLike) -> NDArray[np.float64]:
         raise PoseError(f"{name} has shape {matrix.shape}; it must be (4, 4)")
     if not np.isfinite(matrix).all():
         raise PoseError(f"{name} has a number that is not finite")
+    check_rigid(name, matrix)
+    return matrix
+
+
+def check_transforms(name: str, T: ArrayLike) -> NDArray[np.float64]:
+    """Return `T` as rigid transforms, shape (n, 4, 4).
+
+    A transform with a number that is not finite becomes NaN altogether.
+
+    Raises:
+        PoseError: Wrong shape, or one of the transforms whose numbers are finite is
+            not rigid.
+    """
+    matrices = np.array(T, dtype=np.float64)
+    if matrices.ndim != 3 or matrices.shape[1:] != (4, 4):
+        raise PoseError(
+            f"{name} has shape {matrices.shape}; it must be (4, 4) or (n, 4, 4)"
+        )
+    lost = ~np.isfinite(matrices).all(axis=(1, 2))
+    matrices[lost] = np.eye(4)
+    R = matrices[:, :3, :3]
+    skew = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    sound = (skew <= ORTHOGONAL_TOLERANCE) & (np.linalg.det(R) > 0.0)
+    sound &= (matrices[:, 3] == (0.0, 0.0, 0.0, 1.0)).all(axis=1)
+    for k in np.flatnonzero(~sound):
+        check_rigid(f"{name}[{k}]", matrices[k])
+    matrices[lost] = np.nan
+    return matrices
+
+
+def check_rigid(name: str, matrix: NDArray[np.float64]) -> None:
+    """Refuse a finite matrix of shape (4, 4) that is no rigid transform.
+
+    Raises:
+        PoseError: Its rotation part is not orthogonal within `ORTHOGONAL_TOLERANCE`
+            and right-handed, or its last row is not 0 0 0 1.
+    """
     R = matrix[:3, :3]
     skew = float(np.abs(R.T @ R - np.eye(3)).max())
     if skew > ORTHOGONAL_TOLERANCE or np.linalg.det(R) < 0.0:
@@ -131,4 +168,3 @@ def check_transform(name: str, T: ArrayLike) -> NDArray[np.float64]:
         )
     if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
         raise PoseError(f"{name} ends in row {matrix[3]}; it must be 0 0 0 1")
-    return matrix

@@ -9,12 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from armguard.errors import HomeContactError, UnknownNameError, did_you_mean
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
+from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.compiling import announce_compiling
 from armguard.guard.cycle import run_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
+from armguard.guard.objects import stand_at, take_out
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.verdict import Names, NearPair, Verdict
 from armguard.guard.workspace import (
@@ -30,6 +32,7 @@ from armguard.kernel import kernel
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
+from armguard.scene.standing import Standing
 from armguard.scene.tables import SceneTables
 
 # Near pairs an answer has room for. More than this many at once is a reason to stop
@@ -148,6 +151,42 @@ class Guard:
                 data = self._out[:used].copy()
         return Verdict(data, self._names, stamp, (self._clock() - start) * 1e-9, fault)
 
+    def place(self, name: str, pose: Pose | ArrayLike) -> None:
+        """Put an object where it stands from now on, whether it was there or not.
+
+        For between two cycles: it takes microseconds for each primitive of the object,
+        and may take longer where the index has to grow.
+
+        Args:
+            name: An object of the scene that is attached to nothing.
+            pose: Its frame in the world, a `Pose` or a transform of shape (4, 4).
+
+        Raises:
+            UnknownNameError: There is no such object.
+            PoseError: The transform is not rigid, or a number is not finite.
+
+        Example:
+            >>> from armguard import Guard, Pose, Sphere, bay_scene
+            >>> scene = bay_scene()
+            >>> tool = scene.add(Sphere(radius=0.05), name="tool", present=False)
+            >>> guard = Guard(scene)
+            >>> guard.place("tool", Pose(xyz=(0.0, 0.0, 1.0)))
+            >>> guard.remove("tool")
+        """
+        thing = self._standing(name)
+        T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
+        stand_at(self.index, thing, T)
+        self._world_changed()
+
+    def remove(self, name: str) -> None:
+        """Leave an object out from now on; `place` brings it back.
+
+        Raises:
+            UnknownNameError: There is no such object.
+        """
+        take_out(self.index, self._standing(name))
+        self._world_changed()
+
     def reset(self) -> None:
         """Forget the last cycle and the last stamp.
 
@@ -163,7 +202,9 @@ class Guard:
         T_world = np.zeros((bodies, 12))
         world = world_at_home(tables, T_world)
         self.index = build_index(tables, world)
-        octree = self.index.state
+        for thing in tables.standing.values():
+            if not thing.present:
+                take_out(self.index, thing)
         self._shape = (len(tables.q_names),)
         self._memory[FORCE] = 1
         self._out = np.zeros(layout.HEADER + capacity * layout.NEAR_WIDTH)
@@ -202,10 +243,9 @@ class Guard:
             memo=np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
             memo_rows=np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
             world=world,
-            octree=octree,
+            octree=self.index.state,
         )
-        self._ledger = ledger_of(workspace)
-        self._lines = self._ledger.lines
+        self._open_ledger(workspace)
         self._names = Names(
             joints=tables.q_names,
             lower=tables.lower,
@@ -216,6 +256,27 @@ class Guard:
             exact_errors=tables.exact.errors,
             checkable_pairs=tables.checkable_pairs,
         )
+
+    def _standing(self, name: str) -> Standing:
+        """The object of that name that is attached to nothing."""
+        known = self.tables.standing
+        if name not in known:
+            raise UnknownNameError(
+                f"no object that stands still is named '{name}'; "
+                f"{did_you_mean(name, known)}"
+            )
+        return known[name]
+
+    def _world_changed(self) -> None:
+        """Take over an index that was built anew; measure every pair afresh."""
+        self._open_ledger(self._workspace._replace(octree=self.index.state))
+        self._memory[FORCE] = 1
+
+    def _open_ledger(self, workspace: Workspace) -> None:
+        """Tell the loop where everything lies."""
+        self._workspace = workspace
+        self._ledger = ledger_of(workspace)
+        self._lines = self._ledger.lines
 
     def _judge_stamp(self, stamp: float) -> str:
         """Take the stamp over, or say why not."""

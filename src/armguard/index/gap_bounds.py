@@ -8,6 +8,7 @@ shared with the kernels that build the tree.
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.bounds import row_bounds
 from armguard.geometry.cell_gap import cell_gap
 from armguard.geometry.shapes import ShapeKind
 
@@ -37,7 +38,7 @@ def bracket_gaps(
         high: Upper corners, shape (k, 3) [m].
     """
     if kind in ASKED:
-        cells = zip(low, high, strict=True)
+        cells = zip(*closed(kind, row, low, high), strict=True)
         gaps = np.array([cell_gap(kind, row, *a, *b) for a, b in cells])
         return gaps, gaps
     if kind == ShapeKind.HALF_SPACE:
@@ -61,6 +62,17 @@ def bracket_gaps(
     nearest_side = np.where(n != 0.0, n * np.where(n != 0.0, corner, 0.0), 0.0).sum(1)
     lower = nearest_side - core_reach(kind, row, n)
     return np.where(upper > 0.0, np.clip(lower, 0.0, upper), 0.0), upper
+
+
+def closed(kind: int, row: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Cells that have a bound on every side, and are as far from a core as before."""
+    box = np.zeros(6)
+    row_bounds(kind, row, 0.0, box)
+    below = np.minimum(box[:3], np.where(np.isfinite(high), high, box[:3])) - 1.0
+    above = np.maximum(box[3:], np.where(np.isfinite(low), low, box[3:])) + 1.0
+    return np.where(np.isfinite(low), low, below), np.where(
+        np.isfinite(high), high, above
+    )
 
 
 def core_reach(kind: int, row: Floats, n: Floats) -> Floats:

@@ -25,6 +25,7 @@ from armguard.scene.names import PrimitiveNames
 from armguard.scene.rules import pair_rules
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.settings import CubeSettings
+from armguard.scene.standing import standing_objects
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -103,6 +104,7 @@ def compile_scene(scene: Scene) -> SceneTables:
         labels=PrimitiveNames(blocks, numbered=True),
         model_errors=np.concatenate([np.zeros(0), *(b.model_errors for b in blocks)]),
         shapes=tuple(shape for b in blocks for shape in b.shapes),
+        standing=standing_objects(blocks, scene.objects),
         exact=exact_tables(
             [b.owner for b in blocks], sizes, exact_parts(scene, tables)
         ),

@@ -195,6 +195,7 @@ def add_object(
         pose=pose_of(entry.at),
         attached_to=entry.attached_to,
         buffer=entry.buffer,
+        present=entry.present,
     )
 
 

@@ -65,6 +65,7 @@ class ObjectModel(ShapeKeys):
     at: PoseModel = PoseModel()
     attached_to: str | None = None
     buffer: NotNegative | None = None
+    present: bool = True
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:

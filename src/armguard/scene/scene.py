@@ -72,6 +72,7 @@ class SceneObject:
         pose: Its frame in the world, or in the link it is attached to.
         attached_to: 'robot/link' it rides on, None if it stands still.
         buffer: Distance it must keep; None for the scene's [m].
+        present: Whether it is there when a guard starts.
     """
 
     name: str
@@ -80,6 +81,7 @@ class SceneObject:
     pose: Pose
     attached_to: str | None
     buffer: float | None
+    present: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,6 +270,7 @@ class Scene:
         pose: Pose | None = None,
         attached_to: str | None = None,
         buffer: float | None = None,
+        present: bool = True,
     ) -> SceneObject:
         """Add an object.
 
@@ -277,10 +280,12 @@ class Scene:
             pose: Its frame in the world, or in the link it is attached to.
             attached_to: 'robot/link' it rides on.
             buffer: Distance it must keep; the scene's if None [m].
+            present: Whether it is there when a guard starts; `Guard.place` puts it
+                there later.
 
         Raises:
-            SceneError: The name is taken or no name, there is no shape, or a surface
-                is to ride on a link.
+            SceneError: The name is taken or no name, there is no shape, a surface is
+                to ride on a link, or what rides on one is not present.
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
@@ -294,6 +299,11 @@ class Scene:
             self._check_body(attached_to, link=True)
             if surfaces:
                 raise SceneError(riding_surface(name, attached_to))
+            if not present:
+                raise SceneError(
+                    f"object '{name}' rides on '{attached_to}' and is not present; "
+                    "only what stands still can come later"
+                )
         thing = SceneObject(
             name=name,
             shapes=tuple(
@@ -305,6 +315,7 @@ class Scene:
             pose=Pose() if pose is None else pose,
             attached_to=attached_to,
             buffer=buffer,
+            present=present,
         )
         self._objects[name] = thing
         return thing
@@ -320,6 +331,7 @@ class Scene:
         scale: float | Sequence[float] = 1.0,
         rounding: float = 0.0,
         buffer: float | None = None,
+        present: bool = True,
         max_triangles: int = MAX_TRIANGLES,
         progress: Progress | None = None,
     ) -> SceneObject:
@@ -336,6 +348,7 @@ class Scene:
             scale: Factor from the mesh's numbers to metres, or one for each axis [-].
             rounding: Growth outwards on all sides [m].
             buffer: Distance it must keep; the scene's if None [m].
+            present: Whether it is there when a guard starts.
             max_triangles: More than this many are refused.
             progress: Called with what is done, its number and their count, if it
                 takes long.
@@ -366,7 +379,12 @@ class Scene:
             progress=progress,
         )
         return self.add(
-            parts, name=name, pose=pose, attached_to=attached_to, buffer=buffer
+            parts,
+            name=name,
+            pose=pose,
+            attached_to=attached_to,
+            buffer=buffer,
+            present=present,
         )
 
     def remove(self, name: str) -> None:

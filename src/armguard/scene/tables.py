@@ -1,6 +1,6 @@
 """A scene as flat arrays: all a cycle reads, in the order it reads them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import Shape
 from armguard.scene.exact import ExactTables
 from armguard.scene.settings import IndexSettings
+from armguard.scene.standing import Standing
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -48,6 +49,7 @@ class SceneTables:
         model_errors: How far a primitive may reach beyond what it stands for,
             shape (p,) [m].
         shapes: Shapes whose numbers rows lead to; kept so that these live as long.
+        standing: Objects that stand still, by name.
         exact: The second stage of links: their collision geometry itself.
         cube_centre: Centre of the octree's root cube, shape (3,) [m].
         cube_edge: Its edge [m].
@@ -80,6 +82,7 @@ class SceneTables:
     labels: Sequence[str]
     model_errors: Floats
     shapes: tuple[Shape, ...]
+    standing: Mapping[str, Standing]
     exact: ExactTables
     cube_centre: Floats
     cube_edge: float

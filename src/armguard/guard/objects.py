@@ -1,0 +1,34 @@
+"""Objects that come, go and stand elsewhere between two cycles."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.bounds import row_bounds
+from armguard.index.base import Index
+from armguard.scene.standing import Standing
+
+Floats = NDArray[np.float64]
+
+
+def stand_at(index: Index, thing: Standing, T: Floats) -> None:
+    """Put the primitives of an object where its frame stands at T.
+
+    Args:
+        index: The index; its world is written.
+        thing: The object, in it or not.
+        T: Its frame in the world, shape (4, 4).
+    """
+    world = index.world
+    rows = thing.rows(T)
+    take_out(index, thing)
+    for k in range(thing.count):
+        i = thing.first + k
+        world.rows[i] = rows[k]
+        row_bounds(int(world.kinds[i]), world.rows[i], 0.0, world.boxes[i])
+        index.insert(i)
+
+
+def take_out(index: Index, thing: Standing) -> None:
+    """Leave the primitives of an object out of the index."""
+    for i in range(thing.first, thing.first + thing.count):
+        index.remove(i)

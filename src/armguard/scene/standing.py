@@ -1,0 +1,62 @@
+"""Objects that stand still, and may come, go and stand elsewhere while a guard runs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.shapes import PlacedShape
+from armguard.scene.blocks import Block, blocks_of, stacked_rows
+from armguard.scene.meshes.surface import Surface
+from armguard.scene.scene import SceneObject
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """An object that stands still, and its place in the tables.
+
+    Attributes:
+        first: Its first primitive.
+        count: How many it has.
+        present: Whether it is there from the start.
+        shapes: Its shapes, in its own frame.
+        surfaces: Its triangles, in its own frame.
+    """
+
+    first: int
+    count: int
+    present: bool
+    shapes: tuple[PlacedShape, ...]
+    surfaces: tuple[Surface, ...]
+
+    def rows(self, T: Floats) -> Floats:
+        """Rows of its primitives where its frame stands at T, shape (count, 16)."""
+        return stacked_rows(list(blocks_of("", self.shapes, self.surfaces, T, -1)))
+
+
+def standing_objects(
+    blocks: Sequence[Block], objects: Mapping[str, SceneObject]
+) -> dict[str, Standing]:
+    """Objects that are attached to nothing, by name.
+
+    Args:
+        blocks: All blocks in the order of the tables.
+        objects: All objects of the scene.
+    """
+    first: dict[str, int] = {}
+    count: dict[str, int] = {}
+    start = 0
+    for block in blocks:
+        first.setdefault(block.owner, start)
+        count[block.owner] = count.get(block.owner, 0) + len(block)
+        start += len(block)
+    return {
+        name: Standing(
+            first[name], count[name], thing.present, thing.shapes, thing.surfaces
+        )
+        for name, thing in objects.items()
+        if thing.attached_to is None
+    }

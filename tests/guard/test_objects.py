@@ -1,0 +1,150 @@
+"""Objects come, go and stand elsewhere while the guard runs."""
+
+import numpy as np
+import pytest
+
+from armguard.errors import PoseError, SceneError, UnknownNameError
+from armguard.geometry import Box, Capsule, Cone, Hull, Pose, Sphere
+from armguard.guard import Guard, Level
+from armguard.scene import Scene
+from armguard.scene.settings import IndexSettings
+from arms import simple_arm
+
+TETRAHEDRON = [(0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2)]
+MESH = ([(0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), (0.3, 0.3, 0.1)], [(0, 1, 2), (1, 3, 2)])
+
+
+def workshop(kind="octree", poses=None):
+    """An arm and six objects; those without a pose are not present."""
+    scene = Scene(index=IndexSettings(kind=kind))
+    scene.add_robot(simple_arm(joints=3), name="arm")
+    for name, shapes in {
+        "ball": Sphere(radius=0.1),
+        "crate": Box(half_extents=(0.1, 0.2, 0.1), rounding=0.02),
+        "rod": Capsule(start=(0, 0, -0.2), end=(0, 0, 0.2), radius=0.03),
+        "horn": Cone(radius=0.1, height=0.2),
+        "wedge": Hull(points=TETRAHEDRON),
+    }.items():
+        add(scene.add, shapes, name, poses)
+    add(scene.add_mesh, MESH, "sheet", poses)
+    return scene
+
+
+def add(how, what, name, poses):
+    pose = None if poses is None else poses.get(name)
+    how(what, name=name, pose=pose, present=pose is not None)
+
+
+def random_pose(rng):
+    x, y, z = rng.uniform((-0.5, -0.5, 0.1), (0.7, 0.5, 0.7))
+    return Pose(xyz=(x, y, z), rpy=tuple(rng.uniform(-3, 3, 3)))
+
+
+@pytest.mark.parametrize("kind", ["octree", "brute_force"])
+def test_whatever_came_and_went_the_verdict_is_that_of_a_fresh_guard(kind):
+    rng = np.random.default_rng(2)
+    guard = Guard(workshop(kind))
+    poses, near = {}, 0
+    for step in range(120):
+        for _ in range(rng.integers(1, 4)):
+            name = rng.choice(list(guard.tables.standing))
+            if name in poses and rng.random() < 0.4:
+                guard.remove(name)
+                del poses[name]
+            else:
+                poses[name] = random_pose(rng)
+                guard.place(name, poses[name])
+        q = rng.uniform(guard.tables.lower, guard.tables.upper)
+        for row in (q, q + 1e-3, q + 1e-3):
+            verdict = guard.step(row)
+        near += len(verdict.near)
+        if step % 10 == 0:
+            guard.index.check()
+            fresh = unchecked_home(workshop(kind, poses))
+            assert fresh.step(row).tobytes() == verdict.tobytes()
+    assert near > 100
+
+
+def unchecked_home(scene):
+    """A guard of a scene whose objects may overlap the arm at home."""
+    everyone = {name: thing.present for name, thing in scene.objects.items()}
+    poses = {name: thing.pose for name, thing in scene.objects.items()}
+    guard = Guard(workshop(scene.index.kind))
+    for name, present in everyone.items():
+        if present:
+            guard.place(name, poses[name])
+    return guard
+
+
+def test_a_fresh_guard_with_the_objects_from_the_start_says_the_same():
+    poses = {"ball": Pose(xyz=(0.1, 0.35, 0.2)), "sheet": Pose(xyz=(0.2, 0.4, 0.55))}
+    one, two = Guard(workshop(poses=poses)), unchecked_home(workshop(poses=poses))
+    rng = np.random.default_rng(4)
+    stops = 0
+    for _ in range(300):
+        q = rng.uniform(one.tables.lower, one.tables.upper)
+        verdict = one.step(q)
+        stops += verdict.level is Level.STOP
+        assert verdict.tobytes() == two.step(q).tobytes()
+    assert stops > 10
+
+
+def test_far_outside_the_cube_and_back():
+    guard = Guard(workshop())
+    clear = guard.step(guard.home).tobytes()
+    guard.place("ball", Pose(xyz=(0, 0, 0.2)))
+    assert guard.step(guard.home).level is Level.STOP
+    for away in (10.0, 1e3, 1e6):
+        guard.place("ball", Pose(xyz=(0, 0, away)))
+        guard.index.check()
+        assert guard.step(guard.home).tobytes() == clear
+    guard.place("ball", Pose(xyz=(0, 0, 0.2)))
+    assert guard.step(guard.home).level is Level.STOP
+    guard.remove("ball")
+    guard.remove("ball")
+    assert guard.step(guard.home).tobytes() == clear
+
+
+def test_coming_and_going_leaks_nothing():
+    guard = Guard(workshop())
+    rng = np.random.default_rng(0)
+    names = list(guard.tables.standing)
+    for _ in range(200):
+        guard.place(rng.choice(names), random_pose(rng))
+    before = guard.index.nbytes
+    for _ in range(3000):
+        name = rng.choice(names)
+        guard.place(name, random_pose(rng))
+        guard.remove(rng.choice(names))
+    guard.index.check()
+    assert guard.index.nbytes == before
+
+
+def test_what_cannot_be_placed_is_refused():
+    guard = Guard(workshop())
+    with pytest.raises(UnknownNameError, match="did you mean 'ball'"):
+        guard.place("bal", Pose())
+    with pytest.raises(UnknownNameError, match="no object that stands still"):
+        guard.remove("arm/link1")
+    with pytest.raises(PoseError, match="not finite"):
+        guard.place("ball", np.full((4, 4), np.nan))
+    with pytest.raises(PoseError, match="no rigid transform"):
+        guard.place("ball", np.diag([2.0, 1.0, 1.0, 1.0]))
+    scene = workshop()
+    with pytest.raises(SceneError, match="only what stands still can come later"):
+        scene.add(
+            Sphere(radius=0.1), name="tool", attached_to="arm/link1", present=False
+        )
+
+
+def test_the_file_knows_objects_that_come_later(tmp_path):
+    from armguard.scene import load_scene
+
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "robots: {arm: {urdf: panda}}\nobjects: {cup: {sphere: {radius: 0.05}, present: false}}\n"
+    )
+    scene = load_scene(path)
+    assert not scene.objects["cup"].present
+    guard = Guard(scene)
+    assert guard.step(guard.home).level is Level.CLEAR
