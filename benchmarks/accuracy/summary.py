@@ -33,7 +33,7 @@ FIGURES = {
     "witness": "how far witness points are outside their shapes / scale or coordinates",
     "normal": "separation the answered normal is short of the best one / scale",
     "identity": "point_b - point_a - distance · normal / scale or coordinates",
-    "unit": "|normal| - 1",
+    "unit": "length of the normal - 1",
     "exchange": "distance of (B, A) less that of (A, B) / scale",
     "formula": "error against 50 digits / scale",
 }

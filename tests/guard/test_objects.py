@@ -142,7 +142,8 @@ def test_the_file_knows_objects_that_come_later(tmp_path):
 
     path = tmp_path / "scene.yaml"
     path.write_text(
-        "robots: {arm: {urdf: panda}}\nobjects: {cup: {sphere: {radius: 0.05}, present: false}}\n"
+        "robots: {arm: {urdf: panda}}\n"
+        "objects: {cup: {sphere: {radius: 0.05}, present: false}}\n"
     )
     scene = load_scene(path)
     assert not scene.objects["cup"].present

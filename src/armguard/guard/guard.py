@@ -17,6 +17,7 @@ from armguard.guard.cycle import run_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.objects import stand_at, take_out
+from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.verdict import Names, NearPair, Verdict
 from armguard.guard.workspace import (
@@ -242,6 +243,8 @@ class Guard:
             exact_rows=tables.exact.rows,
             memo=np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
             memo_rows=np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
+            planes=np.zeros(PLANE_COUNT, dtype=np.int64),
+            normals=np.zeros((PLANE_COUNT, 3)),
             world=world,
             octree=self.index.state,
         )

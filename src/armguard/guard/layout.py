@@ -22,7 +22,8 @@ LEAVES_LEFT = 12
 SPLITS = 13
 MERGES = 14
 PAIRS_REFINED = 15  # pairs of links whose exact shapes were measured
-HEADER = 16
+PAIRS_APART = 16  # pairs a remembered plane proves to be beyond the margin
+HEADER = 17
 
 # Places in the row of a near pair.
 FIRST = 0  # primitive index of A

@@ -14,6 +14,7 @@ from armguard.guard.layout import (
     NEAR_WIDTH,
     NEAREST,
     OUTER,
+    PAIRS_APART,
     PAIRS_FILTERED,
     PAIRS_KEPT,
     PAIRS_TESTED,
@@ -23,6 +24,7 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
+from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.workspace import (
@@ -78,6 +80,9 @@ def judge_pairs(w: Workspace) -> None:
             if boxes_apart(boxes, i, j, margin):
                 out[PAIRS_FILTERED] += 1.0
                 continue
+            if is_apart(i, j, w):
+                out[PAIRS_APART] += 1.0
+                continue
             out[PAIRS_TESTED] += 1.0
             if count == kept.shape[0]:
                 out[REASON] = CAPACITY
@@ -86,6 +91,7 @@ def judge_pairs(w: Workspace) -> None:
             witness = out[place + WITNESS : place + NEAR_WIDTH]
             measure(kinds[i], rows[i], kinds[j], rows[j], witness)
             if witness[0] > margin:
+                remember_plane(i, j, w, witness)
                 continue
             required = w.buffers[w.groups[i], w.groups[j]]
             out[place + FIRST] = i

@@ -110,6 +110,8 @@ class Counts:
         pairs_kept: Near pairs whose two sides stood still and whose row was kept.
         pairs_filtered: Pairs sharing a leaf whose bounding boxes are farther apart
             than the margin.
+        pairs_apart: Pairs that a plane remembered from an earlier cycle still proves
+            to be beyond the margin.
         pairs_skipped: Checked pairs that were not measured in this cycle.
         bodies_moved: Bodies whose pose changed.
         links_checked: Moved bodies whose leaves had to be looked after.
@@ -124,6 +126,7 @@ class Counts:
     pairs_refined: int
     pairs_kept: int
     pairs_filtered: int
+    pairs_apart: int
     pairs_skipped: int
     bodies_moved: int
     links_checked: int
@@ -200,6 +203,7 @@ class Verdict:
             pairs_refined=d[10],
             pairs_kept=kept,
             pairs_filtered=filtered,
+            pairs_apart=d[11],
             pairs_skipped=self._names.checkable_pairs - tested,
             bodies_moved=moved,
             links_checked=links,

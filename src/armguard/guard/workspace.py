@@ -59,6 +59,8 @@ class Workspace(NamedTuple):
         exact_rows: Exact shapes in their bodies.
         memo: Pairs of links whose exact distance is known, see `refine`.
         memo_rows: Their witness rows, shape (m, 10).
+        planes: Pairs that were found far apart, see `planes`, shape (n,).
+        normals: Their normals, shape (n, 3).
         world: Primitives in the world.
         octree: State of the octree.
     """
@@ -92,6 +94,8 @@ class Workspace(NamedTuple):
     exact_rows: Floats
     memo: Longs
     memo_rows: Floats
+    planes: Longs
+    normals: Floats
     world: World
     octree: OctreeState
 
@@ -114,28 +118,28 @@ def ledger_of(workspace: Workspace) -> Ledger:
 def open_workspace(lines: Longs) -> Workspace:
     """The workspace a ledger leads to."""
     world = World(
-        vector_i4(lines, 29),
-        matrix_f8(lines, 30),
-        matrix_f8(lines, 31),
-        vector_i4(lines, 32),
-        vector_f8(lines, 33),
+        vector_i4(lines, 31),
+        matrix_f8(lines, 32),
+        matrix_f8(lines, 33),
+        vector_i4(lines, 34),
+        vector_f8(lines, 35),
     )
     octree = OctreeState(
-        matrix_i4(lines, 34),
-        matrix_f8(lines, 35),
         matrix_i4(lines, 36),
-        matrix_i4(lines, 37),
-        matrix_f8(lines, 38),
-        vector_f8(lines, 39),
-        vector_i8(lines, 40),
-        vector_i8(lines, 41),
+        matrix_f8(lines, 37),
+        matrix_i4(lines, 38),
+        matrix_i4(lines, 39),
+        matrix_f8(lines, 40),
+        vector_f8(lines, 41),
         vector_i8(lines, 42),
-        vector_i4(lines, 43),
-        vector_i4(lines, 44),
+        vector_i8(lines, 43),
+        vector_i8(lines, 44),
         vector_i4(lines, 45),
-        vector_f8(lines, 46),
-        vector_i8(lines, 47),
-        vector_i8(lines, 48),
+        vector_i4(lines, 46),
+        vector_i4(lines, 47),
+        vector_f8(lines, 48),
+        vector_i8(lines, 49),
+        vector_i8(lines, 50),
     )
     return Workspace(
         vector_f8(lines, 0),
@@ -167,6 +171,8 @@ def open_workspace(lines: Longs) -> Workspace:
         matrix_f8(lines, 26),
         matrix_i8(lines, 27),
         matrix_f8(lines, 28),
+        vector_i8(lines, 29),
+        matrix_f8(lines, 30),
         world,
         octree,
     )

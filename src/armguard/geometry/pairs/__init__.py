@@ -35,10 +35,14 @@ HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 def has_closed_form(kind_a: int, kind_b: int) -> bool:
     """Whether a pair is measured by a formula; the others by the convex solver."""
-    low, high = sorted((int(kind_a), int(kind_b)))
-    if high == HALF_SPACE or high <= BOX:
-        return True
-    return low == SPHERE and high <= CONE
+    return bool(has_closed_form_at(int(kind_a), int(kind_b)))
+
+
+@kernel
+def has_closed_form_at(kind_a: int, kind_b: int) -> bool:
+    """The same, for kernels."""
+    low, high = min(kind_a, kind_b), max(kind_a, kind_b)
+    return high <= BOX or high == HALF_SPACE or (low == SPHERE and high <= CONE)
 
 
 @kernel

@@ -1,0 +1,63 @@
+"""Planes remembered from the last time a pair was measured and found far apart.
+
+The convex solver takes ten times as long as a formula, and most pairs it is asked about
+are beyond the margin, cycle after cycle. The normal it found then still separates them
+a millisecond later: two support points prove it. A pair that is reported is always
+measured from nothing, so no answer depends on what is remembered.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.pairs import has_closed_form_at
+from armguard.geometry.separating_plane import separation
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+
+Floats = NDArray[np.float64]
+
+# Pairs remembered at a time; a pair has one line, and takes it from another [-].
+PLANE_COUNT = 2048
+
+# What round-off may add to a separation, as a share of the numbers it is made of [-].
+ROUND_OFF = 1e-13
+
+
+@kernel
+def line_of(i: int, j: int) -> int:
+    """Line of a pair of primitives."""
+    return int((i * 7919 + j) % PLANE_COUNT)
+
+
+@kernel
+def key_of(i: int, j: int) -> int:
+    """What a line says of its pair; 0 is said by none."""
+    return int((i + 1) * 2147483648 + j)
+
+
+@kernel
+def is_apart(i: int, j: int, w: Workspace) -> bool:
+    """Whether a remembered plane proves that a pair is beyond the margin."""
+    kinds, rows = w.world.kinds, w.world.rows
+    if has_closed_form_at(kinds[i], kinds[j]):
+        return False
+    line = line_of(i, j)
+    if w.planes[line] != key_of(i, j):
+        return False
+    normal = (w.normals[line, 0], w.normals[line, 1], w.normals[line, 2])
+    gap = separation(kinds[i], rows[i], kinds[j], rows[j], normal)
+    size = gap
+    for k in range(1, 4):
+        size += abs(rows[i, k]) + abs(rows[j, k])
+    return bool(gap > w.margin[0] + ROUND_OFF * size)
+
+
+@kernel
+def remember_plane(i: int, j: int, w: Workspace, witness: Floats) -> None:
+    """Keep the normal of a pair that was measured and is beyond the margin."""
+    if has_closed_form_at(w.world.kinds[i], w.world.kinds[j]):
+        return
+    line = line_of(i, j)
+    w.planes[line] = key_of(i, j)
+    for k in range(3):
+        w.normals[line, k] = witness[7 + k]
