@@ -28,15 +28,14 @@ ROUND_OFF = 1e-13
 # Nearer than this share, a direction is mostly round-off; the cores count as met [-].
 TOUCHING = 1e-10
 
-# An answer less sure than this is left to the expanding polytope, if it is close [-].
-UNPROVEN = 1e-11
+# Nearer than this share, the direction to the nearest point is not sure enough [-].
 CLOSE = 1e-3
 
 
 @kernel(inline=False)
 def gjk(
     kind_a: int, a: Row, kind_b: int, b: Row, shift: Vec3, simplex: Matrix
-) -> tuple[float, float, Vec3, int, Weights, float]:
+) -> tuple[float, float, Vec3, Vec3, bool, int, Weights, float]:
     """Nearest points of two cores, or that they meet.
 
     The nearest point v of A - B to the origin is approached by simplices of its
@@ -52,9 +51,11 @@ def gjk(
         simplex: Scratch, shape (4, CORNER); the last simplex when done.
 
     Returns:
-        Distance, 0 where the cores meet [m]; a proven lower bound [m]; the nearest
-        point of A - B; how many corners the simplex has; their weights; the largest
-        number met, for tolerances [m].
+        Distance of the simplex, which is no less than that of the cores [m]; a proven
+        lower bound of it [m]; the nearest point of A - B; a unit vector from A to B,
+        which of close cores is the one that proves the bound; whether the cores meet;
+        how many corners the simplex has; their weights; the largest number met, for
+        tolerances [m].
 
     References:
         Gilbert, Johnson, Keerthi, 1988. Stopping: van den Bergen, 1999, section 3.
@@ -64,6 +65,7 @@ def gjk(
     if not dot(v, v) > 0.0:
         v = (1.0, 0.0, 0.0)
     lower = 0.0
+    proof = scaled(-1.0, v)
     square = dot(v, v)
     largest = np.sqrt(square)
     count = 0
@@ -78,7 +80,10 @@ def gjk(
         length = np.sqrt(vv)
         square = max(square, dot(w, w), dot(on_a, on_a), dot(on_b, on_b))
         largest = np.sqrt(square)
-        lower = max(lower, vw / length)
+        if vw > lower * length or step == 0:
+            # Of the directions tried, not the last one is kept but the best.
+            lower = max(lower, vw / length)
+            proof = scaled(-1.0, v)
         if step > 0 and not length - lower > PRECISION * length + ROUND_OFF * largest:
             break
         if repeats(simplex, count, w):
@@ -94,15 +99,16 @@ def gjk(
         if not vv < before:
             # Round-off: the simplex cannot come nearer.
             break
-    if vw != vw or largest != largest:
-        return vw, vw, (vw, vw, vw), count, weights, largest
     length = norm(v)
-    if length - lower > UNPROVEN * largest and length < CLOSE * largest:
-        # So close to contact that round-off hides the last steps.
-        inside = True
-    if inside:
-        return 0.0, 0.0, v, count, weights, largest
-    return length, min(lower, length), v, count, weights, largest
+    if vw != vw or largest != largest:
+        length = lower = vw + largest
+        v = (length, length, length)
+        proof = v
+    if not (lower > 0.0 and length < CLOSE * largest):
+        proof = scaled(-1.0, v)
+    if length > 0.0:
+        proof = scaled(1.0 / norm(proof), proof)
+    return length, min(lower, length), v, proof, inside, count, weights, largest
 
 
 @kernel
@@ -118,4 +124,7 @@ def repeats(simplex: Matrix, count: int, w: Vec3) -> bool:
 def core_gap(kind_a: int, a: Row, kind_b: int, b: Row) -> float:
     """Proven lower bound on the distance of two cores, sharp to round-off [m]."""
     simplex = numba.carray(stack(24), (4, CORNER), np.float64)
-    return float(gjk(kind_a, a, kind_b, b, (0.0, 0.0, 0.0), simplex)[1])
+    _gap, lower, _v, _proof, met, _count, _weights, _largest = gjk(
+        kind_a, a, kind_b, b, (0.0, 0.0, 0.0), simplex
+    )
+    return 0.0 if met else float(lower)

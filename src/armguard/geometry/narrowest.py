@@ -26,9 +26,12 @@ from armguard.kernel import kernel
 Row = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-# Faces a descent starts from, and how far apart they are (cosine) [-].
-STARTS = 8
-DISTINCT = 0.97
+# Faces a descent starts from, at most, and how far apart they are (cosine) [-].
+STARTS = 64
+DISTINCT = 0.998
+
+# The place of a face that says whether it is done with.
+DONE = 7
 
 # Newton steps of a descent, halvings of one of them [-].
 STEPS = 16
@@ -57,15 +60,17 @@ def narrowest(
     width: float,
     normal: Vec3,
 ) -> tuple[float, Vec3]:
-    """The least width found from the best direction and from the nearest faces.
+    """The least width, from the best direction and from every face that may have it.
+
+    No direction is narrower than the plane of the face it goes through is far. So only
+    faces nearer than the least width so far are asked.
 
     Args:
         kind_a: ShapeKind of A.
         a: Its row.
         kind_b: ShapeKind of B.
         b: Its row.
-        faces: Faces of the polytope, see `penetration`; the distances of those that are
-            done with are set to infinity.
+        faces: Faces of the polytope, see `penetration`; their last place is written.
         face_count: How many there are.
         width: Least width so far [m].
         normal: Its direction.
@@ -74,17 +79,20 @@ def narrowest(
         Width and direction.
     """
     width, normal = descend(kind_a, a, kind_b, b, width, normal)
+    for k in range(face_count):
+        faces[k, DONE] = 0.0
     for _ in range(STARTS):
         face, least = -1, width
         for k in range(face_count):
-            if faces[k, 6] < least:
+            if faces[k, 6] < least and faces[k, DONE] == 0.0:
                 face, least = k, faces[k, 6]
         if face < 0:
             break
         n = (faces[face, 3], faces[face, 4], faces[face, 5])
         for k in range(face_count):
             if dot(n, (faces[k, 3], faces[k, 4], faces[k, 5])) > DISTINCT:
-                faces[k, 6] = np.inf
+                faces[k, DONE] = 1.0
+        faces[face, DONE] = 1.0
         w, _p = difference(kind_a, a, kind_b, b, n)
         found, turned = descend(kind_a, a, kind_b, b, dot(w, n), n)
         if found < width:

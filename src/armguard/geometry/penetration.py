@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armguard.address import stack
 from armguard.geometry.box_separation import axis_of
 from armguard.geometry.gjk import TOUCHING
-from armguard.geometry.narrowest import difference, narrowest
+from armguard.geometry.narrowest import descend, difference, narrowest
 from armguard.geometry.simplex import on_triangle
 from armguard.geometry.vec3 import (
     Vec3,
@@ -33,8 +33,10 @@ from armguard.kernel import kernel
 Row = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-# Room for corners and faces. A corner more is two faces more [-].
+# Room for corners and faces; a corner more is two faces more. So many of them go to
+# the whole surface, see `focus` [-].
 MOST_CORNERS = 100
+WHOLE = 64
 MOST_FACES = 2 * MOST_CORNERS + 8
 MOST_EDGES = 3 * MOST_FACES
 
@@ -106,13 +108,17 @@ def core_depth(
         return down, scaled(-1.0, flat_normal)
     face_count = first_faces(corners, faces)
     best, normal = np.inf, (1.0, 0.0, 0.0)
+    whole = True
     while True:
+        if used >= WHOLE and whole:
+            whole = False
+            if faces[nearest_face(faces, face_count, normal, -2.0), 6] >= 0.0:
+                best, normal = narrowest(
+                    kind_a, a, kind_b, b, faces, face_count, best, normal
+                )
         face = nearest_face(faces, face_count, normal, focus(used))
         if face < 0:
             # Nothing left to look at there.
-            best, normal = narrowest(
-                kind_a, a, kind_b, b, faces, face_count, best, normal
-            )
             break
         lower = faces[face, 6]
         n = (faces[face, 3], faces[face, 4], faces[face, 5])
@@ -129,20 +135,20 @@ def core_depth(
         if width < best:
             best, normal = width, n
         if not best - lower > PRECISION * largest:
+            return best, normal
+        if used == MOST_CORNERS:
             break
-        grown = -1
-        if used < MOST_CORNERS:
-            put_corner(corners, used, w)
-            seed = face_that_sees(faces, face_count, w)
-            grown = add_corner(corners, used, faces, face_count, seed, edges, largest)
+        put_corner(corners, used, w)
+        seed = face_that_sees(faces, face_count, w)
+        grown = add_corner(corners, used, faces, face_count, seed, edges, largest)
         if grown < 0:
-            if lower >= 0.0:
-                best, normal = narrowest(
-                    kind_a, a, kind_b, b, faces, face_count, best, normal
-                )
             break
         face_count = grown
         used += 1
+    if whole and lower >= 0.0:
+        best, normal = narrowest(kind_a, a, kind_b, b, faces, face_count, best, normal)
+    elif best < np.inf:
+        best, normal = descend(kind_a, a, kind_b, b, best, normal)
     if best == np.inf:
         # No face could be measured: there is nothing to say.
         best, normal = np.nan, (np.nan, np.nan, np.nan)
@@ -300,14 +306,14 @@ def focus(used: int) -> float:
     """Cosine of the cone about the best direction in which faces are looked for.
 
     Where much of the surface is about as near, as in nested shapes, there are never
-    corners enough for all of it: half of them go to the whole, the rest closer and
-    closer to the best direction so far.
+    corners enough for all of it: most of them go to the whole, the rest closer and
+    closer to the best direction found from there.
     """
-    if used < MOST_CORNERS // 2:
+    if used < WHOLE:
         return -2.0
-    if used < 7 * MOST_CORNERS // 10:
-        return 0.9
-    return 0.99 if used < 17 * MOST_CORNERS // 20 else 0.9999
+    if used < (WHOLE + MOST_CORNERS) // 2:
+        return 0.99
+    return 0.9999
 
 
 @kernel

@@ -10,7 +10,7 @@ from armguard.geometry.box_separation import box_distance
 from armguard.geometry.gjk import gjk
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.simplex import CORNER, point_of_a
-from armguard.geometry.vec3 import add, scaled
+from armguard.geometry.vec3 import add
 from armguard.geometry.witness import write_witness
 from armguard.kernel import kernel
 
@@ -40,12 +40,12 @@ def box_box(a: Row, b: Row, out: Row) -> None:
         out: Witness row, shape (10,), overwritten.
     """
     simplex = numba.carray(stack(24), (4, CORNER), np.float64)
-    gap, lower, v, count, weights, largest = gjk(
+    gap, lower, _v, proof, _met, count, weights, largest = gjk(
         BOX, a, BOX, b, (0.0, 0.0, 0.0), simplex
     )
     if gap > APART * largest and gap - lower <= SHARP * largest:
         p = add((a[1], a[2], a[3]), point_of_a(simplex, count, weights))
-        write_witness(gap, p, scaled(-1.0 / gap, v), a[0], b[0], out)
+        write_witness(gap, p, proof, a[0], b[0], out)
         return
     gap, p, normal = box_distance(
         (a[4], a[5], a[6]),

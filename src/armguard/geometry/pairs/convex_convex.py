@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import stack
-from armguard.geometry.gjk import gjk
+from armguard.geometry.gjk import CLOSE, gjk
 from armguard.geometry.penetration import core_depth
 from armguard.geometry.simplex import CORNER, point_of_a
 from armguard.geometry.vec3 import add, scaled
@@ -17,6 +17,10 @@ Row = NDArray[np.float64]
 # How far beyond touching B is moved to find the witness points, as a share of the
 # largest number met [-].
 BEYOND = 1e-5
+
+# A distance of close cores less sure than this share of the largest number met is left
+# to the expanding polytope [-].
+UNPROVEN = 1e-11
 
 
 @kernel(inline=False)
@@ -32,17 +36,24 @@ def convex_convex(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
     """
     simplex = numba.carray(stack(24), (4, CORNER), np.float64)
     still = (0.0, 0.0, 0.0)
-    gap, _lower, v, count, weights, largest = gjk(kind_a, a, kind_b, b, still, simplex)
+    gap, lower, v, proof, met, count, weights, largest = gjk(
+        kind_a, a, kind_b, b, still, simplex
+    )
     origin = (a[1], a[2], a[3])
-    if not gap <= 0.0:
-        p = add(origin, point_of_a(simplex, count, weights))
-        write_witness(gap, p, scaled(-1.0 / gap, v), a[0], b[0], out)
+    p = add(origin, point_of_a(simplex, count, weights))
+    unsure = gap - lower > UNPROVEN * largest and gap < CLOSE * largest
+    if not (met or unsure):
+        write_witness(gap, p, proof, a[0], b[0], out)
         return
     depth, normal = core_depth(kind_a, a, kind_b, b, simplex, count, v, largest)
+    if not met and lower > 0.0 and lower >= -depth:
+        # Of two proofs that they are apart the better one.
+        write_witness(gap, p, proof, a[0], b[0], out)
+        return
     # Where they touch once B has been moved out, and a little further: there the
     # nearest point of A - B is unique, and lies on the normal.
     out_of_it = scaled(depth + BEYOND * largest, normal)
-    _gap, _lower, _v, count, weights, _largest = gjk(
+    _gap, _lower, _v, _proof, _met, count, weights, _largest = gjk(
         kind_a, a, kind_b, b, out_of_it, simplex
     )
     p = add(origin, point_of_a(simplex, count, weights))
