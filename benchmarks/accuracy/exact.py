@@ -211,6 +211,49 @@ def above_plane(kind: ShapeKind, a: Row, b: Row) -> Any | None:
     return dot(sub(a.origin, b.origin), up) - max(reach)
 
 
+def point_ellipsoid(p: Vector, b: Row) -> Any:
+    """Signed distance of a point from an ellipsoid: a root between two bounds, halved.
+
+    The nearest surface point is e² y / (t + e²) for the largest root t of the sum of
+    (e y / (t + e²))² - 1; or, where that has none above minus the square of the
+    shortest axis, it lies there, to either side of the point.
+    """
+    away = sub(p, b.origin)
+    y = [abs(dot(away, e)) for e in b.axes]
+    squares = [h * h for h in b.sizes]
+    least = min(squares)
+
+    def excess(t: Any) -> Any:
+        parts = [
+            q * v * v / (t + q) ** 2
+            for q, v in zip(squares, y, strict=True)
+            if v > 0 and t + q > 0
+        ]
+        return sum(parts, mpf(0)) - 1
+
+    low, high = -least, norm(y) * max(b.sizes)
+    rest = [(q, v) for q, v in zip(squares, y, strict=True) if q > least]
+    shortest = [v for q, v in zip(squares, y, strict=True) if q == least]
+    if (
+        max(shortest) == 0
+        and sum((q * v * v / (q - least) ** 2 for q, v in rest), mpf(0)) <= 1
+    ):
+        x = [q * v / (q - least) for q, v in rest]
+        inside = 1 - sum(
+            (u * u / q for u, (q, _v) in zip(x, rest, strict=True)), mpf(0)
+        )
+        moved = sum(((u - v) ** 2 for u, (_q, v) in zip(x, rest, strict=True)), mpf(0))
+        return -mpmath.sqrt(moved + least * inside)
+    for _ in range(400):
+        middle = (low + high) / 2
+        if excess(middle) > 0:
+            low = middle
+        else:
+            high = middle
+    gap = [v * low / (low + q) for q, v in zip(squares, y, strict=True)]
+    return norm(gap) if low >= 0 else -norm(gap)
+
+
 def signed_distance(
     kind_a: ShapeKind, row_a: Any, kind_b: ShapeKind, row_b: Any
 ) -> Any | None:
@@ -234,6 +277,8 @@ def signed_distance(
         core = point_box(a.origin, b)
     elif kind_b == ShapeKind.TRIANGLE:
         core = point_triangle(a.origin, b.origin, b.second, b.third)
+    elif kind_b == ShapeKind.ELLIPSOID:
+        core = point_ellipsoid(a.origin, b)
     else:
         core = point_cone(a.origin, b)
     return None if core is None else core - a.radius - b.radius

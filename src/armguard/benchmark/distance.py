@@ -1,6 +1,9 @@
 """`bench distance`: nanoseconds a pair, compiled, beside Coal."""
 
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from itertools import combinations_with_replacement
+from multiprocessing import get_context
 from time import perf_counter_ns
 from typing import Any
 
@@ -15,8 +18,10 @@ from armguard.benchmark.timing import quiet
 from armguard.geometry import (
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Shape,
     Sphere,
@@ -34,30 +39,36 @@ Progress = Callable[[str], None]
 PAIRS = 200
 REPEATS = 100
 
-# Times the whole is measured: the least of them has met no other work [-].
-PASSES = 3
+# Times the whole is measured, each in a process of its own: the least of them has met
+# no other work, nor a place in memory that makes a processor mispredict branches [-].
+PASSES = 4
 
 # How far apart the shapes' frames are: about as large as the shapes, a mixture of pairs
 # apart, near and overlapping, as a guard meets them [m].
 SPREAD = 0.6
 
-KINDS = (
-    ("capsule", "capsule"),
-    ("capsule", "box"),
-    ("box", "box"),
-    ("hull", "hull"),
-    ("capsule", "hull"),
-    ("capsule", "triangle"),
-    ("capsule", "cylinder"),
-    ("box", "cylinder"),
-    ("cylinder", "cylinder"),
-    ("ellipsoid", "ellipsoid"),
-    ("sphere", "hull"),
+SHAPE_NAMES = (
+    "sphere",
+    "capsule",
+    "box",
+    "triangle",
+    "cylinder",
+    "cone",
+    "ellipsoid",
+    "half-space",
+    "hull",
 )
 
 # A call's overhead is what Coal takes for this pair, less what we take for it: its
 # formula is the same few operations for both.
 SHORTEST = ("sphere", "sphere")
+
+# Every other pair that both libraries measure.
+KINDS = tuple(
+    pair
+    for pair in combinations_with_replacement(SHAPE_NAMES, 2)
+    if pair not in (SHORTEST, ("half-space", "half-space"))
+)
 
 
 def bench_distance(cycles: int | None, progress: Progress) -> dict[str, Any]:
@@ -71,11 +82,11 @@ def bench_distance(cycles: int | None, progress: Progress) -> dict[str, Any]:
         progress: Called with a sentence before each kind.
     """
     count = PAIRS if cycles is None else cycles
-    passes = []
+    passes: list[Floats] = []
     for number in range(PASSES):
-        for k, names in enumerate(KINDS):
-            progress(f"pass {number + 1} of {PASSES}: {names[0]} against {names[1]}")
-            passes.append(time_pairs(k, count))
+        progress(f"pass {number + 1} of {PASSES}: {len(KINDS)} pairs of kinds")
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+            passes += process.map(time_pairs, range(len(KINDS)), [count] * len(KINDS))
     rows = []
     overheads = []
     for k, names in enumerate(KINDS):
@@ -131,9 +142,7 @@ def time_pair(
     """Time of one random pair, ours and Coal's [ns]; `out` holds its witness row."""
     a, b = (sample(name, rng) for name in names)
     T_a, T_b = random_frame(rng), random_frame(rng)
-    # Rows and answer side by side, as in a table: wherever the allocator might put
-    # them, two of them could share the low bits of their addresses, and a processor
-    # that takes them for the same place waits.
+    # Rows and answer side by side, as in a table.
     table = np.zeros((3, ROW_WIDTH))
     table[:2] = shape_row(a, T_a), shape_row(b, T_b)
     row_a, row_b, answer = (row.ctypes.data for row in table)
@@ -192,7 +201,12 @@ def sample(name: str, rng: np.random.Generator) -> Shape:
         "triangle": Triangle,
         "cylinder": Cylinder,
         "ellipsoid": Ellipsoid,
+        "half-space": HalfSpace,
     }
+    if name == "cone":
+        # Pointed: Coal has no truncated ones.
+        radius, height = rng.uniform(0.05, 0.2, 2)
+        return Cone(radius=radius, height=height)
     shape: Shape = makers[name].example(rng, 0.2)
     return shape
 

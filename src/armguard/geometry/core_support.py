@@ -40,6 +40,24 @@ def core_support(kind: int, row: Row, d: Vec3) -> Vec3:
     return support_at(kind, row.ctypes.data, d)
 
 
+@kernel
+def core_middle(kind: int, row: Row) -> Vec3:
+    """A point in the middle of a core, relative to the row's origin [m]."""
+    if kind == CAPSULE:
+        share = 0.5
+        end = (row[4] - row[1], row[5] - row[2], row[6] - row[3])
+    elif kind == TRIANGLE:
+        share = 1.0 / 3.0
+        end = (
+            row[4] + row[7] - 2.0 * row[1],
+            row[5] + row[8] - 2.0 * row[2],
+            row[6] + row[9] - 2.0 * row[3],
+        )
+    else:
+        return (0.0, 0.0, 0.0)
+    return scaled(share, end)
+
+
 @kernel(inline=False)
 def support_at(kind: int, address: int, d: Vec3) -> Vec3:
     """The same, for a row by its address."""

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import stack
-from armguard.geometry.core_support import core_support
+from armguard.geometry.core_support import core_middle, core_support
 from armguard.geometry.simplex import (
     CORNER,
     Weights,
@@ -61,7 +61,7 @@ def gjk(
         Gilbert, Johnson, Keerthi, 1988. Stopping: van den Bergen, 1999, section 3.
     """
     offset = sub((a[1] - b[1], a[2] - b[2], a[3] - b[3]), shift)
-    v = offset
+    v = sub(add(core_middle(kind_a, a), offset), core_middle(kind_b, b))
     if not dot(v, v) > 0.0:
         v = (1.0, 0.0, 0.0)
     lower = 0.0

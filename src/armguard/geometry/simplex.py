@@ -27,110 +27,102 @@ def corner(simplex: Matrix, k: int) -> Vec3:
 
 
 @kernel
-def on_segment(a: Vec3, b: Vec3) -> tuple[float, Vec3]:
-    """Weight of b in the nearest point of a segment, and that point."""
+def on_segment(a: Vec3, b: Vec3) -> tuple[float, float]:
+    """Weight of b in the nearest point of a segment, and that point's square."""
     u = sub(b, a)
     uu = dot(u, u)
     au = -dot(a, u)
     if not au > 0.0 or not uu > 0.0:
-        return 0.0, a
+        return 0.0, dot(a, a)
     if au >= uu:
-        return 1.0, b
+        return 1.0, dot(b, b)
     t = au / uu
     # From the nearer end: less is lost.
-    if t <= 0.5:
-        return t, (a[0] + t * u[0], a[1] + t * u[1], a[2] + t * u[2])
-    s = 1.0 - t
-    return t, (b[0] - s * u[0], b[1] - s * u[1], b[2] - s * u[2])
+    p = along(a, t, u) if t <= 0.5 else along(b, t - 1.0, u)
+    return t, dot(p, p)
 
 
 @kernel(inline=False)
-def on_triangle(a: Vec3, b: Vec3, c: Vec3) -> tuple[float, float, float, Vec3]:
-    """Weights of the corners in the nearest point of a triangle, and that point."""
+def on_triangle(a: Vec3, b: Vec3, c: Vec3) -> tuple[float, float, float, float]:
+    """Weights of the corners in the nearest point of a triangle, and its square."""
     u, v = sub(b, a), sub(c, a)
     n = cross(u, v)
     nn = dot(n, n)
     uu, vv = dot(u, u), dot(v, v)
     if nn > FLAT_SINE * FLAT_SINE * uu * vv:
         # Weights of the origin's shadow: areas of the triangles it makes with edges.
-        wa = dot(n, cross(b, c))
-        wb = dot(n, cross(c, a))
-        wc = dot(n, cross(a, b))
+        na, nc = cross(n, a), cross(n, c)
+        wa = dot(nc, b) * -1.0
+        wb = dot(nc, a)
+        wc = dot(na, b)
         if wa >= 0.0 and wb >= 0.0 and wc >= 0.0:
             total = wa + wb + wc
             if total > 0.0:
-                height = dot(n, a if dot(a, a) <= dot(b, b) else b) / nn
-                return wa / total, wb / total, wc / total, scaled(height, n)
+                per = 1.0 / total
+                height = dot(n, a if dot(a, a) <= dot(b, b) else b)
+                return wa * per, wb * per, wc * per, height * height / nn
     else:
         wa = wb = wc = -1.0
     best = np.inf
-    answer = (1.0, 0.0, 0.0, a)
+    answer = (1.0, 0.0, 0.0, dot(a, a))
     if not wc > 0.0:
-        t, p = on_segment(a, b)
-        best = dot(p, p)
-        answer = (1.0 - t, t, 0.0, p)
+        t, square = on_segment(a, b)
+        best = square
+        answer = (1.0 - t, t, 0.0, square)
     if not wb > 0.0:
-        t, p = on_segment(a, c)
-        if dot(p, p) < best:
-            best = dot(p, p)
-            answer = (1.0 - t, 0.0, t, p)
+        t, square = on_segment(a, c)
+        if square < best:
+            best = square
+            answer = (1.0 - t, 0.0, t, square)
     if not wa > 0.0:
-        t, p = on_segment(b, c)
-        if dot(p, p) < best:
-            best = dot(p, p)
-            answer = (0.0, 1.0 - t, t, p)
+        t, square = on_segment(b, c)
+        if square < best:
+            answer = (0.0, 1.0 - t, t, square)
     return answer
 
 
-@kernel(inline=False)
-def on_tetrahedron(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[bool, Weights, Vec3]:
+@kernel
+def on_tetrahedron(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[bool, Weights]:
     """Nearest point of a tetrahedron.
 
     Returns:
-        Whether the origin is inside, the corners' weights, and the nearest point.
+        Whether the origin is inside, and the weights of the corners.
     """
     u, v, w = sub(b, a), sub(c, a), sub(d, a)
-    n = cross(u, v)
-    volume = dot(n, w)
-    size = abs(volume)
+    volume = dot(cross(u, v), w)
     # Volumes of the four tetrahedra the origin makes with the faces.
-    wa = dot(b, cross(c, d))
-    wb = -dot(a, cross(c, d))
-    wc = dot(a, cross(b, d))
-    wd = -dot(a, cross(b, c))
+    cd, ab = cross(c, d), cross(a, b)
+    wa, wb, wc, wd = dot(b, cd), -dot(a, cd), dot(d, ab), -dot(c, ab)
     # Their sum is the volume; that of faces seen from outside has the other sign.
-    sign = 1.0 if volume >= 0.0 else -1.0
-    wa, wb, wc, wd = sign * wa, sign * wb, sign * wc, sign * wd
+    if volume < 0.0:
+        wa, wb, wc, wd = -wa, -wb, -wc, -wd
     span = dot(u, u) * dot(v, v) * dot(w, w)
-    flat = not size * size > FLAT_SINE * FLAT_SINE * span
+    flat = not volume * volume > FLAT_SINE * FLAT_SINE * span
     if not flat and wa > 0.0 and wb > 0.0 and wc > 0.0 and wd > 0.0:
-        total = wa + wb + wc + wd
-        weights = (wa / total, wb / total, wc / total, wd / total)
-        return True, weights, (0.0, 0.0, 0.0)
+        per = 1.0 / (wa + wb + wc + wd)
+        return True, (wa * per, wb * per, wc * per, wd * per)
     best = np.inf
     weights = (1.0, 0.0, 0.0, 0.0)
-    nearest = a
     if flat or not wd > 0.0:
-        r, s, t, p = on_triangle(a, b, c)
-        if dot(p, p) < best:
-            best = dot(p, p)
-            weights, nearest = (r, s, t, 0.0), p
+        r, s, t, square = on_triangle(a, b, c)
+        if square < best:
+            best = square
+            weights = (r, s, t, 0.0)
     if flat or not wc > 0.0:
-        r, s, t, p = on_triangle(a, b, d)
-        if dot(p, p) < best:
-            best = dot(p, p)
-            weights, nearest = (r, s, 0.0, t), p
+        r, s, t, square = on_triangle(a, b, d)
+        if square < best:
+            best = square
+            weights = (r, s, 0.0, t)
     if flat or not wb > 0.0:
-        r, s, t, p = on_triangle(a, c, d)
-        if dot(p, p) < best:
-            best = dot(p, p)
-            weights, nearest = (r, 0.0, s, t), p
+        r, s, t, square = on_triangle(a, c, d)
+        if square < best:
+            best = square
+            weights = (r, 0.0, s, t)
     if flat or not wa > 0.0:
-        r, s, t, p = on_triangle(b, c, d)
-        if dot(p, p) < best:
-            best = dot(p, p)
-            weights, nearest = (0.0, r, s, t), p
-    return False, weights, nearest
+        r, s, t, square = on_triangle(b, c, d)
+        if square < best:
+            weights = (0.0, r, s, t)
+    return False, weights
 
 
 @kernel
@@ -144,47 +136,44 @@ def reduce_simplex(simplex: Matrix, count: int) -> tuple[int, Weights, Vec3, boo
     Returns:
         How many stay, their weights, the nearest point, whether the origin is inside.
     """
+    a, b = corner(simplex, 0), corner(simplex, 1)
+    c, d = corner(simplex, 2), corner(simplex, 3)
     inside = False
     if count == 1:
-        weights = (1.0, 0.0, 0.0, 0.0)
-        nearest = corner(simplex, 0)
-    elif count == 2:
-        t, nearest = on_segment(corner(simplex, 0), corner(simplex, 1))
+        return 1, (1.0, 0.0, 0.0, 0.0), a, False
+    if count == 2:
+        t, _square = on_segment(a, b)
         weights = (1.0 - t, t, 0.0, 0.0)
     elif count == 3:
-        r, s, t, nearest = on_triangle(
-            corner(simplex, 0), corner(simplex, 1), corner(simplex, 2)
-        )
+        r, s, t, _square = on_triangle(a, b, c)
         weights = (r, s, t, 0.0)
     else:
-        inside, weights, nearest = on_tetrahedron(
-            corner(simplex, 0),
-            corner(simplex, 1),
-            corner(simplex, 2),
-            corner(simplex, 3),
-        )
+        inside, weights = on_tetrahedron(a, b, c, d)
+    # Of a sliver the nearest point is told badly, but this mean is surely in it.
+    nearest = scaled(weights[0], a)
+    if weights[1] > 0.0:
+        nearest = along(nearest, weights[1], b)
+    if weights[2] > 0.0:
+        nearest = along(nearest, weights[2], c)
+    if weights[3] > 0.0:
+        nearest = along(nearest, weights[3], d)
     kept = 0
-    a = b = c = d = 0.0
+    p = q = r = s = 0.0
     for k in range(count):
         if weights[k] > 0.0:
             if kept == 0:
-                a = weights[k]
+                p = weights[k]
             elif kept == 1:
-                b = weights[k]
+                q = weights[k]
             elif kept == 2:
-                c = weights[k]
+                r = weights[k]
             else:
-                d = weights[k]
-            for n in range(CORNER):
-                simplex[kept, n] = simplex[k, n]
+                s = weights[k]
+            if kept < k:
+                for n in range(CORNER):
+                    simplex[kept, n] = simplex[k, n]
             kept += 1
-    weights = (a, b, c, d)
-    if not inside:
-        # Of a sliver the nearest point is told badly, but this one is surely in it.
-        nearest = (0.0, 0.0, 0.0)
-        for k in range(kept):
-            nearest = along(nearest, weights[k], corner(simplex, k))
-    return kept, weights, nearest, inside
+    return kept, (p, q, r, s), nearest, inside
 
 
 @kernel

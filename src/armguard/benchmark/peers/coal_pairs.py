@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from armguard.geometry import (
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Shape,
     Sphere,
@@ -89,6 +91,10 @@ def coal_geometry(shape: Shape) -> tuple[Any, Floats]:
         return coal.Box(*(2.0 * np.array(shape.half_extents))), own
     if isinstance(shape, Cylinder):
         return coal.Cylinder(shape.radius, shape.height), own
+    if isinstance(shape, Cone):
+        return coal.Cone(shape.radius, shape.height), own
+    if isinstance(shape, HalfSpace):
+        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), own
     if isinstance(shape, Ellipsoid):
         return coal.Ellipsoid(*shape.semi_axes), own
     if isinstance(shape, Triangle):

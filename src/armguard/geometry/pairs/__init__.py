@@ -15,6 +15,7 @@ from armguard.geometry.pairs.convex_half_space import convex_half_space
 from armguard.geometry.pairs.sphere_box import sphere_box
 from armguard.geometry.pairs.sphere_capsule import sphere_capsule
 from armguard.geometry.pairs.sphere_cone import sphere_cone
+from armguard.geometry.pairs.sphere_ellipsoid import sphere_ellipsoid
 from armguard.geometry.pairs.sphere_sphere import sphere_sphere
 from armguard.geometry.pairs.sphere_triangle import sphere_triangle
 from armguard.geometry.shapes.kind import ShapeKind
@@ -30,6 +31,7 @@ BOX = int(ShapeKind.BOX)
 TRIANGLE = int(ShapeKind.TRIANGLE)
 CYLINDER = int(ShapeKind.CYLINDER)
 CONE = int(ShapeKind.CONE)
+ELLIPSOID = int(ShapeKind.ELLIPSOID)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 
@@ -42,7 +44,7 @@ def has_closed_form(kind_a: int, kind_b: int) -> bool:
 def has_closed_form_at(kind_a: int, kind_b: int) -> bool:
     """The same, for kernels."""
     low, high = min(kind_a, kind_b), max(kind_a, kind_b)
-    return high <= BOX or high == HALF_SPACE or (low == SPHERE and high <= CONE)
+    return high <= BOX or high == HALF_SPACE or (low == SPHERE and high <= ELLIPSOID)
 
 
 @kernel
@@ -111,5 +113,7 @@ def measure_ranked(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
         sphere_triangle(a, b, out)
     elif kind_a == SPHERE and (kind_b == CYLINDER or kind_b == CONE):
         sphere_cone(a, b, out)
+    elif kind_a == SPHERE and kind_b == ELLIPSOID:
+        sphere_ellipsoid(a, b, out)
     else:
         convex_convex(kind_a, a, kind_b, b, out)
