@@ -167,7 +167,7 @@ def compare(octree: Octree) -> tuple[int, int]:
     return pairs, missing
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def near_pairs(world: World, present: Bools, witness: Floats, out: Bools) -> None:
     """Mark the pairs of a moving primitive and another that are within the growth."""
     for i in range(MOVING):

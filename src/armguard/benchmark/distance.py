@@ -172,7 +172,7 @@ def call_often(peer: CoalPair) -> None:
         functor(T_a, T_b, request, result)
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def repeat(kind_a: int, a: int, kind_b: int, b: int, count: int, out: int) -> float:
     """Measure a pair again and again; the sum keeps the compiler from skipping it.
 

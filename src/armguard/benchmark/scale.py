@@ -291,7 +291,7 @@ def against_movers(cycles: int, boxes: int) -> dict[str, Any]:
     }
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def follow_all(
     steps: Floats,
     world: World,

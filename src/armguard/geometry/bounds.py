@@ -20,7 +20,7 @@ TRIANGLE = int(ShapeKind.TRIANGLE)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 
-@kernel
+@kernel(entry=True)
 def row_bounds(kind: int, row: Row, growth: float, out: Row) -> None:
     """Smallest axis-aligned box around a primitive grown by its radius and more.
 

@@ -41,7 +41,7 @@ def point_gap(
     return sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def cell_gap(
     kind: int,
     row: Row,

@@ -28,7 +28,7 @@ SUPPORT = int(ShapeKind.SUPPORT)
 BLOCK = 256
 
 
-@kernel
+@kernel(entry=True)
 def core_support(kind: int, row: Row, d: Vec3) -> Vec3:
     """Farthest point of a core in direction d, relative to the row's origin [m].
 

@@ -41,7 +41,7 @@ def turn_row(T: Row, local: Row, at: int, out: Row) -> None:
     out[at + 2] = T[8] * x + T[9] * y + T[10] * z
 
 
-@kernel
+@kernel(entry=True)
 def place_row(kind: int, local: Row, T: Row, out: Row) -> None:
     """Row of a primitive in the world.
 
@@ -81,7 +81,7 @@ def apart(a: Row, b: Row, at: int) -> float:
     return sqrt(x * x + y * y + z * z)
 
 
-@kernel
+@kernel(entry=True)
 def displacement(kind: int, a: Row, b: Row) -> float:
     """Bound on how far any point of a core moved between two rows of a primitive [m].
 

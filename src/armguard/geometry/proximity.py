@@ -136,7 +136,7 @@ def distances(
     return Proximities(out[:, 0], out[:, 1:4], out[:, 4:7], out[:, 7:10])
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def measure_all(
     kind_a: int,
     local_a: Floats,

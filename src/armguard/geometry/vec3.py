@@ -41,7 +41,7 @@ def norm(a: Vec3) -> float:
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@kernel
+@kernel(entry=True)
 def extent(a: Vec3) -> float:
     """Sum of the sizes of its numbers: a length good enough for a tolerance."""
     return abs(a[0]) + abs(a[1]) + abs(a[2])

@@ -1,8 +1,21 @@
-"""Says so before the one start in which the kernels have to be compiled."""
+"""The one start in which kernels have to be compiled: said before, and done by two."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 
+import numba
+import numpy as np
+
+from armguard.geometry.pairs import measure
+from armguard.geometry.shapes import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import KERNEL_CACHE
+
+# Longest the other process is waited for [s]; without it this one compiles all.
+PATIENCE = 600.0
 
 
 def kernels_are_compiled() -> bool:
@@ -10,7 +23,34 @@ def kernels_are_compiled() -> bool:
     return any(KERNEL_CACHE.rglob("cycle.run_cycle-*.nbi"))
 
 
-def announce_compiling(progress: Callable[[str], None] | None) -> None:
-    """Tell `progress` if the next call has to compile."""
-    if progress is not None and not kernels_are_compiled():
+def compile_ahead(progress: Callable[[str], None] | None) -> None:
+    """Compile distances here and the octree in another process, unless both are kept.
+
+    Numba compiles one kernel at a time. Two processes share the cache on disk: what the
+    other one has compiled is loaded when this one comes to it.
+
+    Args:
+        progress: Told before, since it takes most of a minute.
+    """
+    if numba.config.DISABLE_JIT or kernels_are_compiled():
+        return
+    if progress is not None:
         progress("compiling kernels for this machine; first start only, about a minute")
+    if (os.cpu_count() or 1) < 2:
+        return
+    other = subprocess.Popen(
+        [sys.executable, "-m", "armguard.index.compile_kernels"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        row, out = np.zeros(ROW_WIDTH), np.zeros(WITNESS_WIDTH)
+        measure(int(ShapeKind.SPHERE), row, int(ShapeKind.SPHERE), row, out)
+        other.wait(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        pass
+    finally:
+        if other.poll() is None:
+            other.kill()
+            other.wait()

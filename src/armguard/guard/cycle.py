@@ -35,7 +35,7 @@ OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 WRONG_INPUT = int(Reason.WRONG_INPUT)
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def run_cycle(q: Floats, lines: Longs) -> int:
     """Judge one joint configuration.
 

@@ -12,7 +12,7 @@ from armguard.geometry.place import place_row
 from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
-from armguard.guard.compiling import announce_compiling
+from armguard.guard.compiling import compile_ahead
 from armguard.guard.cycle import run_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
@@ -86,7 +86,7 @@ class Guard:
         self._memory = np.zeros(MEMORY, dtype=np.int64)
         self._last_stamp = -np.inf
         self._clock = clock
-        announce_compiling(progress)
+        compile_ahead(progress)
         self._prepare(self.tables)
         self.home_verdict = self.step(self.tables.home)
         contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
@@ -351,7 +351,7 @@ def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
     return world
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def place_all(
     kinds: Ints, bodies: Ints, local_rows: Floats, T_world: Floats, world: World
 ) -> None:

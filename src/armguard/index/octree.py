@@ -283,7 +283,7 @@ class Octree:
         )
 
 
-@kernel
+@kernel(entry=True)
 def insert_all(present: Bools, world: World, state: OctreeState) -> None:
     """Insert every primitive that is present, in order."""
     for i in range(present.shape[0]):

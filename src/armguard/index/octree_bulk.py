@@ -66,7 +66,7 @@ ENTRIES_SHORT = 2
 LISTS_SHORT = 3
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def grown_extent(present: Bools, world: World, box: Floats, out: Floats) -> None:
     """Smallest box around the grown primitives that are present, where it is finite.
 
@@ -90,7 +90,7 @@ def grown_extent(present: Bools, world: World, box: Floats, out: Floats) -> None
                 out[k + 3] = max(out[k + 3], box[k + 3])
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def build_tree(
     present: Bools,
     clear: float,
@@ -258,7 +258,7 @@ def test_children(
     return tested
 
 
-@kernel
+@kernel(entry=True)
 def box_meets_cell(row: Floats, growth: float, cell: Cell, clear: float) -> int:
     """Whether a grown box inhabits a cell, where that is plain to see.
 

@@ -51,7 +51,7 @@ def steps_of(place: int) -> tuple[int, int, int, int]:
     )
 
 
-@kernel
+@kernel(entry=True)
 def cell_at(place: int, cube: Floats) -> Cell:
     """Corners of a node's cell.
 
@@ -111,7 +111,7 @@ def open_cell(i: int, place: int, world: World, state: OctreeState) -> Cell:
     return x0, y0, z0, x1, y1, z1
 
 
-@kernel
+@kernel(entry=True)
 def grown_gap(i: int, place: int, world: World, state: OctreeState) -> float:
     """Distance between a grown primitive and a cell [m]; it inhabits the cell if <= 0.
 

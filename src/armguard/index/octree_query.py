@@ -23,7 +23,7 @@ Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
 
-@kernel
+@kernel(entry=True)
 def octree_candidates(
     i: int, state: OctreeState, seen: Longs, token: int, out: Ints
 ) -> int:
@@ -58,7 +58,7 @@ def octree_candidates(
     return count
 
 
-@kernel
+@kernel(entry=True)
 def candidate_bound(i: int, state: OctreeState) -> int:
     """At least as many as primitive i has candidates."""
     everyone = int(state.residency.shape[0])
@@ -72,7 +72,7 @@ def candidate_bound(i: int, state: OctreeState) -> int:
     return int(min(members, everyone))
 
 
-@kernel
+@kernel(entry=True)
 def present_primitives(i: int, residency: Ints, out: Ints) -> int:
     """All primitives in the index but i: what brute force looks at.
 

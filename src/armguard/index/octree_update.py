@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 ROUNDING = 1e-12
 
 
-@kernel
+@kernel(entry=True)
 def octree_update(i: int, world: World, state: OctreeState) -> None:
     """Let the tree follow primitive i to its present row.
 
@@ -59,7 +59,7 @@ def octree_update(i: int, world: World, state: OctreeState) -> None:
     relocate(i, world, state)
 
 
-@kernel
+@kernel(entry=True)
 def octree_insert(i: int, world: World, state: OctreeState) -> None:
     """Put primitive i into the tree, at its present row."""
     if state.residency[i, STATUS] != ABSENT:
@@ -68,7 +68,7 @@ def octree_insert(i: int, world: World, state: OctreeState) -> None:
     relocate(i, world, state)
 
 
-@kernel
+@kernel(entry=True)
 def octree_remove(i: int, world: World, state: OctreeState) -> None:
     """Take primitive i out of the tree."""
     if state.residency[i, STATUS] == OVERFLOWED:

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def walk_leaves(state: OctreeState, out: Ints) -> int:
     """Write the leaves in the order of a walk from the root, children in turn.
 
@@ -50,7 +50,7 @@ def walk_leaves(state: OctreeState, out: Ints) -> int:
     return found
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def corners(places: Ints, cube: Floats, out: Floats) -> None:
     """Write lower and upper corner of the cells at some places, shape (k, 6) [m]."""
     for k in range(places.shape[0]):
@@ -59,7 +59,7 @@ def corners(places: Ints, cube: Floats, out: Floats) -> None:
         )
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def most_owners(leaves: Ints, world: World, state: OctreeState) -> int:
     """Objects in the leaf that holds most of them."""
     most = 0
@@ -69,7 +69,7 @@ def most_owners(leaves: Ints, world: World, state: OctreeState) -> int:
     return most
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def entries_of_moving(world: World, state: OctreeState) -> int:
     """Entries of all primitives that have a growth."""
     count = 0

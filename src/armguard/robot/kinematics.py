@@ -170,7 +170,7 @@ def reach_bounds(
     return radii
 
 
-@kernel
+@kernel(entry=True)
 def forward_kinematics(
     q: Floats,
     parent: Ints,

@@ -4,9 +4,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import stack
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.shapes import ROW_WIDTH, PlacedShape, Shape, ShapeKind, shape_row
 from armguard.kernel import kernel
@@ -126,7 +128,7 @@ def index_owners(blocks: Sequence[Block]) -> Ints:
     return owners
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def extent(kinds: Ints, rows: Floats, out: Floats) -> None:
     """Box around primitives; what has no end on a side is left out on that side.
 
@@ -136,8 +138,9 @@ def extent(kinds: Ints, rows: Floats, out: Floats) -> None:
         out: Lower and upper corner, overwritten, shape (6,) [m]; without primitives
             the lower is infinite and the upper minus infinite.
     """
-    out[:3], out[3:] = np.inf, -np.inf
-    box = np.zeros(6)
+    box = numba.carray(stack(6), (6,), np.float64)
+    for k in range(3):
+        out[k], out[k + 3] = np.inf, -np.inf
     for i in range(kinds.shape[0]):
         row_bounds(kinds[i], rows[i], 0.0, box)
         for k in range(6):

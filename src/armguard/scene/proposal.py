@@ -132,7 +132,7 @@ def checked_pairs(
     return as_ids[0], as_ids[1], as_ids[2], list(pairs)
 
 
-@kernel
+@kernel(entry=True)
 def sample_extremes(
     configurations: Floats,
     parent: Ints,

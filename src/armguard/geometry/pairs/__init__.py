@@ -40,14 +40,14 @@ def has_closed_form(kind_a: int, kind_b: int) -> bool:
     return bool(has_closed_form_at(int(kind_a), int(kind_b)))
 
 
-@kernel
+@kernel(entry=True)
 def has_closed_form_at(kind_a: int, kind_b: int) -> bool:
     """The same, for kernels."""
     low, high = min(kind_a, kind_b), max(kind_a, kind_b)
     return high <= BOX or high == HALF_SPACE or (low == SPHERE and high <= ELLIPSOID)
 
 
-@kernel
+@kernel(entry=True)
 def measure(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
     """Signed distance, witness points and normal of any two primitives.
 

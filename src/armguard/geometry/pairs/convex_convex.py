@@ -23,7 +23,7 @@ BEYOND = 1e-5
 UNPROVEN = 1e-11
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def convex_convex(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
     """Signed distance between two convex shapes, with witness points and normal.
 

@@ -34,7 +34,7 @@ def support(points: Floats, normals: Floats) -> Floats:
     return np.asarray((points @ normals.T).max(axis=0))
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def judge_capsule(
     ends: Floats, points: Floats, normals: Floats, inner: Floats
 ) -> tuple[float, float]:
@@ -72,7 +72,7 @@ def judge_capsule(
     return worst, radius
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def judge_box(
     centre: Floats,
     half: Floats,

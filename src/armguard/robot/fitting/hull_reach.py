@@ -50,7 +50,7 @@ def hull_reach(faces: Floats, triangles: Floats) -> float:
     return float(bounds[:, 1].max())
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def bound_pieces(
     pieces: Floats, triangles: Floats, low: Floats, high: Floats, bounds: Floats
 ) -> None:

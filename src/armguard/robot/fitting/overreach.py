@@ -113,7 +113,7 @@ def frame_along(axis: Floats) -> Floats:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def farthest(
     own: int,
     samples: Floats,

@@ -100,7 +100,7 @@ def surface_samples(vertices: Floats, spacing: float) -> Floats:
     return np.ascontiguousarray(np.concatenate(found))
 
 
-@kernel(inline=False)
+@kernel(inline=False, entry=True)
 def grow_to(points: Floats, rows: Floats, out: Floats) -> None:
     """Growth of each hull for the points that are nearest to it.
 

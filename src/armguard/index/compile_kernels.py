@@ -1,0 +1,37 @@
+"""Compile the octree's kernels into the cache.
+
+python -m armguard.index.compile_kernels
+Started by a guard that finds nothing compiled, so that two processes share the work.
+"""
+
+import numpy as np
+
+from armguard.geometry import Pose, ShapeKind, Sphere
+from armguard.geometry.shapes import shape_row
+from armguard.index.octree import Octree
+from armguard.index.world import World
+
+
+def compile_octree() -> None:
+    """Build a small tree, and do with it all that a guard does."""
+    places = np.random.default_rng(0).uniform(-1.0, 1.0, (8, 3))
+    rows = np.array(
+        [shape_row(Sphere(radius=0.1), Pose(xyz=tuple(p)).matrix()) for p in places]
+    )
+    boxes = np.hstack([places - 0.1, places + 0.1])
+    world = World(
+        kinds=np.full(8, ShapeKind.SPHERE, dtype=np.int32),
+        rows=rows,
+        boxes=boxes,
+        owners=np.arange(8, dtype=np.int32),
+        growth=np.full(8, 0.05),
+    )
+    tree = Octree(world, leaf_capacity=1)
+    tree.update(0)
+    tree.candidates(0)
+    tree.remove(0)
+    tree.insert(0)
+
+
+if __name__ == "__main__":
+    compile_octree()
