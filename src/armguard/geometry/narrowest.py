@@ -27,8 +27,8 @@ Row = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 # Faces a descent starts from, at most, and how far apart they are (cosine) [-].
-STARTS = 64
-DISTINCT = 0.998
+STARTS = 128
+DISTINCT = 0.9995
 
 # The place of a face that says whether it is done with.
 DONE = 7

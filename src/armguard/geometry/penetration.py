@@ -45,7 +45,7 @@ Matrix = NDArray[np.float64]
 # Room for corners and faces; a corner more is two faces more. So many of them go to
 # the whole surface, see `focus` [-].
 MOST_CORNERS = 100
-WHOLE = 64
+WHOLE = 80
 MOST_FACES = 2 * MOST_CORNERS + 8
 MOST_EDGES = 3 * MOST_FACES
 

@@ -16,7 +16,7 @@ Row = NDArray[np.float64]
 
 # How far beyond touching B is moved to find the witness points, as a share of the
 # largest number met [-].
-BEYOND = 1e-5
+BEYOND = 1e-6
 
 # A distance of close cores less sure than this share of the largest number met is left
 # to the expanding polytope [-].
@@ -47,8 +47,8 @@ def convex_convex(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
         return
     depth, normal = core_depth(kind_a, a, kind_b, b, simplex, count, v, largest)
     if not met and lower > 0.0 and lower >= -depth:
-        # Of two proofs that they are apart the better one.
-        write_witness(gap, p, proof, a[0], b[0], out)
+        # Of two proofs that they are apart the better one; no more than it proves.
+        write_witness(lower, p, proof, a[0], b[0], out)
         return
     # Where they touch once B has been moved out, and a little further: there the
     # nearest point of A - B is unique, and lies on the normal.
