@@ -3,21 +3,10 @@
 from typing import Any
 
 import coal
-import numpy as np
 
-from accuracy.peers.frames import along_z, outward_faces
 from accuracy.regimes import Pair
-from armguard.geometry import (
-    Box,
-    Capsule,
-    Cone,
-    Cylinder,
-    Ellipsoid,
-    HalfSpace,
-    Hull,
-    Sphere,
-    Triangle,
-)
+from armguard.benchmark.peers.coal_pairs import coal_convex
+from armguard.benchmark.peers.shapes import peer_geometry
 
 
 def request() -> Any:
@@ -29,47 +18,10 @@ def request() -> Any:
     return asked
 
 
-def geometry(shape: Any, T: Any) -> tuple[Any, Any] | None:
-    """Coal's shape and the frame it stands at."""
-    if isinstance(shape, Sphere):
-        return coal.Sphere(shape.radius), T
-    if isinstance(shape, Capsule):
-        length, T = along_z(shape, T)
-        return coal.Capsule(shape.radius, length), T
-    if isinstance(shape, Box):
-        return coal.Box(*(2.0 * np.array(shape.half_extents))), T
-    if isinstance(shape, Triangle):
-        # Its own TriangleP is measured against nothing but another one.
-        corners = np.array([shape.a, shape.b, shape.c])
-        return convex(corners, np.array([[0, 1, 2], [0, 2, 1]])), T
-    if isinstance(shape, Cylinder):
-        return coal.Cylinder(shape.radius, shape.height), T
-    if isinstance(shape, Cone) and shape.top_radius == 0.0:
-        return coal.Cone(shape.radius, shape.height), T
-    if isinstance(shape, Ellipsoid):
-        return coal.Ellipsoid(*shape.semi_axes), T
-    if isinstance(shape, HalfSpace):
-        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), T
-    if isinstance(shape, Hull):
-        faces = outward_faces(shape)
-        if faces is None:
-            return None
-        return convex(shape.vertices, faces), T
-    return None
-
-
-def convex(vertices: Any, faces: Any) -> Any:
-    """Coal's convex polytope."""
-    points = coal.StdVec_Vec3s()
-    points.extend(list(vertices))
-    triangles = coal.StdVec_Triangle()
-    triangles.extend([coal.Triangle(*(int(i) for i in face)) for face in faces])
-    return coal.Convex(points, triangles)
-
-
 def ask(pair: Pair) -> float | None:
     """Signed distance, or None where the pair is not supported."""
-    one, two = geometry(pair.shape_a, pair.T_a), geometry(pair.shape_b, pair.T_b)
+    one = peer_geometry(coal, coal_convex, pair.shape_a, pair.T_a)
+    two = peer_geometry(coal, coal_convex, pair.shape_b, pair.T_b)
     if one is None or two is None:
         return None
     frames = [coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (one[1], two[1])]

@@ -5,8 +5,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from accuracy.peers.frames import along_z, outward_faces
 from accuracy.regimes import Pair
+from armguard.benchmark.peers.frames import along_z, outward_faces
 from armguard.geometry import (
     Box,
     Capsule,

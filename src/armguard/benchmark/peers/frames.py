@@ -38,4 +38,4 @@ def outward_faces(shape: Hull) -> NDArray[np.intp] | None:
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inward = (n * hull.equations[:, :3]).sum(axis=1) < 0.0
     faces[inward] = faces[inward][:, ::-1]
-    return faces
+    return np.asarray(faces)
