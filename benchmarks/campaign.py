@@ -162,7 +162,7 @@ def distance_section(distance: dict[str, Any]) -> list[str]:
         "",
         "Signed distance, witness points and normal, in compiled code on one core; "
         "shapes of a robot link's size in random poses, most of them apart. Coal with "
-        "its own tolerance of 1e-6, ours is 1e-9; the overhead of its call from Python, "
+        "its own tolerance of 1e-6, ours is 1e-9; what its call from Python adds, "
         f"{distance['call_overhead_taken_off_ns']:.0f} ns, is taken off. The median of "
         f"the ratios is {distance['ratio']['coal']:.2f}.",
         "",
