@@ -4,7 +4,7 @@ from typing import Any
 
 from accuracy.peer_runs import NOTABLE, VERDICTS
 from accuracy.regimes import REGIMES
-from accuracy.summary import FIGURES, TARGETS
+from accuracy.summary import FIGURES, MISSED, TARGETS
 
 
 def number(x: float) -> str:
@@ -86,6 +86,14 @@ def targets(kinds: dict[str, Any]) -> list[str]:
     slowest = max(entry["seconds"] for entry in kinds.values())
     return [
         *table(["figure", "meaning", "worst", "target", "where"], rows),
+        "",
+        "Missed by single pairs:",
+        "",
+        *(
+            f"- {figure}, {case(kind, kinds[kind][figure])}, "
+            f"{kinds[kind][figure]['worst']:.2g}: {reason}."
+            for (figure, kind), reason in MISSED.items()
+        ),
         "",
         f"Answers that are no finite numbers: {lost}. NaN in, number out: {missed} of "
         f"{tried}. Longest call, waits of the machine included: "
