@@ -30,10 +30,11 @@ MISSED = {
     ("apart", "cylinder-hull"): "a rod of 0.8 µm radius and 0.4 m length 0.2 µm from a "
     "flat hull: the simplices are slivers, and the answer, 27 nm too near, is no more "
     "than what could be proven",
-    ("deep", "cylinder-ellipsoid"): "one in another, a direction that is nearly as "
-    "narrow as the narrowest: too deep by one part in a million",
-    ("witness", "cone-cone"): "aligned, so the place where they touch is not unique",
-    ("witness", "capsule-ellipsoid"): "an ellipsoid as thin as a film",
+    ("deep", "cylinder-ellipsoid"): "one about the other on the same axes, nearly as "
+    "narrow all around: too deep by one part in a million",
+    ("witness", "cone-cone"): "their axes parallel, just touching: the place is told "
+    "3 µm beside",
+    ("witness", "capsule-ellipsoid"): "an ellipsoid 1.5 µm thin and 0.6 m long",
 }
 
 # A figure and its meaning; every one is a worst value over pairs.
