@@ -169,10 +169,10 @@ class Guard:
         Example:
             >>> from armguard import Guard, Pose, Sphere, bay_scene
             >>> scene = bay_scene()
-            >>> tool = scene.add(Sphere(radius=0.05), name="tool", present=False)
+            >>> cart = scene.add(Sphere(radius=0.05), name="cart", present=False)
             >>> guard = Guard(scene)
-            >>> guard.place("tool", Pose(xyz=(0.0, 0.0, 1.0)))
-            >>> guard.remove("tool")
+            >>> guard.place("cart", Pose(xyz=(0.0, 0.0, 1.0)))
+            >>> guard.remove("cart")
         """
         thing = self._standing(name)
         T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
