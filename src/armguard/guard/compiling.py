@@ -35,7 +35,7 @@ def compile_ahead(progress: Callable[[str], None] | None) -> None:
     if numba.config.DISABLE_JIT or kernels_are_compiled():
         return
     if progress is not None:
-        progress("compiling kernels for this machine; first start only, a minute or two")
+        progress("compiling kernels for this machine; first start only, over a minute")
     if (os.cpu_count() or 1) < 2:
         return
     other = subprocess.Popen(
