@@ -8,11 +8,33 @@ from numpy.typing import NDArray
 
 from armguard.geometry.shapes import Shape
 from armguard.scene.exact import ExactTables
-from armguard.scene.settings import IndexSettings
+from armguard.robot.stopping import StoppingFigures
+from armguard.scene.settings import IndexSettings, Mode
 from armguard.scene.standing import Standing
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotPart:
+    """A robot's part of q, and how it is guarded.
+
+    Attributes:
+        name: Its name in the scene.
+        first_joint: Its first place in q.
+        joint_count: How many it has.
+        joints: Their names in the URDF.
+        mode: What its buffer follows.
+        stopping: How it stops; None if nobody said, which mode "fixed" allows.
+    """
+
+    name: str
+    first_joint: int
+    joint_count: int
+    joints: tuple[str, ...]
+    mode: Mode
+    stopping: StoppingFigures | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +77,13 @@ class SceneTables:
         cube_edge: Its edge [m].
         index: How near pairs are found.
         notes: What the user should know, one sentence each.
+        robots: Robots in the order of q.
+        robot_of_primitive: Robot each primitive rides on, -1 for none, shape (m,).
+        top_speeds: Greatest speed of each primitive that no robot moves, shape (p,),
+            or of none, shape (0,) [m/s].
+        people: Objects that stand for persons.
+        period: Time from one cycle to the next [s].
+        late: How much later than that it may come [s].
     """
 
     q_names: tuple[str, ...]
@@ -88,3 +117,9 @@ class SceneTables:
     cube_edge: float
     index: IndexSettings
     notes: tuple[str, ...]
+    robots: tuple[RobotPart, ...]
+    robot_of_primitive: Ints
+    top_speeds: Floats
+    people: tuple[str, ...]
+    period: float
+    late: float

@@ -1,0 +1,229 @@
+"""First step of a guarded cycle: is the input to be believed, and how fast is it?
+
+Every input has its own stamp. A robot's age is the time from its stamp to now; if
+nobody says what time it is now, the newest stamp is taken, and the declared delay of
+measurements is added. What cannot be believed is a reason, and its level is a stop.
+"""
+
+from math import inf, isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.layout import JOINT, REASON, ROBOT, VALUE
+from armguard.guard.levels import Reason
+from armguard.guard.watch import (
+    FORCED,
+    HAS_VELOCITY,
+    HISTORY,
+    LAST_NOW,
+    LATE,
+    NOW_TIME,
+    PERIOD,
+    Watch,
+)
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    ACCELERATION,
+    DECELERATION_MOST,
+    FIXED,
+    MODE,
+    POSITION_ERROR,
+    STALE,
+    VELOCITY,
+    VELOCITY_ERROR,
+)
+from armguard.motion.state import Motion
+
+Floats = NDArray[np.float64]
+
+OK = int(Reason.OK)
+STAMP_MISSING = int(Reason.STAMP_MISSING)
+TIME_BACKWARDS = int(Reason.TIME_BACKWARDS)
+TIME_STILL = int(Reason.TIME_STILL)
+STAMP_AHEAD = int(Reason.STAMP_AHEAD)
+STATE_STALE = int(Reason.STATE_STALE)
+CYCLE_LATE = int(Reason.CYCLE_LATE)
+STATE_JUMPED = int(Reason.STATE_JUMPED)
+TOO_FAST = int(Reason.TOO_FAST)
+NO_VELOCITY = int(Reason.NO_VELOCITY)
+NOT_FINITE = int(Reason.NOT_FINITE)
+
+# Times are told to within this share of themselves, and a microsecond [-], [s].
+TIME_SHARE = 1e-12
+TIME_GRAIN = 1e-6
+
+# What a measured speed may exceed the declared one by: an error of its own, and this
+# share, since limits are kept by controllers that swing a little [-].
+SPEED_SHARE = 0.02
+
+
+@kernel
+def observe(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+    """Take over stamps, positions and velocities, or say what is wrong with them.
+
+    Args:
+        q: Joint positions, finite, shape (n,).
+        v: Inputs and memory.
+        m: Figures; `q`, `v_low` and `v_high` are written.
+        out: Answer.
+
+    Returns:
+        Whether the input can be judged.
+    """
+    v.last[FORCED] = OK
+    if not clocks_are_right(v, m, out):
+        return False
+    for j in range(q.shape[0]):
+        m.q[j] = q[j]
+    return velocities_are_known(q, v, m, out)
+
+
+@kernel
+def now_of(v: Watch) -> float:
+    """Time of the cycle: what was said, or the newest stamp [s]."""
+    now = v.given[NOW_TIME]
+    if now == now:
+        return float(now)
+    newest = -inf
+    for r in range(v.stamps.shape[0]):
+        newest = max(newest, v.stamps[r])
+    return float(newest)
+
+
+@kernel
+def clocks_are_right(v: Watch, m: Motion, out: Floats) -> bool:
+    """Whether all stamps and the time of the cycle can be true."""
+    for r in range(v.stamps.shape[0]):
+        if not isfinite(v.stamps[r]):
+            return blame_robot(STAMP_MISSING, r, v.stamps[r], out)
+    told = v.given[NOW_TIME] == v.given[NOW_TIME]
+    now, last = now_of(v), v.last[LAST_NOW]
+    if told and not isfinite(now):
+        return blame_robot(STAMP_MISSING, -1, now, out)
+    grain = TIME_GRAIN + TIME_SHARE * abs(now)
+    if now < last:
+        return blame_robot(TIME_BACKWARDS, -1, now - last, out)
+    if now == last:
+        return blame_robot(TIME_STILL, -1, now, out)
+    limit = v.pace[PERIOD] + v.pace[LATE] + grain
+    if now - last > limit and last != -inf:
+        # The stop of the last proof was to be ordered by now.
+        v.last[FORCED] = CYCLE_LATE
+        out[VALUE] = now - last
+    v.last[LAST_NOW] = now
+    for r in range(v.stamps.shape[0]):
+        if m.robot_figures[r, MODE] == FIXED:
+            continue
+        stamp = v.stamps[r]
+        if stamp < v.last_stamp[r]:
+            return blame_robot(TIME_BACKWARDS, r, stamp - v.last_stamp[r], out)
+        if stamp > now + grain:
+            return blame_robot(STAMP_AHEAD, r, stamp - now, out)
+        if now - stamp > m.robot_figures[r, STALE] + grain:
+            return blame_robot(STATE_STALE, r, now - stamp, out)
+    return True
+
+
+@kernel
+def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+    """Write between which bounds each joint's velocity lies, and keep the sample."""
+    for j in range(q.shape[0]):
+        r = m.robot_of_joint[j]
+        if m.robot_figures[r, MODE] == FIXED:
+            continue
+        figures = m.joint_figures[j]
+        top = figures[VELOCITY] * (1.0 + SPEED_SHARE)
+        count = v.sample_count[r]
+        if count > 0 and v.stamps[r] > v.last_stamp[r]:
+            time = v.stamps[r] - v.last_stamp[r]
+            way = abs(q[j] - v.sample_q[j, 0])
+            if not way <= top * time + 2.0 * figures[POSITION_ERROR]:
+                forget_samples(r, v)
+                return blame_joint(STATE_JUMPED, j, way / time, out)
+        if v.given[HAS_VELOCITY] != 0.0:
+            speed, error = v.velocity[j], figures[VELOCITY_ERROR]
+            if not isfinite(speed):
+                return blame_joint(NOT_FINITE, j, speed, out)
+            m.v_low[j], m.v_high[j] = speed - error, speed + error
+        elif not estimate_velocity(j, r, q[j], v, m):
+            keep_samples(q, v, m)
+            return blame_robot(NO_VELOCITY, r, 0.0, out)
+        slack = 2.0 * figures[VELOCITY_ERROR]
+        if not (m.v_low[j] <= top + slack and m.v_high[j] >= -top - slack):
+            return blame_joint(TOO_FAST, j, 0.5 * (m.v_low[j] + m.v_high[j]), out)
+    keep_samples(q, v, m)
+    return True
+
+
+@kernel
+def estimate_velocity(j: int, r: int, position: float, v: Watch, m: Motion) -> bool:
+    """Bound a joint's velocity by its samples.
+
+    The mean velocity since a sample is known to within both errors. The velocity now
+    is off it by no more than half of what the greatest acceleration gives in that time.
+    A stop may be harder than any known deceleration; it ends at rest.
+
+    Returns:
+        Whether there is an earlier sample.
+    """
+    figures = m.joint_figures[j]
+    fresh = 0 if v.stamps[r] > v.last_stamp[r] else 1
+    if v.sample_count[r] <= fresh:
+        return False
+    hardest = max(figures[ACCELERATION], figures[DECELERATION_MOST])
+    gain = figures[ACCELERATION] if hardest == inf else hardest
+    low, high = -inf, inf
+    for k in range(fresh, v.sample_count[r]):
+        time = v.stamps[r] - v.sample_t[r, k]
+        mean = (position - v.sample_q[j, k]) / time
+        off = 2.0 * figures[POSITION_ERROR] / time + 0.5 * gain * time
+        least, most = mean - off, mean + off
+        if hardest == inf:
+            least, most = min(least, 0.0), max(most, 0.0)
+        low, high = max(low, least), min(high, most)
+    # Bounds that contradict each other say that a figure is broken: take all of them.
+    m.v_low[j], m.v_high[j] = min(low, high), max(low, high)
+    return True
+
+
+@kernel
+def keep_samples(q: Floats, v: Watch, m: Motion) -> None:
+    """Put what was measured anew in front of each robot's history."""
+    for j in range(q.shape[0]):
+        r = m.robot_of_joint[j]
+        if v.stamps[r] > v.last_stamp[r]:
+            for k in range(min(v.sample_count[r], HISTORY - 1), 0, -1):
+                v.sample_q[j, k] = v.sample_q[j, k - 1]
+            v.sample_q[j, 0] = q[j]
+    for r in range(v.stamps.shape[0]):
+        if v.stamps[r] > v.last_stamp[r]:
+            for k in range(min(v.sample_count[r], HISTORY - 1), 0, -1):
+                v.sample_t[r, k] = v.sample_t[r, k - 1]
+            v.sample_t[r, 0] = v.stamps[r]
+            v.sample_count[r] = min(v.sample_count[r] + 1, HISTORY)
+            v.last_stamp[r] = v.stamps[r]
+
+
+@kernel
+def forget_samples(r: int, v: Watch) -> None:
+    """After a jump nothing is known of the velocity."""
+    v.sample_count[r] = 0
+
+
+@kernel
+def blame_robot(reason: int, r: int, value: float, out: Floats) -> bool:
+    """Write a reason that is about one input, or about all; never True."""
+    out[REASON] = reason
+    out[ROBOT] = r
+    out[VALUE] = value
+    return False
+
+
+@kernel
+def blame_joint(reason: int, j: int, value: float, out: Floats) -> bool:
+    """Write a reason that is about a joint; never True."""
+    out[REASON] = reason
+    out[JOINT] = j
+    out[VALUE] = value
+    return False

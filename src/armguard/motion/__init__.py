@@ -1,0 +1,6 @@
+"""What comes next: how far everything may move, and whether it can still stop."""
+
+from armguard.motion.prepare import motion_of
+from armguard.motion.state import Motion
+
+__all__ = ["Motion", "motion_of"]

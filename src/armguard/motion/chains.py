@@ -1,0 +1,206 @@
+"""Which joints move a primitive, and how far from each joint's axis it can get.
+
+A point of a link moves at most Σ |Δq| · R over the joints between it and the ground,
+where R is the largest distance the point can have from the joint's axis. These R are
+here: one for each primitive and each joint of its chain, good for every configuration.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.shapes import ShapeKind
+from armguard.robot.kinematics import FIXED, PRISMATIC
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+# Places in an anchor row: a capsule round a primitive, in the frame of its body.
+ANCHOR_A = 0
+ANCHOR_B = 3
+ANCHOR_RADIUS = 6
+ANCHOR_WIDTH = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chains:
+    """Joints above bodies, and levers of primitives.
+
+    Attributes:
+        joints: Bodies with a joint from the root to each body, itself included, -1
+            where the chain has ended, shape (b, depth).
+        length: How many, shape (b,).
+        shared: How many of them two bodies share, from the root on, shape (b, b).
+        levers: Largest distance of a primitive's points from the axis of each joint of
+            its chain; 1 for prismatic joints, shape (m, depth) [m].
+        anchors: Capsule round each moving primitive, in its body, shape (m, 7) [m].
+    """
+
+    joints: Ints
+    length: Ints
+    shared: Ints
+    levers: Floats
+    anchors: Floats
+
+
+def chains(
+    parent: Ints,
+    joint_kind: Ints,
+    gain: Floats,
+    q_index: Ints,
+    T_parent_joint: Floats,
+    axis: Floats,
+    lower: Floats,
+    upper: Floats,
+    kinds: Ints,
+    bodies: Ints,
+    rows: Floats,
+) -> Chains:
+    """Chains of all bodies, and levers of the primitives that move.
+
+    Args:
+        parent: See `SceneTables`, from here to `upper`.
+        joint_kind: Joint kinds.
+        gain: Multipliers and offsets.
+        q_index: Places in q.
+        T_parent_joint: Joint frames.
+        axis: Joint axes.
+        lower: Least positions.
+        upper: Greatest positions.
+        kinds: Kinds of the moving primitives, shape (m,).
+        bodies: Their bodies, shape (m,).
+        rows: Their rows, shape (m, 16).
+    """
+    above: list[list[int]] = []
+    for body in range(len(parent)):
+        own = [body] if joint_kind[body] != FIXED else []
+        above.append([*(above[parent[body]] if parent[body] >= 0 else []), *own])
+    depth = max((len(chain) for chain in above), default=0)
+    joints = np.full((len(parent), max(depth, 1)), -1, dtype=np.int32)
+    for body, chain in enumerate(above):
+        joints[body, : len(chain)] = chain
+    anchors = np.array(
+        [anchor(int(k), row) for k, row in zip(kinds, rows, strict=True)]
+    ).reshape(-1, ANCHOR_WIDTH)
+    levers = np.zeros((len(kinds), max(depth, 1)))
+    for i, body in enumerate(bodies):
+        chain = above[body]
+        levers[i, : len(chain)] = primitive_levers(
+            anchors[i],
+            chain,
+            joint_kind,
+            T_parent_joint,
+            axis,
+            strokes(chain, joint_kind, gain, q_index, lower, upper),
+        )
+    return Chains(
+        joints=joints,
+        length=np.array([len(chain) for chain in above], dtype=np.int32),
+        shared=shared_lengths(above),
+        levers=levers,
+        anchors=anchors,
+    )
+
+
+def shared_lengths(above: Sequence[Sequence[int]]) -> Ints:
+    """How many joints the chains of two bodies share from the root on, (b, b)."""
+    shared = np.zeros((len(above), len(above)), dtype=np.int32)
+    for a, one in enumerate(above):
+        for b, other in enumerate(above):
+            count = 0
+            for x, y in zip(one, other, strict=False):
+                if x != y:
+                    break
+                count += 1
+            shared[a, b] = count
+    return shared
+
+
+def strokes(
+    chain: Sequence[int],
+    joint_kind: Ints,
+    gain: Floats,
+    q_index: Ints,
+    lower: Floats,
+    upper: Floats,
+) -> list[float]:
+    """How far each joint of a chain may shift its frame; 0 for turning ones [m]."""
+    found = []
+    for body in chain:
+        if joint_kind[body] != PRISMATIC:
+            found.append(0.0)
+            continue
+        multiplier, offset = gain[body]
+        ends = multiplier * np.array([lower[q_index[body]], upper[q_index[body]]])
+        found.append(float(np.abs(ends + offset).max()))
+    return found
+
+
+def primitive_levers(
+    capsule: Floats,
+    chain: Sequence[int],
+    joint_kind: Ints,
+    T_parent_joint: Floats,
+    axis: Floats,
+    stroke: Sequence[float],
+) -> list[float]:
+    """Levers of one primitive about the joints of its chain, from the root on [m].
+
+    About its own body's joint the distance from the axis does not depend on the
+    configuration. About one further up the offset of the next joint's frame is fixed,
+    and what lies beyond may stand anywhere at its distance.
+    """
+    ends = capsule[[[0, 1, 2], [3, 4, 5]]]
+    radius = float(capsule[ANCHOR_RADIUS])
+    levers: list[float] = []
+    beyond = 0.0
+    for place in range(len(chain) - 1, -1, -1):
+        body = chain[place]
+        if place == len(chain) - 1:
+            across = max(off_axis(end, axis[body]) for end in ends) + radius
+            beyond = float(np.linalg.norm(ends, axis=1).max()) + radius
+        else:
+            offset = T_parent_joint[chain[place + 1], [3, 7, 11]]
+            shift = stroke[place + 1]
+            across = off_axis(offset, axis[body]) + shift + beyond
+            beyond = float(np.linalg.norm(offset)) + shift + beyond
+        levers.append(1.0 if joint_kind[body] == PRISMATIC else across)
+    return levers[::-1]
+
+
+def off_axis(point: Floats, axis: Floats) -> float:
+    """Distance of a point from an axis through the origin [m]."""
+    return float(np.linalg.norm(point - axis * float(point @ axis)))
+
+
+def anchor(kind: int, row: Floats) -> Floats:
+    """Capsule that holds a primitive, shape (7,); infinite for a half-space."""
+    radius, origin = row[0], row[1:4]
+    if kind == ShapeKind.SPHERE:
+        return np.array([*origin, *origin, radius])
+    if kind == ShapeKind.CAPSULE:
+        return np.array([*origin, *row[4:7], radius])
+    if kind == ShapeKind.HALF_SPACE:
+        return np.array([*origin, *origin, np.inf])
+    if kind == ShapeKind.TRIANGLE:
+        corners = row[1:10].reshape(3, 3)
+        middle = corners.mean(axis=0)
+        reach = float(np.linalg.norm(corners - middle, axis=1).max())
+        return np.array([*middle, *middle, radius + reach])
+    R = row[7:16].reshape(3, 3)
+    if kind in (ShapeKind.BOX, ShapeKind.ELLIPSOID):
+        half = row[4:7]
+        long = int(np.argmax(half))
+        others = np.delete(half, long)
+        across = np.hypot(*others) if kind == ShapeKind.BOX else others.max()
+        along = half[long] * R[:, long]
+    elif kind in (ShapeKind.CYLINDER, ShapeKind.CONE):
+        across = max(row[4], row[6])
+        along = row[5] * R[:, 2]
+    else:
+        # A hull or a shape by its support: a ball about its origin.
+        across = row[6]
+        along = np.zeros(3)
+    return np.array([*(origin - along), *(origin + along), radius + across])

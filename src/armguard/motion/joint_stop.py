@@ -1,0 +1,202 @@
+"""How far a joint may get, and until when, if it is told to stop after a delay.
+
+Everything a joint can do inside its figures lies between two curves over time. The
+upper one is a joint that speeds up as hard as it may until the stop takes effect as
+late as it may, and then slows down as little as it may. A joint that moves the other
+way gets least far back if it stops as hard as it may at once. Both are functions of
+the measured velocity alone, in closed form.
+
+A phase of full deceleration may have begun already: `passed` is the time since a stop
+surely took effect, and shortens the ramp.
+"""
+
+from math import inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.kernel import kernel
+from armguard.motion.figures import CURVE_POINTS
+
+Floats = NDArray[np.float64]
+
+# Places in the row that describes one direction of a joint's stop.
+V0 = 0  # speed in this direction now, not negative [rad/s]
+REACTION = 1  # time until the stop takes effect at the latest [s]
+ACCELERATED = 2  # acceleration until then [rad/s²]
+V_TOP = 3  # speed it cannot exceed [rad/s]
+V1 = 4  # speed when the stop takes effect
+X1 = 5  # way until then [rad]
+RAMP_LEFT = 6  # time until deceleration is full, from X1 on [s]
+SHARE = 7  # share of the deceleration there is at X1 [-]
+LEAST = 8  # full deceleration [rad/s²]
+REST = 9  # time until it rests [s]
+TRAVEL = 10  # way until it rests [rad]
+BACK = 11  # deceleration at once, for a joint that moves the other way [rad/s²]
+V_BACK = 12  # its speed [rad/s]; 0 if the joint does not surely move the other way
+SWING = 13  # what settling may add [rad]
+BOW = 14  # bound on the second derivative of the curve; infinite at a kink [rad/s²]
+JOINT_STOP = 15
+
+
+@kernel
+def plan_stop(
+    velocity: float,
+    top: float,
+    acceleration: float,
+    reaction: float,
+    ramp: float,
+    passed: float,
+    least: float,
+    most: float,
+    settle: float,
+    curve: Floats,
+    out: Floats,
+) -> None:
+    """Describe the farthest a joint can get in its positive direction.
+
+    Args:
+        velocity: Greatest velocity it may have now, of either sign [rad/s].
+        top: Top speed; a joint measured faster counts as it is [rad/s].
+        acceleration: Greatest acceleration until the stop takes effect [rad/s²].
+        reaction: Until when it takes effect at the latest [s].
+        ramp: Time in which deceleration rises to its full value [s].
+        passed: Time since the stop surely took effect [s].
+        least: Least full deceleration [rad/s²].
+        most: Greatest deceleration; may be infinite [rad/s²].
+        settle: Swing after a stop from top speed [rad].
+        curve: Measured stops, times then ways, shape (2 · CURVE_POINTS,), or empty.
+        out: Overwritten, shape (JOINT_STOP,).
+    """
+    out[V_TOP] = max(top, velocity)
+    out[REACTION] = reaction
+    out[ACCELERATED] = acceleration
+    out[LEAST] = least
+    out[BACK] = max(acceleration, most)
+    backwards = velocity + acceleration * reaction <= 0.0 and velocity < 0.0
+    out[V_BACK] = -velocity if backwards else 0.0
+    out[V0] = max(velocity, 0.0)
+    if backwards:
+        # It cannot turn round before the stop takes effect: it only gets back.
+        out[V1] = out[X1] = out[TRAVEL] = out[SWING] = 0.0
+        out[RAMP_LEFT] = out[SHARE] = 0.0
+        out[REST] = reaction - velocity / least + ramp
+        out[BOW] = 0.0 if most == inf else out[BACK]
+        return
+    out[X1] = accelerated_way(reaction, out)
+    out[V1] = min(out[V0] + acceleration * reaction, out[V_TOP])
+    out[RAMP_LEFT] = max(ramp - passed, 0.0)
+    out[SHARE] = 1.0 - out[RAMP_LEFT] / ramp if ramp > 0.0 else 1.0
+    out[SWING] = settle * out[V1] / top
+    out[BOW] = max(acceleration, least)
+    if curve.shape[0] > 0:
+        time, way = curve_at(curve, out[V1] / top)
+        out[SWING] = 0.0
+        out[REST] = reaction + time
+        out[TRAVEL] = out[X1] + way
+        # At full speed until the way is used up: no stop is later at any place.
+        out[LEAST] = inf
+        out[BOW] = inf
+        return
+    out[REST] = reaction + rest_time(out[V1], out[RAMP_LEFT], out[SHARE], least)
+    out[TRAVEL] = out[X1] + braked_way(out[REST] - reaction, out)
+
+
+@kernel
+def farthest(t: float, stop: Floats) -> float:
+    """Greatest displacement in the planned direction at a time, without the swing.
+
+    Args:
+        t: Time from the measurement on [s].
+        stop: Written by `plan_stop`.
+
+    Returns:
+        Displacement; negative for a joint that surely moves the other way [rad].
+    """
+    if stop[V_BACK] > 0.0:
+        if stop[BACK] == inf:
+            return 0.0
+        slow = min(t, stop[V_BACK] / stop[BACK])
+        return -slow * (stop[V_BACK] - 0.5 * stop[BACK] * slow)
+    if t <= stop[REACTION]:
+        return float(accelerated_way(t, stop))
+    since = min(t, stop[REST]) - stop[REACTION]
+    if stop[LEAST] == inf:
+        return float(min(stop[X1] + stop[V1] * since, stop[TRAVEL]))
+    return float(stop[X1] + braked_way(since, stop))
+
+
+@kernel
+def accelerated_way(t: float, stop: Floats) -> float:
+    """Way of a joint that speeds up until its top speed [rad]."""
+    v, a, top = stop[V0], stop[ACCELERATED], stop[V_TOP]
+    gain = top - v
+    if a * t <= gain:
+        return float(t * (v + 0.5 * a * t))
+    until = gain / a
+    return float(until * (v + 0.5 * gain) + (t - until) * top)
+
+
+@kernel
+def braked_way(since: float, stop: Floats) -> float:
+    """Way from the moment the stop takes effect, not beyond rest [rad]."""
+    v, d = stop[V1], stop[LEAST]
+    ramp, share = stop[RAMP_LEFT], stop[SHARE]
+    rising = min(since, ramp)
+    way = rising * v
+    if rising > 0.0:
+        # Deceleration d · (share + (1 - share) · s / ramp).
+        way -= d * rising * rising * (0.5 * share + (1.0 - share) * rising / ramp / 6.0)
+    if since > ramp:
+        v -= 0.5 * d * ramp * (1.0 + share)
+        after = since - ramp
+        way += after * (v - 0.5 * d * after)
+    return float(way)
+
+
+@kernel
+def rest_time(v: float, ramp: float, share: float, d: float) -> float:
+    """Time from the moment the stop takes effect until rest [s]."""
+    lost = 0.5 * d * ramp * (1.0 + share)
+    if v > lost:
+        return float(ramp + (v - lost) / d)
+    if not v > 0.0:
+        return 0.0
+    # d · (share · s + (1 - share) · s² / (2 · ramp)) = v
+    b = d * share
+    a = 0.5 * d * (1.0 - share) / ramp
+    return float(2.0 * v / (b + sqrt(b * b + 4.0 * a * v)))
+
+
+@kernel
+def curve_at(curve: Floats, share: float) -> tuple[float, float]:
+    """Time [s] and way [rad] of a measured stop from a share of the top speed.
+
+    Beyond the top speed they grow as the last piece does.
+    """
+    place = share * (CURVE_POINTS - 1)
+    k = min(int(place), CURVE_POINTS - 2)
+    part = place - k
+    time = curve[k] + part * (curve[k + 1] - curve[k])
+    way = curve[CURVE_POINTS + k]
+    way += part * (curve[CURVE_POINTS + k + 1] - way)
+    return (time, way)
+
+
+@kernel
+def speed_bound(since: float, v: float, ramp: float, d: float) -> float:
+    """Greatest speed a stop that surely took effect some time ago leaves [rad/s].
+
+    Args:
+        since: Time since then [s].
+        v: Greatest speed then [rad/s].
+        ramp: Time in which deceleration rises to its full value [s].
+        d: Least full deceleration [rad/s²].
+    """
+    if since <= 0.0:
+        return v
+    rising = min(since, ramp)
+    lost = 0.0
+    if rising > 0.0:
+        lost = 0.5 * d * rising * rising / ramp
+    return float(max(v - lost - d * (since - rising), 0.0))

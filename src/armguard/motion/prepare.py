@@ -1,0 +1,205 @@
+"""The arrays of a prediction, made once from a compiled scene."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.motion import figures as place
+from armguard.motion.chains import anchor, chains, primitive_levers, strokes
+from armguard.motion.joint_stop import JOINT_STOP
+from armguard.motion.state import (
+    BUDGET,
+    CLOCK,
+    EFFORT,
+    LEVER_ROW,
+    NODES,
+    PLANS,
+    SPAN,
+    Motion,
+)
+from armguard.robot.stopping import StoppingFigures, StopTable
+from armguard.scene.tables import RobotPart, SceneTables
+
+Floats = NDArray[np.float64]
+
+MODES = {"fixed": place.FIXED, "speed": place.SPEED, "path": place.PATH}
+
+
+def motion_of(tables: SceneTables, budget: int) -> Motion:
+    """Arrays of the prediction for a scene.
+
+    Args:
+        tables: The scene.
+        budget: Spans of time a cycle may test.
+    """
+    m, b, n = tables.moving_count, len(tables.parent), len(tables.q_names)
+    found = chains(
+        tables.parent,
+        tables.joint_kind,
+        tables.gain,
+        tables.q_index,
+        tables.T_parent_joint,
+        tables.axis,
+        tables.lower,
+        tables.upper,
+        tables.kinds[:m],
+        tables.bodies[:m],
+        tables.local_rows[:m],
+    )
+    depth = found.joints.shape[1]
+    effort = np.zeros(EFFORT, dtype=np.int64)
+    effort[BUDGET] = budget
+    return Motion(
+        parent=tables.parent,
+        joint_kind=tables.joint_kind,
+        q_index=tables.q_index,
+        gain=tables.gain,
+        T_parent_joint=tables.T_parent_joint,
+        axis=tables.axis,
+        joints=found.joints,
+        length=found.length,
+        shared=found.shared,
+        levers=found.levers,
+        exact_levers=exact_levers(tables, found.joints, found.length),
+        joint_figures=joint_figures(tables),
+        robot_figures=np.array([robot_row(part) for part in tables.robots]),
+        curves=stop_curves(tables),
+        robot_of_joint=np.repeat(
+            np.arange(len(tables.robots), dtype=np.int32),
+            [part.joint_count for part in tables.robots],
+        ),
+        q=np.zeros(n),
+        v_low=np.zeros(n),
+        v_high=np.zeros(n),
+        clock=np.zeros((PLANS * len(tables.robots), CLOCK)),
+        span=np.zeros(SPAN),
+        effort=effort,
+        up=np.zeros((PLANS * n, JOINT_STOP)),
+        down=np.zeros((PLANS * n, JOINT_STOP)),
+        low=np.zeros((PLANS, b)),
+        high=np.zeros((PLANS, b)),
+        spread=np.zeros((PLANS, b)),
+        axes=np.zeros((b, 6)),
+        reach=np.zeros((PLANS, m)),
+        speed=np.zeros(b),
+        rate=np.zeros(m),
+        node_stamp=np.zeros(PLANS * NODES, dtype=np.int64),
+        node_T=np.zeros((PLANS * NODES * b, 12)),
+        node_axes=np.zeros((PLANS * NODES * b, 6)),
+        node_way=np.zeros((PLANS * NODES, b)),
+        node_width=np.zeros((PLANS * NODES, b)),
+        node_size=np.zeros((PLANS * NODES, b)),
+        q_node=np.zeros(n),
+        lever_rows=np.zeros((2 * depth, LEVER_ROW)),
+    )
+
+
+def exact_levers(
+    tables: SceneTables, joints: NDArray[np.int32], length: NDArray[np.int32]
+) -> Floats:
+    """Levers of the exact shapes of links that move, shape (e, depth) [m]."""
+    levers = np.zeros((len(tables.exact.kinds), joints.shape[1]))
+    body_of: dict[int, int] = {}
+    for i in range(tables.moving_count):
+        first, count = tables.exact.of_primitive[i]
+        for e in range(first, first + count):
+            body_of[e] = int(tables.bodies[i])
+    for e, body in body_of.items():
+        chain = joints[body, : length[body]].tolist()
+        levers[e, : len(chain)] = primitive_levers(
+            anchor(int(tables.exact.kinds[e]), tables.exact.rows[e]),
+            chain,
+            tables.joint_kind,
+            tables.T_parent_joint,
+            tables.axis,
+            strokes(
+                chain,
+                tables.joint_kind,
+                tables.gain,
+                tables.q_index,
+                tables.lower,
+                tables.upper,
+            ),
+        )
+    return levers
+
+
+def joint_figures(tables: SceneTables) -> Floats:
+    """A row for each joint, shape (n, JOINT_FIGURES); zeros where none are needed."""
+    rows = np.zeros((len(tables.q_names), place.JOINT_FIGURES))
+    for part in tables.robots:
+        own = rows[part.first_joint : part.first_joint + part.joint_count]
+        f = part.stopping
+        if f is None:
+            continue
+        own[:, place.VELOCITY] = f.velocity
+        own[:, place.ACCELERATION] = f.acceleration
+        own[:, place.DECELERATION] = f.deceleration
+        own[:, place.DECELERATION_MOST] = f.deceleration_most
+        own[:, place.SETTLE] = f.settle
+        own[:, place.BRAKE_DECELERATION] = f.brake_deceleration
+        own[:, place.POSITION_ERROR] = f.position_error
+        own[:, place.VELOCITY_ERROR] = f.velocity_error
+        for k, name in enumerate(part.joints):
+            own[k, place.CURVE] = float(name in f.tables)
+    return rows
+
+
+def robot_row(part: RobotPart) -> Floats:
+    """The row of a robot, shape (ROBOT_FIGURES,)."""
+    row = np.zeros(place.ROBOT_FIGURES)
+    row[place.MODE] = MODES[part.mode]
+    row[place.FIRST_JOINT] = part.first_joint
+    row[place.JOINT_COUNT] = part.joint_count
+    f: StoppingFigures | None = part.stopping
+    if f is not None:
+        row[place.RAMP] = f.ramp
+        row[place.SETTLE_TIME] = f.settle_time
+        row[place.BRAKE_DELAY] = f.brake_delay
+        row[place.SENSING] = f.sensing
+        row[place.COMMAND] = f.command
+        row[place.STALE] = f.stale
+        row[place.MODEL_ERROR] = f.model_error
+        row[place.BASE_ERROR] = f.base_error
+        row[place.BASE_TURN] = f.base_turn
+    return row
+
+
+def stop_curves(tables: SceneTables) -> Floats:
+    """Measured stops at even speeds, times then ways, shape (n, 2 · CURVE_POINTS)."""
+    curves = np.zeros((len(tables.q_names), 2 * place.CURVE_POINTS))
+    for part in tables.robots:
+        if part.stopping is None:
+            continue
+        for k, name in enumerate(part.joints):
+            if name in part.stopping.tables:
+                curves[part.first_joint + k] = curve_row(
+                    part.stopping.tables[name], float(part.stopping.velocity[k])
+                )
+    return curves
+
+
+def curve_row(table: StopTable, top: float) -> Floats:
+    """A table at even speeds from 0 to the top one, shape (2 · CURVE_POINTS,).
+
+    At each speed the larger of what the straight lines between the table's rows say
+    there and what keeps the curve above them up to the next: a line between two
+    points of a curve that bends upwards lies above it.
+    """
+    speeds = np.array([0.0, *table.speeds])
+    even = np.linspace(0.0, top, place.CURVE_POINTS)
+    row = []
+    # A slower joint may need as long as the slowest that was measured, but not as far.
+    for at_rest, column in ((table.times[0], table.times), (0.0, table.travels)):
+        values = np.array([at_rest, *column])
+        slope = (values[-1] - values[-2]) / (speeds[-1] - speeds[-2])
+        beyond = np.maximum(even - speeds[-1], 0.0) * slope
+        at = np.interp(even, speeds, values) + beyond
+        for v, x in zip(speeds, values, strict=True):
+            # A row between two even speeds may stand above the line between them.
+            if not 0.0 < v < top:
+                continue
+            k = min(int(v / top * (place.CURVE_POINTS - 1)), place.CURVE_POINTS - 2)
+            line = np.interp(v, even[k : k + 2], at[k : k + 2])
+            at[k : k + 2] += max(x - line, 0.0)
+        row.append(at)
+    return np.concatenate(row)

@@ -1,0 +1,128 @@
+"""Everything the prediction of a stop reads and writes."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
+
+# The stop path is divided into halves, halves of halves and so on; a node is one of
+# these spans of time, 1 the whole, 2n and 2n + 1 the halves of n.
+NODE_LEVELS = 6
+NODES = 1 << NODE_LEVELS
+
+# A stop is planned twice for each robot: as if it went on until the next cycle and were
+# told to stop then, and as if it were told now.
+NEXT = 0
+NOW = 1
+PLANS = 2
+
+# Places in `Motion.clock`, a row for each plan and robot.
+AGE = 0  # time since the measurement [s]
+REACTION = 1  # from the measurement until a stop takes effect at the latest [s]
+PASSED = 2  # since a stop surely took effect [s]
+BRAKING = 3  # 1 where the brake is the stop
+STILL = 4  # 1 where the robot's own motion is left out: its buffer is fixed
+CLOCK = 5
+
+# Places in `Motion.span`.
+HORIZON = 0  # from now until everything rests [s]
+SPAN = 1
+
+# Places in `Motion.effort`.
+TESTS = 0  # spans of time tested for pairs in this cycle
+BUDGET = 1  # how many may be
+STAMP = 2  # of the nodes that were made for this cycle
+EFFORT = 3
+
+# Numbers kept of each joint while a pair's gap is bounded.
+LEVER_ROW = 6
+
+
+class Motion(NamedTuple):
+    """Chains, figures and measured state; from them the spans of the stop path.
+
+    Bodies and joints are those of `SceneTables`; a body moves by the joint above it.
+
+    Attributes:
+        parent: See `SceneTables`, from here to `axis`.
+        joint_kind: Joint kinds.
+        q_index: Places in q.
+        gain: Multipliers and offsets.
+        T_parent_joint: Joint frames.
+        axis: Joint axes.
+        joints: See `Chains`, from here to `levers`.
+        length: Lengths of the chains.
+        shared: Shared joints.
+        levers: Levers of the moving primitives.
+        exact_levers: Levers of the exact shapes, shape (e, depth) [m].
+        joint_figures: See `figures`, shape (n, JOINT_FIGURES).
+        robot_figures: See `figures`, shape (r, ROBOT_FIGURES).
+        curves: Measured stops, shape (n, 2 · CURVE_POINTS).
+        robot_of_joint: Robot of each place of q, shape (n,).
+        q: Measured positions, shape (n,).
+        v_low: Least velocity a joint may have, shape (n,).
+        v_high: Greatest, shape (n,).
+        clock: Delays of each plan and robot, shape (PLANS · r, CLOCK).
+        span: See HORIZON, shape (SPAN,).
+        effort: See TESTS, shape (EFFORT,).
+        up: Stop of each joint in its positive direction, (PLANS · n, JOINT_STOP).
+        down: In its negative direction, shape (PLANS · n, JOINT_STOP).
+        low: Least displacement of each body's joint on the whole path, (PLANS, b).
+        high: Greatest, shape (PLANS, b).
+        spread: The larger of their sizes, shape (PLANS, b).
+        axes: Direction and origin of each joint's axis in the world, shape (b, 6).
+        reach: Bound on the way of each primitive's points, shape (PLANS, m) [m].
+        speed: Bound on each body's joint speed as measured, shape (b,).
+        rate: Bound on the speed of a primitive's points as measured, (m,) [m/s].
+        node_stamp: Cycle a node was made in, shape (PLANS · NODES,).
+        node_T: Poses in the middle of the node, shape (PLANS · NODES · b, 12).
+        node_axes: Axes there, shape (PLANS · NODES · b, 6).
+        node_way: Half of each joint's way on a straight line, (PLANS · NODES, b).
+        node_width: How far it may be off that line, shape (PLANS · NODES, b).
+        node_size: The sum of both, shape (PLANS · NODES, b).
+        q_node: Scratch for positions, shape (n,).
+        lever_rows: Scratch for two sides, shape (2 · depth, LEVER_ROW).
+    """
+
+    parent: Ints
+    joint_kind: Ints
+    q_index: Ints
+    gain: Floats
+    T_parent_joint: Floats
+    axis: Floats
+    joints: Ints
+    length: Ints
+    shared: Ints
+    levers: Floats
+    exact_levers: Floats
+    joint_figures: Floats
+    robot_figures: Floats
+    curves: Floats
+    robot_of_joint: Ints
+    q: Floats
+    v_low: Floats
+    v_high: Floats
+    clock: Floats
+    span: Floats
+    effort: Longs
+    up: Floats
+    down: Floats
+    low: Floats
+    high: Floats
+    spread: Floats
+    axes: Floats
+    reach: Floats
+    speed: Floats
+    rate: Floats
+    node_stamp: Longs
+    node_T: Floats
+    node_axes: Floats
+    node_way: Floats
+    node_width: Floats
+    node_size: Floats
+    q_node: Floats
+    lever_rows: Floats

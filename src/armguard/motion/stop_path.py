@@ -1,0 +1,255 @@
+"""The stop path of all joints: where each may be, from the measurement until rest.
+
+All robots brake on one clock, whose zero is now. A robot's measurement lies its own age
+before that.
+"""
+
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    ACCELERATION,
+    BRAKE_DECELERATION,
+    CURVE,
+    DECELERATION,
+    DECELERATION_MOST,
+    POSITION_ERROR,
+    RAMP,
+    SETTLE,
+    VELOCITY,
+)
+from armguard.motion.joint_stop import (
+    BACK,
+    BOW,
+    JOINT_STOP,
+    REST,
+    SWING,
+    TRAVEL,
+    V_BACK,
+    farthest,
+    plan_stop,
+)
+from armguard.motion.state import (
+    AGE,
+    BRAKING,
+    HORIZON,
+    NEXT,
+    NODES,
+    PASSED,
+    REACTION,
+    STAMP,
+    STILL,
+    Motion,
+)
+from armguard.robot.kinematics import FIXED as NO_JOINT
+from armguard.robot.kinematics import forward_kinematics
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@kernel
+def plan_stops(plan: int, m: Motion) -> None:
+    """Predict the stop of every joint, and bound how far it gets in all.
+
+    Args:
+        plan: NEXT or NOW; NEXT goes first, its horizon is that of both.
+        m: Figures, measured state and clocks are read, the rest is written.
+    """
+    n = m.q.shape[0]
+    horizon = 0.0
+    for j in range(n):
+        horizon = max(horizon, plan_joint(plan, j, m))
+    if plan == NEXT:
+        m.effort[STAMP] += 1
+        m.span[HORIZON] = horizon
+    low, high, spread = m.low[plan], m.high[plan], m.spread[plan]
+    for b in range(m.parent.shape[0]):
+        low[b] = high[b] = spread[b] = 0.0
+        if m.joint_kind[b] == NO_JOINT:
+            continue
+        j = m.q_index[b]
+        up, down = m.up[plan * n + j], m.down[plan * n + j]
+        error = error_of(j, m)
+        gain = m.gain[b, 0]
+        farthest_up = gain * (error + up[SWING] + up[TRAVEL])
+        farthest_down = -gain * (error + down[SWING] + down[TRAVEL])
+        low[b] = min(farthest_up, farthest_down)
+        high[b] = max(farthest_up, farthest_down)
+        spread[b] = max(-low[b], high[b])
+
+
+@kernel
+def plan_joint(plan: int, j: int, m: Motion) -> float:
+    """Plan one joint's stop both ways.
+
+    Returns:
+        From now until it rests [s].
+    """
+    r, n = m.robot_of_joint[j], m.q.shape[0]
+    figures, robot = m.joint_figures[j], m.robot_figures[r]
+    clock = m.clock[plan * m.robot_figures.shape[0] + r]
+    up, down = m.up[plan * n + j], m.down[plan * n + j]
+    if clock[STILL] != 0.0:
+        for k in range(JOINT_STOP):
+            up[k] = down[k] = 0.0
+        return 0.0
+    least, most = figures[DECELERATION], figures[DECELERATION_MOST]
+    ramp = robot[RAMP]
+    points = m.curves.shape[1] if figures[CURVE] != 0.0 else 0
+    if clock[BRAKING] != 0.0:
+        least, most, ramp, points = figures[BRAKE_DECELERATION], inf, 0.0, 0
+    for side in range(2):
+        plan_stop(
+            m.v_high[j] if side == 0 else -m.v_low[j],
+            figures[VELOCITY],
+            figures[ACCELERATION],
+            clock[REACTION],
+            ramp,
+            clock[PASSED],
+            least,
+            most,
+            figures[SETTLE],
+            m.curves[j, :points],
+            up if side == 0 else down,
+        )
+    return float(max(up[REST], down[REST]) - clock[AGE])
+
+
+@kernel
+def error_of(j: int, m: Motion) -> float:
+    """Greatest error of a joint's position; 0 where its motion is left out."""
+    still = m.clock[m.robot_of_joint[j], STILL] != 0.0
+    return 0.0 if still else float(m.joint_figures[j, POSITION_ERROR])
+
+
+@kernel
+def write_axes(T_world: Floats, m: Motion) -> None:
+    """Write the axes of all joints where they were measured."""
+    for b in range(m.parent.shape[0]):
+        write_axis(T_world[b], m.axis[b], m.axes[b])
+
+
+@kernel
+def bound_reaches(plan: int, bodies: Ints, m: Motion) -> None:
+    """Bound the way and the speed of every moving primitive's points.
+
+    Args:
+        plan: NEXT or NOW.
+        bodies: Body of each primitive, shape (p,).
+        m: Planned stops and `speed` are read, `reach` and `rate` are written.
+    """
+    for i in range(m.reach.shape[1]):
+        chain, levers = m.joints[bodies[i]], m.levers[i]
+        way = rate = 0.0
+        for k in range(m.length[bodies[i]]):
+            way += m.spread[plan, chain[k]] * levers[k]
+            rate += m.speed[chain[k]] * levers[k]
+        m.reach[plan, i] = way
+        m.rate[i] = rate
+
+
+@kernel
+def write_axis(T: Floats, axis: Floats, out: Floats) -> None:
+    """Write a joint's axis in the world, direction and a point of it, shape (6,)."""
+    for r in range(3):
+        out[r] = (
+            T[4 * r] * axis[0] + T[4 * r + 1] * axis[1] + T[4 * r + 2] * axis[2]
+        )
+        out[r + 3] = T[4 * r + 3]
+
+
+@kernel(inline=False)
+def make_node(plan: int, node: int, m: Motion) -> None:
+    """Write a span of the stop path, unless that was done in this cycle.
+
+    Within the span each joint's position is `middle + u · way ± width` for one u in
+    [-1, 1] that is the same for all joints.
+    """
+    at = plan * NODES + node
+    if m.node_stamp[at] == m.effort[STAMP]:
+        return
+    m.node_stamp[at] = m.effort[STAMP]
+    start, end = span_of(node, m.span[HORIZON])
+    bodies = m.parent.shape[0]
+    way, width, size = m.node_way[at], m.node_width[at], m.node_size[at]
+    for j in range(m.q.shape[0]):
+        m.q_node[j] = m.q[j] + joint_span(plan, j, start, end, m)[0]
+    for b in range(bodies):
+        way[b] = width[b] = 0.0
+        if m.joint_kind[b] != NO_JOINT:
+            _, half, off = joint_span(plan, m.q_index[b], start, end, m)
+            way[b] = m.gain[b, 0] * half
+            width[b] = abs(m.gain[b, 0]) * off
+        size[b] = abs(way[b]) + width[b]
+    T = m.node_T[at * bodies : (at + 1) * bodies]
+    forward_kinematics(
+        m.q_node,
+        m.parent,
+        m.joint_kind,
+        m.q_index,
+        m.gain,
+        m.T_parent_joint,
+        m.axis,
+        T,
+    )
+    for b in range(bodies):
+        write_axis(T[b], m.axis[b], m.node_axes[at * bodies + b])
+
+
+@kernel
+def span_of(node: int, horizon: float) -> tuple[float, float]:
+    """Start and end of a node's span [s]."""
+    level = 0
+    while (2 << level) <= node:
+        level += 1
+    first = 1 << level
+    return (horizon * (node - first) / first, horizon * (node - first + 1) / first)
+
+
+@kernel
+def joint_span(
+    plan: int, j: int, start: float, end: float, m: Motion
+) -> tuple[float, float, float]:
+    """A joint's positions over a span of time, relative to the measured one.
+
+    Args:
+        plan: NEXT or NOW.
+        j: The joint.
+        start: Start of the span, from now on [s].
+        end: Its end [s].
+        m: Planned stops.
+
+    Returns:
+        Middle of the straight line from the middle position at the start to that at
+        the end; half of its length, signed; how far a position may be off it [rad].
+    """
+    n, robots = m.q.shape[0], m.robot_figures.shape[0]
+    up, down = m.up[plan * n + j], m.down[plan * n + j]
+    age = m.clock[plan * robots + m.robot_of_joint[j], AGE]
+    start += age
+    end += age
+    high_0, high_1 = farthest(start, up), farthest(end, up)
+    low_0, low_1 = -farthest(start, down), -farthest(end, down)
+    first, last = 0.5 * (high_0 + low_0), 0.5 * (high_1 + low_1)
+    off = 0.5 * max(high_0 - low_0, high_1 - low_1)
+    # A curve is off its chord by no more than an eighth of its second derivative
+    # times the square of the span; and one that only rises by no more than it rises.
+    eighth = 0.125 * (end - start) * (end - start)
+    bow_up = min(curve_bow(up) * eighth, abs(high_1 - high_0))
+    bow_down = min(curve_bow(down) * eighth, abs(low_1 - low_0))
+    swing = max(up[SWING], down[SWING])
+    off += max(bow_up, bow_down) + swing + error_of(j, m)
+    return (0.5 * (first + last), 0.5 * (last - first), off)
+
+
+@kernel
+def curve_bow(stop: Floats) -> float:
+    """Bound on the second derivative of one side of a stop [rad/s²]."""
+    if stop[V_BACK] > 0.0 and stop[BACK] == inf:
+        return 0.0
+    return float(stop[BOW])
+
