@@ -9,7 +9,7 @@ from arms import simple_arm
 
 
 def log_of(angles):
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")
     for name, y in (("up", 0.5), ("down", -0.5)):
         scene.add(Sphere(radius=0.1), name=name, pose=Pose(xyz=(0.5, y, 0.2)))

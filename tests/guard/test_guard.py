@@ -31,7 +31,7 @@ def test_far_away_is_clear():
 
 
 def test_within_the_margin_is_caution_and_within_the_buffer_a_stop():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.5, 0.5, 0.2)))
     guard = Guard(scene)
@@ -52,7 +52,7 @@ def test_within_the_margin_is_caution_and_within_the_buffer_a_stop():
 
 
 def test_the_nearest_pair_has_names_points_and_words():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.5, 0.16, 0.2)))
     near = Guard(scene).step(np.zeros(1)).nearest
@@ -65,7 +65,7 @@ def test_the_nearest_pair_has_names_points_and_words():
 
 
 def test_a_buffer_of_its_own_and_a_pair_rule():
-    scene = Scene(buffer=0.01)
+    scene = Scene(mode="fixed", buffer=0.01)
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm", buffer=0.02)
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.5, 0.155, 0.2)))
     scene.add(Sphere(radius=0.1), name="other", pose=Pose(xyz=(0.8, 0.155, 0.2)))
@@ -78,7 +78,7 @@ def test_a_buffer_of_its_own_and_a_pair_rule():
 
 
 def test_an_allowed_pair_is_not_checked():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.5, 0.15, 0.2)))
     scene.allow("arm/link1", "ball", reason="the ball is soft")
@@ -86,7 +86,7 @@ def test_an_allowed_pair_is_not_checked():
 
 
 def test_an_attached_object_rides_on_its_link():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")
     scene.add(
         Sphere(radius=0.05),
@@ -213,7 +213,7 @@ def test_a_scene_without_a_robot_is_refused():
 
 
 def test_a_verdict_is_a_snapshot():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.5, 0.155, 0.2)))
     guard = Guard(scene)
@@ -228,7 +228,7 @@ def test_more_near_pairs_than_there_is_room_for_is_a_stop(monkeypatch):
     import armguard.guard.guard as module
 
     monkeypatch.setattr(module, "NEAR_CAPACITY", 3)
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")
     for k in range(8):
         at = (0.3 + 0.08 * k, 0.12, 0.2)
@@ -339,7 +339,7 @@ def test_the_bay_has_the_papers_numbers():
 
 
 def test_two_boxes_of_one_object_are_not_checked_against_each_other():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(), name="arm")
     block = Box(half_extents=(0.1, 0.1, 0.1))
     scene.add([block, block], name="pile", pose=Pose(xyz=(0, -1.5, 0)))

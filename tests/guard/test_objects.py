@@ -16,7 +16,7 @@ MESH = ([(0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), (0.3, 0.3, 0.1)], [(0, 1, 2), (1, 
 
 def workshop(kind="octree", poses=None):
     """An arm and six objects; those without a pose are not present."""
-    scene = Scene(index=IndexSettings(kind=kind))
+    scene = Scene(mode="fixed", index=IndexSettings(kind=kind))
     scene.add_robot(simple_arm(joints=3), name="arm")
     for name, shapes in {
         "ball": Sphere(radius=0.1),

@@ -12,7 +12,7 @@ from arms import simple_arm
 def crowded_scene():
     """An arm among forty shapes that only the convex solver can measure."""
     rng = np.random.default_rng(3)
-    scene = Scene(margin=0.04)
+    scene = Scene(mode="fixed", margin=0.04)
     scene.add_robot(simple_arm(joints=3), name="arm")
     corners = rng.uniform(-0.08, 0.08, (12, 3))
     shapes = (

@@ -16,7 +16,7 @@ from arms import link_pose
 
 @pytest.fixture(scope="module")
 def scene():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot("panda", name="left", base=Pose(xyz=(0, 0.3, 0)))
     scene.add_robot("panda", name="right", base=Pose(xyz=(0, -0.3, 0)))
     return scene

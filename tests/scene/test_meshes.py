@@ -22,7 +22,7 @@ POSE = Pose(xyz=(2, 0.5, -1), rpy=(0.3, -0.2, 1.0))
 
 
 def arm_scene():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(FOLDER / "bay_arm.urdf", name="arm")
     return scene
 
@@ -86,7 +86,7 @@ def test_each_triangle_is_an_owner_of_its_own():
 def test_a_mesh_may_be_part_of_a_union(tmp_path):
     write_stl(tmp_path / "ramp.stl", np.array(VERTICES)[np.array(FACES)])
     (tmp_path / "scene.yaml").write_text(
-        f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}}}\n"
+        f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}, mode: fixed}}\n"
         "objects:\n  both:\n    at: {xyz: [3, 0, 0]}\n    union:\n"
         "      - {sphere: {radius: 0.1}}\n"
         "      - {mesh: {file: ramp.stl, scale: 0.5}, at: {xyz: [0, 0, 1]}}\n"
@@ -121,7 +121,7 @@ def test_files_are_read(tmp_path, suffix):
         path.write_text(trimesh.exchange.stl.export_stl_ascii(box))
     else:
         box.export(path)
-    scene = Scene()
+    scene = Scene(mode="fixed")
     thing = scene.add_mesh(path, name="box", scale=(2, 1, -1))
     (surface,) = thing.surfaces
     assert len(surface) == 12
@@ -134,7 +134,7 @@ def test_a_mesh_keeps_its_distance_like_the_solid_it_bounds():
     at = Pose(xyz=(0.95, 0.0, 0.5), rpy=(0.1, 0.2, 0.3))
     nearest = []
     for form in ("triangles", "hull"):
-        scene = Scene(margin=1.0)
+        scene = Scene(mode="fixed", margin=1.0)
         scene.add_robot(FOLDER / "bay_arm.urdf", name="arm")
         scene.add_mesh((box.vertices, box.faces), name="box", form=form, pose=at)
         verdict = Guard(scene).home_verdict
@@ -319,7 +319,7 @@ def test_triangles_do_not_ride_on_links(tmp_path):
     assert thing.attached_to == "arm/link7"
     write_stl(tmp_path / "tool.stl", np.ones((1, 3, 3)))
     (tmp_path / "scene.yaml").write_text(
-        f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}}}\nobjects:\n"
+        f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}, mode: fixed}}\nobjects:\n"
         "  tool: {mesh: {file: tool.stl}, attached_to: arm/link7}\n"
     )
     with pytest.raises(SceneError) as caught:

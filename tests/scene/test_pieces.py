@@ -142,7 +142,7 @@ def test_scene_files_name_pieces(tmp_path):
     vertices, faces = angle()
     trimesh.Trimesh(vertices, faces).export(tmp_path / "angle.stl")
     (tmp_path / "scene.yaml").write_text(
-        f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}}}\nobjects:\n"
+        f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}, mode: fixed}}\nobjects:\n"
         "  angle:\n    mesh: {file: angle.stl, as: pieces, concavity: 0.1, "
         "rounding: 0.01}\n    at: {xyz: [3, 0, 0]}\n"
         "  whole:\n    hull: {mesh: angle.stl, scale: 0.5}\n"

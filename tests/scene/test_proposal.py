@@ -6,7 +6,7 @@ from armguard.scene.proposal import propose_allowed
 
 
 def test_pairs_of_one_robot_are_proposed_and_nothing_changes():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot("ur5", name="arm")
     before = len(allowed_pairs(scene))
     tables = compile_scene(scene)

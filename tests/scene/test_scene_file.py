@@ -20,7 +20,7 @@ buffers:
   - {a: left, b: right, buffer: 0.061}
 """
 
-ARM = f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}}}\n"
+ARM = f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}, mode: fixed}}\n"
 
 
 def write(tmp_path, text):
@@ -197,7 +197,7 @@ def bay_robot(scene, name="arm"):
 
 
 def test_names_are_checked_where_they_enter():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     bay_robot(scene)
     for name in ("", "a/b", " a"):
         with pytest.raises(SceneError, match="is no name"):
@@ -215,7 +215,7 @@ def test_names_are_checked_where_they_enter():
 
 
 def test_removing_an_object_removes_its_rules():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     bay_robot(scene)
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(2, 0, 0)))
     scene.allow("ball", "arm/link7", reason="soft")
@@ -226,7 +226,7 @@ def test_removing_an_object_removes_its_rules():
 
 
 def test_rules_name_their_source():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot("panda", name="p")
     rules = {frozenset((r.body_a, r.body_b)): r.source for r in allowed_pairs(scene)}
     assert rules[frozenset(("p/panda_link1", "p/panda_link2"))] in ("adjacent", "srdf")
@@ -256,7 +256,7 @@ def test_the_cube_grows_to_hold_what_stands_outside(tmp_path):
 
 
 def test_many_like_fixtures_share_a_rule_group():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     bay_robot(scene)
     for k in range(50):
         scene.add(Sphere(radius=0.1), name=f"s{k}", pose=Pose(xyz=(3, 0.3 * k, 0)))

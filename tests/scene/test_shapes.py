@@ -28,7 +28,7 @@ needs_public = pytest.mark.skipif(
     not PUBLIC.is_dir(), reason="the public planning scenes are not here"
 )
 
-ARM = f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}}}\n"
+ARM = f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}, mode: fixed}}\n"
 
 CORNERS = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
 
@@ -195,7 +195,7 @@ def test_any_size_is_legal(size):
         Hull(points=corners, rounding=s),
         HalfSpace(rounding=s),
     ]
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(FOLDER / "bay_arm.urdf", name="arm")
     scene.add(shapes, name="all", pose=Pose(xyz=(4 * s, 0, 0)))
     scene.add_mesh((corners, np.array([[0, 1, 2], [0, 1, 3]])), name="mesh")
@@ -217,7 +217,7 @@ def test_a_hull_of_few_points_is_legal(tmp_path, count):
 
 
 def test_tables_keep_what_their_rows_lead_to():
-    scene = Scene()
+    scene = Scene(mode="fixed")
     scene.add_robot(FOLDER / "bay_arm.urdf", name="arm")
     hull = Hull(points=CORNERS)
     scene.add([hull, Sphere(radius=1)], name="thing", pose=Pose(xyz=(5, 0, 0)))

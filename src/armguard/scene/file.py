@@ -11,7 +11,7 @@ from armguard.scene.file_models import ObjectModel, RobotEntry, SceneModel
 from armguard.scene.file_parts import object_parts, pose_of, triple
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
-from armguard.scene.scene import PAPER_BUFFER, Scene
+from armguard.scene.scene import Scene
 from armguard.scene.settings import CubeSettings, IndexSettings
 from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
 
@@ -135,7 +135,10 @@ def build_scene(
     """Build a scene; errors of its parts get the line of their key."""
     cube = model.index.cube
     scene = Scene(
-        buffer=PAPER_BUFFER if model.buffer is None else model.buffer,
+        mode=model.mode,
+        period=model.cycle.period,
+        late=model.cycle.late,
+        buffer=model.buffer,
         margin=model.margin,
         index=IndexSettings(
             kind=model.index.kind,
@@ -196,6 +199,8 @@ def add_object(
         attached_to=entry.attached_to,
         buffer=entry.buffer,
         present=entry.present,
+        top_speed=entry.top_speed,
+        person=entry.person,
     )
 
 
@@ -217,6 +222,7 @@ def add_robot(
         srdf=None if entry.srdf is None else folder / entry.srdf,
         packages={key: folder / value for key, value in entry.packages.items()},
         buffer=entry.buffer,
+        mode=entry.mode,
         fit_target=entry.fit_target,
         max_primitives=entry.max_primitives,
         home=entry.home,

@@ -14,6 +14,7 @@ from armguard.scene.file_numbers import (
     Triple,
 )
 from armguard.scene.file_shapes import SHAPE_KEYS, ShapeKeys
+from armguard.scene.settings import Mode
 
 # More than two turns is no orientation anyone writes in radians [rad].
 LOOKS_LIKE_DEGREES = 4 * pi
@@ -66,6 +67,8 @@ class ObjectModel(ShapeKeys):
     attached_to: str | None = None
     buffer: NotNegative | None = None
     present: bool = True
+    top_speed: NotNegative = 0.0
+    person: bool = False
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
@@ -88,6 +91,7 @@ class RobotEntry(Strict):
     srdf: str | None = None
     base: PoseModel = PoseModel()
     buffer: NotNegative | None = None
+    mode: Mode | None = None
     fit_target: Positive = 0.030
     max_primitives: Annotated[int, Field(ge=1, le=64)] = 8
     home: dict[str, Number] = Field(default={})
@@ -126,11 +130,20 @@ class IndexModel(Strict):
     cube: CubeModel | None = None
 
 
+class CycleModel(Strict):
+    """When the guard is called."""
+
+    period: Positive = 0.001
+    late: NotNegative = 0.0
+
+
 class SceneModel(Strict):
     """The whole file."""
 
     robots: Annotated[dict[str, RobotEntry], Field(min_length=1)]
     objects: dict[str, ObjectModel] = Field(default={})
+    mode: Mode = "path"
+    cycle: CycleModel = CycleModel()
     buffer: NotNegative | None = None
     margin: NotNegative | None = None
     allow: list[AllowEntry] = Field(default=[])

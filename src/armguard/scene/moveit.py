@@ -37,7 +37,8 @@ def build_moveit_scene(
 ) -> Scene:
     """A scene of one robot, named as the file names its model.
 
-    The allowed collision matrix becomes allowances with the file as their reason.
+    The allowed collision matrix becomes allowances with the file as their reason. The
+    mode is "fixed": the file says nothing of how its robot stops.
 
     Args:
         source: The file.
@@ -50,7 +51,7 @@ def build_moveit_scene(
     """
     values = source.values
     name = str(values.get("robot_model_name") or "robot")
-    scene = Scene()
+    scene = Scene(mode="fixed")
     try:
         model = scene.add_robot(
             name if robot is None else robot, name=name, progress=progress

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,11 @@ from armguard.robot.fitting import fit_robot
 from armguard.robot.limits import home_configuration
 from armguard.robot.model import FittedLink, RobotModel
 from armguard.robot.named import find_named_robot
+from armguard.robot.stopping import (
+    StoppingFigures,
+    declared_figures,
+    named_figures,
+)
 from armguard.robot.urdf import load_urdf
 from armguard.scene.meshes import (
     MAX_TRIANGLES,
@@ -25,10 +31,13 @@ from armguard.scene.meshes import (
     Surface,
     mesh_parts,
 )
-from armguard.scene.settings import IndexSettings
+from armguard.scene.settings import MODES, IndexSettings, Mode
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
 PAPER_BUFFER = 0.03048
+
+# What stays to be kept where stopping figures make the buffer, at rest too [m].
+FLOOR = 0.005
 
 # Pairs are reported from this far beyond the largest buffer on, unless the scene says
 # otherwise: the operator sees a pair before it stops the arm [m].
@@ -50,6 +59,8 @@ class SceneRobot:
         home: Home position of each joint [rad or m].
         buffer: Distance its links must keep; None for the scene's [m].
         fit_target: Overreach the fit was asked for [m].
+        mode: How the distance it must keep is made.
+        stopping: How it stops; None if nobody said, which only the mode "fixed" bears.
     """
 
     name: str
@@ -59,6 +70,8 @@ class SceneRobot:
     home: Mapping[str, float]
     buffer: float | None
     fit_target: float
+    mode: Mode
+    stopping: StoppingFigures | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +86,8 @@ class SceneObject:
         attached_to: 'robot/link' it rides on, None if it stands still.
         buffer: Distance it must keep; None for the scene's [m].
         present: Whether it is there when a guard starts.
+        top_speed: Greatest speed of any of its points; 0 if it stands still [m/s].
+        person: Whether it is a person.
     """
 
     name: str
@@ -82,6 +97,8 @@ class SceneObject:
     attached_to: str | None
     buffer: float | None
     present: bool = True
+    top_speed: float = 0.0
+    person: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,14 +123,21 @@ class Scene:
     which something moves is checked, unless a rule says otherwise, with a reason.
 
     Args:
-        buffer: Distance every pair must keep beyond the modelled surfaces [m]; the
-            paper's 1.2 in by default.
+        mode: How the distance a robot must keep is made: "path", from its stopping
+            figures and from where it may go while it stops; "speed", from its figures
+            and its speed; "fixed", the number `buffer`.
+        period: Time from one cycle to the next [s].
+        late: How much later than that a cycle may come [s].
+        buffer: Distance every pair must keep beyond the modelled surfaces, in "path"
+            and "speed" beside what the figures ask for [m]. By default 5 mm for robots
+            of these modes, the paper's 1.2 in for those of "fixed".
         margin: Signed distance up to which pairs are reported [m]; by default 20 mm
             more than the largest buffer.
         index: How near pairs are found.
 
     Raises:
-        SceneError: A distance is negative or not finite.
+        SceneError: A distance or a time is negative or not finite, or the mode is
+            none.
 
     Example:
         >>> from armguard import Box, Pose, Scene
@@ -130,11 +154,19 @@ class Scene:
     def __init__(
         self,
         *,
-        buffer: float = PAPER_BUFFER,
+        mode: Mode = "path",
+        period: float = 0.001,
+        late: float = 0.0,
+        buffer: float | None = None,
         margin: float | None = None,
         index: IndexSettings | None = None,
     ) -> None:
-        self.buffer = check_distance("buffer", buffer)
+        self.mode = check_mode("mode", mode)
+        self.period = check_time("period", period)
+        if period == 0.0:
+            raise SceneError("period is 0 s; it must be > 0")
+        self.late = check_time("late", late)
+        self.buffer = None if buffer is None else check_distance("buffer", buffer)
         self._margin = None if margin is None else check_distance("margin", margin)
         self.index = IndexSettings() if index is None else index
         self._robots: dict[str, SceneRobot] = {}
@@ -157,11 +189,10 @@ class Scene:
     def largest_buffer(self) -> float:
         """Largest distance any pair must keep [m]."""
         own = [
-            *(robot.buffer for robot in self._robots.values()),
-            *(thing.buffer for thing in self._objects.values()),
+            *(self._robot_buffer(robot) for robot in self._robots.values()),
+            *(self._object_buffer(thing) for thing in self._objects.values()),
         ]
-        given = [buffer for buffer in own if buffer is not None]
-        return max([self.buffer, *given, *self.pair_buffers.values()])
+        return max([self._mode_buffer(self.mode), *own, *self.pair_buffers.values()])
 
     @property
     def margin(self) -> float:
@@ -209,6 +240,8 @@ class Scene:
         srdf: str | Path | None = None,
         packages: Mapping[str, Path] | None = None,
         buffer: float | None = None,
+        mode: Mode | None = None,
+        stopping: StoppingFigures | Mapping[str, Any] | None = None,
         fit_target: float = 0.030,
         max_primitives: int = 8,
         home: Mapping[str, float] | None = None,
@@ -218,12 +251,15 @@ class Scene:
 
         Args:
             urdf: A URDF file, a model, or the name of a robot such as "panda", which
-                brings its SRDF.
+                brings its SRDF and its stopping figures.
             name: Its name in the scene.
             base: Its root frame in the world.
             srdf: Its SRDF file.
             packages: Folders of `package://` names.
             buffer: Distance its links must keep; the scene's if None [m].
+            mode: How the distance it must keep is made; the scene's mode if None.
+            stopping: How it stops: figures, or what `stopping_figures` takes. Of a
+                robot by name, what is not given is taken from its own figures.
             fit_target: Overreach the fitted primitives should stay below [m].
             max_primitives: Primitives a link may be given for that.
             home: Home positions by joint name; see `home_configuration` for the rest.
@@ -233,6 +269,7 @@ class Scene:
         Raises:
             SceneError: The name is taken or no name.
             ModelError: The robot cannot be guarded as it is written.
+            FiguresError: A figure cannot be true.
         """
         self._check_name(name)
         if not (isfinite(fit_target) and fit_target > 0.0):
@@ -241,7 +278,14 @@ class Scene:
             )
         if buffer is not None:
             check_distance(f"robot '{name}': buffer", buffer)
-        model, home = self._load(urdf, srdf, packages, home)
+        if mode is not None:
+            check_mode(f"robot '{name}': mode", mode)
+        model, home, known = self._load(urdf, srdf, packages, home)
+        if not isinstance(stopping, StoppingFigures):
+            own = None if known is None else named_figures(known, model)
+            stopping = (
+                own if stopping is None else declared_figures(model, stopping, own)
+            )
         at_home = home_configuration(model, home)
         fits = fit_robot(
             model,
@@ -257,6 +301,8 @@ class Scene:
             home=at_home,
             buffer=buffer,
             fit_target=fit_target,
+            mode=self.mode if mode is None else mode,
+            stopping=stopping,
         )
         self._robots[name] = robot
         self.notes += [f"robot '{name}': {note}" for note in model.notes]
@@ -271,6 +317,8 @@ class Scene:
         attached_to: str | None = None,
         buffer: float | None = None,
         present: bool = True,
+        top_speed: float = 0.0,
+        person: bool = False,
     ) -> SceneObject:
         """Add an object.
 
@@ -282,10 +330,14 @@ class Scene:
             buffer: Distance it must keep; the scene's if None [m].
             present: Whether it is there when a guard starts; `Guard.place` puts it
                 there later.
+            top_speed: Greatest speed of any of its points, if somebody or something
+                else may move it [m/s].
+            person: Whether it is a person.
 
         Raises:
             SceneError: The name is taken or no name, there is no shape, a surface is
-                to ride on a link, or what rides on one is not present.
+                to ride on a link, what rides on one is not present, has a speed of its
+                own or is a person, or the speed is negative or not finite.
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
@@ -304,6 +356,16 @@ class Scene:
                     f"object '{name}' rides on '{attached_to}' and is not present; "
                     "only what stands still can come later"
                 )
+            if top_speed != 0.0 or person:
+                raise SceneError(
+                    f"object '{name}' rides on '{attached_to}' and has a top_speed or "
+                    "is a person; it moves as its link does, leave them out"
+                )
+        if not (isfinite(top_speed) and top_speed >= 0.0):
+            raise SceneError(
+                f"object '{name}': top_speed is {top_speed} m/s; it must be finite and "
+                ">= 0"
+            )
         thing = SceneObject(
             name=name,
             shapes=tuple(
@@ -316,6 +378,8 @@ class Scene:
             attached_to=attached_to,
             buffer=buffer,
             present=present,
+            top_speed=top_speed,
+            person=person,
         )
         self._objects[name] = thing
         return thing
@@ -332,6 +396,8 @@ class Scene:
         rounding: float = 0.0,
         buffer: float | None = None,
         present: bool = True,
+        top_speed: float = 0.0,
+        person: bool = False,
         max_triangles: int = MAX_TRIANGLES,
         progress: Progress | None = None,
     ) -> SceneObject:
@@ -349,6 +415,8 @@ class Scene:
             rounding: Growth outwards on all sides [m].
             buffer: Distance it must keep; the scene's if None [m].
             present: Whether it is there when a guard starts.
+            top_speed: Greatest speed of any of its points [m/s].
+            person: Whether it is a person.
             max_triangles: More than this many are refused.
             progress: Called with what is done, its number and their count, if it
                 takes long.
@@ -385,6 +453,8 @@ class Scene:
             attached_to=attached_to,
             buffer=buffer,
             present=present,
+            top_speed=top_speed,
+            person=person,
         )
 
     def remove(self, name: str) -> None:
@@ -455,24 +525,50 @@ class Scene:
                     self.pair_buffers[x, y] = value
 
     def buffer_of(self, body: str) -> float:
-        """Distance a body must keep where no pair rule says otherwise [m]."""
-        own = (
-            self._objects[body].buffer
-            if body in self._objects
-            else self._robots[body.split("/", 1)[0]].buffer
+        """Distance a body must keep where no pair rule says otherwise [m].
+
+        Its own, else the scene's, else that of its robot's mode; of an object the
+        smaller as soon as one robot is not "fixed", since the larger of a pair counts.
+        """
+        if body in self._objects:
+            return self._object_buffer(self._objects[body])
+        return self._robot_buffer(self._robots[body.split("/", 1)[0]])
+
+    def _robot_buffer(self, robot: SceneRobot) -> float:
+        if robot.buffer is not None:
+            return robot.buffer
+        return self._mode_buffer(robot.mode)
+
+    def _object_buffer(self, thing: SceneObject) -> float:
+        if thing.buffer is not None:
+            return thing.buffer
+        near = (
+            list(self._robots.values())
+            if thing.attached_to is None
+            else [self._robots[thing.attached_to.split("/", 1)[0]]]
         )
-        return self.buffer if own is None else own
+        modes = {robot.mode for robot in near} or {self.mode}
+        return min(map(self._mode_buffer, modes))
+
+    def _mode_buffer(self, mode: Mode) -> float:
+        if self.buffer is not None:
+            return self.buffer
+        return PAPER_BUFFER if mode == "fixed" else FLOOR
 
     def validate(self) -> None:
         """Check what only the whole scene can tell.
 
         Raises:
-            SceneError: There is no robot, or a buffer exceeds the margin.
+            SceneError: There is no robot, a robot has no stopping figures, or a
+                buffer exceeds the margin.
         """
         if not self._robots:
             raise SceneError("the scene has no robot; add one with `add_robot`")
         if not self.q_names:
             raise SceneError("no robot of the scene has a joint that moves")
+        for robot in self._robots.values():
+            if robot.mode != "fixed" and robot.stopping is None:
+                raise SceneError(no_figures(robot.name, robot.mode))
         if self.largest_buffer > self.margin:
             raise SceneError(
                 f"a buffer of {self.largest_buffer * 1e3:.1f} mm is larger than the "
@@ -486,15 +582,16 @@ class Scene:
         srdf: str | Path | None,
         packages: Mapping[str, Path] | None,
         home: Mapping[str, float] | None,
-    ) -> tuple[RobotModel, Mapping[str, float] | None]:
+    ) -> tuple[RobotModel, Mapping[str, float] | None, str | None]:
         if isinstance(urdf, RobotModel):
-            return urdf, home
-        path = Path(urdf)
+            return urdf, home, None
+        path, known = Path(urdf), None
         if not path.exists() and path.suffix == "" and len(path.parts) == 1:
-            named = find_named_robot(str(urdf))
+            known = str(urdf)
+            named = find_named_robot(known)
             path, srdf = named.urdf, named.srdf if srdf is None else srdf
             home = {**named.home, **(home or {})}
-        return load_urdf(path, srdf=srdf, packages=packages), home
+        return load_urdf(path, srdf=srdf, packages=packages), home, known
 
     def _check_name(self, name: str) -> None:
         if not name or "/" in name or name != name.strip():
@@ -531,6 +628,15 @@ def fitting(progress: Progress) -> Progress:
     return lambda link, number, count: progress(f"fitting {link}", number, count)
 
 
+def no_figures(name: str, mode: Mode) -> str:
+    """Why a robot cannot be guarded in a mode, and what can be done."""
+    return (
+        f"robot '{name}' is in mode '{mode}' and nobody said how it stops; give it "
+        "`stopping: {deceleration: ...}` (least deceleration of a controlled stop "
+        "[rad/s² or m/s²], see docs/stopping.md), or set `mode: fixed`"
+    )
+
+
 def riding_surface(name: str, link: str) -> str:
     """Why triangles cannot be attached, and what can."""
     return (
@@ -548,3 +654,25 @@ def check_distance(what: str, value: float) -> float:
     if not (isfinite(value) and value >= 0.0):
         raise SceneError(f"{what} is {value} m; it must be finite and >= 0")
     return float(value)
+
+
+def check_time(what: str, value: float) -> float:
+    """Return a time that is finite and not negative.
+
+    Raises:
+        SceneError: It is not.
+    """
+    if not (isfinite(value) and value >= 0.0):
+        raise SceneError(f"{what} is {value} s; it must be finite and >= 0")
+    return float(value)
+
+
+def check_mode(what: str, mode: Mode) -> Mode:
+    """Return a mode that exists.
+
+    Raises:
+        SceneError: It does not.
+    """
+    if mode not in MODES:
+        raise SceneError(f"{what} is {mode!r}; it must be one of {', '.join(MODES)}")
+    return mode

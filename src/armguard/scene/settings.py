@@ -1,7 +1,12 @@
-"""How near pairs are found: settings of the index."""
+"""Settings of a scene: how the buffer is made, how near pairs are found."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
+
+# How the distance a robot must keep is made: a number; from its stopping figures and
+# its speed; from these and from where it may go while it stops.
+Mode = Literal["fixed", "speed", "path"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +129,7 @@ def stopping_figures(
         FiguresError: A figure is missing, or cannot be true.
     """
     names = model.q_names
-    vector = {
+    vector: dict[str, Any] = {
         "deceleration": per_joint("deceleration", deceleration, names),
         "deceleration_most": per_joint("deceleration_most", deceleration_most, names),
         "settle": per_joint("settle", settle, names),
@@ -158,7 +159,7 @@ def stopping_figures(
     for table in tables or {}:
         if table not in names:
             raise FiguresError(f"there is a stopping table for '{table}', no joint")
-    scalar = {
+    scalar: dict[str, Any] = {
         "ramp": ramp,
         "settle_time": settle_time,
         "brake_delay": brake_delay,
