@@ -1,12 +1,18 @@
 """The guard: joint positions in, a verdict out, every cycle."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from time import perf_counter_ns
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import HomeContactError, UnknownNameError, did_you_mean
+from armguard.errors import (
+    HomeContactError,
+    SceneError,
+    UnknownNameError,
+    did_you_mean,
+)
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
 from armguard.geometry.pose import Pose, check_transform
@@ -20,16 +26,21 @@ from armguard.guard.objects import stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.verdict import Names, NearPair, Verdict
+from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, watch_of
 from armguard.guard.workspace import (
     BRUTE_FORCE,
+    FIRST_ROW,
+    GUARDED,
     INDEX_KIND,
     MOVING_COUNT,
     OCTREE,
+    SETTINGS,
     Workspace,
     ledger_of,
 )
 from armguard.index import BruteForce, Octree, World
 from armguard.kernel import kernel
+from armguard.motion import motion_of
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
@@ -44,6 +55,17 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 FLOAT64 = np.dtype(np.float64)
+
+# What `reset` puts back.
+FORGOTTEN = (
+    "last",
+    "last_stamp",
+    "sample_count",
+    "phase",
+    "rested",
+    "level",
+    "disproved",
+)
 
 
 class Guard:
@@ -60,6 +82,8 @@ class Guard:
 
     Args:
         scene: What to guard.
+        budget: Spans of a stop path a cycle may test for all pairs together, at about
+            half a microsecond each; when they are used up, the arms stop.
         progress: Called with one sentence before anything that takes long.
         clock: Clock in nanoseconds that measures `Verdict.cycle_time`; no decision
             depends on it.
@@ -79,6 +103,7 @@ class Guard:
         self,
         scene: Scene,
         *,
+        budget: int = 512,
         progress: Callable[[str], None] | None = None,
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
@@ -86,9 +111,10 @@ class Guard:
         self._memory = np.zeros(MEMORY, dtype=np.int64)
         self._last_stamp = -np.inf
         self._clock = clock
+        self._budget = budget
         compile_ahead(progress)
         self._prepare(self.tables)
-        self.home_verdict = self.step(self.tables.home)
+        self.home_verdict = self.judge_at_rest(self.tables.home)
         contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
         if contacts:
             raise HomeContactError(home_sentence(contacts), contacts)
@@ -121,38 +147,142 @@ class Guard:
             )
         return np.array([positions[name] for name in self.q_names], dtype=np.float64)
 
-    def step(self, q: ArrayLike, stamp: float | None = None) -> Verdict:
-        """Judge one joint configuration. Never raises.
+    def step(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float] | None = None,
+        *,
+        velocity: ArrayLike | None = None,
+        now: float | None = None,
+    ) -> Verdict:
+        """Judge the joint positions of a cycle. Never raises.
 
         Args:
             q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
-            stamp: Time of the measurement [s]; must not go back.
+            stamp: When they were measured [s], for all robots or by robot name; on
+                any clock, the same for all. Where every robot's mode is "fixed" it may
+                be left out.
+            velocity: Joint velocities that were measured with them, shape (n,)
+                [rad/s or m/s]; if left out they are estimated from the stamps.
+            now: Time of this cycle on the same clock [s]; if left out the newest
+                stamp, and measurements count as late as they may be.
 
         Returns:
             The verdict; a snapshot that later cycles do not change.
         """
         start = self._clock()
-        fault = ""
-        if stamp is not None:
-            fault = self._judge_stamp(stamp)
-        if fault:
-            data = self._fault_answer(Reason.TIME_BACKWARDS)
-        else:
-            if not (
-                type(q) is np.ndarray
-                and q.dtype is FLOAT64
-                and q.shape == self._shape
-                and q.flags.carray
-            ):
-                q, fault = self._convert(q)
+        data, fault = self._judge(q, stamp, velocity, now)
+        told = stamp if now is None else now
+        if isinstance(told, Mapping):
+            told = None
+        elapsed = (self._clock() - start) * 1e-9
+        return Verdict(data, self._names, told, elapsed, fault)
+
+    def judge_at_rest(self, q: ArrayLike) -> Verdict:
+        """Judge a configuration as if nothing moved in it. Never raises.
+
+        For poses that are only thought of: whether each pair keeps its buffer there.
+        What is remembered of the loop does not change, and no stop is ordered.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
+        """
+        start = self._clock()
+        guarded = self._settings[GUARDED]
+        self._settings[GUARDED] = 0
+        try:
+            array, fault = self._as_positions(q)
             if fault:
                 data = self._fault_answer(Reason.WRONG_INPUT)
             else:
-                used = run_cycle(q, self._lines)
+                used = run_cycle(array, self._lines)
                 data = self._out[:used].copy()
-        return Verdict(data, self._names, stamp, (self._clock() - start) * 1e-9, fault)
+        finally:
+            self._settings[GUARDED] = guarded
+        if guarded:
+            self._memory[FORCE] = 1
+        return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
-    def place(self, name: str, pose: Pose | ArrayLike) -> None:
+    def _judge(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float] | None,
+        velocity: ArrayLike | None,
+        now: float | None,
+    ) -> tuple[NDArray[np.float64], str]:
+        """The numbers of a cycle, and in words what was wrong with its input."""
+        if self._settings[GUARDED]:
+            fault = self._take_times(stamp, now) or self._take_velocity(velocity)
+        else:
+            fault = "" if stamp is None else self._judge_stamp(stamp)
+            if fault:
+                return self._fault_answer(Reason.TIME_BACKWARDS), fault
+        if not fault:
+            q, fault = self._as_positions(q)
+        if fault:
+            # Numbers nobody may take for positions: the cycle refuses and stops.
+            q = self._nowhere if self._settings[GUARDED] else None
+            if q is None:
+                return self._fault_answer(Reason.WRONG_INPUT), fault
+        used = run_cycle(q, self._lines)
+        data = self._out[:used].copy()
+        if fault:
+            data[layout.REASON] = Reason.WRONG_INPUT
+            data[layout.JOINT] = -1.0
+        return data, fault
+
+    def _as_positions(self, q: ArrayLike) -> tuple[NDArray[np.float64], str]:
+        """`q` as the array the kernel takes, and in words what it is instead."""
+        if (
+            type(q) is np.ndarray
+            and q.dtype is FLOAT64
+            and q.shape == self._shape
+            and q.flags.carray
+        ):
+            return q, ""
+        return self._convert("q", q)
+
+    def _take_times(
+        self, stamp: float | Mapping[str, float] | None, now: float | None
+    ) -> str:
+        """Hand stamps and the time of the cycle to the kernel, or say why not."""
+        watch = self._watch
+        try:
+            watch.given[NOW_TIME] = np.nan if now is None else now
+            if isinstance(stamp, Mapping):
+                for name, r in self._robot_places.items():
+                    watch.stamps[r] = stamp.get(name, np.nan)
+                unknown = [name for name in stamp if name not in self._robot_places]
+                if unknown:
+                    near = did_you_mean(str(unknown[0]), self._robot_places)
+                    return f"there is a stamp for '{unknown[0]}', no robot; {near}"
+            else:
+                watch.stamps[:] = np.nan if stamp is None else stamp
+        except (TypeError, ValueError):
+            return f"stamp is {stamp!r} and now is {now!r}; they must be numbers [s]"
+        return ""
+
+    def _take_velocity(self, velocity: ArrayLike | None) -> str:
+        """Hand velocities to the kernel, or say why not."""
+        watch = self._watch
+        if velocity is None:
+            watch.given[HAS_VELOCITY] = 0.0
+            return ""
+        if not (
+            type(velocity) is np.ndarray
+            and velocity.dtype is FLOAT64
+            and velocity.shape == self._shape
+        ):
+            velocity, fault = self._convert("velocity", velocity)
+            if fault:
+                return fault
+        watch.velocity[:] = velocity
+        watch.given[HAS_VELOCITY] = 1.0
+        return ""
+
+    def place(
+        self, name: str, pose: Pose | ArrayLike, stamp: float | None = None
+    ) -> None:
         """Put an object where it stands from now on, whether it was there or not.
 
         For between two cycles: it takes microseconds for each primitive of the object,
@@ -161,10 +291,13 @@ class Guard:
         Args:
             name: An object of the scene that is attached to nothing.
             pose: Its frame in the world, a `Pose` or a transform of shape (4, 4).
+            stamp: When it was seen there, on the clock of `step` [s]; needed for an
+                object that has a `top_speed`, which may be elsewhere since.
 
         Raises:
             UnknownNameError: There is no such object.
             PoseError: The transform is not rigid, or a number is not finite.
+            SceneError: The object moves and there is no stamp.
 
         Example:
             >>> from armguard import Guard, Pose, Sphere, bay_scene
@@ -176,6 +309,13 @@ class Guard:
         """
         thing = self._standing(name)
         T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
+        seen = self._watch.seen_at
+        if len(seen) and self._watch.top_speed[thing.first] > 0.0:
+            if stamp is None or not isfinite(stamp):
+                raise SceneError(
+                    f"object '{name}' moves: say when it was seen, not {stamp}"
+                )
+            seen[thing.first : thing.first + thing.count] = stamp
         stand_at(self.index, thing, T)
         self._world_changed()
 
@@ -189,12 +329,16 @@ class Guard:
         self._world_changed()
 
     def reset(self) -> None:
-        """Forget the last cycle and the last stamp.
+        """Forget the last cycle, the last stamps, ordered stops and broken figures.
 
-        The next verdict is the same either way; only the work is done anew.
+        Robots count as at rest. Where every mode is "fixed" the next verdict is the
+        same either way; only the work is done anew.
         """
         self._memory[FORCE] = 1
         self._last_stamp = -np.inf
+        fresh = watch_of(self.tables)
+        for name in FORGOTTEN:
+            getattr(self._watch, name)[:] = getattr(fresh, name)
 
     def _prepare(self, tables: SceneTables) -> None:
         """Allocate everything the loop will ever need."""
@@ -208,8 +352,17 @@ class Guard:
                 take_out(self.index, thing)
         self._shape = (len(tables.q_names),)
         self._memory[FORCE] = 1
-        self._out = np.zeros(layout.HEADER + capacity * layout.NEAR_WIDTH)
-        settings = np.zeros(2, dtype=np.int32)
+        guarded = any(part.mode != "fixed" for part in tables.robots)
+        first_row = layout.HEADER
+        if guarded:
+            first_row += len(tables.robots) * layout.ROBOT_WIDTH
+        self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
+        self._nowhere = np.full(self._shape, np.nan)
+        self._robot_places = {part.name: r for r, part in enumerate(tables.robots)}
+        self._watch = watch_of(tables)
+        self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
+        settings[FIRST_ROW] = first_row
+        settings[GUARDED] = guarded
         settings[MOVING_COUNT] = tables.moving_count
         brute_force = tables.index.kind == "brute_force"
         settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
@@ -245,8 +398,12 @@ class Guard:
             memo_rows=np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
             planes=np.zeros(PLANE_COUNT, dtype=np.int64),
             normals=np.zeros((PLANE_COUNT, 3)),
+            look=np.array([0.0, largest_standing_need(tables, self._watch)]),
+            look_box=np.zeros(6),
             world=world,
             octree=self.index.state,
+            motion=motion_of(tables, self._budget),
+            watch=self._watch,
         )
         self._open_ledger(workspace)
         self._names = Names(
@@ -258,6 +415,9 @@ class Guard:
             model_errors=tables.model_errors,
             exact_errors=tables.exact.errors,
             checkable_pairs=tables.checkable_pairs,
+            robots=tuple(part.name for part in tables.robots) if guarded else (),
+            first_row=first_row,
+            disproved=self._watch.disproved,
         )
 
     def _standing(self, name: str) -> Standing:
@@ -281,8 +441,10 @@ class Guard:
         self._ledger = ledger_of(workspace)
         self._lines = self._ledger.lines
 
-    def _judge_stamp(self, stamp: float) -> str:
+    def _judge_stamp(self, stamp: float | Mapping[str, float]) -> str:
         """Take the stamp over, or say why not."""
+        if isinstance(stamp, Mapping):
+            stamp = max(stamp.values(), default=self._last_stamp)
         try:
             newer = stamp >= self._last_stamp
         except (TypeError, ValueError):
@@ -295,24 +457,29 @@ class Guard:
         self._last_stamp = stamp
         return ""
 
-    def _convert(self, q: ArrayLike) -> tuple[NDArray[np.float64], str]:
-        """`q` as the array the kernel takes, or in words what it is instead."""
+    def _convert(self, what: str, q: ArrayLike) -> tuple[NDArray[np.float64], str]:
+        """Numbers as the array the kernel takes, or in words what they are instead."""
         wanted = f"it must be {self._shape[0]} numbers in the order of guard.q_names"
         try:
             array = np.array(q, dtype=np.float64)
         except Exception:  # whatever a stranger's object raises, the loop goes on
-            return self.tables.home, f"q is a {type(q).__name__}; {wanted}"
+            return self.tables.home, f"{what} is a {type(q).__name__}; {wanted}"
         if array.shape != self._shape:
-            return array, f"q has shape {array.shape}; {wanted}"
+            return array, f"{what} has shape {array.shape}; {wanted}"
         return array, ""
 
     def _fault_answer(self, reason: Reason) -> NDArray[np.float64]:
         """An answer without near pairs: the configuration was not judged."""
         data = np.zeros(layout.HEADER)
         data[layout.REASON] = reason
-        data[layout.JOINT] = -1.0
-        data[layout.NEAREST] = -1.0
+        data[[layout.JOINT, layout.NEAREST, layout.ROBOT]] = -1.0
         return data
+
+
+def largest_standing_need(tables: SceneTables, watch: Watch) -> float:
+    """More than any pair must keep for other reasons than motion [m]."""
+    errors = watch.model + watch.base
+    return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))
 
 
 def home_sentence(contacts: Sequence[NearPair]) -> str:

@@ -23,14 +23,43 @@ SPLITS = 13
 MERGES = 14
 PAIRS_REFINED = 15  # pairs of links whose exact shapes were measured
 PAIRS_APART = 16  # pairs a remembered plane proves to be beyond the margin
-HEADER = 17
+ROBOT = 17  # robot a fault is about, -1 if none
+SLACK_TIME = 18  # least time until a stop must be ordered, as far as it was looked [s]
+SPANS_TESTED = 19  # spans of time that were tested to prove pairs
+TERMS = 20  # what the nearest pair must keep, and why: TERM_COUNT numbers [m]
+TERM_COUNT = 11
+HEADER = 31
+
+# Places among the terms of the nearest pair.
+TERM_FLOOR = 0  # what the scene asks for at rest
+TERM_MODEL = 1
+TERM_BASE = 2
+TERM_OBJECT = 3  # what an object may come nearer meanwhile
+TERM_ERROR = 4  # of measured positions, both sides
+TERM_REACTION_A = 5
+TERM_STOPPING_A = 6
+TERM_REACTION_B = 7
+TERM_STOPPING_B = 8
+TERM_PATH = 9  # what the bend of the path adds, or its course saves
+TERM_NEEDED = 10  # their sum
+
+# Then a row for each robot, where one has a mode other than "fixed".
+ROBOT_LEVEL = 0
+ROBOT_PHASE = 1
+ROBOT_SCALE = 2  # speed scale in [0, 1]
+ROBOT_AGE = 3  # [s]
+ROBOT_CAUSE = 4  # Reason of its last order to stop
+ROBOT_WIDTH = 5
 
 # Places in the row of a near pair.
 FIRST = 0  # primitive index of A
 SECOND = 1  # primitive index of B
-CLEARANCE = 2  # signed distance minus buffer [m]
-BUFFER = 3  # required distance [m]
+CLEARANCE = 2  # what is left of the distance, beyond what the pair needs [m]
+BUFFER = 3  # distance to keep at all times [m]
 OUTER = 4  # signed distance of the two primitives [m]
 EXACT = 5  # signed distance of the exact shapes [m]; infinite where not measured
-WITNESS = 6  # then the witness row: distance, point_a(3), point_b(3), normal(3)
-NEAR_WIDTH = 16
+TIME_LEFT = 6  # how long the present motion may go on before a stop [s]
+TIME_TO_CONTACT = 7  # no contact before that, whatever the operators do [s]
+PROOF = 8  # how the proof of its stop ended
+WITNESS = 9  # then the witness row: distance, point_a(3), point_b(3), normal(3)
+NEAR_WIDTH = 19

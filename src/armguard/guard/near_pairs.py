@@ -9,7 +9,6 @@ from armguard.guard.layout import (
     CLEARANCE,
     EXACT,
     FIRST,
-    HEADER,
     NEAR_COUNT,
     NEAR_WIDTH,
     NEAREST,
@@ -18,23 +17,43 @@ from armguard.guard.layout import (
     PAIRS_FILTERED,
     PAIRS_KEPT,
     PAIRS_TESTED,
+    PROOF,
     REASON,
     SECOND,
+    TIME_LEFT,
+    TIME_TO_CONTACT,
     WITNESS,
 )
 from armguard.guard.levels import Reason
 from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
+from armguard.guard.observe import now_of
 from armguard.guard.planes import is_apart, remember_plane
+from armguard.guard.proofs import (
+    LOOK_AHEAD,
+    judge_motion,
+    look_distance,
+    object_speed,
+    standing_need,
+)
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
+from armguard.guard.watch import SLOW_TIME
 from armguard.guard.workspace import (
     BRUTE_FORCE,
+    FIRST_ROW,
+    GUARDED,
     INDEX_KIND,
     MOVING_COUNT,
     Workspace,
 )
-from armguard.index.octree_query import octree_candidates, present_primitives
+from armguard.index.octree_query import (
+    octree_candidates,
+    present_primitives,
+    primitives_in_box,
+)
 from armguard.kernel import kernel
+from armguard.motion.pair_proof import NEEDED, PROVEN, SPENT, UNSURE
+from armguard.motion.state import HORIZON
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -46,6 +65,11 @@ NEAR = int(Reason.NEAR)
 TOO_CLOSE = int(Reason.TOO_CLOSE)
 CAPACITY = int(Reason.CAPACITY)
 NO_DISTANCE = int(Reason.NO_DISTANCE)
+NO_PROOF = int(Reason.NO_PROOF)
+BUDGET_SPENT = int(Reason.BUDGET_SPENT)
+
+# In a scene of so few primitives it takes less time to ask all than to look for them.
+FEW = 128
 
 
 @kernel
@@ -60,6 +84,7 @@ def judge_pairs(w: Workspace) -> None:
     kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
     margin = w.margin[0]
     moved, moving_count = w.moved, w.settings[MOVING_COUNT]
+    guarded = w.settings[GUARDED] != 0
     everything = w.groups.shape[0]
     memory[CYCLE] += 1
     kept_count = memory[KEPT_COUNT]
@@ -75,22 +100,23 @@ def judge_pairs(w: Workspace) -> None:
         for c in range(wanted):
             j = candidates[c]
             count, next_kept = take_kept(
-                i, j, next_kept, kept_count, count, moved, kept, out
+                i, j, next_kept, kept_count, count, moved, kept, w
             )
-            if boxes_apart(boxes, i, j, margin):
+            look = max(margin, pair_look(i, j, w)) if guarded else margin
+            if boxes_apart(boxes, i, j, look):
                 out[PAIRS_FILTERED] += 1.0
                 continue
-            if is_apart(i, j, w):
+            if is_apart(i, j, look, w):
                 out[PAIRS_APART] += 1.0
                 continue
             out[PAIRS_TESTED] += 1.0
             if count == kept.shape[0]:
                 out[REASON] = CAPACITY
                 continue
-            place = HEADER + count * NEAR_WIDTH
+            place = row_place(count, w)
             witness = out[place + WITNESS : place + NEAR_WIDTH]
             measure(kinds[i], rows[i], kinds[j], rows[j], witness)
-            if witness[0] > margin:
+            if witness[0] > look:
                 remember_plane(i, j, w, witness)
                 continue
             required = w.buffers[w.groups[i], w.groups[j]]
@@ -99,24 +125,86 @@ def judge_pairs(w: Workspace) -> None:
             out[place + BUFFER] = required
             out[place + OUTER] = witness[0]
             out[place + EXACT] = np.inf
+            out[place + PROOF] = PROVEN
+            out[place + TIME_LEFT] = out[place + TIME_TO_CONTACT] = np.inf
+            if guarded:
+                judge_motion(i, j, place, w)
+                if witness[0] > margin and out[place + CLEARANCE] >= 0.0:
+                    continue
             if not witness[0] - required >= 0.0:
                 refine_pair(i, j, place, w)
-            out[place + CLEARANCE] = witness[0] - required
+            if not guarded:
+                out[place + CLEARANCE] = witness[0] - required
+                if not out[place + CLEARANCE] >= 0.0:
+                    out[place + PROOF] = NEEDED
             count += 1
         count, next_kept = take_kept(
-            i, everything, next_kept, kept_count, count, moved, kept, out
+            i, everything, next_kept, kept_count, count, moved, kept, w
         )
     out[NEAR_COUNT] = count
-    decide(count, out)
-    remember(count, kept, memory, out)
+    decide(count, w)
+    remember(count, kept, memory, w)
+
+
+@kernel
+def row_place(k: int, w: Workspace) -> int:
+    """Where the k-th row of the answer starts."""
+    return int(w.settings[FIRST_ROW] + k * NEAR_WIDTH)
+
+
+@kernel
+def pair_look(i: int, j: int, w: Workspace) -> float:
+    """Beyond this distance a pair cannot matter to this cycle's proof [m]."""
+    look = standing_need(i, j, w) + look_distance(i, w)
+    if j < w.settings[MOVING_COUNT]:
+        return float(look + look_distance(j, w))
+    speed = object_speed(j, w)
+    ahead = w.motion.span[HORIZON] + LOOK_AHEAD * w.watch.pace[SLOW_TIME]
+    return float(look + speed * ahead)
 
 
 @kernel
 def index_candidates(i: int, token: int, w: Workspace) -> int:
-    """Ids that may be near primitive i, each once: by the octree or simply all."""
+    """Ids that may be near primitive i, each once: by the octree or simply all.
+
+    The index holds what moves with the margin. What may matter farther away than that
+    is looked for in a box, or in a small scene among all.
+    """
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
         return int(present_primitives(i, w.octree.residency, w.candidates))
+    if w.settings[GUARDED] != 0:
+        look = w.look[0] + look_distance(i, w)
+        if not look <= w.margin[0]:
+            if w.groups.shape[0] <= FEW:
+                return int(present_primitives(i, w.octree.residency, w.candidates))
+            for k in range(3):
+                w.look_box[k] = w.world.boxes[i, k] - look
+                w.look_box[k + 3] = w.world.boxes[i, k + 3] + look
+            return int(
+                primitives_in_box(
+                    i, w.look_box, w.octree, w.seen, token, w.candidates
+                )
+            )
     return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
+
+
+@kernel
+def look_around(w: Workspace) -> None:
+    """Write how far any primitive must look for the sake of what it may meet [m]."""
+    farthest = 0.0
+    for i in range(w.settings[MOVING_COUNT]):
+        farthest = max(farthest, look_distance(i, w))
+    fastest = 0.0
+    seen = np.inf
+    for k in range(w.watch.movers.shape[0]):
+        j = w.watch.movers[k]
+        fastest = max(fastest, w.watch.top_speed[j])
+        seen = min(seen, w.watch.seen_at[j])
+    drift = 0.0
+    if fastest > 0.0:
+        ahead = w.motion.span[HORIZON] + LOOK_AHEAD * w.watch.pace[SLOW_TIME]
+        drift = fastest * (ahead + max(now_of(w.watch) - seen, 0.0))
+    w.look[0] = farthest + drift + w.look[1]
 
 
 @kernel
@@ -163,7 +251,7 @@ def take_kept(
     count: int,
     moved: Bytes,
     kept: Floats,
-    out: Floats,
+    w: Workspace,
 ) -> tuple[int, int]:
     """Take over the rows of (i, j < before) whose two sides both stood still.
 
@@ -175,7 +263,7 @@ def take_kept(
         count: Rows written so far.
         moved: 1 where a primitive moved in this cycle, shape (p,).
         kept: Rows of the last good cycle.
-        out: Answer.
+        w: Workspace; the rows go to its answer.
 
     Returns:
         The number of rows written now, and the next kept row to look at.
@@ -186,12 +274,12 @@ def take_kept(
             break
         if first == i and not (moved[first] or moved[second]):
             if count == kept.shape[0]:
-                out[REASON] = CAPACITY
+                w.out[REASON] = CAPACITY
                 break
-            place = HEADER + count * NEAR_WIDTH
+            place = row_place(count, w)
             for k in range(NEAR_WIDTH):
-                out[place + k] = kept[next_kept, k]
-            out[PAIRS_KEPT] += 1.0
+                w.out[place + k] = kept[next_kept, k]
+            w.out[PAIRS_KEPT] += 1.0
             count += 1
         next_kept += 1
     return count, next_kept
@@ -212,13 +300,15 @@ def boxes_apart(boxes: Floats, i: int, j: int, margin: float) -> bool:
 
 
 @kernel
-def decide(count: int, out: Floats) -> None:
+def decide(count: int, w: Workspace) -> None:
     """Find the pair with the least clearance and the reason it leads to."""
+    out = w.out
     nearest = -1
     least = np.inf
     reason = NEAR if count > 0 else OK
     for k in range(count):
-        clearance = out[HEADER + k * NEAR_WIDTH + CLEARANCE]
+        place = row_place(k, w)
+        clearance = out[place + CLEARANCE]
         if clearance != clearance:
             reason = NO_DISTANCE
             nearest = k
@@ -226,22 +316,36 @@ def decide(count: int, out: Floats) -> None:
         if clearance < least:
             least = clearance
             nearest = k
-        if not clearance >= 0.0:
-            reason = TOO_CLOSE
+            if not clearance >= 0.0:
+                reason = reason_of(int(out[place + PROOF]))
     out[NEAREST] = nearest
     if out[REASON] == OK:
         out[REASON] = reason
 
 
 @kernel
-def remember(count: int, kept: Floats, memory: Longs, out: Floats) -> None:
-    """Keep this cycle's rows for the next, unless some are missing."""
-    if out[REASON] == CAPACITY or out[REASON] == NO_DISTANCE:
+def reason_of(proof: int) -> int:
+    """Reason that a pair without a proof leads to."""
+    if proof == UNSURE:
+        return NO_PROOF
+    return BUDGET_SPENT if proof == SPENT else TOO_CLOSE
+
+
+@kernel
+def remember(count: int, kept: Floats, memory: Longs, w: Workspace) -> None:
+    """Keep this cycle's rows for the next, unless some are missing.
+
+    Where stops are predicted nothing is kept: a pair that stands still may still be
+    in need of another distance.
+    """
+    out = w.out
+    unsure = out[REASON] == CAPACITY or out[REASON] == NO_DISTANCE
+    if unsure or w.settings[GUARDED] != 0:
         memory[KEPT_COUNT] = 0
         memory[FORCE] = 1
         return
     for k in range(count):
-        place = HEADER + k * NEAR_WIDTH
+        place = row_place(k, w)
         for n in range(NEAR_WIDTH):
             kept[k, n] = out[place + n]
     memory[KEPT_COUNT] = count

@@ -48,6 +48,7 @@ STATE_JUMPED = int(Reason.STATE_JUMPED)
 TOO_FAST = int(Reason.TOO_FAST)
 NO_VELOCITY = int(Reason.NO_VELOCITY)
 NOT_FINITE = int(Reason.NOT_FINITE)
+OBJECT_UNSEEN = int(Reason.OBJECT_UNSEEN)
 
 # Times are told to within this share of themselves, and a microsecond [-], [s].
 TIME_SHARE = 1e-12
@@ -74,6 +75,10 @@ def observe(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
     v.last[FORCED] = OK
     if not clocks_are_right(v, m, out):
         return False
+    for k in range(v.movers.shape[0]):
+        seen = v.seen_at[v.movers[k]]
+        if seen == -inf:
+            return blame_robot(OBJECT_UNSEEN, -1, v.movers[k], out)
     for j in range(q.shape[0]):
         m.q[j] = q[j]
     return velocities_are_known(q, v, m, out)

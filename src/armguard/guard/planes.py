@@ -36,8 +36,8 @@ def key_of(i: int, j: int) -> int:
 
 
 @kernel
-def is_apart(i: int, j: int, w: Workspace) -> bool:
-    """Whether a remembered plane proves that a pair is beyond the margin."""
+def is_apart(i: int, j: int, look: float, w: Workspace) -> bool:
+    """Whether a remembered plane proves that a pair is beyond a distance [m]."""
     kinds, rows = w.world.kinds, w.world.rows
     if has_closed_form_at(kinds[i], kinds[j]):
         return False
@@ -49,7 +49,7 @@ def is_apart(i: int, j: int, w: Workspace) -> bool:
     size = gap
     for k in range(1, 4):
         size += abs(rows[i, k]) + abs(rows[j, k])
-    return bool(gap > w.margin[0] + ROUND_OFF * size)
+    return bool(gap > look + ROUND_OFF * size)
 
 
 @kernel

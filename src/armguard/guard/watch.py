@@ -5,8 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.scene.tables import SceneTables
+
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
+
+# An arm is slowed if a stop would have to be ordered within this time [s].
+SLOW_TIME_DEFAULT = 0.1
 
 # Places in `Watch.given`: what a cycle was handed.
 NOW_TIME = 0  # time of the cycle [s]; NaN if nobody said
@@ -21,7 +26,7 @@ LAST = 2
 # Places in `Watch.pace`.
 PERIOD = 0  # from one cycle to the next [s]
 LATE = 1  # how much later it may come [s]
-LOOK = 2  # how far ahead slack is told in time [s]
+SLOW_TIME = 2  # a stop that must be ordered within this time slows the arm [s]
 PACE = 3
 
 # Phases of a robot.
@@ -54,12 +59,16 @@ class Watch(NamedTuple):
         cause: Reason of each robot's last order, shape (r,).
         fastest: Greatest speed the ordered stop leaves each joint, shape (n,).
         fastest_at: Time that is for, shape (r,) [s].
+        rested: Cycles in a row in which each stopped robot was at rest, shape (r,).
+        level: Level of each robot in the last cycle, shape (r,).
+        time_left: Least time left of each robot's pairs, shape (r,) [s].
         disproved: 1 where a joint broke a declared figure, shape (n,).
         model: Model error of each moving primitive's robot, shape (m,) [m].
         base: How far an error of the base moves each, shape (m,) [m].
         top_speed: Greatest speed of primitives no robot moves, (p,) or (0,) [m/s].
         seen_at: When each of them was seen, shape (p,) or (0,) [s].
         robot_of: Robot of each moving primitive, shape (m,).
+        movers: Primitives whose top speed is not 0, shape (k,).
     """
 
     stamps: Floats
@@ -77,9 +86,67 @@ class Watch(NamedTuple):
     cause: Longs
     fastest: Floats
     fastest_at: Floats
+    rested: Longs
+    level: Longs
+    time_left: Floats
     disproved: Longs
     model: Floats
     base: Floats
     top_speed: Floats
     seen_at: Floats
     robot_of: NDArray[np.int32]
+    movers: NDArray[np.int32]
+
+
+def watch_of(tables: SceneTables) -> Watch:
+    """Arrays for the inputs of a scene; all robots are thought to be at rest."""
+    robots, n, p = len(tables.robots), len(tables.q_names), len(tables.kinds)
+    m = tables.moving_count
+    speeds = tables.top_speeds
+    pace = np.zeros(PACE)
+    pace[[PERIOD, LATE, SLOW_TIME]] = tables.period, tables.late, SLOW_TIME_DEFAULT
+    last = np.zeros(LAST)
+    last[LAST_NOW] = -np.inf
+    figures = [part.stopping for part in tables.robots]
+    model = np.array([0.0 if f is None else f.model_error for f in figures])
+    return Watch(
+        stamps=np.zeros(robots),
+        given=np.zeros(GIVEN),
+        velocity=np.zeros(n),
+        last=last,
+        pace=pace,
+        last_stamp=np.full(robots, -np.inf),
+        sample_count=np.zeros(robots, dtype=np.int64),
+        sample_t=np.zeros((robots, HISTORY)),
+        sample_q=np.zeros((n, HISTORY)),
+        phase=np.full(robots, RESTING, dtype=np.int64),
+        ordered=np.zeros(robots),
+        must=np.zeros(robots, dtype=np.int64),
+        cause=np.zeros(robots, dtype=np.int64),
+        fastest=np.zeros(n),
+        fastest_at=np.zeros(robots),
+        rested=np.zeros(robots, dtype=np.int64),
+        level=np.zeros(robots, dtype=np.int64),
+        time_left=np.zeros(robots),
+        disproved=np.zeros(n, dtype=np.int64),
+        model=model[tables.robot_of_primitive] if m else np.zeros(0),
+        base=base_errors(tables),
+        top_speed=speeds,
+        seen_at=np.full(len(speeds) and p, -np.inf),
+        robot_of=tables.robot_of_primitive,
+        movers=np.flatnonzero(speeds).astype(np.int32),
+    )
+
+
+def base_errors(tables: SceneTables) -> NDArray[np.float64]:
+    """How far an error of its robot's base can move each moving primitive, (m,) [m].
+
+    By the angle times the farthest its points get from the base.
+    """
+    errors = np.zeros(tables.moving_count)
+    for i in range(tables.moving_count):
+        figures = tables.robots[tables.robot_of_primitive[i]].stopping
+        if figures is not None:
+            turn = 2.0 * np.sin(min(figures.base_turn, np.pi) / 2.0)
+            errors[i] = figures.base_error + turn * tables.base_reach[i]
+    return errors

@@ -3,9 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.index.octree_cell import cell_at
 from armguard.index.octree_state import (
     ABSENT,
     COUNT,
+    DIVIDED,
     FIRST_ENTRY,
     IN_LEAF,
     LINK,
@@ -13,12 +15,14 @@ from armguard.index.octree_state import (
     NEXT_OF_PRIMITIVE,
     NONE,
     OVERFLOW_COUNT,
+    PLACE,
     PRIMITIVE,
     STATUS,
     OctreeState,
 )
 from armguard.kernel import kernel
 
+Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
@@ -55,6 +59,67 @@ def octree_candidates(
                 count += 1
             entry = entries[entry, NEXT_IN_LEAF]
         mine = entries[mine, NEXT_OF_PRIMITIVE]
+    return count
+
+
+@kernel(inline=False, entry=True)
+def primitives_in_box(
+    i: int, box: Floats, state: OctreeState, seen: Longs, token: int, out: Ints
+) -> int:
+    """Primitives other than i in the leaves that meet a box, each once.
+
+    Every primitive that meets the box is among them. What lies outside the root cube
+    is in its outermost leaves, so the box is moved into the cube before.
+
+    Args:
+        i: A primitive that is left out.
+        box: Lower and upper corner, shape (6,); changed [m].
+        state: The octree.
+        seen: Marks, one a primitive; those equal to `token` were met before.
+        token: A number `seen` does not hold yet.
+        out: Ids, overwritten, shape (p,).
+
+    Returns:
+        How many ids stand in `out`.
+    """
+    if state.header[OVERFLOW_COUNT] > 0:
+        return int(present_primitives(i, state.residency, out))
+    for k in range(3):
+        low, high = state.cube[0, k], state.cube[0, k] + state.cube[1, k]
+        # A NaN goes to the far end of its side, which looks at everything.
+        box[k] = min(box[k], high) if box[k] >= low else low
+        box[k + 3] = max(box[k + 3], low) if box[k + 3] <= high else high
+    entries, nodes, stack = state.entries, state.nodes, state.stack
+    seen[i] = token
+    stack[0] = 0
+    height = 1
+    count = 0
+    while height > 0:
+        height -= 1
+        node = stack[height]
+        cell = cell_at(nodes[node, PLACE], state.cube)
+        if not (
+            cell[0] <= box[3]
+            and cell[1] <= box[4]
+            and cell[2] <= box[5]
+            and cell[3] >= box[0]
+            and cell[4] >= box[1]
+            and cell[5] >= box[2]
+        ):
+            continue
+        if nodes[node, COUNT] == DIVIDED:
+            for c in range(8):
+                stack[height] = nodes[node, LINK] + c
+                height += 1
+            continue
+        entry = nodes[node, LINK]
+        while entry != NONE:
+            j = entries[entry, PRIMITIVE]
+            if seen[j] != token:
+                seen[j] = token
+                out[count] = j
+                count += 1
+            entry = entries[entry, NEXT_IN_LEAF]
     return count
 
 

@@ -184,19 +184,18 @@ def curve_at(curve: Floats, share: float) -> tuple[float, float]:
 
 
 @kernel
-def speed_bound(since: float, v: float, ramp: float, d: float) -> float:
-    """Greatest speed a stop that surely took effect some time ago leaves [rad/s].
+def speed_lost(since: float, ramp: float, d: float) -> float:
+    """Least speed a stop that surely took effect some time ago has taken away [rad/s].
 
     Args:
         since: Time since then [s].
-        v: Greatest speed then [rad/s].
         ramp: Time in which deceleration rises to its full value [s].
         d: Least full deceleration [rad/s²].
     """
     if since <= 0.0:
-        return v
+        return 0.0
     rising = min(since, ramp)
-    lost = 0.0
+    lost = d * (since - rising)
     if rising > 0.0:
-        lost = 0.5 * d * rising * rising / ramp
-    return float(max(v - lost - d * (since - rising), 0.0))
+        lost += 0.5 * d * rising * rising / ramp
+    return float(lost)

@@ -4,7 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.motion import figures as place
-from armguard.motion.chains import anchor, chains, primitive_levers, strokes
+from armguard.motion.chains import (
+    Chains,
+    anchor,
+    chains,
+    primitive_levers,
+    strokes,
+)
 from armguard.motion.joint_stop import JOINT_STOP
 from armguard.motion.state import (
     BUDGET,
@@ -82,6 +88,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         reach=np.zeros((PLANS, m)),
         speed=np.zeros(b),
         rate=np.zeros(m),
+        push=pushes(tables, found),
         node_stamp=np.zeros(PLANS * NODES, dtype=np.int64),
         node_T=np.zeros((PLANS * NODES * b, 12)),
         node_axes=np.zeros((PLANS * NODES * b, 6)),
@@ -142,6 +149,17 @@ def joint_figures(tables: SceneTables) -> Floats:
         for k, name in enumerate(part.joints):
             own[k, place.CURVE] = float(name in f.tables)
     return rows
+
+
+def pushes(tables: SceneTables, found: Chains) -> Floats:
+    """Greatest acceleration operators can give each primitive's points, (m,) [m/s²]."""
+    acceleration = joint_figures(tables)[:, place.ACCELERATION]
+    body_push = np.abs(tables.gain[:, 0]) * acceleration[tables.q_index]
+    push = np.zeros(tables.moving_count)
+    for i, body in enumerate(tables.bodies[: tables.moving_count]):
+        count = found.length[body]
+        push[i] = found.levers[i, :count] @ body_push[found.joints[body, :count]]
+    return push
 
 
 def robot_row(part: RobotPart) -> Floats:

@@ -78,6 +78,7 @@ class Motion(NamedTuple):
         reach: Bound on the way of each primitive's points, shape (PLANS, m) [m].
         speed: Bound on each body's joint speed as measured, shape (b,).
         rate: Bound on the speed of a primitive's points as measured, (m,) [m/s].
+        push: Bound on what operators can add to that, shape (m,) [m/s²].
         node_stamp: Cycle a node was made in, shape (PLANS · NODES,).
         node_T: Poses in the middle of the node, shape (PLANS · NODES · b, 12).
         node_axes: Axes there, shape (PLANS · NODES · b, 6).
@@ -118,6 +119,7 @@ class Motion(NamedTuple):
     reach: Floats
     speed: Floats
     rate: Floats
+    push: Floats
     node_stamp: Longs
     node_T: Floats
     node_axes: Floats

@@ -134,6 +134,18 @@ def write_axes(T_world: Floats, m: Motion) -> None:
 
 
 @kernel
+def measured_speeds(m: Motion) -> None:
+    """Write the greatest speed each body's joint may have now."""
+    for b in range(m.parent.shape[0]):
+        m.speed[b] = 0.0
+        if m.joint_kind[b] != NO_JOINT:
+            j = m.q_index[b]
+            if m.clock[m.robot_of_joint[j], STILL] == 0.0:
+                fastest = max(abs(m.v_low[j]), abs(m.v_high[j]))
+                m.speed[b] = abs(m.gain[b, 0]) * fastest
+
+
+@kernel
 def bound_reaches(plan: int, bodies: Ints, m: Motion) -> None:
     """Bound the way and the speed of every moving primitive's points.
 

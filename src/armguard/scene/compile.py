@@ -26,7 +26,7 @@ from armguard.scene.rules import pair_rules
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.settings import CubeSettings
 from armguard.scene.standing import standing_objects
-from armguard.scene.tables import SceneTables
+from armguard.scene.tables import RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -112,7 +112,74 @@ def compile_scene(scene: Scene) -> SceneTables:
         cube_edge=edge,
         index=scene.index,
         notes=tuple(scene.notes),
+        robots=robot_parts(scene),
+        robot_of_primitive=robots_of(bodies[:moving_count], first_body),
+        base_reach=base_reaches(
+            scene, tables, kinds[:moving_count], bodies[:moving_count], local_rows
+        ),
+        top_speeds=top_speeds(scene, blocks),
+        people=tuple(name for name, thing in scene.objects.items() if thing.person),
+        period=scene.period,
+        late=scene.late,
     )
+
+
+def robot_parts(scene: Scene) -> tuple[RobotPart, ...]:
+    """Each robot's part of q, and how it is guarded."""
+    parts = []
+    first = 0
+    for name, robot in scene.robots.items():
+        joints = robot.model.q_names
+        parts.append(
+            RobotPart(
+                name=name,
+                first_joint=first,
+                joint_count=len(joints),
+                joints=joints,
+                mode=robot.mode,
+                stopping=robot.stopping,
+            )
+        )
+        first += len(joints)
+    return tuple(parts)
+
+
+def robots_of(bodies: Ints, first_body: Mapping[str, int]) -> Ints:
+    """Robot of each moving primitive, shape (m,)."""
+    firsts = np.array(list(first_body.values()))
+    return (np.searchsorted(firsts, bodies, side="right") - 1).astype(np.int32)
+
+
+def base_reaches(
+    scene: Scene,
+    tables: Mapping[str, KinematicTable],
+    kinds: Ints,
+    bodies: Ints,
+    rows: Floats,
+) -> Floats:
+    """Radius about its robot's base that no point of a primitive leaves, (m,) [m]."""
+    frames = np.concatenate(
+        [
+            reach_bounds(tables[name], *joint_limits(robot.model))
+            for name, robot in scene.robots.items()
+        ]
+    )
+    reach = np.zeros(len(kinds))
+    box = np.zeros(6)
+    for i, body in enumerate(bodies):
+        extent(kinds[i : i + 1], rows[i : i + 1], box)
+        corner = np.maximum(np.abs(box[:3]), np.abs(box[3:]))
+        reach[i] = frames[body] + float(np.linalg.norm(corner))
+    return reach
+
+
+def top_speeds(scene: Scene, blocks: Sequence[Block]) -> Floats:
+    """Greatest speed of each primitive, shape (p,), or (0,) if no object moves."""
+    if not any(thing.top_speed > 0.0 for thing in scene.objects.values()):
+        return np.zeros(0)
+    known = scene.objects
+    speed = [known[b.owner].top_speed if b.owner in known else 0.0 for b in blocks]
+    return np.repeat(np.array(speed), np.array([len(b) for b in blocks], np.intp))
 
 
 def repeated(values: Sequence[int], sizes: Sequence[int]) -> Ints:

@@ -79,6 +79,8 @@ class SceneTables:
         notes: What the user should know, one sentence each.
         robots: Robots in the order of q.
         robot_of_primitive: Robot each primitive rides on, -1 for none, shape (m,).
+        base_reach: Radius about its robot's base that no point of a moving primitive
+            leaves, shape (m,) [m].
         top_speeds: Greatest speed of each primitive that no robot moves, shape (p,),
             or of none, shape (0,) [m/s].
         people: Objects that stand for persons.
@@ -119,6 +121,7 @@ class SceneTables:
     notes: tuple[str, ...]
     robots: tuple[RobotPart, ...]
     robot_of_primitive: Ints
+    base_reach: Floats
     top_speeds: Floats
     people: tuple[str, ...]
     period: float

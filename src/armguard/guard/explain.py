@@ -1,0 +1,110 @@
+"""What the nearest pair needs, split by cause."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.vec3 import Vec3, cross, dot, scaled, sub
+from armguard.guard.layout import (
+    BUFFER,
+    CLEARANCE,
+    FIRST,
+    NEAREST,
+    OUTER,
+    SECOND,
+    TERM_BASE,
+    TERM_ERROR,
+    TERM_FLOOR,
+    TERM_MODEL,
+    TERM_NEEDED,
+    TERM_OBJECT,
+    TERM_PATH,
+    TERM_REACTION_A,
+    TERM_REACTION_B,
+    TERM_STOPPING_A,
+    TERM_STOPPING_B,
+    TERMS,
+    WITNESS,
+)
+from armguard.guard.near_pairs import row_place
+from armguard.guard.proofs import object_speed, robot_of, standing_need
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+from armguard.motion.joint_stop import SWING, TRAVEL, X1
+from armguard.motion.pair_proof import chain_length, shared_joints
+from armguard.motion.state import HORIZON, NEXT
+from armguard.motion.stop_path import error_of
+from armguard.robot.kinematics import PRISMATIC
+
+Floats = NDArray[np.float64]
+
+
+@kernel
+def explain_nearest(w: Workspace) -> None:
+    """Write the terms of what the nearest pair needs; they add up to the need.
+
+    Each joint's part is what it moves the witness point by, towards the other side.
+    What the bend of the path adds to that, or its course on the clock saves, is a term
+    of its own.
+    """
+    out = w.out
+    if out[NEAREST] < 0.0:
+        return
+    place = row_place(int(out[NEAREST]), w)
+    i, j = int(out[place + FIRST]), int(out[place + SECOND])
+    terms = out[TERMS : TERMS + TERM_NEEDED + 1]
+    for k in range(terms.shape[0]):
+        terms[k] = 0.0
+    v = w.watch
+    robot_i, robot_j = robot_of(i, w), robot_of(j, w)
+    terms[TERM_FLOOR] = out[place + BUFFER]
+    terms[TERM_MODEL] = v.model[i] + (v.model[j] if robot_j >= 0 else 0.0)
+    if robot_i != robot_j:
+        terms[TERM_BASE] = v.base[i] + (v.base[j] if robot_j >= 0 else 0.0)
+    standing = terms[TERM_FLOOR] + terms[TERM_MODEL] + terms[TERM_BASE]
+    seen = standing_need(i, j, w) - standing
+    terms[TERM_OBJECT] = seen + object_speed(j, w) * w.motion.span[HORIZON]
+    at = place + WITNESS
+    n = (out[at + 7], out[at + 8], out[at + 9])
+    body_i, body_j = w.bodies[i], w.bodies[j]
+    first = shared_joints(body_i, body_j, w.motion)
+    point = (out[at + 1], out[at + 2], out[at + 3])
+    add_side(body_i, first, point, n, TERM_REACTION_A, TERM_STOPPING_A, terms, w)
+    point = (out[at + 4], out[at + 5], out[at + 6])
+    n = scaled(-1.0, n)
+    add_side(body_j, first, point, n, TERM_REACTION_B, TERM_STOPPING_B, terms, w)
+    terms[TERM_NEEDED] = out[place + OUTER] - out[place + CLEARANCE]
+    total = 0.0
+    for k in range(TERM_PATH):
+        total += terms[k]
+    terms[TERM_PATH] = terms[TERM_NEEDED] - total
+
+
+@kernel
+def add_side(
+    body: int,
+    first: int,
+    point: Vec3,
+    n: Vec3,
+    reaction: int,
+    stopping: int,
+    terms: Floats,
+    w: Workspace,
+) -> None:
+    """Add how far a body's joints can move a point along n, by cause."""
+    m = w.motion
+    joints = m.q.shape[0]
+    for k in range(first, chain_length(body, m)):
+        b = m.joints[body, k]
+        j = m.q_index[b]
+        direction = (m.axes[b, 0], m.axes[b, 1], m.axes[b, 2])
+        if m.joint_kind[b] == PRISMATIC:
+            g = dot(n, direction)
+        else:
+            arm = sub(point, (m.axes[b, 3], m.axes[b, 4], m.axes[b, 5]))
+            g = dot(n, cross(direction, arm))
+        g *= m.gain[b, 0]
+        stop = m.up[NEXT * joints + j] if g >= 0.0 else m.down[NEXT * joints + j]
+        size = abs(g)
+        terms[TERM_ERROR] += size * error_of(j, m)
+        terms[reaction] += size * stop[X1]
+        terms[stopping] += size * (stop[TRAVEL] - stop[X1] + stop[SWING])

@@ -1,0 +1,141 @@
+"""Last step of a guarded cycle: each robot's level and speed scale, and one for all.
+
+A robot slows from a given time left on, and is not told to speed up again before that
+time is clearly longer: levels do not flicker.
+"""
+
+from math import inf
+
+from armguard.guard.layout import (
+    HEADER,
+    NEAR_COUNT,
+    REASON,
+    ROBOT,
+    ROBOT_AGE,
+    ROBOT_CAUSE,
+    ROBOT_LEVEL,
+    ROBOT_PHASE,
+    ROBOT_SCALE,
+    ROBOT_WIDTH,
+    SLACK_TIME,
+)
+from armguard.guard.levels import Level, Reason
+from armguard.guard.watch import (
+    BRAKING,
+    FORCED,
+    LOST,
+    RESTING,
+    RUNNING,
+    SLOW_TIME,
+    STOPPING,
+)
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import FIXED, MODE
+from armguard.motion.state import AGE
+
+CLEAR = int(Level.CLEAR)
+CAUTION = int(Level.CAUTION)
+SLOW = int(Level.SLOW)
+STOP = int(Level.STOP)
+RECOVER = int(Level.RECOVER)
+BRAKE = int(Level.BRAKE)
+HARDWARE_STOP = int(Level.HARDWARE_STOP)
+
+OK = int(Reason.OK)
+NEAR = int(Reason.NEAR)
+SHORT_TIME = int(Reason.SHORT_TIME)
+TOO_CLOSE = int(Reason.TOO_CLOSE)
+NO_PROOF = int(Reason.NO_PROOF)
+BUDGET_SPENT = int(Reason.BUDGET_SPENT)
+STOPPING_STILL = int(Reason.STOPPING)
+AT_REST = int(Reason.RESTING)
+STOP_LAGS = int(Reason.STOP_LAGS)
+BRAKE_LAGS = int(Reason.BRAKE_LAGS)
+
+# A slowed robot is called slow until its time left is this much longer [-].
+HYSTERESIS = 1.25
+
+
+@kernel
+def grade_robots(w: Workspace) -> None:
+    """Write each robot's level, phase and speed scale, and the reason of all."""
+    out, v, m = w.out, w.watch, w.motion
+    slow_time = v.pace[SLOW_TIME]
+    least = inf
+    worst = CLEAR
+    which = -1
+    for r in range(v.phase.shape[0]):
+        place = HEADER + r * ROBOT_WIDTH
+        level = robot_level(r, w)
+        left = v.time_left[r] if m.robot_figures[r, MODE] != FIXED else inf
+        least = min(least, left)
+        scale = 0.0 if level >= STOP else min(left / slow_time, 1.0)
+        v.level[r] = level
+        out[place + ROBOT_LEVEL] = level
+        out[place + ROBOT_PHASE] = v.phase[r]
+        out[place + ROBOT_SCALE] = scale
+        out[place + ROBOT_AGE] = m.clock[r, AGE]
+        out[place + ROBOT_CAUSE] = v.cause[r]
+        if level > worst:
+            worst, which = level, r
+    out[SLACK_TIME] = least
+    out[REASON] = common_reason(worst, which, w)
+    if worst >= STOP:
+        out[ROBOT] = which
+
+
+@kernel
+def robot_level(r: int, w: Workspace) -> int:
+    """Level of one robot."""
+    v = w.watch
+    if w.motion.robot_figures[r, MODE] == FIXED:
+        return fixed_level(r, w)
+    phase = v.phase[r]
+    if phase == STOPPING:
+        return STOP
+    if phase == BRAKING:
+        return BRAKE
+    if phase == LOST:
+        return HARDWARE_STOP
+    if phase == RESTING:
+        return RECOVER
+    limit = v.pace[SLOW_TIME]
+    if v.level[r] == SLOW:
+        limit *= HYSTERESIS
+    if v.time_left[r] < limit:
+        return SLOW
+    return CAUTION if w.out[NEAR_COUNT] > 0.0 else CLEAR
+
+
+@kernel
+def fixed_level(r: int, w: Workspace) -> int:
+    """Level of a robot whose buffer is a number: is a pair of its own nearer?"""
+    if w.watch.must[r] != 0:
+        return STOP
+    return CAUTION if w.out[NEAR_COUNT] > 0.0 else CLEAR
+
+
+@kernel
+def common_reason(worst: int, which: int, w: Workspace) -> int:
+    """The reason of the highest level."""
+    v, found = w.watch, int(w.out[REASON])
+    forced = int(v.last[FORCED])
+    if worst == HARDWARE_STOP:
+        return BRAKE_LAGS
+    if worst == BRAKE:
+        return STOP_LAGS
+    if forced != OK:
+        return forced
+    if found > BRAKE_LAGS:
+        # The cycle itself could not judge.
+        return found
+    if worst == RECOVER:
+        return AT_REST
+    if worst == STOP:
+        if found >= TOO_CLOSE:
+            return found
+        return STOPPING_STILL
+    if worst == SLOW:
+        return SHORT_TIME
+    return NEAR if found >= NEAR else OK

@@ -1,0 +1,253 @@
+"""Stops that were ordered: are they what was declared, are they done, may it go on?
+
+A stop is done when standstill is measured. Until then each joint's speed is compared
+with the greatest that the declared figures leave it. Where it is more, the figures are
+disproved: the brake is ordered, and if that lags as well, a stop from outside.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.levels import Reason
+from armguard.guard.observe import now_of
+from armguard.guard.watch import (
+    BRAKING,
+    FORCED,
+    LATE,
+    LOST,
+    NOW_TIME,
+    PERIOD,
+    RESTING,
+    RUNNING,
+    STOPPING,
+    Watch,
+)
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    ACCELERATION,
+    BRAKE_DECELERATION,
+    BRAKE_DELAY,
+    COMMAND,
+    CURVE,
+    DECELERATION,
+    FIRST_JOINT,
+    FIXED,
+    JOINT_COUNT,
+    MODE,
+    RAMP,
+    SENSING,
+    SETTLE,
+    SETTLE_TIME,
+    VELOCITY,
+)
+from armguard.motion.joint_stop import curve_at, speed_lost
+from armguard.motion.state import AGE, CLOCK, NEXT, PASSED, REACTION, STILL, Motion
+from armguard.motion.state import BRAKING as BY_BRAKE
+
+Floats = NDArray[np.float64]
+
+STOP_LAGS = int(Reason.STOP_LAGS)
+BRAKE_LAGS = int(Reason.BRAKE_LAGS)
+MOVED = int(Reason.STOPPING)
+OK = int(Reason.OK)
+
+# Cycles in a row a robot must be at rest before its stop counts as done [-].
+REST_CYCLES = 5
+
+# A swing of a given way and time is no faster than this times way by time [-].
+SWING_SPEED = 4.0
+
+# Long enough for every ramp to have passed [s].
+LONG_AGO = 1e6
+
+
+@kernel
+def supervise_stops(v: Watch, m: Motion) -> None:
+    """Compare every ordered stop with what was declared; note what is at rest."""
+    now = now_of(v)
+    for r in range(v.phase.shape[0]):
+        phase = v.phase[r]
+        if phase == RUNNING or m.robot_figures[r, MODE] == FIXED:
+            continue
+        if phase == RESTING:
+            if not is_at_rest(r, v, m):
+                order(r, STOPPING, MOVED, now, v, m)
+            continue
+        lagging = follow_stop(r, v, m)
+        if lagging >= 0:
+            v.disproved[lagging] = 1
+            if phase == STOPPING:
+                order(r, BRAKING, STOP_LAGS, now, v, m)
+            elif phase == BRAKING:
+                order(r, LOST, BRAKE_LAGS, now, v, m)
+            continue
+        v.rested[r] = v.rested[r] + 1 if is_at_rest(r, v, m) else 0
+        done = now - v.ordered[r] > m.robot_figures[r, COMMAND]
+        done &= v.rested[r] >= REST_CYCLES
+        if done and phase == STOPPING:
+            v.phase[r] = RESTING
+
+
+@kernel
+def is_at_rest(r: int, v: Watch, m: Motion) -> bool:
+    """Whether every joint of a robot may be at rest as far as can be measured."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if not (m.v_low[j] <= 0.0 <= m.v_high[j]):
+            return False
+    return True
+
+
+@kernel
+def follow_stop(r: int, v: Watch, m: Motion) -> int:
+    """Bound the speeds a stop has left by now, and compare them with the measured.
+
+    Returns:
+        A joint that is faster than it may be, or -1.
+    """
+    robot = m.robot_figures[r]
+    effect = effect_time(r, v, m)
+    before, now = v.fastest_at[r], v.stamps[r]
+    v.fastest_at[r] = now
+    first = int(robot[FIRST_JOINT])
+    lagging = -1
+    for j in range(first, first + int(robot[JOINT_COUNT])):
+        figures = m.joint_figures[j]
+        bound = v.fastest[j]
+        # What the operator may still have added before the stop took effect.
+        driven = min(now, effect) - min(before, effect)
+        bound = min(
+            bound + figures[ACCELERATION] * max(driven, 0.0),
+            max(bound, figures[VELOCITY]),
+        )
+        bound = slowed(j, bound, before - effect, now - effect, v.phase[r], m)
+        least = max(m.v_low[j], -m.v_high[j])
+        if not least <= bound + swing_speed(j, robot, figures):
+            lagging = j
+        if figures[CURVE] == 0.0 or now <= effect:
+            # A table tells when it rests by the speed the stop began with.
+            bound = min(bound, max(abs(m.v_low[j]), abs(m.v_high[j])))
+        v.fastest[j] = bound
+    return lagging
+
+
+@kernel
+def effect_time(r: int, v: Watch, m: Motion) -> float:
+    """When the robot's order surely takes effect, on the clock of its stamps [s]."""
+    robot = m.robot_figures[r]
+    delay = robot[COMMAND] if v.phase[r] == STOPPING else robot[BRAKE_DELAY]
+    return float(v.ordered[r] + delay + unknown_age(r, v, m))
+
+
+@kernel
+def unknown_age(r: int, v: Watch, m: Motion) -> float:
+    """How old a measurement may be beyond what its stamp says [s]."""
+    told = v.given[NOW_TIME] == v.given[NOW_TIME]
+    return 0.0 if told else float(m.robot_figures[r, SENSING])
+
+
+@kernel
+def slowed(
+    j: int, bound: float, start: float, end: float, phase: int, m: Motion
+) -> float:
+    """Greatest speed after a part of a stop.
+
+    Args:
+        j: The joint.
+        bound: Greatest speed before it.
+        start: From when, counted from the effect of the order [s].
+        end: Until when [s].
+        phase: STOPPING, or a brake.
+        m: Figures.
+    """
+    figures = m.joint_figures[j]
+    if end <= 0.0:
+        return bound
+    if phase != STOPPING:
+        return float(
+            max(bound - figures[BRAKE_DECELERATION] * (end - max(start, 0.0)), 0.0)
+        )
+    if figures[CURVE] != 0.0:
+        # A table says when it rests, not how it gets there.
+        time, _ = curve_at(m.curves[j], bound / figures[VELOCITY])
+        return 0.0 if end >= time else bound
+    ramp, d = m.robot_figures[m.robot_of_joint[j], RAMP], figures[DECELERATION]
+    lost = speed_lost(end, ramp, d) - speed_lost(start, ramp, d)
+    return float(max(bound - lost, 0.0))
+
+
+@kernel
+def swing_speed(j: int, robot: Floats, figures: Floats) -> float:
+    """Speed that settling may have, which is no failure to stop."""
+    if not robot[SETTLE_TIME] > 0.0:
+        return 0.0
+    return float(SWING_SPEED * figures[SETTLE] / robot[SETTLE_TIME])
+
+
+@kernel
+def order(
+    r: int, phase: int, cause: int, now: float, v: Watch, m: Motion
+) -> None:
+    """Order a stop or brake of a robot; its speeds are supervised from here on."""
+    v.phase[r] = phase
+    v.ordered[r] = now
+    v.cause[r] = cause
+    v.rested[r] = 0
+    v.fastest_at[r] = v.last_stamp[r]
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        v.fastest[j] = max(abs(m.v_low[j]), abs(m.v_high[j]))
+
+
+@kernel
+def set_clocks(v: Watch, m: Motion) -> None:
+    """Write until when each robot's stop takes effect, if ordered now or next time."""
+    now = now_of(v)
+    robots = v.phase.shape[0]
+    cycle = v.pace[PERIOD] + v.pace[LATE]
+    for plan in range(2):
+        for r in range(robots):
+            clock = m.clock[plan * robots + r]
+            for k in range(CLOCK):
+                clock[k] = 0.0
+            robot = m.robot_figures[r]
+            if robot[MODE] == FIXED:
+                clock[STILL] = 1.0
+                continue
+            clock[AGE] = now - v.stamps[r] + unknown_age(r, v, m)
+            phase = v.phase[r]
+            if phase == RUNNING or (phase == RESTING and plan == NEXT):
+                clock[REACTION] = clock[AGE] + robot[COMMAND]
+                if plan == NEXT:
+                    # A robot at rest is let go if it could go on for a cycle more.
+                    clock[REACTION] += cycle if phase == RUNNING else 2.0 * cycle
+            elif phase == RESTING:
+                clock[PASSED] = LONG_AGO
+            else:
+                effect = effect_time(r, v, m)
+                clock[REACTION] = max(effect - v.stamps[r], 0.0)
+                clock[PASSED] = max(v.stamps[r] - effect, 0.0)
+                clock[BY_BRAKE] = 0.0 if phase == STOPPING else 1.0
+
+
+@kernel
+def order_stops(v: Watch, m: Motion) -> None:
+    """Order the stops this cycle asks for, and let go what may go on."""
+    now = now_of(v)
+    forced = int(v.last[FORCED])
+    for r in range(v.phase.shape[0]):
+        if m.robot_figures[r, MODE] == FIXED:
+            continue
+        must = v.must[r] != 0 or forced != OK
+        if v.phase[r] == RUNNING and must:
+            order(r, STOPPING, forced if forced != OK else v.cause[r], now, v, m)
+        elif v.phase[r] == RESTING and not must:
+            v.phase[r] = RUNNING
+
+
+@kernel
+def stop_everything(reason: int, v: Watch, m: Motion) -> None:
+    """Order a stop of every running robot, for an input that cannot be believed."""
+    for r in range(v.phase.shape[0]):
+        if m.robot_figures[r, MODE] != FIXED and v.phase[r] == RUNNING:
+            order(r, STOPPING, reason, v.last[0], v, m)
