@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
+from armguard.guard.explain import explain_nearest
+from armguard.guard.grade import grade_robots
 from armguard.guard.layout import (
     BODIES_MOVED,
     JOINT,
@@ -19,8 +21,6 @@ from armguard.guard.layout import (
     SPANS_TESTED,
     VALUE,
 )
-from armguard.guard.explain import explain_nearest
-from armguard.guard.grade import grade_robots
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE
 from armguard.guard.near_pairs import judge_pairs, look_around

@@ -25,7 +25,6 @@ from armguard.guard.watch import (
     FORCED,
     LOST,
     RESTING,
-    RUNNING,
     SLOW_TIME,
     STOPPING,
 )

@@ -217,14 +217,15 @@ class Guard:
             fault = "" if stamp is None else self._judge_stamp(stamp)
             if fault:
                 return self._fault_answer(Reason.TIME_BACKWARDS), fault
+        array = self._nowhere
         if not fault:
-            q, fault = self._as_positions(q)
+            array, fault = self._as_positions(q)
         if fault:
-            # Numbers nobody may take for positions: the cycle refuses and stops.
-            q = self._nowhere if self._settings[GUARDED] else None
-            if q is None:
+            if not self._settings[GUARDED]:
                 return self._fault_answer(Reason.WRONG_INPUT), fault
-        used = run_cycle(q, self._lines)
+            # Positions that the cycle refuses, so that it orders its stops.
+            array = self._nowhere
+        used = run_cycle(array, self._lines)
         data = self._out[:used].copy()
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT

@@ -181,9 +181,7 @@ def index_candidates(i: int, token: int, w: Workspace) -> int:
                 w.look_box[k] = w.world.boxes[i, k] - look
                 w.look_box[k + 3] = w.world.boxes[i, k + 3] + look
             return int(
-                primitives_in_box(
-                    i, w.look_box, w.octree, w.seen, token, w.candidates
-                )
+                primitives_in_box(i, w.look_box, w.octree, w.seen, token, w.candidates)
             )
     return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
 

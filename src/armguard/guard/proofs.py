@@ -97,8 +97,9 @@ def object_speed(j: int, w: Workspace) -> float:
 
 @kernel
 def standing_need(i: int, j: int, w: Workspace) -> float:
-    """Distance a pair must keep whatever its robots do: buffer, errors, an object's way
-    since it was seen [m].
+    """Distance a pair must keep whatever its robots do [m].
+
+    Its buffer, the errors of the model, and an object's way since it was seen.
     """
     v = w.watch
     need = w.buffers[w.groups[i], w.groups[j]] + v.model[i]

@@ -185,9 +185,7 @@ def swing_speed(j: int, robot: Floats, figures: Floats) -> float:
 
 
 @kernel
-def order(
-    r: int, phase: int, cause: int, now: float, v: Watch, m: Motion
-) -> None:
+def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> None:
     """Order a stop or brake of a robot; its speeds are supervised from here on."""
     v.phase[r] = phase
     v.ordered[r] = now

@@ -1,15 +1,35 @@
 """What a cycle says: a snapshot that costs nothing until it is read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
+from armguard.guard.budget import Budget
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
 
 Floats = NDArray[np.float64]
+
+# Reasons that the nearest pair explains.
+ABOUT_PAIRS = (
+    Reason.NEAR,
+    Reason.SHORT_TIME,
+    Reason.TOO_CLOSE,
+    Reason.NO_PROOF,
+    Reason.BUDGET_SPENT,
+    Reason.STOPPING,
+    Reason.RESTING,
+)
+
+# Reasons whose number is a time.
+IN_MILLISECONDS = (
+    Reason.STAMP_AHEAD,
+    Reason.STATE_STALE,
+    Reason.CYCLE_LATE,
+)
 
 # A model error that rounds to no millimetre is not worth a clause [m].
 TOLD = 5e-4
@@ -28,6 +48,9 @@ class Names:
         model_errors: Model error of each primitive [m].
         exact_errors: Model error of the exact shapes of each primitive's link [m].
         checkable_pairs: Pairs of primitives that are checked at all.
+        robots: Robots of the scene, if stops are predicted.
+        first_row: Where the rows of near pairs start.
+        disproved: 1 where a joint has broken a declared figure, shape (n,).
     """
 
     joints: Sequence[str]
@@ -38,6 +61,9 @@ class Names:
     model_errors: Floats
     exact_errors: Floats
     checkable_pairs: int
+    robots: Sequence[str]
+    first_row: int
+    disproved: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +83,14 @@ class NearPair:
         exact_distance: Signed distance of the exact shapes of the two links or
             objects; None where the primitives keep their buffer and nobody asked [m].
         buffer: Distance the pair must keep [m].
-        clearance: distance - buffer; negative means imminent collision [m].
+        clearance: What is left of the distance beyond all that the pair needs: beyond
+            the buffer where that is a number, else beyond the buffer and whatever the
+            two sides can still move towards each other until they rest; negative
+            means imminent collision [m].
+        time_left: How long the present motion may go on before a stop must be ordered
+            [s]; infinite where nothing moves.
+        time_to_contact: The two cannot touch before that, whatever the operators do
+            [s]; infinite where nothing moves.
         point_a: Witness point on A, world frame, shape (3,) [m].
         point_b: Witness point on B, world frame, shape (3,) [m].
         normal: Unit vector from A to B, world frame, shape (3,).
@@ -75,15 +108,27 @@ class NearPair:
     exact_distance: float | None
     buffer: float
     clearance: float
+    time_left: float
+    time_to_contact: float
     point_a: Floats
     point_b: Floats
     normal: Floats
     model_error: float
 
     @property
+    def distance_sentence(self) -> str:
+        """Who is how far from whom."""
+        return f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm"
+
+    @property
     def why(self) -> str:
         """The pair in words and millimetres."""
-        verb = "needs" if self.clearance < 0.0 else "keeps"
+        if self.clearance != self.primitive_distance - self.buffer:
+            need = self.primitive_distance - self.clearance
+            demand = f"needs {need * 1e3:.0f} mm to stop in time"
+        else:
+            verb = "needs" if self.clearance < 0.0 else "keeps"
+            demand = f"{verb} {self.buffer * 1e3:.0f} mm buffer"
         notes = []
         if self.exact_distance is not None:
             notes.append(
@@ -92,11 +137,24 @@ class NearPair:
             )
         if self.model_error >= TOLD:
             notes.append(f"the model may reach {self.model_error * 1e3:.0f} mm too far")
-        return (
-            f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm, "
-            f"{verb} {self.buffer * 1e3:.0f} mm buffer"
-            + (f" ({'; '.join(notes)})" if notes else "")
+        return f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm, {demand}" + (
+            f" ({'; '.join(notes)})" if notes else ""
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Slack:
+    """What is left until a stop must be ordered.
+
+    Attributes:
+        m: Length the nearest pair has beyond what it needs [m]; infinite if none is
+            near.
+        s: Time the present motion of all robots may go on [s]; infinite if nothing
+            that moves is near.
+    """
+
+    m: float
+    s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +171,7 @@ class Counts:
         pairs_apart: Pairs that a plane remembered from an earlier cycle still proves
             to be beyond the margin.
         pairs_skipped: Checked pairs that were not measured in this cycle.
+        spans_tested: Spans of the stop path tested for pairs that needed it.
         bodies_moved: Bodies whose pose changed.
         links_checked: Moved bodies whose leaves had to be looked after.
         links_changed_leaf: Of these, the ones that entered or left a leaf.
@@ -128,6 +187,7 @@ class Counts:
     pairs_filtered: int
     pairs_apart: int
     pairs_skipped: int
+    spans_tested: int
     bodies_moved: int
     links_checked: int
     links_changed_leaf: int
@@ -172,8 +232,72 @@ class Verdict:
 
     @property
     def level(self) -> Level:
-        """What the arm should do."""
-        return level_of(self.reason)
+        """What the arms should do: the highest of `levels`."""
+        return max((level_of(self.reason), *self.levels.values()))
+
+    @property
+    def levels(self) -> dict[str, Level]:
+        """What each robot should do; empty where every mode is "fixed"."""
+        return {
+            name: Level(int(self._robot(r, layout.ROBOT_LEVEL)))
+            for r, name in enumerate(self._names.robots)
+        }
+
+    @property
+    def speed_scale(self) -> dict[str, float]:
+        """Share of the operator's speed each robot may have, in [0, 1].
+
+        Falls with the time that is left until its stop must be ordered.
+        """
+        return {
+            name: self._robot(r, layout.ROBOT_SCALE)
+            for r, name in enumerate(self._names.robots)
+        }
+
+    @property
+    def ages(self) -> dict[str, float]:
+        """How old each robot's measurement may have been in this cycle [s]."""
+        return {
+            name: self._robot(r, layout.ROBOT_AGE)
+            for r, name in enumerate(self._names.robots)
+        }
+
+    @property
+    def causes(self) -> dict[str, Reason]:
+        """Why each robot that is stopping, braking or at rest was ordered to."""
+        return {
+            name: Reason(int(self._robot(r, layout.ROBOT_CAUSE)))
+            for r, name in enumerate(self._names.robots)
+            if self._robot(r, layout.ROBOT_LEVEL) >= Level.STOP
+        }
+
+    @property
+    def slack(self) -> Slack:
+        """How much is left until a stop must be ordered, in length and in time."""
+        nearest = self.nearest
+        return Slack(
+            inf if nearest is None else nearest.clearance,
+            float(self._data[layout.SLACK_TIME]) if self._names.robots else inf,
+        )
+
+    @property
+    def budget(self) -> Budget | None:
+        """What the nearest pair needs, split by cause; None if no pair is near."""
+        if not self._names.robots or self.nearest is None:
+            return None
+        terms = self._data[layout.TERMS : layout.TERMS + layout.TERM_COUNT]
+        return Budget(*(float(term) for term in terms))
+
+    @property
+    def disproved(self) -> tuple[str, ...]:
+        """Joints that have not stopped as declared, so that no proof is worth much."""
+        return tuple(
+            name
+            for name, broken in zip(
+                self._names.joints, self._names.disproved, strict=True
+            )
+            if broken
+        )
 
     @property
     def near(self) -> tuple[NearPair, ...]:
@@ -196,7 +320,7 @@ class Verdict:
     @property
     def counts(self) -> Counts:
         """What the cycle had to do."""
-        d = [int(v) for v in self._data[layout.PAIRS_TESTED : layout.HEADER]]
+        d = [int(v) for v in self._data[layout.PAIRS_TESTED : layout.PAIRS_APART + 1]]
         tested, kept, filtered, moved, links, changed, entered, left = d[:8]
         return Counts(
             pairs_tested=tested,
@@ -205,6 +329,7 @@ class Verdict:
             pairs_filtered=filtered,
             pairs_apart=d[11],
             pairs_skipped=self._names.checkable_pairs - tested,
+            spans_tested=int(self._data[layout.SPANS_TESTED]),
             bodies_moved=moved,
             links_checked=links,
             links_changed_leaf=changed,
@@ -219,11 +344,13 @@ class Verdict:
         """The verdict in one sentence, with names and numbers."""
         reason = self.reason
         nearest = self.nearest
-        if reason in (Reason.NEAR, Reason.TOO_CLOSE) and nearest is not None:
-            return nearest.why
-        if reason in (Reason.NOT_FINITE, Reason.OUT_OF_LIMITS):
+        if self._fault:
+            return self._fault
+        if reason in ABOUT_PAIRS and nearest is not None:
+            return self._pair_sentence(reason, nearest)
+        if self._data[layout.JOINT] >= 0.0:
             return self._joint_sentence(reason)
-        return self._fault or SENTENCES[reason]
+        return self._input_sentence(reason)
 
     def to_dict(self) -> dict[str, object]:
         """The verdict as plain numbers, lists and strings, ready for JSON."""
@@ -234,6 +361,13 @@ class Verdict:
             "reason": self.reason.name,
             "why": self.why,
             "joint": self.joint,
+            "levels": {name: level.name for name, level in self.levels.items()},
+            "speed_scale": self.speed_scale,
+            "slack": {"m": self.slack.m, "s": self.slack.s},
+            "budget": None if self.budget is None else asdict(self.budget),
+            "ages": self.ages,
+            "causes": {name: cause.name for name, cause in self.causes.items()},
+            "disproved": list(self.disproved),
             "near": [pair_dict(pair) for pair in self.near],
             "nearest": None if self.nearest is None else pair_dict(self.nearest),
             "counts": {name: getattr(counts, name) for name in Counts.__slots__},
@@ -246,7 +380,7 @@ class Verdict:
         What the cycle had to do is left out: it depends on where the arms came from.
         """
         state = self._data.copy()
-        state[layout.PAIRS_TESTED : layout.HEADER] = 0.0
+        state[layout.PAIRS_TESTED : layout.PAIRS_APART + 1] = 0.0
         return state.tobytes()
 
     def __repr__(self) -> str:
@@ -254,7 +388,7 @@ class Verdict:
         return f"<Verdict {self.level.name} {self.reason.name}: {self.why}>"
 
     def _pair(self, k: int) -> NearPair:
-        at = layout.HEADER + k * layout.NEAR_WIDTH
+        at = self._names.first_row + k * layout.NEAR_WIDTH
         row = self._data[at : at + layout.NEAR_WIDTH]
         i, j = int(row[layout.FIRST]), int(row[layout.SECOND])
         names = self._names
@@ -272,16 +406,44 @@ class Verdict:
             exact_distance=None if exact == np.inf else exact,
             buffer=float(row[layout.BUFFER]),
             clearance=float(row[layout.CLEARANCE]),
+            time_left=float(row[layout.TIME_LEFT]),
+            time_to_contact=float(row[layout.TIME_TO_CONTACT]),
             point_a=witness[1:4].copy(),
             point_b=witness[4:7].copy(),
             normal=witness[7:10].copy(),
             model_error=float(errors[i] + errors[j]),
         )
 
+    def _robot(self, r: int, place: int) -> float:
+        at = layout.HEADER + r * layout.ROBOT_WIDTH + place
+        return float(self._data[at])
+
+    def _pair_sentence(self, reason: Reason, nearest: NearPair) -> str:
+        budget = self.budget
+        sentence = nearest.why
+        if budget is not None:
+            sentence = f"{nearest.distance_sentence}, {budget.sentence}"
+        if reason in (Reason.NEAR, Reason.TOO_CLOSE):
+            return sentence
+        return f"{SENTENCES[reason]}: {sentence}"
+
+    def _input_sentence(self, reason: Reason) -> str:
+        sentence = SENTENCES[reason]
+        r, value = int(self._data[layout.ROBOT]), float(self._data[layout.VALUE])
+        who = f"'{self._names.robots[r]}': " if 0 <= r < len(self._names.robots) else ""
+        if reason in IN_MILLISECONDS:
+            return f"{who}{sentence} ({value * 1e3:.1f} ms)"
+        return who + sentence
+
     def _joint_sentence(self, reason: Reason) -> str:
         k = int(self._data[layout.JOINT])
         names = self._names
         value = float(self._data[layout.VALUE])
+        if reason in (Reason.STATE_JUMPED, Reason.TOO_FAST):
+            return (
+                f"joint '{names.joints[k]}' at {value:.2f} a second: "
+                + (SENTENCES[reason])
+            )
         if reason is Reason.NOT_FINITE:
             return f"joint '{names.joints[k]}' is at {value}; it must be finite"
         return (
@@ -302,6 +464,8 @@ def pair_dict(pair: NearPair) -> dict[str, object]:
         "exact_distance": pair.exact_distance,
         "buffer": pair.buffer,
         "clearance": pair.clearance,
+        "time_left": pair.time_left,
+        "time_to_contact": pair.time_to_contact,
         "point_a": pair.point_a.tolist(),
         "point_b": pair.point_b.tolist(),
         "normal": pair.normal.tolist(),

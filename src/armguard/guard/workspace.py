@@ -125,8 +125,8 @@ BRUTE_FORCE = 1
 
 def ledger_of(workspace: Workspace) -> Ledger:
     """The workspace's arrays in the order `open_workspace` expects."""
-    parts = (workspace.world, workspace.octree, workspace.motion, workspace.watch)
-    return Ledger([*workspace[: -len(parts)], *(a for part in parts for a in part)])
+    w = workspace
+    return Ledger([*w[:-4], *w.world, *w.octree, *w.motion, *w.watch])
 
 
 @kernel

@@ -99,9 +99,7 @@ def farthest_move(p: Vec3, first: int, count: int, rows: Floats) -> float:
 
 
 @kernel
-def farthest_on_line(
-    p: Vec3, u: float, first: int, count: int, rows: Floats
-) -> float:
+def farthest_on_line(p: Vec3, u: float, first: int, count: int, rows: Floats) -> float:
     """The same where every joint is at `u · way ± width`."""
     way = 0.0
     for k in range(first, count):
@@ -145,21 +143,19 @@ def side_reach(
     if count <= first:
         if kind == HALF_SPACE:
             return half_space_reach(row, n)
-        return row[0] + dot(n, add(origin, core_support(kind, row, n)))
+        return float(row[0] + dot(n, add(origin, core_support(kind, row, n))))
     if kind == SPHERE:
-        return row[0] + point_reach(n, origin, u, first, count, rows)
+        return float(row[0] + point_reach(n, origin, u, first, count, rows))
     if kind == CAPSULE:
         other = (row[4], row[5], row[6])
-        return row[0] + max(
-            point_reach(n, origin, u, first, count, rows),
-            point_reach(n, other, u, first, count, rows),
-        )
+        reach = point_reach(n, origin, u, first, count, rows)
+        reach = max(reach, point_reach(n, other, u, first, count, rows))
+        return float(row[0] + reach)
     if kind == HULL:
-        return row[0] + hull_reach(row, n, u, first, count, rows)
+        return float(row[0] + hull_reach(row, n, u, first, count, rows))
     if kind == BOX:
-        return row[0] + box_reach(
-            row, row[4], row[5], row[6], n, u, first, count, rows
-        )
+        x, y, z = row[4], row[5], row[6]
+        return float(row[0] + box_reach(row, x, y, z, n, u, first, count, rows))
     if kind == HALF_SPACE:
         return inf
     # Curved cores: what the box around one may move by, on top of its own support.
@@ -173,10 +169,8 @@ def side_reach(
     else:
         x = y = z = row[6]
     still = dot(n, add(origin, core_support(kind, row, n)))
-    return row[0] + min(
-        box_reach(row, x, y, z, n, u, first, count, rows),
-        still + box_move(row, x, y, z, u, first, count, rows),
-    )
+    moved = still + box_move(row, x, y, z, u, first, count, rows)
+    return float(row[0] + min(box_reach(row, x, y, z, n, u, first, count, rows), moved))
 
 
 @kernel
@@ -189,7 +183,7 @@ def half_space_reach(row: Floats, n: Vec3) -> float:
     outward = (row[4], row[5], row[6])
     if dot(n, outward) < 1.0 - 1e-12:
         return inf
-    return row[0] + dot(outward, (row[1], row[2], row[3]))
+    return float(row[0] + dot(outward, (row[1], row[2], row[3])))
 
 
 @kernel

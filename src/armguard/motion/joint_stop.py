@@ -117,7 +117,7 @@ def farthest(t: float, stop: Floats) -> float:
         if stop[BACK] == inf:
             return 0.0
         slow = min(t, stop[V_BACK] / stop[BACK])
-        return -slow * (stop[V_BACK] - 0.5 * stop[BACK] * slow)
+        return float(-slow * (stop[V_BACK] - 0.5 * stop[BACK] * slow))
     if t <= stop[REACTION]:
         return float(accelerated_way(t, stop))
     since = min(t, stop[REST]) - stop[REACTION]

@@ -225,7 +225,9 @@ def span_gap(
         reach += side_reach(kind_b, b, back, u, first, count_b, rows_b)
         gap = min(gap, -reach)
     bend = curvature(chain_a, first, count_a, levers_a, m.joint_kind, m.node_size[at_a])
-    bend += curvature(chain_b, first, count_b, levers_b, m.joint_kind, m.node_size[at_b])
+    bend += curvature(
+        chain_b, first, count_b, levers_b, m.joint_kind, m.node_size[at_b]
+    )
     return (gap, bend)
 
 

@@ -168,9 +168,7 @@ def bound_reaches(plan: int, bodies: Ints, m: Motion) -> None:
 def write_axis(T: Floats, axis: Floats, out: Floats) -> None:
     """Write a joint's axis in the world, direction and a point of it, shape (6,)."""
     for r in range(3):
-        out[r] = (
-            T[4 * r] * axis[0] + T[4 * r + 1] * axis[1] + T[4 * r + 2] * axis[2]
-        )
+        out[r] = T[4 * r] * axis[0] + T[4 * r + 1] * axis[1] + T[4 * r + 2] * axis[2]
         out[r + 3] = T[4 * r + 3]
 
 
@@ -264,4 +262,3 @@ def curve_bow(stop: Floats) -> float:
     if stop[V_BACK] > 0.0 and stop[BACK] == inf:
         return 0.0
     return float(stop[BOW])
-

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes import Shape
-from armguard.scene.exact import ExactTables
 from armguard.robot.stopping import StoppingFigures
+from armguard.scene.exact import ExactTables
 from armguard.scene.settings import IndexSettings, Mode
 from armguard.scene.standing import Standing
 

@@ -1,0 +1,73 @@
+"""What a pair must keep, as a sum of named terms."""
+
+from dataclasses import dataclass
+
+# Terms smaller than this are not worth a word [m].
+TOLD = 5e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What a pair needs, split by cause; the terms add up to `needed`.
+
+    A is the pair's first side, B its second. The terms say how far each cause moves
+    the two witness points towards each other to the first order.
+
+    Attributes:
+        floor: The scene's buffer, kept at rest too [m].
+        model: Model error of the robots [m].
+        base: Error of where their bases stand [m].
+        object: Way of an object that moves: since it was seen, and until all rest [m].
+        error: Error of measured positions [m].
+        reaction_a: Way of A until a stop takes effect [m].
+        stopping_a: Way of A from there to rest, settling included [m].
+        reaction_b: The same of B [m].
+        stopping_b: The same of B [m].
+        path: What the bend of the path and coarseness of the bound add, or what its
+            course on the common clock saves [m].
+        needed: All together [m].
+    """
+
+    floor: float
+    model: float
+    base: float
+    object: float
+    error: float
+    reaction_a: float
+    stopping_a: float
+    reaction_b: float
+    stopping_b: float
+    path: float
+    needed: float
+
+    @property
+    def reaction(self) -> float:
+        """Way of both sides until stops take effect [m]."""
+        return self.reaction_a + self.reaction_b
+
+    @property
+    def stopping(self) -> float:
+        """Way of both sides from there to rest [m]."""
+        return self.stopping_a + self.stopping_b
+
+    @property
+    def sentence(self) -> str:
+        """The sum in words and millimetres, terms that are nothing left out."""
+        terms = [
+            ("floor", self.floor),
+            ("model", self.model),
+            ("base", self.base),
+            ("object", self.object),
+            ("measurement", self.error),
+            ("reaction", self.reaction),
+            ("stopping", self.stopping),
+            ("path", self.path),
+        ]
+        told = [f"{name} {value * 1e3:.1f}" for name, value in terms if told_at(value)]
+        parts = " + ".join(told).replace("+ path -", "- path ")
+        return f"needs {self.needed * 1e3:.1f} mm = {parts or '0'}"
+
+
+def told_at(value: float) -> bool:
+    """Whether a term is worth a word."""
+    return abs(value) >= TOLD
