@@ -2,13 +2,13 @@
 
 from math import isfinite
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import pointer
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
-from armguard.guard.explain import explain_nearest
-from armguard.guard.grade import grade_robots
 from armguard.guard.layout import (
     BODIES_MOVED,
     JOINT,
@@ -18,37 +18,21 @@ from armguard.guard.layout import (
     NEAREST,
     REASON,
     ROBOT,
-    SPANS_TESTED,
     VALUE,
 )
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE
-from armguard.guard.near_pairs import judge_pairs, look_around
-from armguard.guard.observe import observe
+from armguard.guard.near_pairs import judge_pairs
 from armguard.guard.reindex import update_index
-from armguard.guard.stops import (
-    order_stops,
-    set_clocks,
-    stop_everything,
-    supervise_stops,
-)
-from armguard.guard.watch import FORCED
 from armguard.guard.workspace import (
     FIRST_ROW,
-    GUARDED,
     MOVING_COUNT,
+    SELF,
     Workspace,
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, TESTS
-from armguard.motion.state import NOW as AT_ONCE
-from armguard.motion.stop_path import (
-    bound_reaches,
-    measured_speeds,
-    plan_stops,
-    write_axes,
-)
+from armguard.ledger import ledger_at
 from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
@@ -58,8 +42,6 @@ Bytes = NDArray[np.uint8]
 NOT_FINITE = int(Reason.NOT_FINITE)
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 WRONG_INPUT = int(Reason.WRONG_INPUT)
-CAPACITY = int(Reason.CAPACITY)
-NO_DISTANCE = int(Reason.NO_DISTANCE)
 
 
 @kernel(inline=False, entry=True)
@@ -79,82 +61,44 @@ def run_cycle(q: Floats, lines: Longs) -> int:
     """
     w = open_workspace(lines)
     out = w.out
+    rows = clear_header(w)
+    if not positions_are_finite(q, w.lower, out):
+        return rows
+    rebuild_world(q.ctypes.data, w.parts[SELF])
+    judge_pairs(w)
+    report_limits(q, w.lower, w.upper, out)
+    return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
+
+
+@kernel
+def clear_header(w: Workspace) -> int:
+    """Begin an answer.
+
+    Returns:
+        Where its rows start.
+    """
     rows = w.settings[FIRST_ROW]
     for k in range(rows):
-        out[k] = 0.0
-    out[JOINT] = out[NEAREST] = out[ROBOT] = -1.0
-    guarded = w.settings[GUARDED] != 0
-    if not positions_are_finite(q, w.lower, out):
-        if guarded:
-            refuse(w)
-        return int(rows)
-    if guarded and not predict(q, w):
-        refuse(w)
-        return int(rows)
+        w.out[k] = 0.0
+    w.out[JOINT] = w.out[NEAREST] = w.out[ROBOT] = -1.0
+    return int(rows)
+
+
+@kernel(inline=False)
+def rebuild_world(positions: int, lines: int) -> None:
+    """Poses, primitives in the world and index, from joint angles alone.
+
+    Args:
+        positions: Address of the joint positions.
+        lines: Address of the ledger.
+    """
+    w = open_workspace(ledger_at(lines))
+    q = numba.carray(pointer(positions), (w.lower.shape[0],), np.float64)
     forward_kinematics(
         q, w.parent, w.joint_kind, w.q_index, w.gain, w.T_parent_joint, w.axis, w.T_next
     )
     place_moved(w)
     update_index(w)
-    if guarded:
-        bound_motion(w)
-    judge_pairs(w)
-    if guarded:
-        conclude(w)
-    report_limits(q, w.lower, w.upper, w)
-    return int(rows) + int(out[NEAR_COUNT]) * NEAR_WIDTH
-
-
-@kernel
-def predict(q: Floats, w: Workspace) -> bool:
-    """Take the input over, follow the stops under way, plan those that may come.
-
-    Returns:
-        Whether the input can be judged.
-    """
-    v, m = w.watch, w.motion
-    if not observe(q, v, m, w.out):
-        return False
-    supervise_stops(v, m)
-    set_clocks(v, m)
-    for r in range(v.must.shape[0]):
-        v.must[r] = 0
-        v.time_left[r] = np.inf
-    m.effort[TESTS] = 0
-    plan_stops(NEXT, m)
-    plan_stops(AT_ONCE, m)
-    measured_speeds(m)
-    return True
-
-
-@kernel
-def bound_motion(w: Workspace) -> None:
-    """Bound how far every primitive may get, from the poses as they are now."""
-    m = w.motion
-    write_axes(w.T_world, m)
-    bound_reaches(NEXT, w.bodies, m)
-    bound_reaches(AT_ONCE, w.bodies, m)
-    look_around(w)
-
-
-@kernel
-def conclude(w: Workspace) -> None:
-    """Order what must be ordered, grade the robots, explain the nearest pair."""
-    if w.out[REASON] == CAPACITY or w.out[REASON] == NO_DISTANCE:
-        w.watch.last[FORCED] = w.out[REASON]
-    order_stops(w.watch, w.motion)
-    w.out[SPANS_TESTED] = w.motion.effort[TESTS]
-    grade_robots(w)
-    explain_nearest(w)
-
-
-@kernel
-def refuse(w: Workspace) -> None:
-    """Stop everything for an input that cannot be believed."""
-    reason = w.out[REASON]
-    stop_everything(int(reason), w.watch, w.motion)
-    grade_robots(w)
-    w.out[REASON] = reason
 
 
 @kernel
@@ -193,16 +137,13 @@ def positions_are_finite(q: Floats, lower: Floats, out: Floats) -> bool:
 
 
 @kernel
-def report_limits(q: Floats, lower: Floats, upper: Floats, w: Workspace) -> None:
+def report_limits(q: Floats, lower: Floats, upper: Floats, out: Floats) -> None:
     """Name the first joint outside its limits; it outranks every distance."""
-    out = w.out
     for k in range(q.shape[0]):
         if not (lower[k] <= q[k] <= upper[k]):
             out[REASON] = OUT_OF_LIMITS
             out[JOINT] = k
             out[VALUE] = q[k]
-            if w.settings[GUARDED] != 0:
-                refuse(w)
             return
 
 

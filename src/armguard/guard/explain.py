@@ -27,11 +27,12 @@ from armguard.guard.layout import (
 )
 from armguard.guard.near_pairs import row_place
 from armguard.guard.proofs import object_speed, robot_of, standing_need
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import SWING, TRAVEL, X1
-from armguard.motion.pair_proof import chain_length, shared_joints
-from armguard.motion.state import HORIZON, NEXT
+from armguard.motion.pair_proof import shared_joints
+from armguard.motion.state import HORIZON, NEXT, Motion
 from armguard.motion.stop_path import error_of
 from armguard.robot.kinematics import PRISMATIC
 
@@ -39,7 +40,7 @@ Floats = NDArray[np.float64]
 
 
 @kernel
-def explain_nearest(w: Workspace) -> None:
+def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
     """Write the terms of what the nearest pair needs; they add up to the need.
 
     Each joint's part is what it moves the witness point by, towards the other side.
@@ -54,24 +55,23 @@ def explain_nearest(w: Workspace) -> None:
     terms = out[TERMS : TERMS + TERM_NEEDED + 1]
     for k in range(terms.shape[0]):
         terms[k] = 0.0
-    v = w.watch
-    robot_i, robot_j = robot_of(i, w), robot_of(j, w)
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     terms[TERM_FLOOR] = out[place + BUFFER]
     terms[TERM_MODEL] = v.model[i] + (v.model[j] if robot_j >= 0 else 0.0)
     if robot_i != robot_j:
         terms[TERM_BASE] = v.base[i] + (v.base[j] if robot_j >= 0 else 0.0)
     standing = terms[TERM_FLOOR] + terms[TERM_MODEL] + terms[TERM_BASE]
-    seen = standing_need(i, j, w) - standing
-    terms[TERM_OBJECT] = seen + object_speed(j, w) * w.motion.span[HORIZON]
+    seen = standing_need(i, j, w, v) - standing
+    terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[HORIZON]
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])
     body_i, body_j = w.bodies[i], w.bodies[j]
-    first = shared_joints(body_i, body_j, w.motion)
+    first = shared_joints(body_i, body_j, m)
     point = (out[at + 1], out[at + 2], out[at + 3])
-    add_side(body_i, first, point, n, TERM_REACTION_A, TERM_STOPPING_A, terms, w)
+    add_side(body_i, first, point, n, TERM_REACTION_A, TERM_STOPPING_A, terms, m)
     point = (out[at + 4], out[at + 5], out[at + 6])
     n = scaled(-1.0, n)
-    add_side(body_j, first, point, n, TERM_REACTION_B, TERM_STOPPING_B, terms, w)
+    add_side(body_j, first, point, n, TERM_REACTION_B, TERM_STOPPING_B, terms, m)
     terms[TERM_NEEDED] = out[place + OUTER] - out[place + CLEARANCE]
     total = 0.0
     for k in range(TERM_PATH):
@@ -88,12 +88,11 @@ def add_side(
     reaction: int,
     stopping: int,
     terms: Floats,
-    w: Workspace,
+    m: Motion,
 ) -> None:
     """Add how far a body's joints can move a point along n, by cause."""
-    m = w.motion
     joints = m.q.shape[0]
-    for k in range(first, chain_length(body, m)):
+    for k in range(first, m.length[body] if body >= 0 else 0):
         b = m.joints[body, k]
         j = m.q_index[b]
         direction = (m.axes[b, 0], m.axes[b, 1], m.axes[b, 2])

@@ -20,6 +20,7 @@ from armguard.guard.layout import (
     SLACK_TIME,
 )
 from armguard.guard.levels import Level, Reason
+from armguard.guard.proofs import LOOK_AHEAD
 from armguard.guard.watch import (
     BRAKING,
     FORCED,
@@ -27,11 +28,12 @@ from armguard.guard.watch import (
     RESTING,
     SLOW_TIME,
     STOPPING,
+    Watch,
 )
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED, MODE
-from armguard.motion.state import AGE
+from armguard.motion.state import AGE, Motion
 
 CLEAR = int(Level.CLEAR)
 CAUTION = int(Level.CAUTION)
@@ -57,16 +59,16 @@ HYSTERESIS = 1.25
 
 
 @kernel
-def grade_robots(w: Workspace) -> None:
+def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
     """Write each robot's level, phase and speed scale, and the reason of all."""
-    out, v, m = w.out, w.watch, w.motion
+    out = w.out
     slow_time = v.pace[SLOW_TIME]
     least = inf
     worst = CLEAR
     which = -1
     for r in range(v.phase.shape[0]):
         place = HEADER + r * ROBOT_WIDTH
-        level = robot_level(r, w)
+        level = robot_level(r, w, v, m)
         left = v.time_left[r] if m.robot_figures[r, MODE] != FIXED else inf
         least = min(least, left)
         scale = 0.0 if level >= STOP else min(left / slow_time, 1.0)
@@ -78,18 +80,17 @@ def grade_robots(w: Workspace) -> None:
         out[place + ROBOT_CAUSE] = v.cause[r]
         if level > worst:
             worst, which = level, r
-    out[SLACK_TIME] = least
-    out[REASON] = common_reason(worst, which, w)
+    out[SLACK_TIME] = min(least, LOOK_AHEAD * slow_time)
+    out[REASON] = common_reason(worst, w, v)
     if worst >= STOP:
         out[ROBOT] = which
 
 
 @kernel
-def robot_level(r: int, w: Workspace) -> int:
+def robot_level(r: int, w: Workspace, v: Watch, m: Motion) -> int:
     """Level of one robot."""
-    v = w.watch
-    if w.motion.robot_figures[r, MODE] == FIXED:
-        return fixed_level(r, w)
+    if m.robot_figures[r, MODE] == FIXED:
+        return fixed_level(r, w, v)
     phase = v.phase[r]
     if phase == STOPPING:
         return STOP
@@ -108,17 +109,17 @@ def robot_level(r: int, w: Workspace) -> int:
 
 
 @kernel
-def fixed_level(r: int, w: Workspace) -> int:
+def fixed_level(r: int, w: Workspace, v: Watch) -> int:
     """Level of a robot whose buffer is a number: is a pair of its own nearer?"""
-    if w.watch.must[r] != 0:
+    if v.must[r] != 0:
         return STOP
     return CAUTION if w.out[NEAR_COUNT] > 0.0 else CLEAR
 
 
 @kernel
-def common_reason(worst: int, which: int, w: Workspace) -> int:
+def common_reason(worst: int, w: Workspace, v: Watch) -> int:
     """The reason of the highest level."""
-    v, found = w.watch, int(w.out[REASON])
+    found = int(w.out[REASON])
     forced = int(v.last[FORCED])
     if worst == HARDWARE_STOP:
         return BRAKE_LAGS

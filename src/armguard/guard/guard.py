@@ -20,27 +20,31 @@ from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.compiling import compile_ahead
 from armguard.guard.cycle import run_cycle
+from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.objects import stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.verdict import Names, NearPair, Verdict
-from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, watch_of
+from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, watch_ledger, watch_of
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
-    GUARDED,
     INDEX_KIND,
+    MOTION,
     MOVING_COUNT,
     OCTREE,
+    PARTS,
+    SELF,
     SETTINGS,
+    WATCH,
     Workspace,
     ledger_of,
 )
 from armguard.index import BruteForce, Octree, World
 from armguard.kernel import kernel
-from armguard.motion import motion_of
+from armguard.motion import motion_ledger, motion_of
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
@@ -188,19 +192,12 @@ class Guard:
             q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
         """
         start = self._clock()
-        guarded = self._settings[GUARDED]
-        self._settings[GUARDED] = 0
-        try:
-            array, fault = self._as_positions(q)
-            if fault:
-                data = self._fault_answer(Reason.WRONG_INPUT)
-            else:
-                used = run_cycle(array, self._lines)
-                data = self._out[:used].copy()
-        finally:
-            self._settings[GUARDED] = guarded
-        if guarded:
-            self._memory[FORCE] = 1
+        array, fault = self._as_positions(q)
+        if fault:
+            data = self._fault_answer(Reason.WRONG_INPUT)
+        else:
+            used = run_cycle(array, self._lines)
+            data = self._out[:used].copy()
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
     def _judge(
@@ -211,7 +208,7 @@ class Guard:
         now: float | None,
     ) -> tuple[NDArray[np.float64], str]:
         """The numbers of a cycle, and in words what was wrong with its input."""
-        if self._settings[GUARDED]:
+        if self._guarded:
             fault = self._take_times(stamp, now) or self._take_velocity(velocity)
         else:
             fault = "" if stamp is None else self._judge_stamp(stamp)
@@ -221,11 +218,11 @@ class Guard:
         if not fault:
             array, fault = self._as_positions(q)
         if fault:
-            if not self._settings[GUARDED]:
+            if not self._guarded:
                 return self._fault_answer(Reason.WRONG_INPUT), fault
             # Positions that the cycle refuses, so that it orders its stops.
             array = self._nowhere
-        used = run_cycle(array, self._lines)
+        used = self._run(array, self._lines)
         data = self._out[:used].copy()
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT
@@ -363,7 +360,13 @@ class Guard:
         self._watch = watch_of(tables)
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
         settings[FIRST_ROW] = first_row
-        settings[GUARDED] = guarded
+        self._guarded = guarded
+        self._run = run_guarded_cycle if guarded else run_cycle
+        self._motion = motion_of(tables, self._budget)
+        self._parts = motion_ledger(self._motion), watch_ledger(self._watch)
+        self._addresses = np.zeros(PARTS, dtype=np.int64)
+        for k, ledger in zip((MOTION, WATCH), self._parts, strict=True):
+            self._addresses[k] = ledger.lines.ctypes.data
         settings[MOVING_COUNT] = tables.moving_count
         brute_force = tables.index.kind == "brute_force"
         settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
@@ -399,12 +402,11 @@ class Guard:
             memo_rows=np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
             planes=np.zeros(PLANE_COUNT, dtype=np.int64),
             normals=np.zeros((PLANE_COUNT, 3)),
-            look=np.array([0.0, largest_standing_need(tables, self._watch)]),
+            look=np.array([largest_standing_need(tables, self._watch)]),
             look_box=np.zeros(6),
+            parts=self._addresses,
             world=world,
             octree=self.index.state,
-            motion=motion_of(tables, self._budget),
-            watch=self._watch,
         )
         self._open_ledger(workspace)
         self._names = Names(
@@ -441,6 +443,7 @@ class Guard:
         self._workspace = workspace
         self._ledger = ledger_of(workspace)
         self._lines = self._ledger.lines
+        self._addresses[SELF] = self._lines.ctypes.data
 
     def _judge_stamp(self, stamp: float | Mapping[str, float]) -> str:
         """Take the stamp over, or say why not."""

@@ -26,22 +26,12 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
-from armguard.guard.observe import now_of
 from armguard.guard.planes import is_apart, remember_plane
-from armguard.guard.proofs import (
-    LOOK_AHEAD,
-    judge_motion,
-    look_distance,
-    object_speed,
-    standing_need,
-)
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
-from armguard.guard.watch import SLOW_TIME
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
-    GUARDED,
     INDEX_KIND,
     MOVING_COUNT,
     Workspace,
@@ -49,11 +39,9 @@ from armguard.guard.workspace import (
 from armguard.index.octree_query import (
     octree_candidates,
     present_primitives,
-    primitives_in_box,
 )
 from armguard.kernel import kernel
 from armguard.motion.pair_proof import NEEDED, PROVEN, SPENT, UNSURE
-from armguard.motion.state import HORIZON
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -68,9 +56,6 @@ NO_DISTANCE = int(Reason.NO_DISTANCE)
 NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 
-# In a scene of so few primitives it takes less time to ask all than to look for them.
-FEW = 128
-
 
 @kernel
 def judge_pairs(w: Workspace) -> None:
@@ -84,7 +69,6 @@ def judge_pairs(w: Workspace) -> None:
     kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
     margin = w.margin[0]
     moved, moving_count = w.moved, w.settings[MOVING_COUNT]
-    guarded = w.settings[GUARDED] != 0
     everything = w.groups.shape[0]
     memory[CYCLE] += 1
     kept_count = memory[KEPT_COUNT]
@@ -102,11 +86,10 @@ def judge_pairs(w: Workspace) -> None:
             count, next_kept = take_kept(
                 i, j, next_kept, kept_count, count, moved, kept, w
             )
-            look = max(margin, pair_look(i, j, w)) if guarded else margin
-            if boxes_apart(boxes, i, j, look):
+            if boxes_apart(boxes, i, j, margin):
                 out[PAIRS_FILTERED] += 1.0
                 continue
-            if is_apart(i, j, look, w):
+            if is_apart(i, j, margin, w):
                 out[PAIRS_APART] += 1.0
                 continue
             out[PAIRS_TESTED] += 1.0
@@ -116,27 +99,16 @@ def judge_pairs(w: Workspace) -> None:
             place = row_place(count, w)
             witness = out[place + WITNESS : place + NEAR_WIDTH]
             measure(kinds[i], rows[i], kinds[j], rows[j], witness)
-            if witness[0] > look:
+            if witness[0] > margin:
                 remember_plane(i, j, w, witness)
                 continue
-            required = w.buffers[w.groups[i], w.groups[j]]
-            out[place + FIRST] = i
-            out[place + SECOND] = j
-            out[place + BUFFER] = required
-            out[place + OUTER] = witness[0]
-            out[place + EXACT] = np.inf
-            out[place + PROOF] = PROVEN
-            out[place + TIME_LEFT] = out[place + TIME_TO_CONTACT] = np.inf
-            if guarded:
-                judge_motion(i, j, place, w)
-                if witness[0] > margin and out[place + CLEARANCE] >= 0.0:
-                    continue
+            open_row(i, j, place, w)
+            required = out[place + BUFFER]
             if not witness[0] - required >= 0.0:
                 refine_pair(i, j, place, w)
-            if not guarded:
-                out[place + CLEARANCE] = witness[0] - required
-                if not out[place + CLEARANCE] >= 0.0:
-                    out[place + PROOF] = NEEDED
+            out[place + CLEARANCE] = witness[0] - required
+            if not out[place + CLEARANCE] >= 0.0:
+                out[place + PROOF] = NEEDED
             count += 1
         count, next_kept = take_kept(
             i, everything, next_kept, kept_count, count, moved, kept, w
@@ -153,56 +125,24 @@ def row_place(k: int, w: Workspace) -> int:
 
 
 @kernel
-def pair_look(i: int, j: int, w: Workspace) -> float:
-    """Beyond this distance a pair cannot matter to this cycle's proof [m]."""
-    look = standing_need(i, j, w) + look_distance(i, w)
-    if j < w.settings[MOVING_COUNT]:
-        return float(look + look_distance(j, w))
-    speed = object_speed(j, w)
-    ahead = w.motion.span[HORIZON] + LOOK_AHEAD * w.watch.pace[SLOW_TIME]
-    return float(look + speed * ahead)
+def open_row(i: int, j: int, place: int, w: Workspace) -> None:
+    """Write of a near pair what is known when it was measured."""
+    out = w.out
+    out[place + FIRST] = i
+    out[place + SECOND] = j
+    out[place + BUFFER] = w.buffers[w.groups[i], w.groups[j]]
+    out[place + OUTER] = out[place + WITNESS]
+    out[place + EXACT] = np.inf
+    out[place + TIME_LEFT] = out[place + TIME_TO_CONTACT] = np.inf
+    out[place + PROOF] = PROVEN
 
 
 @kernel
 def index_candidates(i: int, token: int, w: Workspace) -> int:
-    """Ids that may be near primitive i, each once: by the octree or simply all.
-
-    The index holds what moves with the margin. What may matter farther away than that
-    is looked for in a box, or in a small scene among all.
-    """
+    """Ids that may be near primitive i, each once: by the octree or simply all."""
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
         return int(present_primitives(i, w.octree.residency, w.candidates))
-    if w.settings[GUARDED] != 0:
-        look = w.look[0] + look_distance(i, w)
-        if not look <= w.margin[0]:
-            if w.groups.shape[0] <= FEW:
-                return int(present_primitives(i, w.octree.residency, w.candidates))
-            for k in range(3):
-                w.look_box[k] = w.world.boxes[i, k] - look
-                w.look_box[k + 3] = w.world.boxes[i, k + 3] + look
-            return int(
-                primitives_in_box(i, w.look_box, w.octree, w.seen, token, w.candidates)
-            )
     return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
-
-
-@kernel
-def look_around(w: Workspace) -> None:
-    """Write how far any primitive must look for the sake of what it may meet [m]."""
-    farthest = 0.0
-    for i in range(w.settings[MOVING_COUNT]):
-        farthest = max(farthest, look_distance(i, w))
-    fastest = 0.0
-    seen = np.inf
-    for k in range(w.watch.movers.shape[0]):
-        j = w.watch.movers[k]
-        fastest = max(fastest, w.watch.top_speed[j])
-        seen = min(seen, w.watch.seen_at[j])
-    drift = 0.0
-    if fastest > 0.0:
-        ahead = w.motion.span[HORIZON] + LOOK_AHEAD * w.watch.pace[SLOW_TIME]
-        drift = fastest * (ahead + max(now_of(w.watch) - seen, 0.0))
-    w.look[0] = farthest + drift + w.look[1]
 
 
 @kernel
@@ -331,14 +271,9 @@ def reason_of(proof: int) -> int:
 
 @kernel
 def remember(count: int, kept: Floats, memory: Longs, w: Workspace) -> None:
-    """Keep this cycle's rows for the next, unless some are missing.
-
-    Where stops are predicted nothing is kept: a pair that stands still may still be
-    in need of another distance.
-    """
+    """Keep this cycle's rows for the next, unless some are missing."""
     out = w.out
-    unsure = out[REASON] == CAPACITY or out[REASON] == NO_DISTANCE
-    if unsure or w.settings[GUARDED] != 0:
+    if out[REASON] == CAPACITY or out[REASON] == NO_DISTANCE:
         memory[KEPT_COUNT] = 0
         memory[FORCE] = 1
         return

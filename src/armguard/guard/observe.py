@@ -7,10 +7,12 @@ measurements is added. What cannot be believed is a reason, and its level is a s
 
 from math import inf, isfinite
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.layout import JOINT, REASON, ROBOT, VALUE
+from armguard.address import pointer
+from armguard.guard.layout import HEADER, JOINT, REASON, ROBOT, VALUE
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     FORCED,
@@ -21,6 +23,7 @@ from armguard.guard.watch import (
     NOW_TIME,
     PERIOD,
     Watch,
+    open_watch,
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
@@ -33,7 +36,7 @@ from armguard.motion.figures import (
     VELOCITY,
     VELOCITY_ERROR,
 )
-from armguard.motion.state import Motion
+from armguard.motion.state import Motion, open_motion
 
 Floats = NDArray[np.float64]
 
@@ -59,19 +62,23 @@ TIME_GRAIN = 1e-6
 SPEED_SHARE = 0.02
 
 
-@kernel
-def observe(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+@kernel(inline=False)
+def observe(positions: int, answer: int, watch: int, motion: int) -> bool:
     """Take over stamps, positions and velocities, or say what is wrong with them.
 
     Args:
-        q: Joint positions, finite, shape (n,).
-        v: Inputs and memory.
-        m: Figures; `q`, `v_low` and `v_high` are written.
-        out: Answer.
+        positions: Address of the joint positions, all finite.
+        answer: Address of the answer's header.
+        watch: Address of the ledger of inputs and memory.
+        motion: Address of that of the prediction; `q`, `v_low` and `v_high` are
+            written.
 
     Returns:
         Whether the input can be judged.
     """
+    v, m = open_watch(watch), open_motion(motion)
+    q = numba.carray(pointer(positions), (m.q.shape[0],), np.float64)
+    out = numba.carray(pointer(answer), (HEADER,), np.float64)
     v.last[FORCED] = OK
     if not clocks_are_right(v, m, out):
         return False

@@ -5,6 +5,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.kernel import kernel
+from armguard.ledger import (
+    Ledger,
+    ledger_at,
+    matrix_f8,
+    vector_f8,
+    vector_i4,
+    vector_i8,
+)
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -96,6 +105,44 @@ class Watch(NamedTuple):
     seen_at: Floats
     robot_of: NDArray[np.int32]
     movers: NDArray[np.int32]
+
+
+def watch_ledger(watch: Watch) -> Ledger:
+    """The arrays in the order `open_watch` expects."""
+    return Ledger(watch)
+
+
+@kernel
+def open_watch(address: int) -> Watch:
+    """What a ledger leads to, by the address of its lines."""
+    lines = ledger_at(address)
+    return Watch(
+        vector_f8(lines, 0),
+        vector_f8(lines, 1),
+        vector_f8(lines, 2),
+        vector_f8(lines, 3),
+        vector_f8(lines, 4),
+        vector_f8(lines, 5),
+        vector_i8(lines, 6),
+        matrix_f8(lines, 7),
+        matrix_f8(lines, 8),
+        vector_i8(lines, 9),
+        vector_f8(lines, 10),
+        vector_i8(lines, 11),
+        vector_i8(lines, 12),
+        vector_f8(lines, 13),
+        vector_f8(lines, 14),
+        vector_i8(lines, 15),
+        vector_i8(lines, 16),
+        vector_f8(lines, 17),
+        vector_i8(lines, 18),
+        vector_f8(lines, 19),
+        vector_f8(lines, 20),
+        vector_f8(lines, 21),
+        vector_f8(lines, 22),
+        vector_i4(lines, 23),
+        vector_i4(lines, 24),
+    )
 
 
 def watch_of(tables: SceneTables) -> Watch:

@@ -5,7 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.ledger import (
+from armguard.index.octree_state import OctreeState
+from armguard.index.world import World
+from armguard.kernel import kernel
+from armguard.ledger import (
     Ledger,
     matrix_f8,
     matrix_i4,
@@ -16,11 +19,6 @@ from armguard.guard.ledger import (
     vector_i8,
     vector_u1,
 )
-from armguard.guard.watch import Watch
-from armguard.index.octree_state import OctreeState
-from armguard.index.world import World
-from armguard.kernel import kernel
-from armguard.motion.state import Motion
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -63,13 +61,11 @@ class Workspace(NamedTuple):
         memo_rows: Their witness rows, shape (m, 10).
         planes: Pairs that were found far apart, see `planes`, shape (n,).
         normals: Their normals, shape (n, 3).
-        look: How far a primitive must look, and the part of it that is always the
-            same, shape (2,) [m].
+        look: More than any pair must keep for other reasons than motion, (1,) [m].
         look_box: Scratch for a box, shape (6,).
+        parts: Addresses of the ledgers of what predicts stops, see MOTION, shape (3,).
         world: Primitives in the world.
         octree: State of the octree.
-        motion: Prediction of stops.
-        watch: Inputs and orders.
     """
 
     lower: Floats
@@ -105,18 +101,22 @@ class Workspace(NamedTuple):
     normals: Floats
     look: Floats
     look_box: Floats
+    parts: Longs
     world: World
     octree: OctreeState
-    motion: Motion
-    watch: Watch
 
 
 # Places in `Workspace.settings`.
 MOVING_COUNT = 0
 INDEX_KIND = 1
 FIRST_ROW = 2  # where the rows of the answer start
-GUARDED = 3  # 1 if some robot's stop is predicted
-SETTINGS = 4
+SETTINGS = 3
+
+# Places in `Workspace.parts`.
+MOTION = 0
+WATCH = 1
+SELF = 2  # the ledger of the workspace itself
+PARTS = 3
 
 # Kinds of index.
 OCTREE = 0
@@ -125,104 +125,35 @@ BRUTE_FORCE = 1
 
 def ledger_of(workspace: Workspace) -> Ledger:
     """The workspace's arrays in the order `open_workspace` expects."""
-    w = workspace
-    return Ledger([*w[:-4], *w.world, *w.octree, *w.motion, *w.watch])
+    return Ledger([*workspace[:-2], *workspace.world, *workspace.octree])
 
 
 @kernel
 def open_workspace(lines: Longs) -> Workspace:
     """The workspace a ledger leads to."""
     world = World(
-        vector_i4(lines, 33),
-        matrix_f8(lines, 34),
+        vector_i4(lines, 34),
         matrix_f8(lines, 35),
-        vector_i4(lines, 36),
-        vector_f8(lines, 37),
+        matrix_f8(lines, 36),
+        vector_i4(lines, 37),
+        vector_f8(lines, 38),
     )
     octree = OctreeState(
-        matrix_i4(lines, 38),
-        matrix_f8(lines, 39),
-        matrix_i4(lines, 40),
+        matrix_i4(lines, 39),
+        matrix_f8(lines, 40),
         matrix_i4(lines, 41),
-        matrix_f8(lines, 42),
-        vector_f8(lines, 43),
-        vector_i8(lines, 44),
+        matrix_i4(lines, 42),
+        matrix_f8(lines, 43),
+        vector_f8(lines, 44),
         vector_i8(lines, 45),
         vector_i8(lines, 46),
-        vector_i4(lines, 47),
+        vector_i8(lines, 47),
         vector_i4(lines, 48),
         vector_i4(lines, 49),
-        vector_f8(lines, 50),
-        vector_i8(lines, 51),
+        vector_i4(lines, 50),
+        vector_f8(lines, 51),
         vector_i8(lines, 52),
-    )
-    motion = Motion(
-        vector_i4(lines, 53),
-        vector_i4(lines, 54),
-        vector_i4(lines, 55),
-        matrix_f8(lines, 56),
-        matrix_f8(lines, 57),
-        matrix_f8(lines, 58),
-        matrix_i4(lines, 59),
-        vector_i4(lines, 60),
-        matrix_i4(lines, 61),
-        matrix_f8(lines, 62),
-        matrix_f8(lines, 63),
-        matrix_f8(lines, 64),
-        matrix_f8(lines, 65),
-        matrix_f8(lines, 66),
-        vector_i4(lines, 67),
-        vector_f8(lines, 68),
-        vector_f8(lines, 69),
-        vector_f8(lines, 70),
-        matrix_f8(lines, 71),
-        vector_f8(lines, 72),
-        vector_i8(lines, 73),
-        matrix_f8(lines, 74),
-        matrix_f8(lines, 75),
-        matrix_f8(lines, 76),
-        matrix_f8(lines, 77),
-        matrix_f8(lines, 78),
-        matrix_f8(lines, 79),
-        matrix_f8(lines, 80),
-        vector_f8(lines, 81),
-        vector_f8(lines, 82),
-        vector_f8(lines, 83),
-        vector_i8(lines, 84),
-        matrix_f8(lines, 85),
-        matrix_f8(lines, 86),
-        matrix_f8(lines, 87),
-        matrix_f8(lines, 88),
-        matrix_f8(lines, 89),
-        vector_f8(lines, 90),
-        matrix_f8(lines, 91),
-    )
-    watch = Watch(
-        vector_f8(lines, 92),
-        vector_f8(lines, 93),
-        vector_f8(lines, 94),
-        vector_f8(lines, 95),
-        vector_f8(lines, 96),
-        vector_f8(lines, 97),
-        vector_i8(lines, 98),
-        matrix_f8(lines, 99),
-        matrix_f8(lines, 100),
-        vector_i8(lines, 101),
-        vector_f8(lines, 102),
-        vector_i8(lines, 103),
-        vector_i8(lines, 104),
-        vector_f8(lines, 105),
-        vector_f8(lines, 106),
-        vector_i8(lines, 107),
-        vector_i8(lines, 108),
-        vector_f8(lines, 109),
-        vector_i8(lines, 110),
-        vector_f8(lines, 111),
-        vector_f8(lines, 112),
-        vector_f8(lines, 113),
-        vector_f8(lines, 114),
-        vector_i4(lines, 115),
-        vector_i4(lines, 116),
+        vector_i8(lines, 53),
     )
     return Workspace(
         vector_f8(lines, 0),
@@ -258,8 +189,7 @@ def open_workspace(lines: Longs) -> Workspace:
         matrix_f8(lines, 30),
         vector_f8(lines, 31),
         vector_f8(lines, 32),
+        vector_i8(lines, 33),
         world,
         octree,
-        motion,
-        watch,
     )

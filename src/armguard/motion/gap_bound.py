@@ -24,8 +24,10 @@ from numpy.typing import NDArray
 from armguard.address import pointer
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, add, cross, dot
 from armguard.kernel import kernel
+from armguard.motion.state import open_motion
 from armguard.robot.kinematics import PRISMATIC
 
 Floats = NDArray[np.float64]
@@ -72,7 +74,7 @@ def joint_rows(
         joint_kind: Joint kinds, shape (b,).
         one: Least Δ of each body's joint, or half its way, shape (b,).
         other: Greatest Δ, or its width, shape (b,).
-        rows: Overwritten, shape (depth, 6).
+        rows: Overwritten, shape (depth, LEVER_ROW).
     """
     for k in range(first, count):
         b = chain[k]
@@ -118,7 +120,7 @@ def point_reach(
     return dot(n, p) + farthest_on_line(p, u, first, count, rows)
 
 
-@kernel
+@kernel(inline=False)
 def side_reach(
     kind: int,
     row: Floats,
@@ -144,33 +146,32 @@ def side_reach(
         if kind == HALF_SPACE:
             return half_space_reach(row, n)
         return float(row[0] + dot(n, add(origin, core_support(kind, row, n))))
-    if kind == SPHERE:
-        return float(row[0] + point_reach(n, origin, u, first, count, rows))
-    if kind == CAPSULE:
-        other = (row[4], row[5], row[6])
-        reach = point_reach(n, origin, u, first, count, rows)
-        reach = max(reach, point_reach(n, other, u, first, count, rows))
+    if kind == SPHERE or kind == CAPSULE:
+        reach = -inf
+        for end in range(1, 5 if kind == CAPSULE else 2, 3):
+            p = (row[end], row[end + 1], row[end + 2])
+            reach = max(reach, point_reach(n, p, u, first, count, rows))
         return float(row[0] + reach)
     if kind == HULL:
         return float(row[0] + hull_reach(row, n, u, first, count, rows))
-    if kind == BOX:
-        x, y, z = row[4], row[5], row[6]
-        return float(row[0] + box_reach(row, x, y, z, n, u, first, count, rows))
-    if kind == HALF_SPACE:
+    if kind == HALF_SPACE or kind == TRIANGLE:
+        # Neither rides on a link.
         return inf
-    # Curved cores: what the box around one may move by, on top of its own support.
+    x, y, z = row[4], row[5], row[6]
     if kind == CYLINDER or kind == CONE:
-        wide = max(row[4], row[6])
-        x, y, z = wide, wide, row[5]
-    elif kind == ELLIPSOID:
-        x, y, z = row[4], row[5], row[6]
-    elif kind == TRIANGLE:
-        return inf
-    else:
+        x = y = max(row[4], row[6])
+        z = row[5]
+    elif kind != BOX and kind != ELLIPSOID:
         x = y = z = row[6]
+    # A curved core moves no farther than the box around it, on top of its own support.
     still = dot(n, add(origin, core_support(kind, row, n)))
-    moved = still + box_move(row, x, y, z, u, first, count, rows)
-    return float(row[0] + min(box_reach(row, x, y, z, n, u, first, count, rows), moved))
+    reach = move = -inf
+    for c in range(8):
+        p = corner(row, x, y, z, c)
+        way = point_reach((0.0, 0.0, 0.0), p, u, first, count, rows)
+        reach = max(reach, dot(n, p) + way)
+        move = max(move, way)
+    return float(row[0] + min(reach, still + move))
 
 
 @kernel
@@ -197,45 +198,6 @@ def corner(row: Floats, x: float, y: float, z: float, c: int) -> Vec3:
         row[2] + row[10] * x + row[11] * y + row[12] * z,
         row[3] + row[13] * x + row[14] * y + row[15] * z,
     )
-
-
-@kernel
-def box_reach(
-    row: Floats,
-    x: float,
-    y: float,
-    z: float,
-    n: Vec3,
-    u: float,
-    first: int,
-    count: int,
-    rows: Floats,
-) -> float:
-    """Greatest reach of a box's corners."""
-    most = -inf
-    for c in range(8):
-        p = corner(row, x, y, z, c)
-        most = max(most, point_reach(n, p, u, first, count, rows))
-    return most
-
-
-@kernel
-def box_move(
-    row: Floats,
-    x: float,
-    y: float,
-    z: float,
-    u: float,
-    first: int,
-    count: int,
-    rows: Floats,
-) -> float:
-    """Greatest move of a box's corners, wherever they are along n."""
-    most = -inf
-    for c in range(8):
-        p = corner(row, x, y, z, c)
-        most = max(most, point_reach((0.0, 0.0, 0.0), p, u, first, count, rows))
-    return most
 
 
 @kernel
@@ -309,3 +271,85 @@ def curvature(
             total += levers[k] * size * (0.5 * size + turned)
             turned += size
     return total
+
+
+@kernel(inline=False)
+def range_reach(
+    kind: int,
+    row: int,
+    body: int,
+    plan: int,
+    levers: int,
+    first: int,
+    n: Vec3,
+    motion: int,
+) -> float:
+    """Greatest `n·p` of a side on the whole stop path, from where it is now [m].
+
+    Args:
+        kind: ShapeKind.
+        row: Address of its row in the world.
+        body: Its body, -1 if it stands still.
+        plan: NEXT or NOW, the stop of its robot.
+        levers: Address of its levers.
+        first: First joint that does not move both sides alike.
+        n: Unit direction.
+        motion: Address of the ledger of the prediction.
+    """
+    m = open_motion(motion)
+    a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
+    count = 0 if body < 0 else int(m.length[body])
+    if count <= first:
+        return float(side_reach(kind, a, n, 0.0, first, first, m.lever_rows))
+    chain, low, high = m.joints[body], m.low[plan], m.high[plan]
+    joint_rows(n, chain, first, count, m.axes, m.joint_kind, low, high, m.lever_rows)
+    reach = side_reach(kind, a, n, 0.0, first, count, m.lever_rows)
+    own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
+    return float(
+        reach + curvature(chain, first, count, own, m.joint_kind, m.spread[plan])
+    )
+
+
+@kernel(inline=False)
+def line_reach(
+    kind: int,
+    row: int,
+    body: int,
+    at: int,
+    levers: int,
+    first: int,
+    n: Vec3,
+    motion: int,
+) -> Vec3:
+    """The same over one span, for the two ends of its line, and what it leaves out.
+
+    Args:
+        kind: ShapeKind.
+        row: Address of its row in the world, in the middle of the span.
+        body: Its body, -1 if it stands still.
+        at: The span among those of all plans.
+        levers: Address of its levers.
+        first: First joint that does not move both sides alike.
+        n: Unit direction.
+        motion: Address of the ledger of the prediction.
+
+    Returns:
+        Greatest `n·p` at the first end, at the other, and the curvature [m].
+    """
+    m = open_motion(motion)
+    a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
+    count = 0 if body < 0 else int(m.length[body])
+    if count <= first:
+        still = side_reach(kind, a, n, 0.0, first, first, m.lever_rows)
+        return (still, still, 0.0)
+    bodies = m.parent.shape[0]
+    axes = m.node_axes[at * bodies : (at + 1) * bodies]
+    chain, way, width = m.joints[body], m.node_way[at], m.node_width[at]
+    joint_rows(n, chain, first, count, axes, m.joint_kind, way, width, m.lever_rows)
+    one = other = 0.0
+    for end in range(2):
+        u = 2.0 * end - 1.0
+        one, other = other, side_reach(kind, a, n, u, first, count, m.lever_rows)
+    own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
+    bend = curvature(chain, first, count, own, m.joint_kind, m.node_size[at])
+    return (one, other, bend)

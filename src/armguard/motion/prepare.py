@@ -96,7 +96,9 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         node_width=np.zeros((PLANS * NODES, b)),
         node_size=np.zeros((PLANS * NODES, b)),
         q_node=np.zeros(n),
-        lever_rows=np.zeros((2 * depth, LEVER_ROW)),
+        q_way=np.zeros(n),
+        q_width=np.zeros(n),
+        lever_rows=np.zeros((depth, LEVER_ROW)),
     )
 
 

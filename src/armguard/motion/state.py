@@ -5,6 +5,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.kernel import kernel
+from armguard.ledger import (
+    Ledger,
+    ledger_at,
+    matrix_f8,
+    matrix_i4,
+    vector_f8,
+    vector_i4,
+    vector_i8,
+)
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
@@ -86,7 +97,9 @@ class Motion(NamedTuple):
         node_width: How far it may be off that line, shape (PLANS · NODES, b).
         node_size: The sum of both, shape (PLANS · NODES, b).
         q_node: Scratch for positions, shape (n,).
-        lever_rows: Scratch for two sides, shape (2 · depth, LEVER_ROW).
+        q_way: Scratch for half ways, shape (n,).
+        q_width: Scratch for widths, shape (n,).
+        lever_rows: Scratch for one side, shape (depth, LEVER_ROW).
     """
 
     parent: Ints
@@ -127,4 +140,60 @@ class Motion(NamedTuple):
     node_width: Floats
     node_size: Floats
     q_node: Floats
+    q_way: Floats
+    q_width: Floats
     lever_rows: Floats
+
+
+def motion_ledger(motion: Motion) -> Ledger:
+    """The arrays in the order `open_motion` expects."""
+    return Ledger(motion)
+
+
+@kernel
+def open_motion(address: int) -> Motion:
+    """The prediction a ledger leads to, by the address of its lines."""
+    lines = ledger_at(address)
+    return Motion(
+        vector_i4(lines, 0),
+        vector_i4(lines, 1),
+        vector_i4(lines, 2),
+        matrix_f8(lines, 3),
+        matrix_f8(lines, 4),
+        matrix_f8(lines, 5),
+        matrix_i4(lines, 6),
+        vector_i4(lines, 7),
+        matrix_i4(lines, 8),
+        matrix_f8(lines, 9),
+        matrix_f8(lines, 10),
+        matrix_f8(lines, 11),
+        matrix_f8(lines, 12),
+        matrix_f8(lines, 13),
+        vector_i4(lines, 14),
+        vector_f8(lines, 15),
+        vector_f8(lines, 16),
+        vector_f8(lines, 17),
+        matrix_f8(lines, 18),
+        vector_f8(lines, 19),
+        vector_i8(lines, 20),
+        matrix_f8(lines, 21),
+        matrix_f8(lines, 22),
+        matrix_f8(lines, 23),
+        matrix_f8(lines, 24),
+        matrix_f8(lines, 25),
+        matrix_f8(lines, 26),
+        matrix_f8(lines, 27),
+        vector_f8(lines, 28),
+        vector_f8(lines, 29),
+        vector_f8(lines, 30),
+        vector_i8(lines, 31),
+        matrix_f8(lines, 32),
+        matrix_f8(lines, 33),
+        matrix_f8(lines, 34),
+        matrix_f8(lines, 35),
+        matrix_f8(lines, 36),
+        vector_f8(lines, 37),
+        vector_f8(lines, 38),
+        vector_f8(lines, 39),
+        matrix_f8(lines, 40),
+    )

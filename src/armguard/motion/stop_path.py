@@ -6,9 +6,11 @@ before that.
 
 from math import inf
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import pointer
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     ACCELERATION,
@@ -43,6 +45,7 @@ from armguard.motion.state import (
     STAMP,
     STILL,
     Motion,
+    open_motion,
 )
 from armguard.robot.kinematics import FIXED as NO_JOINT
 from armguard.robot.kinematics import forward_kinematics
@@ -51,14 +54,16 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-@kernel
-def plan_stops(plan: int, m: Motion) -> None:
+@kernel(inline=False)
+def plan_stops(plan: int, motion: int) -> None:
     """Predict the stop of every joint, and bound how far it gets in all.
 
     Args:
         plan: NEXT or NOW; NEXT goes first, its horizon is that of both.
-        m: Figures, measured state and clocks are read, the rest is written.
+        motion: Address of the ledger of the prediction: figures, measured state and
+            clocks are read, the rest is written.
     """
+    m = open_motion(motion)
     n = m.q.shape[0]
     horizon = 0.0
     for j in range(n):
@@ -126,9 +131,16 @@ def error_of(j: int, m: Motion) -> float:
     return 0.0 if still else float(m.joint_figures[j, POSITION_ERROR])
 
 
-@kernel
-def write_axes(T_world: Floats, m: Motion) -> None:
-    """Write the axes of all joints where they were measured."""
+@kernel(inline=False)
+def write_axes(poses: int, motion: int) -> None:
+    """Write the axes of all joints where they were measured.
+
+    Args:
+        poses: Address of the poses of all bodies.
+        motion: Address of the ledger of the prediction.
+    """
+    m = open_motion(motion)
+    T_world = numba.carray(pointer(poses), (m.parent.shape[0], 12), np.float64)
     for b in range(m.parent.shape[0]):
         write_axis(T_world[b], m.axis[b], m.axes[b])
 
@@ -145,19 +157,22 @@ def measured_speeds(m: Motion) -> None:
                 m.speed[b] = abs(m.gain[b, 0]) * fastest
 
 
-@kernel
-def bound_reaches(plan: int, bodies: Ints, m: Motion) -> None:
+@kernel(inline=False)
+def bound_reaches(plan: int, bodies: int, motion: int) -> None:
     """Bound the way and the speed of every moving primitive's points.
 
     Args:
         plan: NEXT or NOW.
-        bodies: Body of each primitive, shape (p,).
-        m: Planned stops and `speed` are read, `reach` and `rate` are written.
+        bodies: Address of the body of each moving primitive.
+        motion: Address of the ledger of the prediction.
     """
-    for i in range(m.reach.shape[1]):
-        chain, levers = m.joints[bodies[i]], m.levers[i]
+    m = open_motion(motion)
+    count = m.reach.shape[1]
+    ridden = numba.carray(pointer(bodies), (count,), np.int32)
+    for i in range(count):
+        chain, levers = m.joints[ridden[i]], m.levers[i]
         way = rate = 0.0
-        for k in range(m.length[bodies[i]]):
+        for k in range(m.length[ridden[i]]):
             way += m.spread[plan, chain[k]] * levers[k]
             rate += m.speed[chain[k]] * levers[k]
         m.reach[plan, i] = way
@@ -173,12 +188,13 @@ def write_axis(T: Floats, axis: Floats, out: Floats) -> None:
 
 
 @kernel(inline=False)
-def make_node(plan: int, node: int, m: Motion) -> None:
+def make_node(plan: int, node: int, motion: int) -> None:
     """Write a span of the stop path, unless that was done in this cycle.
 
     Within the span each joint's position is `middle + u · way ± width` for one u in
     [-1, 1] that is the same for all joints.
     """
+    m = open_motion(motion)
     at = plan * NODES + node
     if m.node_stamp[at] == m.effort[STAMP]:
         return
@@ -187,13 +203,14 @@ def make_node(plan: int, node: int, m: Motion) -> None:
     bodies = m.parent.shape[0]
     way, width, size = m.node_way[at], m.node_width[at], m.node_size[at]
     for j in range(m.q.shape[0]):
-        m.q_node[j] = m.q[j] + joint_span(plan, j, start, end, m)[0]
+        middle, half, off = joint_span(plan, j, start, end, m)
+        m.q_node[j] = m.q[j] + middle
+        m.q_way[j], m.q_width[j] = half, off
     for b in range(bodies):
         way[b] = width[b] = 0.0
         if m.joint_kind[b] != NO_JOINT:
-            _, half, off = joint_span(plan, m.q_index[b], start, end, m)
-            way[b] = m.gain[b, 0] * half
-            width[b] = abs(m.gain[b, 0]) * off
+            way[b] = m.gain[b, 0] * m.q_way[m.q_index[b]]
+            width[b] = abs(m.gain[b, 0]) * m.q_width[m.q_index[b]]
         size[b] = abs(way[b]) + width[b]
     T = m.node_T[at * bodies : (at + 1) * bodies]
     forward_kinematics(

@@ -58,11 +58,13 @@ def measure(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
         b: Its row, shape (16,); world [m].
         out: Witness row, shape (10,), overwritten.
     """
-    if kind_a > kind_b:
-        measure_at(kind_b, b.ctypes.data, kind_a, a.ctypes.data, out.ctypes.data)
+    # `int`: whatever whole number a kind comes as, one kernel is compiled.
+    one, other = int(kind_a), int(kind_b)
+    if one > other:
+        measure_at(other, b.ctypes.data, one, a.ctypes.data, out.ctypes.data)
         turn_witness(out)
     else:
-        measure_at(kind_a, a.ctypes.data, kind_b, b.ctypes.data, out.ctypes.data)
+        measure_at(one, a.ctypes.data, other, b.ctypes.data, out.ctypes.data)
 
 
 @kernel(inline=False)

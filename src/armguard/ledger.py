@@ -23,6 +23,9 @@ Longs = NDArray[np.int64]
 # Numbers kept of each array: address, rows, columns (1 for a vector).
 LINE = 3
 
+# Room for more arrays than any ledger has; only those that are there are read.
+LINES = 256
+
 
 class Ledger:
     """Addresses of arrays that must stay where they are.
@@ -43,6 +46,12 @@ class Ledger:
                 raise TypeError(f"array {k} of a ledger is not a contiguous matrix")
             columns = array.shape[1] if array.ndim == 2 else 1
             self.lines[k * LINE :][:LINE] = array.ctypes.data, array.shape[0], columns
+
+
+@kernel
+def ledger_at(address: int) -> Longs:
+    """The lines of a ledger by their address, which is cheap to hand over."""
+    return numba.carray(pointer(address), (LINE * LINES,), np.int64)
 
 
 @kernel

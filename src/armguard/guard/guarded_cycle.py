@@ -1,0 +1,120 @@
+"""The cycle where stops are predicted.
+
+Joint angles -> are they to be believed? -> stops that may come -> poses -> index ->
+pairs, each proven -> orders -> levels.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.cycle import (
+    clear_header,
+    positions_are_finite,
+    rebuild_world,
+    report_limits,
+)
+from armguard.guard.explain import explain_nearest
+from armguard.guard.grade import grade_robots
+from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, SPANS_TESTED
+from armguard.guard.levels import Reason
+from armguard.guard.memory import FORCE
+from armguard.guard.motion_pairs import judge_motions
+from armguard.guard.observe import observe
+from armguard.guard.stops import (
+    order_stops,
+    set_clocks,
+    stop_everything,
+    supervise_stops,
+)
+from armguard.guard.watch import FORCED, open_watch
+from armguard.guard.workspace import MOTION, SELF, WATCH, open_workspace
+from armguard.kernel import kernel
+from armguard.ledger import ledger_at
+from armguard.motion.state import NEXT, NOW, TESTS, open_motion
+from armguard.motion.stop_path import (
+    bound_reaches,
+    measured_speeds,
+    plan_stops,
+    write_axes,
+)
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+CAPACITY = int(Reason.CAPACITY)
+NO_DISTANCE = int(Reason.NO_DISTANCE)
+OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
+
+
+@kernel(inline=False, entry=True)
+def run_guarded_cycle(q: Floats, lines: Longs) -> int:
+    """Judge one cycle and order the stops it asks for.
+
+    Args:
+        q: Joint positions, shape (n,) [rad or m].
+        lines: Ledger of a workspace; its state, memory and `out` are updated.
+
+    Returns:
+        How many places of the workspace's `out` were used.
+    """
+    w = open_workspace(lines)
+    out, parts = w.out, w.parts
+    rows = clear_header(w)
+    if not positions_are_finite(q, w.lower, out):
+        refuse(parts[SELF])
+        return rows
+    if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
+        refuse(parts[SELF])
+        return rows
+    begin(parts[WATCH], parts[MOTION])
+    # Every pair is measured: one that stands still may need another distance now.
+    w.memory[FORCE] = 1
+    rebuild_world(q.ctypes.data, parts[SELF])
+    write_axes(w.T_world.ctypes.data, parts[MOTION])
+    for plan in range(2):
+        bound_reaches(plan, w.bodies.ctypes.data, parts[MOTION])
+    judge_motions(parts[SELF])
+    conclude(parts[SELF])
+    report_limits(q, w.lower, w.upper, out)
+    if out[REASON] == OUT_OF_LIMITS:
+        refuse(parts[SELF])
+    return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
+
+
+@kernel(inline=False)
+def begin(watch: int, motion: int) -> None:
+    """Follow the stops under way and plan those that may come."""
+    v, m = open_watch(watch), open_motion(motion)
+    supervise_stops(v, m)
+    set_clocks(v, m)
+    for r in range(v.must.shape[0]):
+        v.must[r] = 0
+        v.time_left[r] = np.inf
+    m.effort[TESTS] = 0
+    plan_stops(NEXT, motion)
+    plan_stops(NOW, motion)
+    measured_speeds(m)
+
+
+@kernel(inline=False)
+def conclude(lines: int) -> None:
+    """Order what must be ordered, grade the robots, explain the nearest pair."""
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    if w.out[REASON] == CAPACITY or w.out[REASON] == NO_DISTANCE:
+        v.last[FORCED] = w.out[REASON]
+    order_stops(v, m)
+    w.out[SPANS_TESTED] = m.effort[TESTS]
+    grade_robots(w, v, m)
+    explain_nearest(w, v, m)
+
+
+@kernel(inline=False)
+def refuse(lines: int) -> None:
+    """Stop everything for an input that cannot be believed."""
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    reason = w.out[REASON]
+    stop_everything(int(reason), v, m)
+    grade_robots(w, v, m)
+    w.out[REASON] = reason
