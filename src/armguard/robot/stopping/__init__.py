@@ -2,18 +2,21 @@
 
 from armguard.robot.stopping.declared import declared_figures
 from armguard.robot.stopping.figures import (
-    FiguresError,
     StoppingFigures,
     stopping_figures,
 )
 from armguard.robot.stopping.named import named_figures
+from armguard.robot.stopping.plausible import FiguresError
 from armguard.robot.stopping.table import StopTable
+from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 
 __all__ = [
     "FiguresError",
     "StopTable",
     "StoppingFigures",
+    "TableFile",
     "declared_figures",
     "named_figures",
+    "read_stop_tables",
     "stopping_figures",
 ]

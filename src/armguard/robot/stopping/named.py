@@ -109,7 +109,7 @@ def universal(
     return {
         "velocity": (
             dict(zip(UR_JOINTS, velocity, strict=True)),
-            "the maker's data sheet",
+            "the maker's data sheet, or the URDF where that is higher",
         ),
         "acceleration": (
             {j: max(40.0, 2.0 * a) for j, a in deceleration.items()},
@@ -156,7 +156,7 @@ def ur3() -> dict[str, Row]:
         mean_brake(0.092, 0.15),
     )
     return universal(
-        (*3 * (radians(180.0),), *3 * (radians(360.0),)),
+        (radians(180.0), radians(180.0), 3.15, *3 * (radians(360.0),)),
         (base, shoulder, elbow, base, base, base),
         "UR3/CB3 user manual, appendix A, 183 °/s, 3 kg, stretched: base 0.18 rad in "
         "159 ms, shoulder 0.20 rad in 154 ms, elbow 0.15 rad in 92 ms; wrists are not "
@@ -172,7 +172,7 @@ def ur5() -> dict[str, Row]:
         mean_brake(0.164, 0.22),
     )
     return universal(
-        6 * (radians(180.0),),
+        (*3 * (3.15,), *3 * (3.2,)),
         (base, shoulder, elbow, base, base, base),
         "UR5/CB3 user manual, appendix A, 183 °/s, 5 kg, stretched: base 0.31 rad in "
         "244 ms, shoulder 0.70 rad in 530 ms, elbow 0.22 rad in 164 ms; wrists are not "
@@ -183,7 +183,7 @@ def ur5() -> dict[str, Row]:
 def ur10() -> dict[str, Row]:
     """Universal Robots UR10, CB3."""
     return universal(
-        (*2 * (radians(120.0),), *4 * (radians(180.0),)),
+        (2.16, 2.16, 3.15, *3 * (3.2,)),
         (4.0, 4.0, 6.0, 10.0, 10.0, 10.0),
         ASSUMPTION + "4, 4, 6 and 10 rad/s², below the UR5's; we know of no figures by "
         "joint",
