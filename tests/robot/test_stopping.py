@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from armguard.errors import ModelError
+from armguard.robot.fitting import fit_robot
+from armguard.robot.kinematics import forward_kinematics, kinematic_table
+from armguard.robot.limits import joint_limits
 from armguard.robot.named import ROBOTS, find_named_robot
 from armguard.robot.stopping import (
     FiguresError,
@@ -15,13 +18,17 @@ from armguard.robot.stopping import (
     declared_figures,
     named_figures,
     read_stop_tables,
+    stop_travel,
     stopping_figures,
 )
 from armguard.robot.stopping.declared import ASSUMPTION, KEYS
+from armguard.robot.stopping.link_stops import levers, spheres_around, stop_distances
 from armguard.robot.urdf import load_urdf
+from armguard.scene.bay import FOLDER
 from arms import simple_arm
 
 ARM = simple_arm()
+BAY_ARM = FOLDER / "bay_arm.urdf"
 LEAST = {"velocity": 1.0, "deceleration": 4.0}
 
 
@@ -299,3 +306,161 @@ def test_joints_with_tables_need_no_deceleration(tmp_path):
 def test_a_table_that_cannot_be_true_is_refused(columns):
     with pytest.raises(ModelError):
         StopTable(*columns)
+
+
+FULL = {
+    "velocity": {"joint1": 2.0, "joint2": 1.0, "joint3": 1.5},
+    "acceleration": 12.0,
+    "deceleration": {"joint1": 4.0, "joint2": 3.0, "joint3": 20.0},
+    "ramp": 0.1,
+    "settle": 0.01,
+    "settle_time": 0.2,
+    "sensing": 0.004,
+    "command": 0.006,
+}
+
+
+def simulated(figures, j, speed, period, late, step=1e-5):
+    """Way and time of a stop, by small steps: another road to the same figures."""
+    reaction = figures.sensing + period + late + figures.command
+    v, way, time = speed, 0.0, 0.0
+    while time < reaction - 1e-12:
+        dt = min(step, reaction - time)
+        faster = max(v, min(figures.velocity[j], v + figures.acceleration[j] * dt))
+        way, time, v = way + (v + faster) / 2.0 * dt, time + dt, faster
+    braked, top = 0.0, v
+    while v > 0.0:
+        middle = braked + step / 2.0
+        share = min(1.0, middle / figures.ramp) if figures.ramp else 1.0
+        slower = max(0.0, v - figures.deceleration[j] * share * step)
+        way, v, braked = way + (v + slower) / 2.0 * step, slower, braked + step
+    way += figures.settle[j] * top / figures.velocity[j]
+    return way, time + braked + figures.settle_time
+
+
+@pytest.mark.parametrize("joint", range(3))
+@pytest.mark.parametrize("speed", [0.0, 0.05, 0.4, 0.97, 1.5, 2.5])
+@pytest.mark.parametrize("ramp", [0.0, 0.02, 0.1, 0.8])
+def test_a_stop_is_what_small_steps_make_of_it(joint, speed, ramp):
+    figures = declared_figures(ARM, {**FULL, "ramp": ramp})
+    stop = stop_travel(figures, joint, speed, period=0.008, late=0.002)
+    way, time = simulated(figures, joint, speed, 0.008, 0.002)
+    assert stop.travel == pytest.approx(way, abs=3e-5)
+    assert stop.time == pytest.approx(time, abs=3e-5)
+    assert stop.reaction_time == pytest.approx(0.020)
+
+
+def test_no_motion_within_the_figures_goes_farther():
+    """Any acceleration until the drives obey, any deceleration that is enough."""
+    rng = np.random.default_rng(5)
+    figures = declared_figures(ARM, FULL)
+    for _ in range(60):
+        j, speed = rng.integers(3), rng.uniform(0.0, 1.0)
+        told = stop_travel(figures, j, speed, period=0.008)
+        step, v, way, reaction = 1e-4, speed, 0.0, rng.uniform(0.0, 0.018)
+        for _ in range(int(reaction / step)):
+            way += v * step
+            v += rng.uniform(-1.0, 1.0) * figures.acceleration[j] * step
+            v = min(v, figures.velocity[j])
+        braked = 0.0
+        while v > 0.0:
+            share = min(1.0, braked / figures.ramp)
+            v -= rng.uniform(1.0, 2.0) * share * figures.deceleration[j] * step
+            way, braked = way + max(v, 0.0) * step, braked + step
+        assert way <= told.travel + 1e-3 * figures.velocity[j]
+
+
+def test_a_stop_is_longer_the_faster_the_later_the_softer():
+    figures = declared_figures(ARM, FULL)
+    travels = [stop_travel(figures, 0, v, 0.008).travel for v in np.linspace(0, 2, 99)]
+    assert (np.diff(travels) > 0.0).all()
+    plain = stop_travel(figures, 0, 1.0, 0.008)
+    assert stop_travel(figures, 0, -1.0, 0.008) == plain
+    assert stop_travel(figures, 0, 1.0, 0.008, 0.01).travel > plain.travel
+    softer = declared_figures(ARM, {**FULL, "deceleration": 3.0})
+    assert stop_travel(softer, 0, 1.0, 0.008).travel > plain.travel
+    assert plain.travel == plain.reaction + plain.braking + plain.settle
+
+
+def test_a_table_takes_the_place_of_the_formula():
+    table = StopTable((0.5, 2.0), (0.3, 0.5), (0.1, 0.7))
+    figures = declared_figures(ARM, {**FULL, "tables": {"joint1": table}})
+    stop = stop_travel(figures, 0, 1.0, 0.008)
+    assert (stop.braking_time, stop.braking) == table.at(stop.speed)
+    assert stop.speed == pytest.approx(1.0 + 12.0 * 0.018)
+    assert stop.settle == stop.settle_time == 0.0
+    assert stop_travel(figures, 1, 0.5, 0.008).settle > 0.0
+
+
+def test_what_cannot_be_judged_is_told():
+    figures = declared_figures(ARM, FULL)
+    assert np.isnan(stop_travel(figures, 0, nan, 0.008).travel)
+    for period, late in ((-0.001, 0.0), (nan, 0.0), (0.001, -0.001)):
+        with pytest.raises(FiguresError, match="both must be >= 0"):
+            stop_travel(figures, 0, 1.0, period, late)
+
+
+def poses_of(model, q):
+    table = kinematic_table(model)
+    T = np.zeros((len(table.parent), 12))
+    forward_kinematics(
+        q,
+        table.parent,
+        table.joint_kind,
+        table.q_index,
+        table.gain,
+        table.T_parent_joint,
+        table.axis,
+        T,
+    )
+    return table, T.reshape(-1, 3, 4)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5", "bay"])
+def test_no_point_of_a_link_moves_farther_than_travel_times_lever(name):
+    rng = np.random.default_rng(3)
+    model = load_urdf(BAY_ARM) if name == "bay" else named(name)
+    fits = fit_robot(model)
+    reach = levers(model, fits)
+    lower, upper = (np.clip(x, -7.0, 7.0) for x in joint_limits(model))
+    worst = {link: np.zeros(len(lower)) for link in fits}
+    for k in range(600):
+        q = rng.uniform(lower, upper)
+        move = rng.uniform(-1.0, 1.0, len(q)) * 10.0 ** rng.uniform(-3.0, -0.5)
+        if k % 2:
+            # One joint alone, to see how much of the bound is used.
+            move *= np.arange(len(q)) == (k // 2) % len(q)
+        (table, before), (_, after) = poses_of(model, q), poses_of(model, q + move)
+        for link, fit in fits.items():
+            centres, radii = spheres_around(fit, table.T_body_link[link])
+            out = rng.normal(size=centres.shape)
+            out *= (radii / np.linalg.norm(out, axis=1))[:, None]
+            points = np.c_[centres + out, np.ones(len(centres))].T
+            body = table.body_of_link[link]
+            step = (after[body] - before[body]) @ points
+            moved = np.linalg.norm(step, axis=0).max()
+            bound = float(np.abs(move) @ reach[link])
+            assert moved <= bound + 1e-12
+            if k % 2 and bound:
+                worst[link] = np.maximum(worst[link], (move != 0.0) * moved / bound)
+    # A bound, but no excuse: most of it is used, but where offsets cannot add up.
+    used = np.concatenate([worst[link][reach[link] > 0.0] for link in fits])
+    assert np.median(used) > 0.5
+
+
+def test_a_planar_arms_stops_are_what_one_expects():
+    figures = declared_figures(ARM, {**FULL, "settle": 0.0, "ramp": 0.0})
+    stops = stop_distances(ARM, fit_robot(ARM), figures, period=0.008)
+    assert [s.share for s in stops if s.link == "link1"] == [0.10, 0.33, 0.66, 1.0]
+    (first,) = (s for s in stops if s.link == "link1" and s.share == 1.0)
+    (last,) = (s for s in stops if s.link == "link3" and s.share == 1.0)
+    # Links of 0.4 m with a radius of 40 mm, one above the other.
+    travel = [
+        stop_travel(figures, k, figures.velocity[k], 0.008).travel for k in range(3)
+    ]
+    assert first.distance == pytest.approx(0.44 * travel[0])
+    assert last.distance >= 1.24 * travel[0] + 0.84 * travel[1] + 0.44 * travel[2]
+    assert last.distance <= 1.1 * (
+        1.44 * travel[0] + 0.94 * travel[1] + 0.44 * travel[2]
+    )
+    assert last.distance == last.reaction + last.braking + last.settle

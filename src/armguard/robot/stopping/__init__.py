@@ -1,6 +1,7 @@
 """How a robot stops, and how well it is known where it is: what its user declares."""
 
 from armguard.robot.stopping.declared import declared_figures
+from armguard.robot.stopping.distance import StopTravel, stop_travel
 from armguard.robot.stopping.figures import (
     StoppingFigures,
     stopping_figures,
@@ -13,10 +14,12 @@ from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 __all__ = [
     "FiguresError",
     "StopTable",
+    "StopTravel",
     "StoppingFigures",
     "TableFile",
     "declared_figures",
     "named_figures",
     "read_stop_tables",
+    "stop_travel",
     "stopping_figures",
 ]
