@@ -101,6 +101,7 @@ class StoppingModel(Strict):
     errors: ErrorsModel = ErrorsModel()
     delays: DelaysModel = DelaysModel()
     tables: TablesByKind | None = None
+    sources: dict[str, str] | None = None
 
 
 # Where the file has a figure that `StoppingFigures` calls by another name.
@@ -126,6 +127,8 @@ PLAIN = (
     "settle_time",
     "tables",
 )
+# Names of figures as `sources` has them: the keys with dots.
+FIGURE_OF = {".".join(map(str, keys)): figure for figure, keys in KEYS_OF.items()}
 
 
 def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
@@ -142,6 +145,10 @@ def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
             value = getattr(value, str(key))
         if value is not None:
             given[figure] = value
+    if model.sources is not None:
+        given["sources"] = {
+            FIGURE_OF.get(name, name): source for name, source in model.sources.items()
+        }
     tables = given.get("tables")
     if isinstance(tables, str):
         given["tables"] = TableFile(path=folder / tables)

@@ -67,6 +67,12 @@ def declared_figures(
             raise FiguresError(
                 f"there is no figure '{key}'; {did_you_mean(key, KEYS)}", key
             )
+    for key in declared.get("sources") or {}:
+        if key not in KEYS:
+            raise FiguresError(
+                f"there is a source for '{key}', no figure; {did_you_mean(key, KEYS)}",
+                "sources",
+            )
     arguments: dict[str, Any] = {}
     sources: dict[str, str] = {}
     if own is not None:
