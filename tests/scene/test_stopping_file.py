@@ -1,11 +1,19 @@
 """Modes, times, buffers and stopping figures of a scene, in Python and in a file."""
 
+import re
+from inspect import signature
+from pathlib import Path
+from textwrap import indent
+
 import pytest
 
 from armguard.errors import SceneError
 from armguard.geometry import Box, Pose, Sphere
+from armguard.robot.stopping import stopping_figures
 from armguard.scene import Scene, bay_path, bay_scene, compile_scene, load_scene
 from armguard.scene.bay import FOLDER
+from armguard.scene.file_numbers import Strict
+from armguard.scene.file_stopping import FIGURE_OF, StoppingModel
 from armguard.scene.scene import FLOOR, MARGIN_BEYOND_BUFFER, PAPER_BUFFER
 from armguard.scene.yaml_source import SceneFileError
 from arms import simple_arm
@@ -305,3 +313,35 @@ def test_a_named_robot_brings_its_figures_and_one_may_be_replaced(tmp_path):
     assert figures.deceleration[0] == 7.5
     assert figures.sources["acceleration"].startswith("Franka")
     assert "base_error" not in figures.sources
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "stopping.md").read_text(encoding="utf-8")
+
+
+def keys_of(model, before=""):
+    """Keys of a mapping of the file, those inside it with dots."""
+    for name, field in model.model_fields.items():
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, Strict):
+            yield from keys_of(inner, f"{before}{name}.")
+        else:
+            yield f"{before}{name}"
+
+
+def test_the_page_has_every_key_and_the_defaults_there_are():
+    rows = dict(re.findall(r"^\| `([a-z_.]+)` \|.*\| ([^|]+) \|$", PAGE, re.MULTILINE))
+    assert set(keys_of(StoppingModel)) == set(rows)
+    defaults = signature(stopping_figures).parameters
+    for key, told in rows.items():
+        if re.fullmatch(r"[\d.]+", told):
+            assert float(told) == defaults[FIGURE_OF.get(key, key)].default, key
+
+
+def test_the_example_of_the_page_is_read(tmp_path):
+    (text,) = re.findall(r"```\n(joint,.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "stop.csv").write_text(text)
+    (entry,) = re.findall(r"```yaml\nstopping:\n(.*?)```", PAGE, re.DOTALL)
+    rest = "stopping:\n" + indent(entry, "    ") + "      deceleration: 5.0\n"
+    figures = load_scene(write(tmp_path, rest)).robots["arm"].stopping
+    assert figures.tables["joint1"].speeds == pytest.approx((0.66, 1.32, 2.0))
+    assert figures.tables["joint1"].times == pytest.approx((0.23, 0.29, 0.35))

@@ -155,10 +155,10 @@ def show_stops(scene: Scene) -> None:
         own = [s for s in stops if s["link"] == link]
         if not any(s["time_ms"] for s in own):
             continue
-        row = "".join(
+        cells = "".join(
             f"{s['distance_mm']:>6.0f} mm{s['time_ms']:>4.0f} ms" for s in own
         )
-        out.print(f"  {link:30}{row}", markup=False, soft_wrap=True)
+        out.print(f"  {link:30}{cells}", markup=False, soft_wrap=True)
     told: dict[str, list[dict[str, object]]] = {}
     for name, robot in scene.robots.items():
         if robot.stopping is None:

@@ -68,7 +68,7 @@ def panda() -> dict[str, Row]:
             acceleration,
             "Franka's limits of the control interface; fingers: assumption: 2 m/s²",
         ),
-        "deceleration": (least, HALF + " limit; nothing is published of the Panda"),
+        "deceleration": (least, HALF + " limit; we know of none that is published"),
         "deceleration_most": (doubled(least), TWICE),
         "ramp": (
             0.002,
