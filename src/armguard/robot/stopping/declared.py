@@ -20,7 +20,7 @@ from armguard.robot.stopping.plausible import FiguresError
 from armguard.robot.stopping.table import StopTable
 from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 
-# How a source begins that nobody has measured or published.
+# How a source is marked that nobody has measured or published.
 ASSUMPTION = "assumption: "
 
 # What a figure is from that is neither declared nor known of the robot.

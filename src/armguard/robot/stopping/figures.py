@@ -51,7 +51,7 @@ class StoppingFigures:
         base_error: How far the base may stand from where the scene says [m].
         base_turn: By what angle it may be turned [rad].
         sources: Where a figure is from, by attribute name; what is not in it was
-            declared by the user. A source that begins with "assumption:" is one.
+            declared by the user. A source that holds "assumption:" is one.
         joints: Names of the joints, in the order of the vectors.
     """
 
