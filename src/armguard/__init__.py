@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     )
     from armguard.guard import Counts, Guard, Level, NearPair, Reason, Verdict
     from armguard.index import BruteForce, Octree
+    from armguard.robot.stopping import StoppingFigures, StopTable, stopping_figures
     from armguard.scene import (
         Scene,
         Trajectory,
@@ -95,6 +96,7 @@ _ROOMS = {
     ),
     "armguard.guard": ("Counts", "Guard", "Level", "NearPair", "Reason", "Verdict"),
     "armguard.index": ("BruteForce", "Octree"),
+    "armguard.robot.stopping": ("StopTable", "StoppingFigures", "stopping_figures"),
     "armguard.scene": (
         "Scene",
         "Trajectory",
@@ -136,6 +138,8 @@ __all__ = [
     "SceneError",
     "ShapeError",
     "Sphere",
+    "StopTable",
+    "StoppingFigures",
     "SupportShape",
     "Trajectory",
     "TrajectoryError",
@@ -149,6 +153,7 @@ __all__ = [
     "load_scene",
     "load_trajectory",
     "register_shape",
+    "stopping_figures",
 ]
 
 

@@ -97,3 +97,35 @@ def test_an_error_is_one_message_and_exit_code_two(monkeypatch, capsys, tmp_path
 
 def test_the_version_is_the_packages():
     assert run("--version").stdout.strip() == "0.1.0"
+
+
+def test_check_tells_how_far_links_go_on_and_who_says_so(tmp_path):
+    fixed = run("check", BAY)
+    assert "robot 'left', mode fixed: 30.48 mm at every speed" in " ".join(
+        fixed.stdout.split()
+    )
+    path = tmp_path / "bay.yaml"
+    text = bay_path().read_text().replace("\nmode: fixed\n", "\nmode: path\n")
+    text = text.replace("bay_arm.urdf", str(FOLDER / "bay_arm.urdf"))
+    path.write_text(text.replace("\nbuffer: 0.03048\n", "\n"))
+    result = run("check", str(path))
+    words = " ".join(result.stdout.split())
+    assert result.exit_code == 0, result.output
+    assert (
+        "WARN stopping: robot 'right', mode path: 14 figures are assumptions" in words
+    )
+    assert "figures of robot 'left', and where each is from" in words
+    assert "figures of robot 'right': as of 'left'" in words
+    assert "paper, section 4: 10 to 20 ms" in words
+    answer = json.loads(run("check", str(path), "--json").stdout)
+    assert sum(f["topic"] == "stopping" for f in answer["findings"]) == 2
+    stops = [s for s in answer["stopping"] if s["link"] == "left/link7"]
+    assert [s["speed_percent"] for s in stops] == [10, 33, 66, 100]
+    for stop in stops:
+        parts = stop["reaction_mm"] + stop["braking_mm"] + stop["settle_mm"]
+        assert abs(parts - stop["distance_mm"]) < 0.2
+        assert stop["time_ms"] > 200
+    sources = {f["figure"]: f["source"] for f in answer["figures"]}
+    assert sources["velocity"] == "the URDF's speed limits"
+    assert sources["brake_delay"].startswith("paper")
+    assert len(answer["figures"]) == 34

@@ -1,11 +1,10 @@
 """`armguard check`: is this scene sound? Each line PASS, WARN or FAIL."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from platform import machine, python_version
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -20,6 +19,13 @@ from armguard.cli.console import (
     say,
     say_progress,
 )
+from armguard.cli.findings import Finding
+from armguard.cli.stopping import (
+    figure_table,
+    show_stops,
+    stop_table,
+    stopping_findings,
+)
 from armguard.errors import ArmguardError, HomeContactError
 from armguard.guard import Guard, Level
 from armguard.robot.model import FittedLink
@@ -27,8 +33,6 @@ from armguard.scene import compile_scene, load_scene
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.proposal import propose_allowed
 from armguard.scene.scene import Scene
-
-Status = Literal["PASS", "WARN", "FAIL"]
 
 # Cycles the cycle time is measured over, and the step of each joint between them.
 CYCLES = 2000
@@ -38,23 +42,6 @@ JITTER = 1e-4
 PERIOD = 1e-3
 
 STYLES = {"PASS": "blue", "WARN": "yellow", "FAIL": "bold magenta"}
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One line of the check.
-
-    Attributes:
-        topic: What was looked at.
-        status: PASS, WARN or FAIL.
-        sentence: What was found.
-        remedy: What to do about it, "" if nothing.
-    """
-
-    topic: str
-    status: Status
-    sentence: str
-    remedy: str = ""
 
 
 def check(
@@ -73,6 +60,7 @@ def check(
     json: bool = JsonOption,
 ) -> None:
     """Check a scene. Exit code 0 sound, 1 too close at home, 2 cannot be guarded."""
+    loaded: Scene | None = None
     findings = [versions()]
     proposals: list[str] = []
     fits: list[dict[str, object]] = []
@@ -83,6 +71,7 @@ def check(
     else:
         fits = fit_table(loaded)
         findings += describe(loaded, fits)
+        findings += stopping_findings(loaded)
         findings += judge_guard(loaded)
         if propose:
             found = propose_allowed(compile_scene(loaded), samples=propose)
@@ -98,11 +87,13 @@ def check(
                     for f in findings
                 ],
                 "fits": fits,
+                "stopping": [] if loaded is None else stop_table(loaded),
+                "figures": [] if loaded is None else figure_table(loaded),
                 "proposals": proposals,
             }
         )
     else:
-        show(findings, fits, proposals, propose)
+        show(findings, fits, loaded, proposals, propose)
     raise typer.Exit(code)
 
 
@@ -274,6 +265,7 @@ def worst(findings: list[Finding]) -> int:
 def show(
     findings: list[Finding],
     fits: list[dict[str, object]],
+    scene: Scene | None,
     proposals: list[str],
     propose: int,
 ) -> None:
@@ -296,6 +288,8 @@ def show(
                 f"{exact:>9}  {fit['source']}",
                 markup=False,
             )
+    if scene is not None:
+        show_stops(scene)
     if propose:
         out.print(
             "\npairs that may need no check, for your review; sampling proves nothing:"

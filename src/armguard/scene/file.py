@@ -7,11 +7,13 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from armguard.errors import ArmguardError, did_you_mean
+from armguard.robot.stopping import FiguresError
 from armguard.scene.file_models import ObjectModel, RobotEntry, SceneModel
 from armguard.scene.file_parts import object_parts, pose_of, triple
+from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
-from armguard.scene.scene import Scene
+from armguard.scene.scene import Scene, check_figures
 from armguard.scene.settings import CubeSettings, IndexSettings
 from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
 
@@ -152,6 +154,12 @@ def build_scene(
     def attempt(keys: Keys, action: Callable[[], object]) -> None:
         try:
             action()
+        except FiguresError as error:
+            entry = model.robots[str(keys[1])].stopping
+            keys = (*keys, *keys_of_figure(error, entry))
+            problems.append(
+                Problem(source.path.name, source.line(keys), dotted(keys), str(error))
+            )
         except ArmguardError as error:
             problems.append(
                 Problem(source.path.name, source.line(keys), dotted(keys), str(error))
@@ -178,6 +186,12 @@ def build_scene(
                 ("buffers", k),
                 lambda p=pair: scene.set_buffer(p.a, p.b, p.buffer),  # type: ignore[misc]
             )
+        for name in scene.robots:
+            attempt(
+                ("robots", name),
+                lambda n=name: check_figures(scene.robots[n]),  # type: ignore[misc]
+            )
+    if not problems:
         attempt(("margin",), scene.validate)
     if problems:
         raise SceneFileError(unique(problems))
@@ -223,6 +237,9 @@ def add_robot(
         packages={key: folder / value for key, value in entry.packages.items()},
         buffer=entry.buffer,
         mode=entry.mode,
+        stopping=None
+        if entry.stopping is None
+        else stopping_arguments(entry.stopping, folder),
         fit_target=entry.fit_target,
         max_primitives=entry.max_primitives,
         home=entry.home,

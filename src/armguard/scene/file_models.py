@@ -14,6 +14,7 @@ from armguard.scene.file_numbers import (
     Triple,
 )
 from armguard.scene.file_shapes import SHAPE_KEYS, ShapeKeys
+from armguard.scene.file_stopping import StoppingModel
 from armguard.scene.settings import Mode
 
 # More than two turns is no orientation anyone writes in radians [rad].
@@ -92,6 +93,7 @@ class RobotEntry(Strict):
     base: PoseModel = PoseModel()
     buffer: NotNegative | None = None
     mode: Mode | None = None
+    stopping: StoppingModel | None = None
     fit_target: Positive = 0.030
     max_primitives: Annotated[int, Field(ge=1, le=64)] = 8
     home: dict[str, Number] = Field(default={})

@@ -567,8 +567,7 @@ class Scene:
         if not self.q_names:
             raise SceneError("no robot of the scene has a joint that moves")
         for robot in self._robots.values():
-            if robot.mode != "fixed" and robot.stopping is None:
-                raise SceneError(no_figures(robot.name, robot.mode))
+            check_figures(robot)
         if self.largest_buffer > self.margin:
             raise SceneError(
                 f"a buffer of {self.largest_buffer * 1e3:.1f} mm is larger than the "
@@ -628,13 +627,19 @@ def fitting(progress: Progress) -> Progress:
     return lambda link, number, count: progress(f"fitting {link}", number, count)
 
 
-def no_figures(name: str, mode: Mode) -> str:
-    """Why a robot cannot be guarded in a mode, and what can be done."""
-    return (
-        f"robot '{name}' is in mode '{mode}' and nobody said how it stops; give it "
-        "`stopping: {deceleration: ...}` (least deceleration of a controlled stop "
-        "[rad/s² or m/s²], see docs/stopping.md), or set `mode: fixed`"
-    )
+def check_figures(robot: SceneRobot) -> None:
+    """A robot has the figures its mode needs.
+
+    Raises:
+        SceneError: It does not.
+    """
+    if robot.mode != "fixed" and robot.stopping is None:
+        raise SceneError(
+            f"robot '{robot.name}' is in mode '{robot.mode}' and nobody said how it "
+            "stops; give it `stopping: {deceleration: ...}` (least deceleration of a "
+            "controlled stop [rad/s² or m/s²], see docs/stopping.md), or set "
+            "`mode: fixed`"
+        )
 
 
 def riding_surface(name: str, link: str) -> str:

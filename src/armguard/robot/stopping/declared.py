@@ -1,33 +1,45 @@
 """Figures somebody declared, with where each of the others is from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from inspect import signature
+from pathlib import Path
 from typing import Any
 
-from armguard.errors import did_you_mean
+from armguard.errors import ModelError, did_you_mean
 from armguard.robot.model import RobotModel
 from armguard.robot.stopping.figures import (
-    FiguresError,
+    PerJoint,
     StoppingFigures,
+    check_all,
+    per_joint,
     stopping_figures,
+    urdf_velocity,
 )
+from armguard.robot.stopping.plausible import FiguresError
+from armguard.robot.stopping.table import StopTable
+from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 
-# How a source begins that nobody has measured or published.
+# How a source is marked that nobody has measured or published.
 ASSUMPTION = "assumption: "
 
 # What a figure is from that is neither declared nor known of the robot.
 DEFAULTS = {
     "velocity": "the URDF's speed limits",
     "acceleration": ASSUMPTION + "twice the deceleration",
+    "deceleration": "the measured stops of `tables`",
     "deceleration_most": ASSUMPTION + "infinite, as nobody said",
     "brake_deceleration": ASSUMPTION + "a brake holds no less than a controlled stop",
 }
+DEFAULT = ASSUMPTION + "armguard's default"
 
 # Keys of `stopping_figures` a user may declare.
-KEYS = tuple(
-    key for key in signature(stopping_figures).parameters if key not in ("model",)
-)
+KEYS = tuple(key for key in signature(stopping_figures).parameters if key != "model")
+
+# What is no figure, but belongs to them.
+BESIDE = ("tables", "sources", "joints")
+
+Tables = Mapping[str, StopTable | Sequence[Sequence[float]]] | TableFile | str | Path
 
 
 def declared_figures(
@@ -42,39 +54,129 @@ def declared_figures(
 
     Args:
         model: The robot.
-        declared: Arguments of `stopping_figures`.
+        declared: Arguments of `stopping_figures`. `tables` may also be a CSV file, see
+            `read_stop_tables`, or rows of speed, time and travel by joint name; a joint
+            with a table needs no deceleration.
         own: The robot's own figures, if it has some.
 
     Raises:
         FiguresError: A figure is missing, is none, or cannot be true.
     """
-    unknown = [key for key in declared if key not in KEYS]
-    if unknown:
-        raise FiguresError(
-            f"there is no figure '{unknown[0]}'; {did_you_mean(unknown[0], KEYS)}"
-        )
+    for key in declared:
+        if key not in KEYS:
+            raise FiguresError(
+                f"there is no figure '{key}'; {did_you_mean(key, KEYS)}", key
+            )
+    for key in declared.get("sources") or {}:
+        if key not in KEYS:
+            raise FiguresError(
+                f"there is a source for '{key}', no figure; {did_you_mean(key, KEYS)}",
+                "sources",
+            )
     arguments: dict[str, Any] = {}
     sources: dict[str, str] = {}
     if own is not None:
-        for field in fields(own):
-            if field.name in declared or field.name == "sources":
-                continue
-            value = getattr(own, field.name)
-            if hasattr(value, "tolist"):
-                value = dict(zip(model.q_names, value.tolist(), strict=True))
-            arguments[field.name] = value
-            sources[field.name] = own.sources.get(field.name, "")
-        if "deceleration" in declared:
-            for key in {"deceleration_most", "tables"} & arguments.keys():
-                del arguments[key], sources[key]
+        arguments, sources = own_arguments(model, declared, own)
     arguments |= declared
+    if "tables" in declared:
+        tables = stop_tables(model, declared["tables"], arguments.get("velocity"))
+        arguments["tables"] = tables
+        arguments["deceleration"] = with_tables(
+            model, arguments.get("deceleration"), tables
+        )
     if "deceleration" not in arguments:
         raise FiguresError(
             "deceleration is missing: the least deceleration of a controlled stop "
-            "[rad/s² or m/s²], a number or one for each joint"
+            "[rad/s² or m/s²], a number or one for each joint",
+            "deceleration",
         )
     for key in KEYS:
-        if key not in arguments and key not in ("sources", "tables"):
-            sources[key] = DEFAULTS.get(key, ASSUMPTION + "armguard's default")
-    told = {**sources, **dict(declared.get("sources") or {})}
-    return stopping_figures(model, **{**arguments, "sources": told})
+        if key not in declared and key not in sources and key not in BESIDE:
+            sources[key] = DEFAULTS.get(key, DEFAULT)
+    sources |= declared.get("sources") or {}
+    return stopping_figures(model, **{**arguments, "sources": sources})
+
+
+def own_arguments(
+    model: RobotModel, declared: Mapping[str, Any], own: StoppingFigures
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """What of a robot's own figures stays beside the declared, with its sources."""
+    left_out = {*declared, "sources", "joints"}
+    if "deceleration" in declared:
+        left_out |= {"deceleration_most", "tables"}
+    arguments: dict[str, Any] = {}
+    for field in fields(own):
+        if field.name in left_out:
+            continue
+        value = getattr(own, field.name)
+        if hasattr(value, "tolist"):
+            value = dict(zip(model.q_names, value.tolist(), strict=True))
+        arguments[field.name] = value
+    sources = {key: own.sources[key] for key in arguments if key in own.sources}
+    return arguments, sources
+
+
+def stop_tables(
+    model: RobotModel, tables: Tables, velocity: PerJoint | None
+) -> dict[str, StopTable]:
+    """Tables by joint name, from a file or from rows.
+
+    Args:
+        model: The robot.
+        tables: What somebody declared.
+        velocity: Top speeds, those of the URDF if None.
+
+    Raises:
+        FiguresError: They cannot be read, or cannot be true.
+    """
+    if isinstance(tables, str | Path):
+        tables = TableFile(path=Path(tables))
+    if isinstance(tables, TableFile):
+        names = model.q_names
+        speeds = (
+            urdf_velocity(model)
+            if velocity is None
+            else per_joint("velocity", velocity, names)
+        )
+        check_all("velocity", speeds, names, positive=True)
+        top = dict(zip(names, speeds.tolist(), strict=True))
+        return read_stop_tables(tables, model, top)
+    made = {}
+    for joint, rows in tables.items():
+        if isinstance(rows, StopTable):
+            made[joint] = rows
+            continue
+        try:
+            made[joint] = StopTable(
+                tuple(float(row[0]) for row in rows),
+                tuple(float(row[1]) for row in rows),
+                tuple(float(row[2]) for row in rows),
+            )
+        except ModelError as error:
+            raise FiguresError(f"joint '{joint}': {error}", "tables", joint) from None
+    return made
+
+
+def with_tables(
+    model: RobotModel,
+    deceleration: PerJoint | None,
+    tables: Mapping[str, StopTable],
+) -> PerJoint | None:
+    """Decelerations, of joints that have none those of their measured stops.
+
+    Raises:
+        FiguresError: A joint has neither.
+    """
+    if deceleration is not None and not isinstance(deceleration, Mapping):
+        return deceleration
+    found = dict(deceleration or {})
+    for name in model.q_names:
+        if name not in found:
+            if name not in tables:
+                raise FiguresError(
+                    f"joint '{name}' has no deceleration and no table of measured "
+                    "stops",
+                    "deceleration",
+                )
+            found[name] = tables[name].deceleration
+    return found

@@ -8,18 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import ModelError
+from armguard.errors import did_you_mean
 from armguard.robot.model import RobotModel
+from armguard.robot.stopping.plausible import FiguresError, check_plausible
 from armguard.robot.stopping.table import StopTable
 
 Floats = NDArray[np.float64]
 
 # A figure of each joint: one for all, or one by joint name.
 PerJoint = float | Mapping[str, float]
-
-
-class FiguresError(ModelError):
-    """A figure is missing, or cannot be true."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +51,8 @@ class StoppingFigures:
         base_error: How far the base may stand from where the scene says [m].
         base_turn: By what angle it may be turned [rad].
         sources: Where a figure is from, by attribute name; what is not in it was
-            declared by the user.
+            declared by the user. A source that holds "assumption:" is one.
+        joints: Names of the joints, in the order of the vectors.
     """
 
     velocity: Floats
@@ -76,6 +74,25 @@ class StoppingFigures:
     base_error: float = 0.0
     base_turn: float = 0.0
     sources: Mapping[str, str] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that every table belongs to a joint.
+
+        Raises:
+            FiguresError: One does not, and would be left out without a word.
+        """
+        for name in self.tables:
+            if name not in self.joints:
+                raise FiguresError(
+                    f"there is a stopping table for '{name}', no joint", "tables", name
+                )
+
+    def table_of(self, joint_index: int) -> StopTable | None:
+        """Measured stops of a joint, None if there are none."""
+        if not self.tables:
+            return None
+        return self.tables.get(self.joints[joint_index])
 
 
 def stopping_figures(
@@ -151,14 +168,11 @@ def stopping_figures(
         if brake_deceleration is None
         else per_joint("brake_deceleration", brake_deceleration, names)
     )
-    for key in ("velocity", "acceleration", "deceleration", "brake_deceleration"):
+    for key in ("velocity", "deceleration", "acceleration", "brake_deceleration"):
         check_all(key, vector[key], names, positive=True)
     for key in ("settle", "position_error", "velocity_error"):
         check_all(key, vector[key], names, positive=False)
     check_most(vector["deceleration"], vector["deceleration_most"], names)
-    for table in tables or {}:
-        if table not in names:
-            raise FiguresError(f"there is a stopping table for '{table}', no joint")
     scalar: dict[str, Any] = {
         "ramp": ramp,
         "settle_time": settle_time,
@@ -172,14 +186,20 @@ def stopping_figures(
     }
     for key, value in scalar.items():
         if not (isfinite(value) and value >= 0.0):
-            raise FiguresError(f"{key} is {value}; it must be finite and >= 0")
+            raise FiguresError(f"{key} is {value}; it must be finite and >= 0", key)
+    check_plausible(model, {**vector, **scalar})
     if stale < sensing:
         raise FiguresError(
             f"stale is {stale * 1e3:g} ms, less than sensing, {sensing * 1e3:g} ms: "
-            "every measurement would be refused"
+            "every measurement would be refused",
+            "stale",
         )
     return StoppingFigures(
-        **vector, **scalar, tables=dict(tables or {}), sources=dict(sources or {})
+        **vector,
+        **scalar,
+        tables=dict(tables or {}),
+        sources=dict(sources or {}),
+        joints=names,
     )
 
 
@@ -193,10 +213,15 @@ def per_joint(what: str, value: PerJoint, names: Sequence[str]) -> Floats:
         return np.full(len(names), float(value))
     unknown = [name for name in value if name not in names]
     if unknown:
-        raise FiguresError(f"{what} is given for '{unknown[0]}', no joint")
+        raise FiguresError(
+            f"{what} is given for '{unknown[0]}', no joint; "
+            f"{did_you_mean(unknown[0], names)}",
+            what,
+            unknown[0],
+        )
     missing = [name for name in names if name not in value]
     if missing:
-        raise FiguresError(f"{what} is missing for joint '{missing[0]}'")
+        raise FiguresError(f"{what} is missing for joint '{missing[0]}'", what)
     return np.array([float(value[name]) for name in names])
 
 
@@ -211,7 +236,9 @@ def urdf_velocity(model: RobotModel) -> Floats:
         speed = model.joints[name].velocity
         if speed is None:
             raise FiguresError(
-                f"joint '{name}' has no speed limit in the URDF; give `velocity`"
+                f"joint '{name}' has no speed limit in the URDF; give `velocity`",
+                "velocity",
+                name,
             )
         speeds.append(speed)
     return np.array(speeds, dtype=np.float64)
@@ -227,7 +254,9 @@ def check_all(what: str, values: Floats, names: Sequence[str], positive: bool) -
         if not (isfinite(value) and (value > 0.0 if positive else value >= 0.0)):
             raise FiguresError(
                 f"{what} of joint '{name}' is {value:g}; it must be finite and "
-                f"{'> 0' if positive else '>= 0'}"
+                f"{'> 0' if positive else '>= 0'}",
+                what,
+                name,
             )
 
 
@@ -241,5 +270,7 @@ def check_most(least: Floats, most: Floats, names: Sequence[str]) -> None:
         if not high >= low:
             raise FiguresError(
                 f"deceleration_most of joint '{name}' is {high:g}, below its "
-                f"deceleration, {low:g}"
+                f"deceleration, {low:g}",
+                "deceleration_most",
+                name,
             )

@@ -1,8 +1,8 @@
 """Stopping figures of the robots by name: published where we found them, else assumed.
 
-Every figure says in `sources` where it is from. What begins with "assumption:" nobody
-has published that we know of: it is a guess on the careful side, to be replaced by your
-robot's manual or by a measurement of yours.
+Every figure says in `sources` where it is from. What holds the word "assumption:" we
+could not trace to its maker: it is a guess, meant to be on the careful side, to be
+replaced by your robot's manual or by a measurement of yours.
 """
 
 from collections.abc import Mapping
@@ -68,7 +68,7 @@ def panda() -> dict[str, Row]:
             acceleration,
             "Franka's limits of the control interface; fingers: assumption: 2 m/s²",
         ),
-        "deceleration": (least, HALF + " limit; nothing is published of the Panda"),
+        "deceleration": (least, HALF + " limit; we know of none that is published"),
         "deceleration_most": (doubled(least), TWICE),
         "ramp": (
             0.002,
@@ -96,12 +96,13 @@ def panda() -> dict[str, Row]:
 
 
 def universal(
-    velocity: tuple[float, ...], least: tuple[float, ...], source: str
+    velocity: tuple[float, ...], speeds: str, least: tuple[float, ...], source: str
 ) -> dict[str, Row]:
     """A robot of Universal Robots, CB3.
 
     Args:
         velocity: Top speeds in the order of `UR_JOINTS` [rad/s].
+        speeds: Where these are from.
         least: Least decelerations [rad/s²].
         source: Where these are from.
     """
@@ -109,7 +110,7 @@ def universal(
     return {
         "velocity": (
             dict(zip(UR_JOINTS, velocity, strict=True)),
-            "the maker's data sheet",
+            speeds,
         ),
         "acceleration": (
             {j: max(40.0, 2.0 * a) for j, a in deceleration.items()},
@@ -156,7 +157,9 @@ def ur3() -> dict[str, Row]:
         mean_brake(0.092, 0.15),
     )
     return universal(
-        (*3 * (radians(180.0),), *3 * (radians(360.0),)),
+        (*3 * (UR_SPEED,), *3 * (radians(360.0),)),
+        "183 °/s, at which the maker measured stops; wrists: assumption: 360 °/s, as "
+        "we remember the data sheet",
         (base, shoulder, elbow, base, base, base),
         "UR3/CB3 user manual, appendix A, 183 °/s, 3 kg, stretched: base 0.18 rad in "
         "159 ms, shoulder 0.20 rad in 154 ms, elbow 0.15 rad in 92 ms; wrists are not "
@@ -172,7 +175,8 @@ def ur5() -> dict[str, Row]:
         mean_brake(0.164, 0.22),
     )
     return universal(
-        6 * (radians(180.0),),
+        (*3 * (UR_SPEED,), *3 * (3.2,)),
+        "183 °/s, at which the maker measured stops; wrists: the URDF's",
         (base, shoulder, elbow, base, base, base),
         "UR5/CB3 user manual, appendix A, 183 °/s, 5 kg, stretched: base 0.31 rad in "
         "244 ms, shoulder 0.70 rad in 530 ms, elbow 0.22 rad in 164 ms; wrists are not "
@@ -183,7 +187,8 @@ def ur5() -> dict[str, Row]:
 def ur10() -> dict[str, Row]:
     """Universal Robots UR10, CB3."""
     return universal(
-        (*2 * (radians(120.0),), *4 * (radians(180.0),)),
+        (2.16, 2.16, 3.15, *3 * (3.2,)),
+        "the URDF's speed limits",
         (4.0, 4.0, 6.0, 10.0, 10.0, 10.0),
         ASSUMPTION + "4, 4, 6 and 10 rad/s², below the UR5's; we know of no figures by "
         "joint",
@@ -193,16 +198,16 @@ def ur10() -> dict[str, Row]:
 def xarm7() -> dict[str, Row]:
     """UFACTORY xArm 7."""
     return {
-        "velocity": (radians(180.0), "the maker's user manual: 180 °/s"),
-        "acceleration": (20.0, "the maker's user manual: 1145 °/s²"),
+        "velocity": (radians(180.0), "the URDF's speed limits: 180 °/s"),
+        "acceleration": (20.0, ASSUMPTION + "1145 °/s², as we remember the manual"),
         "deceleration": (10.0, HALF + " limit"),
         "deceleration_most": (20.0, TWICE),
-        "ramp": (0.040, "the maker's user manual: 1145 °/s² over 28647 °/s³"),
+        "ramp": (0.040, ASSUMPTION + "1145 °/s² over 28647 °/s³, as remembered"),
         "settle": (0.003, ASSUMPTION + "3 mrad after a stop from top speed"),
         "settle_time": (0.15, ASSUMPTION + "0.15 s"),
         "brake_delay": (
             0.3,
-            "the maker's user manual: power is removed within 300 ms of the button",
+            "the maker's user manual (xArm 6): power off within 300 ms of the button",
         ),
         "brake_deceleration": (10.0, AS_STOP),
         "position_error": (5e-4, ASSUMPTION + "0.5 mrad"),
@@ -255,8 +260,10 @@ def baxter() -> dict[str, Row]:
     return {
         "velocity": (
             speeds,
-            "the maker's hardware specifications: 2 rad/s, wrists 4 rad/s; head and "
-            "fingers: assumption: 5 rad/s and 0.2 m/s, the URDF's are no limits",
+            ASSUMPTION
+            + "2 rad/s, wrists 4 rad/s, as we remember the specifications (the "
+            "URDF has 1.5 and 4); head and fingers 5 rad/s and 0.2 m/s, where the "
+            "URDF's are no limits",
         ),
         "acceleration": (
             by_joint(8.0, 8.0, 2.0),

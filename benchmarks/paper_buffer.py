@@ -1,0 +1,198 @@
+"""The paper's stops, and the buffer they ask for: numbers and plot of docs/paper.md.
+
+python benchmarks/paper_buffer.py
+
+C. A. Shaffer, Real-time robot arm collision detection for telerobotics, section 4.
+Speeds are those of the tool; the arm is taken as one joint that slides.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from scipy.optimize import brentq
+
+from armguard.robot.model import Joint, JointKind, Link, RobotModel
+from armguard.robot.stopping import (
+    StoppingFigures,
+    StopTravel,
+    stop_travel,
+    stopping_figures,
+)
+
+IMAGE = Path(__file__).parents[1] / "docs" / "images" / "buffer_by_speed.png"
+
+INCH = 0.0254  # [m]
+TOP, TYPICAL = 24.0 * INCH, 6.0 * INCH  # [m/s]
+FIXED = 1.2 * INCH  # [m]
+
+# Delivery, detection and brake of a braked stop: quick ones, and the slowest [s].
+QUICK = (0.003, 0.030, 0.010)
+SLOWEST = (0.050, 0.060, 0.020)
+
+# One set of figures that reproduces both controlled stops of the paper: latency,
+# acceleration until the drives obey, deceleration, its ramp, and a swing from top speed
+# with the time it takes to die; the swing of a slower stop is less in proportion.
+LATENCY = 0.025  # [s]
+ACCELERATION = 100.0 * INCH  # [m/s²]
+DECELERATION = 400.0 * INCH  # [m/s²]
+RAMP = 0.010  # [s]
+SWING = 4.9 * INCH  # [m]
+SWING_TIME = 0.85  # [s]
+
+BLUE, ORANGE, GREEN, GREY = "#4477aa", "#ee8866", "#66aa77", "#555555"
+
+
+def main() -> None:
+    """Print the stops and draw the plot."""
+    for speed in (TYPICAL, TOP):
+        stop = controlled_stop(speed)
+        ways = (stop.reaction, stop.braking, stop.settle, stop.travel)
+        told = ", ".join(f"{way / INCH:.2f}" for way in ways)
+        print(
+            f"{speed / INCH:.0f} in/s: latency, ramp and deceleration, swing, all: "
+            f"{told} in; {stop_time(stop):.2f} s"
+        )
+    print(f"the fixed buffer covers it up to {enough_up_to() / INCH:.1f} in/s")
+    draw(IMAGE)
+
+
+def paper_figures() -> StoppingFigures:
+    """The set above as stopping figures of one joint."""
+    joint = Joint(
+        name="tool",
+        kind=JointKind.PRISMATIC,
+        parent="base",
+        child="hand",
+        T_parent_joint=np.eye(4),
+        axis=np.array([1.0, 0.0, 0.0]),
+        lower=-1.0,
+        upper=1.0,
+    )
+    model = RobotModel(
+        name="paper",
+        path=None,
+        links={name: Link(name=name) for name in ("base", "hand")},
+        joints={"tool": joint},
+        root="base",
+    )
+    return stopping_figures(
+        model,
+        velocity=TOP,
+        acceleration=ACCELERATION,
+        deceleration=DECELERATION,
+        ramp=RAMP,
+        settle=SWING,
+        settle_time=SWING_TIME,
+        sensing=0.0,
+        stale=0.0,
+        command=0.0,
+    )
+
+
+def controlled_stop(speed: float) -> StopTravel:
+    """Controlled stop from a speed of the tool, by that set.
+
+    Args:
+        speed: Speed [m/s].
+    """
+    return stop_travel(paper_figures(), 0, speed, period=LATENCY)
+
+
+def stop_time(stop: StopTravel) -> float:
+    """Time to rest, the swing's in proportion to the swing [s].
+
+    `StopTravel.time` is a bound and takes the longest.
+    """
+    swing = stop.settle_time * stop.settle / SWING
+    return stop.reaction_time + stop.braking_time + swing
+
+
+def enough_up_to() -> float:
+    """Speed up to which a controlled stop needs no more than the fixed buffer [m/s]."""
+    return float(brentq(lambda v: controlled_stop(v).travel - FIXED, 0.0, TOP))
+
+
+def draw(path: Path) -> None:
+    """Buffer against speed, split by cause: controlled and braked stops."""
+    figure = Figure(figsize=(11, 4.4), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    speeds = np.linspace(0.0, TOP, 200)
+
+    stops = [controlled_stop(v) for v in speeds]
+    parts = 1e3 * np.array([(s.reaction, s.braking, s.settle) for s in stops]).T
+    left.stackplot(
+        speeds / INCH,
+        parts,
+        colors=(BLUE, ORANGE, GREEN),
+        alpha=0.85,
+        labels=("latency", "ramp and deceleration", "swing"),
+    )
+    left.errorbar(
+        [6.0, 24.0],
+        [3.0 * INCH * 1e3, 6.0 * INCH * 1e3],
+        yerr=[[1.0 * INCH * 1e3, 0.0], [1.0 * INCH * 1e3, 0.0]],
+        fmt="o",
+        color="black",
+        capsize=4,
+        zorder=5,
+        clip_on=False,
+        label="the paper: 2 to 4 in, about 6 in",
+    )
+    left.set_title("a controlled stop")
+    left.set_ylim(0.0, 180.0)
+
+    right.stackplot(
+        speeds / INCH,
+        [1e3 * speeds * part for part in SLOWEST],
+        colors=(BLUE, ORANGE, GREEN),
+        alpha=0.85,
+        labels=(
+            "delivery of joint angles, 50 ms",
+            "detection, 60 ms",
+            "brake, 20 ms",
+        ),
+    )
+    right.plot(
+        speeds / INCH,
+        1e3 * speeds * sum(QUICK),
+        "k--",
+        lw=1.2,
+        label="the same with 3 + 30 + 10 ms",
+    )
+    right.set_title("a braked stop, the paper's figures at their slowest")
+    right.set_ylim(0.0, 90.0)
+
+    for axes, good in ((left, enough_up_to()), (right, FIXED / sum(SLOWEST))):
+        height = axes.get_ylim()[1]
+        axes.plot([good / INCH] * 2, [0.0, FIXED * 1e3], color="black", lw=1.0, ls=":")
+        axes.annotate(
+            f"enough up to\n{good / INCH:.1f} in/s",
+            (good / INCH, FIXED * 1e3),
+            (max(good / INCH - 4.6, 2.6), FIXED * 1e3 + 0.2 * height),
+            fontsize=9,
+            ha="center",
+            arrowprops={"arrowstyle": "->", "lw": 0.8},
+        )
+        axes.axhline(
+            FIXED * 1e3, color=GREY, lw=1.6, label="the paper's buffer, 1.2 in"
+        )
+        axes.set_xlim(0.0, 24.5)
+        axes.set_xticks(range(0, 25, 6))
+        axes.set_xlabel("speed of the tool [in/s]")
+        axes.set_ylabel("way until it rests [mm]")
+        axes.spines[["top", "right"]].set_visible(False)
+        handles, labels = axes.get_legend_handles_labels()
+        axes.legend(handles[::-1], labels[::-1], loc="upper left", fontsize=8.5)
+        metres = axes.secondary_xaxis(
+            "top", functions=(lambda x: x * INCH, lambda x: x / INCH)
+        )
+        metres.set_xlabel("[m/s]", fontsize=8.5)
+        metres.tick_params(labelsize=8.5)
+    figure.savefig(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""What `armguard check` says of stopping: how far links go on, and who says so."""
+
+from dataclasses import fields
+
+from armguard.cli.console import out
+from armguard.cli.findings import Finding
+from armguard.robot.stopping import ASSUMPTION, StoppingFigures, stop_distances
+from armguard.scene.scene import Scene, SceneRobot
+
+# What is no figure of `StoppingFigures`, but belongs to them.
+BESIDE = ("tables", "sources", "joints")
+
+UNITS = {
+    "velocity": "rad/s, m/s",
+    "acceleration": "rad/s², m/s²",
+    "deceleration": "rad/s², m/s²",
+    "deceleration_most": "rad/s², m/s²",
+    "ramp": "s",
+    "settle": "rad, m",
+    "settle_time": "s",
+    "brake_delay": "s",
+    "brake_deceleration": "rad/s², m/s²",
+    "position_error": "rad, m",
+    "velocity_error": "rad/s, m/s",
+    "sensing": "s",
+    "command": "s",
+    "stale": "s",
+    "model_error": "m",
+    "base_error": "m",
+    "base_turn": "rad",
+}
+
+
+def stop_table(scene: Scene) -> list[dict[str, object]]:
+    """Worst-case stop of each link of each robot that has figures, from each speed."""
+    return [
+        {
+            "link": f"{name}/{stop.link}",
+            "speed_percent": round(100.0 * stop.share),
+            "distance_mm": round(stop.distance * 1e3, 1),
+            "reaction_mm": round(stop.reaction * 1e3, 1),
+            "braking_mm": round(stop.braking * 1e3, 1),
+            "settle_mm": round(stop.settle * 1e3, 1),
+            "time_ms": round(stop.time * 1e3, 1),
+        }
+        for name, robot in scene.robots.items()
+        if robot.stopping is not None
+        for stop in stop_distances(
+            robot.model,
+            robot.fits,
+            robot.stopping,
+            period=scene.period,
+            late=scene.late,
+        )
+    ]
+
+
+def figure_table(scene: Scene) -> list[dict[str, object]]:
+    """Each figure of each robot that has some, with where it is from."""
+    rows: list[dict[str, object]] = []
+    for name, robot in scene.robots.items():
+        if robot.stopping is not None:
+            rows += [{"robot": name, **row} for row in figures_of(robot.stopping)]
+    return rows
+
+
+def figures_of(figures: StoppingFigures) -> list[dict[str, object]]:
+    """Figures of one robot: name, value or values by joint, unit, source."""
+    rows: list[dict[str, object]] = []
+    for field in fields(figures):
+        if field.name in BESIDE:
+            continue
+        value = getattr(figures, field.name)
+        rows.append(
+            {
+                "figure": field.name,
+                "value": dict(zip(figures.joints, value.tolist(), strict=True))
+                if hasattr(value, "tolist")
+                else value,
+                "unit": UNITS[field.name],
+                "source": source_of(figures, field.name),
+            }
+        )
+    rows += [
+        {
+            "figure": f"table of {joint}",
+            "value": [
+                list(row)
+                for row in zip(table.speeds, table.times, table.travels, strict=True)
+            ],
+            "unit": "rad/s, s, rad or m/s, s, m",
+            "source": source_of(figures, "tables"),
+        }
+        for joint, table in figures.tables.items()
+    ]
+    return rows
+
+
+def source_of(figures: StoppingFigures, key: str) -> str:
+    """Where a figure is from; "declared" if its user said it."""
+    return figures.sources.get(key) or "declared"
+
+
+def stopping_findings(scene: Scene) -> list[Finding]:
+    """One line a robot: what its distances rest on."""
+    return [stopping_finding(robot, scene) for robot in scene.robots.values()]
+
+
+def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
+    """What the distances of one robot rest on; a WARN if on assumptions."""
+    who = f"robot '{robot.name}', mode {robot.mode}"
+    figures = robot.stopping
+    if robot.mode == "fixed":
+        first = next(iter(robot.fits))
+        buffer = scene.buffer_of(f"{robot.name}/{first}") * 1e3
+        told = "its stopping figures are told, not used" if figures else (
+            "it has no stopping figures"
+        )  # fmt: skip
+        return Finding(
+            "stopping", "PASS", f"{who}: {buffer:.2f} mm at every speed; {told}"
+        )
+    if figures is None:
+        return Finding("stopping", "FAIL", f"{who}: it has no stopping figures")
+    assumed = [
+        field.name
+        for field in fields(figures)
+        if ASSUMPTION.strip() in source_of(figures, field.name)
+        and field.name not in BESIDE
+    ]
+    if not assumed:
+        return Finding("stopping", "PASS", f"{who}: every figure has a source")
+    return Finding(
+        "stopping",
+        "WARN",
+        f"{who}: {len(assumed)} figures are assumptions: {', '.join(assumed)}",
+        "declare what you know or measured under `stopping`, see docs/stopping.md",
+    )
+
+
+def show_stops(scene: Scene) -> None:
+    """Print stops and figures for people."""
+    stops = stop_table(scene)
+    if not stops:
+        return
+    out.print(
+        "\nstopping: how far each link's farthest point goes on, and how long, at any "
+        "pose,\nevery joint from this share of its top speed, a cycle every "
+        f"{scene.period * 1e3:g} ms, late by {scene.late * 1e3:g} ms:",
+        soft_wrap=True,
+    )
+    shares = sorted({int(str(s["speed_percent"])) for s in stops})
+    head = "".join(f"{f'{share} %':>16}" for share in shares)
+    out.print(f"  {'':30}{head}", soft_wrap=True)
+    for link in dict.fromkeys(str(s["link"]) for s in stops):
+        own = [s for s in stops if s["link"] == link]
+        if not any(s["time_ms"] for s in own):
+            continue
+        cells = "".join(
+            f"{s['distance_mm']:>6.0f} mm{s['time_ms']:>4.0f} ms" for s in own
+        )
+        out.print(f"  {link:30}{cells}", markup=False, soft_wrap=True)
+    told: dict[str, list[dict[str, object]]] = {}
+    for name, robot in scene.robots.items():
+        if robot.stopping is None:
+            continue
+        rows = figures_of(robot.stopping)
+        like = next((other for other, known in told.items() if known == rows), None)
+        if like is not None:
+            out.print(f"\nfigures of robot '{name}': as of '{like}'", markup=False)
+            continue
+        told[name] = rows
+        out.print(f"\nfigures of robot '{name}', and where each is from:", markup=False)
+        for row in rows:
+            value = f"{short(row['value'])} {row['unit']}"
+            out.print(
+                f"  {row['figure']:20} {value:30} {row['source']}",
+                markup=False,
+                soft_wrap=True,
+            )
+
+
+def short(value: object) -> str:
+    """A value, or the range of values by joint."""
+    if isinstance(value, dict):
+        low, high = min(value.values()), max(value.values())
+        return f"{low:g}" if low == high else f"{low:g} … {high:g}"
+    if isinstance(value, list):
+        return f"{len(value)} speeds"
+    return f"{value:g}"
