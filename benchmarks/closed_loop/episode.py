@@ -31,6 +31,9 @@ AFTER_REST = 0.15
 SIGHTING = 0.01
 SIGHTING_AGE = 0.01
 
+# Substeps after which operators look at the world again.
+THINK = 8
+
 # Substeps between two samples of the tools' ways.
 TOOL_STEP = 40
 
@@ -92,7 +95,7 @@ class Episode:
             n: np.tile(p, (self.ticks + 1, 1)) for n, p in self.movers.p.items()
         }
         self.due = dict.fromkeys(self.movers.p, 0)
-        self.wish = np.zeros(len(q))
+        self.asked = self.wish = np.zeros(len(q))
         self.outcome = Outcome(
             seed=seed,
             setting=arena.setting.name,
@@ -103,7 +106,7 @@ class Episode:
         )
         self.braked: dict[str, float] = {}
         self.times: list[float] = []
-        self.slack: Any = None
+        self.last: Any = None
 
     def run(self) -> Outcome:
         """Go through all cycles; the figures."""
@@ -113,9 +116,13 @@ class Episode:
         self.tick = cycle = 0
         rested = 0
         sees = self.sees_nearest()
+        looked = -THINK
         while True:
-            outward = self.look_around() if sees else self.blank()
-            self.one_cycle(cycle, outward)
+            thinks = self.tick - looked >= THINK
+            if thinks:
+                looked = self.tick
+                outward = self.look_around() if sees else self.blank()
+            self.one_cycle(cycle, outward, thinks)
             cycle += 1
             free = self.free_rows[self.tick].any()
             rested = self.tick if free else rested
@@ -152,8 +159,14 @@ class Episode:
             return np.zeros(len(self.plant.q))
         return judge.gradient(near.geoms, near.normal, near.point, near.point)
 
-    def one_cycle(self, cycle: int, outward: Floats) -> None:
-        """Measurements to the guard, its orders to the plant, the operator's wish."""
+    def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
+        """Measurements to the guard, its orders to the plant, the operator's wish.
+
+        Args:
+            cycle: Its number.
+            outward: Gradient of the least distance, shape (n,).
+            thinks: Whether the operator makes up his mind anew.
+        """
         arena, plant, now = self.arena, self.plant, self.tick * SUBSTEP
         self.sight(now)
         q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
@@ -173,8 +186,14 @@ class Episode:
             if level >= BRAKE:
                 self.braked.setdefault(name, now)
                 plants.order_brake(plant, arm, now + self.truth.brake_delay(arm))
-        self.slack = getattr(verdict, "slack", None)
-        self.ask_operator(now, getattr(verdict, "speed_scale", None))
+        self.last = verdict
+        if thinks:
+            spread = np.diff(arena.first)
+            free = np.repeat(plant.phase == plants.FREE, spread)
+            view = View(now, arena.judge, plant.q, plant.v, free)
+            self.asked = self.speed * self.operator.desired(view)
+        scales = getattr(verdict, "speed_scale", None) if self.obedient else None
+        self.wish_within(scales)
 
     def stop(
         self, arm: int, name: str, now: float, outward: Floats, verdict: Any
@@ -188,7 +207,7 @@ class Episode:
         plants.order_stop(plant, arm, at, figures)
         own = slice(self.arena.first[arm], self.arena.first[arm + 1])
         shares = np.abs(plant.v[own]) / self.truth.figures[arm].velocity
-        slack = self.slack
+        slack = getattr(self.last, "slack", None)
         self.outcome.stops.append(
             Stop(
                 arm=name,
@@ -196,26 +215,18 @@ class Episode:
                 reason=verdict.reason.name,
                 speed=float(shares.max()),
                 clearance=self.arena.judge.clearance(plant.q),
-                slack=slack.get(name) if isinstance(slack, Mapping) else slack,
+                slack=None if slack is None else slack.s,
             )
         )
 
-    def ask_operator(self, now: float, scales: Mapping[str, float] | None) -> None:
-        """What the operator wants until the next cycle."""
-        arena, plant = self.arena, self.plant
-        spread = np.diff(arena.first)
-        free = np.repeat(plant.phase == plants.FREE, spread)
-        view = View(now, arena.judge, plant.q, plant.v, free)
-        wish = self.speed * self.operator.desired(view)
-        if self.obedient and scales is not None:
-            wish = wish * np.repeat([scales[name] for name in arena.robots], spread)
-        self.wish = within_limits(
-            wish * self.truth.velocity,
-            plant.q,
-            arena.lower,
-            arena.upper,
-            self.truth.slowest,
-        )
+    def wish_within(self, scales: Mapping[str, float] | None) -> None:
+        """What the operator wants until the next cycle, within the joint limits."""
+        arena, wish = self.arena, self.asked * self.truth.velocity
+        if scales is not None:
+            shares = [scales[name] for name in arena.robots]
+            wish *= np.repeat(shares, np.diff(arena.first))
+        slowest = self.truth.slowest
+        self.wish = within_limits(wish, self.plant.q, arena.lower, arena.upper, slowest)
 
     def move(self, target: int) -> None:
         """Let time pass until the next cycle, and judge it."""
@@ -234,6 +245,8 @@ class Episode:
         for name, known in self.p_rows.items():
             known[rows] = p_rows[name]
         self.watch.look(times, q_rows, p_rows)
+        for name, p in self.movers.p.items():
+            self.arena.judge.stand_at(name, p)
         self.tick = target
 
     def sight(self, now: float) -> None:

@@ -99,17 +99,20 @@ def mjcf(scene: Scene, tables: SceneTables, meshes: Meshes) -> str:
     inner: dict[int, str] = {}
     assets = ""
     for owner, own in owned.items():
-        shapes = "".join(
-            primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own
+        shapes = (
+            []
+            if owner in meshes
+            else [primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own]
         )
         for k, (vertices, T) in enumerate(meshes.get(owner, [])):
-            shapes = "" if k == 0 else shapes
             mesh = f"m:{owner}:{k}"
             assets += f'<mesh name="{mesh}" vertex="{as_text(vertices.ravel())}"/>'
             at = f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
-            shapes += f'<geom type="mesh" mesh="{mesh}" {MARGIN} {at}/>'
+            shapes.append(f'<geom type="mesh" mesh="{mesh}" {MARGIN} {at}/>')
         body = int(tables.bodies[own[0]])
-        inner[body] = inner.get(body, "") + f'<body name="o:{owner}">{shapes}</body>'
+        geoms = "".join(shapes)
+        inner.setdefault(body, "")
+        inner[body] += f'<body name="o:{owner}">{geoms}</body>'
     children: dict[int, list[int]] = {}
     for b, up in enumerate(tables.parent):
         children.setdefault(int(up), []).append(b)

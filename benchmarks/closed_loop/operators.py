@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
@@ -225,9 +226,8 @@ class Mixed:
         return np.where(self._joints, *wishes)
 
 
-def within_limits(
-    wish: Floats, q: Floats, lower: Floats, upper: Floats, deceleration: Floats
-) -> Floats:
+@numba.njit(cache=True)
+def within_limits(wish, q, lower, upper, deceleration):
     """Velocities cut so that the joint limits are kept, shape (n,).
 
     Args:
@@ -237,8 +237,12 @@ def within_limits(
         upper: Greatest positions, shape (n,).
         deceleration: Of each joint, shape (n,).
     """
-    below = np.maximum(q - lower - LIMIT_MARGIN, 0.0)
-    above = np.maximum(upper - q - LIMIT_MARGIN, 0.0)
-    # Half of the deceleration leaves room for delays.
-    down, up = np.sqrt(deceleration * below), np.sqrt(deceleration * above)
-    return np.where(upper - lower < ROOM, 0.0, np.clip(wish, -down, up))
+    found = np.zeros(len(wish))
+    for j in range(len(wish)):
+        if upper[j] - lower[j] < ROOM:
+            continue
+        # Half of the deceleration leaves room for delays.
+        down = np.sqrt(deceleration[j] * max(q[j] - lower[j] - LIMIT_MARGIN, 0.0))
+        up = np.sqrt(deceleration[j] * max(upper[j] - q[j] - LIMIT_MARGIN, 0.0))
+        found[j] = min(max(wish[j], -down), up)
+    return found

@@ -16,7 +16,7 @@ class Stop:
         reason: Why, in one word of the guard.
         speed: Largest joint speed at the order, in shares of its declared top [-].
         clearance: Least distance of any checked pair at the order [m].
-        slack: What the verdict before it said was left, None if it says nothing.
+        slack: Time the verdict before it said was left, None if it says nothing [s].
         needless: Whether nothing could have happened without it; None if not asked.
     """
 
@@ -25,7 +25,7 @@ class Stop:
     reason: str
     speed: float
     clearance: float
-    slack: Any = None
+    slack: float | None = None
     needless: bool | None = None
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +32,30 @@ class Contact(NamedTuple):
     a: str
     b: str
     depth: float
+
+
+@numba.njit(cache=True)
+def step_ways(before, q_rows, reach, first, ways, moving):
+    """Farthest anything can have moved in each substep, and which arms did.
+
+    Args:
+        before: Positions before the first, shape (n,).
+        q_rows: Positions after each, shape (k, n).
+        reach: How far a unit of each joint can move anything, shape (n,).
+        first: First joint of each arm, shape (a,).
+        ways: Overwritten, shape (k,) [m].
+        moving: Overwritten, shape (k, a).
+    """
+    for k in range(q_rows.shape[0]):
+        last = before if k == 0 else q_rows[k - 1]
+        ways[k] = 0.0
+        for a in range(first.shape[0]):
+            end = first[a + 1] if a + 1 < first.shape[0] else reach.shape[0]
+            way = 0.0
+            for j in range(first[a], end):
+                way += abs(q_rows[k, j] - last[j]) * reach[j]
+            moving[k, a] = way > 0.0
+            ways[k] += way
 
 
 class Watch:
@@ -75,12 +100,15 @@ class Watch:
             q_rows: True positions, shape (k, n).
             p_rows: Where each moving object is, from where the scene has it, (k, 3).
         """
-        steps = np.abs(np.diff(q_rows, axis=0, prepend=self._q[None]))
-        ways = steps @ self._judge.reach
-        if p_rows:
-            ways = ways + self._object_ways(p_rows)
-        moving = np.add.reduceat(steps, self._first, axis=1) > 0.0
+        ways = np.zeros(len(q_rows))
+        moving = np.zeros((len(q_rows), len(self._first)), dtype=np.bool_)
+        step_ways(self._q, q_rows, self._judge.reach, self._first, ways, moving)
         self._q = q_rows[-1].copy()
+        if p_rows:
+            ways += self._object_ways(p_rows)
+        if self._moved + ways.sum() < self._room:
+            self._moved += float(ways.sum())
+            return
         for k in range(len(ways)):
             self._moved += ways[k]
             if ways[k] > 0.0 and not self._moved < self._room:
