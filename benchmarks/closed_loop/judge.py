@@ -11,6 +11,19 @@ from closed_loop.judge_model import SIGHT, JudgeModel
 
 Floats = NDArray[np.float64]
 
+# Pairs of kinds whose distance in a contact is exact, apart too. That of others can be
+# too large by a quarter while they are apart, since `mj_collision` grows both sides by
+# the margin and takes the depth; they are measured by `mj_geomDistance`.
+CLOSED_FORM = np.zeros((mujoco.mjtGeom.mjNGEOMTYPES,) * 2, dtype=bool)
+for _a, _b in (
+    (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_SPHERE),
+    (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE),
+    (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX),
+    (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CAPSULE),
+    (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_BOX),
+):
+    CLOSED_FORM[_a, _b] = CLOSED_FORM[_b, _a] = True
+
 
 class Nearest(NamedTuple):
     """The nearest checked pair within sight.
@@ -67,6 +80,7 @@ class Judge:
         self._tips = last_bodies(built)
         self._jacobian = np.zeros((2, 3, self.model.nv))
         self._fromto = np.zeros(6)
+        self._distances = np.zeros(0)
 
     def stand_at(self, name: str, p: Floats) -> None:
         """Put the origin of an object's frame, as the scene has it, elsewhere by p."""
@@ -96,7 +110,12 @@ class Judge:
         self.place(q)
         mujoco.mj_collision(self.model, self.data)
         contact = self.data.contact
-        return contact.dist, contact.geom
+        self._distances, geoms = contact.dist.copy(), contact.geom
+        if len(geoms):
+            kinds = self.model.geom_type[geoms]
+            for k in np.flatnonzero(~CLOSED_FORM[kinds[:, 0], kinds[:, 1]]):
+                self._distances[k] = self.gap((int(geoms[k, 0]), int(geoms[k, 1])))
+        return self._distances, geoms
 
     def clearance(self, q: Floats) -> float:
         """Least signed distance of a checked pair; `SIGHT` if none is in sight [m]."""
@@ -106,12 +125,12 @@ class Judge:
     def nearest(self) -> Nearest | None:
         """The nearest pair of the state measured last; None if none is in sight."""
         contact = self.data.contact
-        if len(contact.dist) == 0:
+        if len(self._distances) == 0:
             return None
-        k = int(np.argmin(contact.dist))
+        k = int(np.argmin(self._distances))
         a, b = (int(g) for g in contact.geom[k])
         normal, point = contact.frame[k, :3].copy(), contact.pos[k].copy()
-        return Nearest(float(contact.dist[k]), (a, b), normal, point)
+        return Nearest(float(self._distances[k]), (a, b), normal, point)
 
     def apart(self, pair: tuple[int, int], limit: float = 3.0) -> tuple[float, Floats]:
         """Signed distance of a pair of geoms [m] and its gradient over q, shape (n,).

@@ -22,7 +22,7 @@ SIGHT = 0.06
 # The same as an attribute of every geom.
 MARGIN = f'margin="{SIGHT!r}"'
 
-# A mesh of a link: its vertices [m] and its frame in the body's, shape (4, 4).
+# Meshes of links: triangles, shape (t, 3, 3) [m], and frame in the body's, (4, 4).
 Meshes = dict[str, list[tuple[Floats, Floats]]]
 
 
@@ -68,7 +68,7 @@ class JudgeModel:
 
 
 def mesh_files(scene: Scene) -> Meshes:
-    """Vertices of the mesh files of each link that has exact geometry of its own."""
+    """The mesh files of each link that has exact geometry of its own."""
     found: Meshes = {}
     for name, robot in scene.robots.items():
         table = kinematic_table(robot.model)
@@ -78,10 +78,7 @@ def mesh_files(scene: Scene) -> Meshes:
                 continue
             frame = link_frame(robot, table, link)
             found[f"{name}/{link}"] = [
-                (
-                    np.unique(load_triangles(c.geometry).reshape(-1, 3), axis=0),
-                    frame @ c.T_link_geometry,
-                )
+                (load_triangles(c.geometry), frame @ c.T_link_geometry)
                 for c in elements
                 if isinstance(c.geometry, MeshFile)
             ]
@@ -104,8 +101,9 @@ def mjcf(scene: Scene, tables: SceneTables, meshes: Meshes) -> str:
             if owner in meshes
             else [primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own]
         )
-        for k, (vertices, T) in enumerate(meshes.get(owner, [])):
+        for k, (triangles, T) in enumerate(meshes.get(owner, [])):
             mesh = f"m:{owner}:{k}"
+            vertices = np.unique(triangles.reshape(-1, 3), axis=0)
             assets += f'<mesh name="{mesh}" vertex="{as_text(vertices.ravel())}"/>'
             at = f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
             shapes.append(f'<geom type="mesh" mesh="{mesh}" {MARGIN} {at}/>')

@@ -7,6 +7,7 @@ import pytest
 
 from armguard.benchmark.peers.pinocchio_coal import AllDistances
 from armguard.scene.compile import compile_scene
+from closed_loop.exact_world import ExactWorld
 from closed_loop.judge import Judge
 from closed_loop.judge_model import SIGHT
 from closed_loop.scenes import build_scene
@@ -172,3 +173,21 @@ def test_the_gradient_is_that_of_finite_differences(arena):
             judge.place(q - step)
             slope = (up - judge.gap(pair)) / 2e-5
             assert outward[j] == pytest.approx(slope, abs=2e-3)
+
+
+def test_hulls_of_meshes_are_never_judged_farther_than_the_meshes():
+    scene = build_scene(setting_of("pandas", "path", 0))
+    tables = compile_scene(scene)
+    judge, exact = Judge(scene, tables), ExactWorld(scene, tables)
+    rng = np.random.default_rng(0)
+    seen = touching = 0
+    for _ in range(25):
+        q = rng.uniform(tables.lower, tables.upper)
+        there = exact.distances(q).min()
+        ours = judge.clearance(q)
+        assert ours <= max(there, 0.0) + 1e-5
+        # What a hull adds to a Panda's links.
+        assert ours >= min(there, SIGHT) - 0.02 or there <= 0.0
+        seen += 0.0 < there < SIGHT
+        touching += there <= 0.0
+    assert seen > 3 and touching > 3
