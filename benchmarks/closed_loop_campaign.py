@@ -48,6 +48,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--floor", type=float, help="in place of the settings' [m]")
     parser.add_argument("--guard", choices=tuple(GUARDS), default="armguard")
     parser.add_argument("--duration", type=float, default=1.0, help="longest [s]")
+    parser.add_argument("--needless", action="store_true", help="search every stop")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--seconds", type=float, help="bound for each plan [s]")
     parser.add_argument("--folder", type=Path, default=FOLDER)
@@ -67,6 +68,7 @@ def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
         "weak_brake": chosen.weak_brake,
         "floor": chosen.floor,
         "duration": chosen.duration,
+        "needless": chosen.needless,
     }
     count = chosen.episodes
     found = [(Plan(s, m, **asked), count) for s in scenes for m in modes]

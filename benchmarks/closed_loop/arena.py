@@ -1,14 +1,17 @@
 """A scene with its guard and its judge, built once for many episodes."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.compile import compile_scene
-from closed_loop.guards import GUARDS, Guarding
+from closed_loop.answers import Guarding
+from closed_loop.guards import GUARDS
 from closed_loop.judge import Judge
+from closed_loop.reference import Reference
 from closed_loop.scenes import ROOM, build_scene, declared, movers_of
 from closed_loop.settings import Setting
 
@@ -46,9 +49,10 @@ class Arena:
     def __init__(self, setting: Setting, told: Setting, guard: str) -> None:
         scene = build_scene(setting)
         tables = compile_scene(scene)
+        self._scene = scene
         figures = declared(setting, scene)
         self.setting = setting
-        self.guard: Guarding = GUARDS[guard](build_scene(told))
+        self.guard: Guarding = GUARDS[guard](build_scene(told), told)
         self.judge = Judge(scene, tables)
         self.robots = tuple(scene.robots)
         self.figures: Sequence[StoppingFigures] = [figures[r] for r in self.robots]
@@ -58,6 +62,11 @@ class Arena:
         self.movers = tuple(movers_of(scene))
         self.room = np.array(ROOM)
         self.poses = {n: scene.objects[n].pose.matrix() for n in self.movers}
+
+    @cached_property
+    def reference(self) -> Reference:
+        """The search for futures, of what is true."""
+        return Reference(self._scene, self.figures, self.setting, self.movers)
 
     def pose(self, name: str, p: Floats) -> Floats:
         """Frame of a moving object displaced by p, shape (4, 4)."""

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closed_loop import plant as plants
+from closed_loop.answers import BRAKE, STOP
 from closed_loop.arena import Arena
 from closed_loop.casting import OBEDIENT, SPEEDS, cast, drawn
-from closed_loop.guards import BRAKE, STOP
 from closed_loop.measuring import Measuring
 from closed_loop.movers import Movers
 from closed_loop.operators import View, within_limits
 from closed_loop.outcome import Outcome, Stop
+from closed_loop.reference import THOROUGH
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Styles, Truth
 from closed_loop.watch import Watch
@@ -48,6 +49,7 @@ class Episode:
         attack: Whether plant and operator are the worst there are.
         weak: Factor on the plant's decelerations [-].
         zeroed: Term of the budget the guard is told to be nothing, if any.
+        needless: Whether to search, for every stop, for a future that asked for it.
     """
 
     def __init__(
@@ -59,12 +61,14 @@ class Episode:
         attack: bool = False,
         weak: float = 1.0,
         zeroed: str | None = None,
+        needless: bool = False,
     ) -> None:
         self.arena = arena
         self.rng = rng = np.random.default_rng(seed)
         styles = Styles.worst() if attack else Styles.drawn(rng)
         self.truth = truth = Truth(rng, arena.figures, styles, weak)
         self.zeroed = zeroed
+        self.needless = needless
         judge = arena.judge
         for name, shift in zip(arena.robots, truth.base_shifts, strict=True):
             judge.displace_base(name, shift)
@@ -95,6 +99,7 @@ class Episode:
             n: np.tile(p, (self.ticks + 1, 1)) for n, p in self.movers.p.items()
         }
         self.due = dict.fromkeys(self.movers.p, 0)
+        self.seen_at = dict.fromkeys(self.movers.p, 0)
         self.asked = self.wish = np.zeros(len(q))
         self.outcome = Outcome(
             seed=seed,
@@ -180,7 +185,9 @@ class Episode:
             counts = self.outcome.levels[name]
             counts[level.name] = counts.get(level.name, 0) + 1
             if level >= STOP:
-                self.stop(arm, name, now, outward, verdict)
+                if self.stop(arm, name, now, outward, verdict) and self.needless:
+                    needless = self.is_needless(q, v, stamp, now)
+                    self.outcome.stops[-1].needless = needless
             elif plants.release(plant, arm):
                 self.outcome.releases += 1
             if level >= BRAKE:
@@ -197,11 +204,11 @@ class Episode:
 
     def stop(
         self, arm: int, name: str, now: float, outward: Floats, verdict: Any
-    ) -> None:
-        """Order a stop, and write it down if it is a new one."""
+    ) -> bool:
+        """Order a stop, and write it down; whether it is a new one."""
         plant = self.plant
         if plant.phase[arm] != plants.FREE or plant.stop_at[arm] < np.inf:
-            return
+            return False
         figures = self.truth.stop(-outward * plant.v)
         at = now + self.truth.command_delay(arm)
         plants.order_stop(plant, arm, at, figures)
@@ -218,6 +225,20 @@ class Episode:
                 slack=None if slack is None else slack.s,
             )
         )
+        return True
+
+    def is_needless(
+        self, q: Floats, v: Floats, stamp: Mapping[str, float], now: float
+    ) -> bool:
+        """Whether a thorough search finds no future in which a floor is broken.
+
+        What the guard was given is searched, one cycle longer without a stop.
+        """
+        search = self.arena.reference
+        for name, known in self.p_rows.items():
+            at = self.seen_at[name]
+            search.place(name, self.arena.pose(name, known[at]), at * SUBSTEP)
+        return search.breach(q, stamp, v, now, THOROUGH) is None
 
     def wish_within(self, scales: Mapping[str, float] | None) -> None:
         """What the operator wants until the next cycle, within the joint limits."""
@@ -258,6 +279,7 @@ class Episode:
             at = max(self.tick - age, 0)
             pose = self.arena.pose(name, known[at])
             self.arena.guard.place(name, pose, at * SUBSTEP)
+            self.seen_at[name] = at
             wait = int(self.truth.delay(SIGHTING) / SUBSTEP)
             self.due[name] = self.tick + wait
 

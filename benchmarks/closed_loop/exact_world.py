@@ -32,6 +32,7 @@ class ExactWorld:
         moving = np.flatnonzero(tables.joint_kind != 0)
         self._source = tables.q_index[moving]
         self._gain = tables.gain[moving]
+        self._axes = tables.axis[moving]
         self._model, primitives = build_models(tables)
         self._data = self._model.createData()
         self._geometry = pin.GeometryModel()
@@ -53,6 +54,11 @@ class ExactWorld:
         }
         self._home = [g.placement.copy() for g in self._geometry.geometryObjects]
         self.reach = self._reaches(len(tables.q_names))
+        shapes = [g.geometry for g in self._geometry.geometryObjects]
+        self._centres = [np.array(s.aabb_center) for s in shapes]
+        self._radii = np.array([s.aabb_radius for s in shapes])
+        pairs = self._geometry.collisionPairs
+        self._sides = np.array([(p.first, p.second) for p in pairs])
 
     def shift(self, name: str, p: Floats) -> None:
         """Put an object elsewhere by p from where the scene has it."""
@@ -76,6 +82,41 @@ class ExactWorld:
             self._model, self._data, self._geometry, self._results, self._own(q)
         )
         return np.array([r.min_distance for r in self._results.distanceResults])
+
+    def bounds(self, q: Floats) -> Floats:
+        """Distances of all pairs, or less, by spheres about them, shape (k,) [m].
+
+        Places the configuration.
+        """
+        self.place(q)
+        at = np.array(
+            [M.act(c) for M, c in zip(self._results.oMg, self._centres, strict=True)]
+        )
+        a, b = self._sides[:, 0], self._sides[:, 1]
+        apart = np.linalg.norm(at[a] - at[b], axis=1)
+        return apart - self._radii[a] - self._radii[b]
+
+    def levers(self, q: Floats) -> Floats:
+        """Like `reach`, about the joints' axes where they stand now, shape (k, n)."""
+        self.place(q)
+        found = np.zeros_like(self.reach)
+        lines = {}
+        for joint in range(1, self._model.njoints):
+            M = self._data.oMi[joint]
+            axis = M.rotation @ self._axes[joint - 1]
+            lines[joint] = (M.translation, axis, self._slides(joint))
+        for i, M in enumerate(self._results.oMg):
+            at = M.act(self._centres[i])
+            for joint in self._chains[i]:
+                p, axis, slides = lines[joint]
+                out = at - p
+                out = out - axis * (axis @ out)
+                far = float(np.sqrt(out @ out)) + self._radii[i]
+                source = self._source[joint - 1]
+                lever = abs(self._gain[joint - 1, 0]) * (1.0 if slides else far)
+                rows = self._moved[i, joint]
+                found[rows, source] += lever
+        return found
 
     def gradient(self, k: int, q: Floats, step: float = 1e-4) -> Floats:
         """Change of a pair's distance by each joint, by central differences, (n,)."""
@@ -118,15 +159,26 @@ class ExactWorld:
     def _reaches(self, n: int) -> Floats:
         """See `reach`."""
         chains = [self._chain(g) for g in self._geometry.geometryObjects]
+        self._chains = chains
+        moved: dict[tuple[int, int], list[int]] = {
+            (i, joint): [] for i, chain in enumerate(chains) for joint in chain
+        }
+        self._moved = moved
         found = np.zeros((len(self.owners), n))
         for k, pair in enumerate(self._geometry.collisionPairs):
             first, second = chains[pair.first], chains[pair.second]
             # What carries both sides does not change their distance.
             for joint in first.keys() ^ second.keys():
                 far = first.get(joint, 0.0) + second.get(joint, 0.0)
+                side = pair.first if joint in first else pair.second
+                moved[side, joint].append(k)
                 source = self._source[joint - 1]
                 found[k, source] += abs(self._gain[joint - 1, 0]) * far
         return found
+
+    def _slides(self, joint: int) -> bool:
+        """Whether a joint is prismatic."""
+        return "Prismatic" in self._model.joints[joint].shortname()
 
     def _chain(self, thing: Any) -> dict[int, float]:
         """Joints that carry a shape, and how far it may be from each one's axis [m]."""
@@ -135,7 +187,7 @@ class ExactWorld:
         far = float(np.linalg.norm(centre)) + thing.geometry.aabb_radius
         joint, found = int(thing.parentJoint), {}
         while joint > 0:
-            slides = "Prismatic" in self._model.joints[joint].shortname()
+            slides = self._slides(joint)
             found[joint] = 1.0 if slides else far
             at = self._model.jointPlacements[joint].translation
             far += float(np.linalg.norm(at)) + (STROKE if slides else 0.0)

@@ -1,73 +1,27 @@
-"""Guards to be attacked: the real one, and naive ones that show what the test sees."""
+"""Guards to be attacked: the real one, and others to compare it with."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from enum import IntEnum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard import Guard
 from armguard.scene import Scene
+from closed_loop.answers import STOP, Answer, Graded, Guarding, Said, Why
+from closed_loop.scenes import declared, movers_of
+from closed_loop.settings import Setting
 
 Floats = NDArray[np.float64]
-
-# The levels from which on an arm is to be stopped by a controlled stop, by its brake.
-STOP = 30
-BRAKE = 40
-
-
-class Answer(Protocol):
-    """What the loop reads of a verdict."""
-
-    levels: Mapping[str, IntEnum]
-    reason: IntEnum
-
-
-class Guarding(Protocol):
-    """What the loop asks of a guard."""
-
-    def place(self, name: str, T: Floats, stamp: float) -> None:
-        """An object was seen there, at that time."""
-
-    def step(
-        self, q: Floats, stamp: Mapping[str, float], *, velocity: Floats, now: float
-    ) -> Answer:
-        """Judge a cycle."""
-
-    def reset(self) -> None:
-        """Forget what was."""
-
-
-class Graded(IntEnum):
-    """Levels of the naive guards."""
-
-    CLEAR = 0
-    STOP = STOP
-
-
-class Why(IntEnum):
-    """Reasons of the naive guards."""
-
-    OK = 0
-    TOO_CLOSE = 20
-
-
-@dataclass(frozen=True, slots=True)
-class Said:
-    """Answer of a naive guard."""
-
-    levels: Mapping[str, Graded]
-    reason: Why
-    cycle_time: float = 0.0
 
 
 class Stopper:
     """Stops everything always."""
 
+    level, why = Graded.STOP, Why.TOO_CLOSE
+
     def __init__(self, scene: Scene) -> None:
-        self._said = Said(dict.fromkeys(scene.robots, Graded.STOP), Why.TOO_CLOSE)
+        self._said = Said(dict.fromkeys(scene.robots, self.level), self.why)
 
     def place(self, name: str, T: Floats, stamp: float) -> None:
         """See `Guarding`."""
@@ -78,6 +32,12 @@ class Stopper:
 
     def reset(self) -> None:
         """See `Guarding`."""
+
+
+class Blind(Stopper):
+    """Never stops anything."""
+
+    level, why = Graded.CLEAR, Why.OK
 
 
 class Threshold:
@@ -108,16 +68,19 @@ class Threshold:
         self._guard.reset()
 
 
-class Blind(Stopper):
-    """Never stops anything."""
+def reference(scene: Scene, setting: Setting) -> Guarding:
+    """The slow guard that samples futures; see `reference.py`."""
+    from closed_loop.reference import Reference
 
-    def __init__(self, scene: Scene) -> None:
-        self._said = Said(dict.fromkeys(scene.robots, Graded.CLEAR), Why.OK)
+    figures = declared(setting, scene)
+    ordered = [figures[name] for name in scene.robots]
+    return Reference(scene, ordered, setting, tuple(movers_of(scene)))
 
 
-GUARDS: Mapping[str, Callable[[Scene], Guarding]] = {
-    "armguard": Guard,
-    "threshold": Threshold,
-    "stopper": Stopper,
-    "blind": Blind,
+GUARDS: Mapping[str, Callable[[Scene, Setting], Guarding]] = {
+    "armguard": lambda scene, setting: Guard(scene),
+    "threshold": lambda scene, setting: Threshold(scene),
+    "stopper": lambda scene, setting: Stopper(scene),
+    "blind": lambda scene, setting: Blind(scene),
+    "reference": reference,
 }

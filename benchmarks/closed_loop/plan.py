@@ -27,6 +27,7 @@ class Plan:
         weak_brake: Factor on the plant's decelerations [-].
         floor: Distance to be kept, in place of the settings' [m], or None.
         duration: Longest time of an episode [s].
+        needless: Whether every stop is searched for a future that asked for it.
     """
 
     scene: str = "bay"
@@ -37,6 +38,7 @@ class Plan:
     weak_brake: float = 1.0
     floor: float | None = None
     duration: float = 1.0
+    needless: bool = False
 
     @property
     def name(self) -> str:
@@ -46,6 +48,7 @@ class Plan:
         parts += [f"large-{self.large}"] if self.large else []
         parts += [f"weak-{self.weak_brake:g}"] if self.weak_brake != 1.0 else []
         parts += [f"floor-{1e3 * self.floor:g}"] if self.floor is not None else []
+        parts += ["needless"] if self.needless else []
         parts += [f"for-{self.duration:g}"] if self.duration != 1.0 else []
         return "_".join(parts)
 
@@ -91,5 +94,6 @@ def work(task: tuple[Plan, int]) -> Mapping[str, Any]:
         attack=attack,
         weak=plan.weak_brake,
         zeroed=plan.zero,
+        needless=plan.needless,
     )
     return episode.run().to_dict()
