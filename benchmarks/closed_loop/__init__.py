@@ -1,0 +1,1 @@
+"""The closed loop: guard, plant, operator and judge, episode after episode."""

@@ -1,0 +1,95 @@
+"""A scene with its guard and its judge, built once for many episodes."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.robot.stopping import StoppingFigures
+from armguard.scene.compile import compile_scene
+from closed_loop.answers import Guarding
+from closed_loop.guards import GUARDS
+from closed_loop.judge import Judge
+from closed_loop.reference import Reference
+from closed_loop.scenes import ROOM, build_scene, declared, movers_of
+from closed_loop.settings import Setting
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Least clearance of a starting state [m].
+START_CLEARANCE = 0.02
+
+# Random states tried before a start counts as impossible.
+TRIES = 20000
+
+
+class Arena:
+    """Where episodes of one setting take place.
+
+    Attributes:
+        setting: What is true.
+        guard: The guard; it may have been told something else.
+        judge: The judge.
+        robots: Names of the arms.
+        figures: Declared figures of each arm, as they are true.
+        first: First joint of each arm, and n, shape (a + 1,).
+        lower: Least joint positions, shape (n,) [rad or m].
+        upper: Greatest joint positions, shape (n,) [rad or m].
+        movers: Names of the objects that move.
+        room: Corners of the box in which they bounce, shape (2, 3) [m].
+
+    Args:
+        setting: What is true.
+        told: What the guard is told.
+        guard: Name of the guard, in `GUARDS`.
+    """
+
+    def __init__(self, setting: Setting, told: Setting, guard: str) -> None:
+        scene = build_scene(setting)
+        tables = compile_scene(scene)
+        self._scene = scene
+        figures = declared(setting, scene)
+        self.setting = setting
+        self.guard: Guarding = GUARDS[guard](build_scene(told), told)
+        self.judge = Judge(scene, tables)
+        self.robots = tuple(scene.robots)
+        self.figures: Sequence[StoppingFigures] = [figures[r] for r in self.robots]
+        sizes = [len(f.velocity) for f in self.figures]
+        self.first: Ints = np.cumsum([0, *sizes]).astype(np.int64)
+        self.lower, self.upper = tables.lower, tables.upper
+        self.movers = tuple(movers_of(scene))
+        self.room = np.array(ROOM)
+        self.poses = {n: scene.objects[n].pose.matrix() for n in self.movers}
+
+    @cached_property
+    def reference(self) -> Reference:
+        """The search for futures, of what is true."""
+        return Reference(self._scene, self.figures, self.setting, self.movers)
+
+    def pose(self, name: str, p: Floats) -> Floats:
+        """Frame of a moving object displaced by p, shape (4, 4)."""
+        T = self.poses[name].copy()
+        T[:3, 3] += p
+        return T
+
+    def start(self, rng: np.random.Generator, outer: Floats) -> Floats:
+        """A random state that keeps its distance, shape (n,).
+
+        Args:
+            rng: Of the episode.
+            outer: How far true surfaces lie outside the model at most [m].
+
+        Raises:
+            RuntimeError: None was found.
+        """
+        # Joints that turn without end start within one turn.
+        low = np.maximum(self.lower, -np.pi)
+        high = np.minimum(self.upper, np.pi)
+        needed = START_CLEARANCE + 2.0 * float(outer.max(initial=0.0))
+        for _ in range(TRIES):
+            q = rng.uniform(low, high)
+            if self.judge.clearance(q) >= needed:
+                return q
+        raise RuntimeError(f"no start with {needed * 1e3:.0f} mm in {TRIES} tries")

@@ -1,0 +1,310 @@
+"""One episode: operator, plant, measurements, guard, orders, judge, cycle by cycle."""
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from closed_loop import plant as plants
+from closed_loop.answers import BRAKE, STOP
+from closed_loop.arena import Arena
+from closed_loop.casting import OBEDIENT, SPEEDS, cast, drawn
+from closed_loop.measuring import Measuring
+from closed_loop.movers import Movers
+from closed_loop.operators import View, within_limits
+from closed_loop.outcome import Outcome, Stop
+from closed_loop.reference import THOROUGH
+from closed_loop.settings import SUBSTEP
+from closed_loop.truth import Styles, Truth
+from closed_loop.watch import Watch
+
+Floats = NDArray[np.float64]
+
+# An episode goes on this long after a contact, to see how deep it gets, and after the
+# last arm came to rest, to see whether one is given back [s].
+AFTER_CONTACT = 0.1
+AFTER_REST = 0.15
+
+# Longest time between two sightings of an object, and longest until the guard has
+# one [s].
+SIGHTING = 0.01
+SIGHTING_AGE = 0.01
+
+# Substeps after which operators look at the world again.
+THINK = 8
+
+# Substeps between two samples of the tools' ways.
+TOOL_STEP = 40
+
+
+class Episode:
+    """One episode, from a random start to its end.
+
+    Args:
+        arena: Where.
+        seed: Its number; the same number is the same episode.
+        duration: Its longest time [s].
+        attack: Whether plant and operator are the worst there are.
+        weak: Factor on the plant's decelerations [-].
+        zeroed: Term of the budget the guard is told to be nothing, if any.
+        needless: Whether to search, for every stop, for a future that asked for it.
+    """
+
+    def __init__(
+        self,
+        arena: Arena,
+        seed: int,
+        *,
+        duration: float = 1.0,
+        attack: bool = False,
+        weak: float = 1.0,
+        zeroed: str | None = None,
+        needless: bool = False,
+    ) -> None:
+        self.arena = arena
+        self.rng = rng = np.random.default_rng(seed)
+        styles = Styles.worst() if attack else Styles.drawn(rng)
+        self.truth = truth = Truth(rng, arena.figures, styles, weak)
+        self.zeroed = zeroed
+        self.needless = needless
+        judge = arena.judge
+        for name, shift in zip(arena.robots, truth.base_shifts, strict=True):
+            judge.displace_base(name, shift)
+        outer = np.append(truth.outer, 0.0)[judge.arm_of]
+        self.movers = Movers(
+            rng,
+            {name: T[:3, 3] for name, T in arena.poses.items()},
+            arena.room,
+            arena.setting.top_speed,
+        )
+        for name, p in self.movers.p.items():
+            judge.stand_at(name, p)
+        q = arena.start(rng, outer)
+        self.plant = plants.plant_at(
+            q, arena.first, truth.velocity, truth.acceleration, truth.brake
+        )
+        own = np.arange(len(q)) < arena.first[1]
+        name, self.operator = cast(rng, judge, arena.movers, own, attack)
+        self.speed = 1.0 if attack else float(drawn(rng, SPEEDS))
+        self.obedient = not attack and rng.random() < OBEDIENT
+        self.watch = Watch(judge, arena.first, q, outer)
+        self.ticks = round(duration / SUBSTEP)
+        self.q_rows = np.tile(q, (self.ticks + 1, 1))
+        self.v_rows = np.zeros_like(self.q_rows)
+        self.free_rows = np.zeros((self.ticks + 1, len(arena.robots)), dtype=bool)
+        self.measuring = Measuring(truth, arena.first, self.q_rows, self.v_rows)
+        self.p_rows = {
+            n: np.tile(p, (self.ticks + 1, 1)) for n, p in self.movers.p.items()
+        }
+        self.due = dict.fromkeys(self.movers.p, 0)
+        self.seen_at = dict.fromkeys(self.movers.p, 0)
+        self.asked = self.wish = np.zeros(len(q))
+        self.outcome = Outcome(
+            seed=seed,
+            setting=arena.setting.name,
+            operator=f"{name}, speed {self.speed:g}",
+            worst=styles == Styles.worst(),
+            floor=arena.setting.floor,
+            levels={robot: {} for robot in arena.robots},
+        )
+        self.braked: dict[str, float] = {}
+        self.times: list[float] = []
+        self.last: Any = None
+
+    def run(self) -> Outcome:
+        """Go through all cycles; the figures."""
+        begin = perf_counter()
+        arena, outcome = self.arena, self.outcome
+        arena.guard.reset()
+        self.tick = cycle = 0
+        rested = 0
+        sees = self.sees_nearest()
+        looked = -THINK
+        while True:
+            thinks = self.tick - looked >= THINK
+            if thinks:
+                looked = self.tick
+                outward = self.look_around() if sees else self.blank()
+            self.one_cycle(cycle, outward, thinks)
+            cycle += 1
+            free = self.free_rows[self.tick].any()
+            rested = self.tick if free else rested
+            contact = self.watch.contact
+            late = self.truth.lateness(cycle, arena.setting.late)
+            target = round((cycle * arena.setting.period + late) / SUBSTEP)
+            if (
+                target > self.ticks
+                or (self.tick - rested) * SUBSTEP > AFTER_REST
+                or (contact and self.tick * SUBSTEP > contact.time + AFTER_CONTACT)
+            ):
+                break
+            self.move(max(target, self.tick + 1))
+        outcome.cycles = cycle
+        self.sum_up()
+        outcome.wall = perf_counter() - begin
+        return outcome
+
+    def sees_nearest(self) -> bool:
+        """Whether somebody needs the gradient of the least distance."""
+        return "adverse" in (self.truth.styles.errors, self.truth.styles.stops)
+
+    def blank(self) -> Floats:
+        """No gradient; the state is placed for the operator."""
+        self.arena.judge.place(self.plant.q)
+        return np.zeros(len(self.plant.q))
+
+    def look_around(self) -> Floats:
+        """Gradient of the least distance now, zero if nothing is near, shape (n,)."""
+        judge = self.arena.judge
+        judge.measure(self.plant.q)
+        near = judge.nearest()
+        if near is None:
+            return np.zeros(len(self.plant.q))
+        return judge.gradient(near.geoms, near.normal, near.point, near.point)
+
+    def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
+        """Measurements to the guard, its orders to the plant, the operator's wish.
+
+        Args:
+            cycle: Its number.
+            outward: Gradient of the least distance, shape (n,).
+            thinks: Whether the operator makes up his mind anew.
+        """
+        arena, plant, now = self.arena, self.plant, self.tick * SUBSTEP
+        self.sight(now)
+        q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
+        if self.zeroed == "sensing":
+            stamps = [now] * len(stamps)
+        stamp = dict(zip(arena.robots, stamps, strict=True))
+        verdict = arena.guard.step(q, stamp, velocity=v, now=now)
+        self.times.append(getattr(verdict, "cycle_time", 0.0))
+        for arm, name in enumerate(arena.robots):
+            level = verdict.levels[name]
+            counts = self.outcome.levels[name]
+            counts[level.name] = counts.get(level.name, 0) + 1
+            if level >= STOP:
+                if self.stop(arm, name, now, outward, verdict) and self.needless:
+                    needless = self.is_needless(q, v, stamp, now)
+                    self.outcome.stops[-1].needless = needless
+            elif plants.release(plant, arm):
+                self.outcome.releases += 1
+            if level >= BRAKE:
+                self.braked.setdefault(name, now)
+                plants.order_brake(plant, arm, now + self.truth.brake_delay(arm))
+        self.last = verdict
+        if thinks:
+            spread = np.diff(arena.first)
+            free = np.repeat(plant.phase == plants.FREE, spread)
+            view = View(now, arena.judge, plant.q, plant.v, free)
+            self.asked = self.speed * self.operator.desired(view)
+        scales = getattr(verdict, "speed_scale", None) if self.obedient else None
+        self.wish_within(scales)
+
+    def stop(
+        self, arm: int, name: str, now: float, outward: Floats, verdict: Any
+    ) -> bool:
+        """Order a stop, and write it down; whether it is a new one."""
+        plant = self.plant
+        if plant.phase[arm] != plants.FREE or plant.stop_at[arm] < np.inf:
+            return False
+        figures = self.truth.stop(-outward * plant.v)
+        at = now + self.truth.command_delay(arm)
+        plants.order_stop(plant, arm, at, figures)
+        own = slice(self.arena.first[arm], self.arena.first[arm + 1])
+        shares = np.abs(plant.v[own]) / self.truth.figures[arm].velocity
+        slack = getattr(self.last, "slack", None)
+        self.outcome.stops.append(
+            Stop(
+                arm=name,
+                time=now,
+                reason=verdict.reason.name,
+                speed=float(shares.max()),
+                clearance=self.arena.judge.clearance(plant.q),
+                slack=None if slack is None else slack.s,
+            )
+        )
+        return True
+
+    def is_needless(
+        self, q: Floats, v: Floats, stamp: Mapping[str, float], now: float
+    ) -> bool:
+        """Whether a thorough search finds no future in which a floor is broken.
+
+        What the guard was given is searched, one cycle longer without a stop.
+        """
+        search = self.arena.reference
+        for name, known in self.p_rows.items():
+            at = self.seen_at[name]
+            search.place(name, self.arena.pose(name, known[at]), at * SUBSTEP)
+        return search.breach(q, stamp, v, now, THOROUGH) is None
+
+    def wish_within(self, scales: Mapping[str, float] | None) -> None:
+        """What the operator wants until the next cycle, within the joint limits."""
+        arena, wish = self.arena, self.asked * self.truth.velocity
+        if scales is not None:
+            shares = [scales[name] for name in arena.robots]
+            wish *= np.repeat(shares, np.diff(arena.first))
+        slowest = self.truth.slowest
+        self.wish = within_limits(wish, self.plant.q, arena.lower, arena.upper, slowest)
+
+    def move(self, target: int) -> None:
+        """Let time pass until the next cycle, and judge it."""
+        rows = slice(self.tick + 1, target + 1)
+        q_rows = self.q_rows[rows]
+        plants.advance(
+            self.plant, self.tick, SUBSTEP, self.wish, q_rows, self.v_rows[rows]
+        )
+        self.free_rows[rows] = self.plant.phase == plants.FREE
+        self.outcome.joint_wish += float(
+            np.abs(self.wish).sum() * (target - self.tick) * SUBSTEP
+        )
+        times = np.arange(self.tick + 1, target + 1) * SUBSTEP
+        now = self.tick * SUBSTEP
+        p_rows = self.movers.advance(now, times, self.arena.judge.tips())
+        for name, known in self.p_rows.items():
+            known[rows] = p_rows[name]
+        self.watch.look(times, q_rows, p_rows)
+        for name, p in self.movers.p.items():
+            self.arena.judge.stand_at(name, p)
+        self.tick = target
+
+    def sight(self, now: float) -> None:
+        """Tell the guard where moving objects were a moment ago."""
+        for name, known in self.p_rows.items():
+            if self.tick < self.due[name]:
+                continue
+            age = int(self.truth.delay(SIGHTING_AGE) / SUBSTEP)
+            at = max(self.tick - age, 0)
+            pose = self.arena.pose(name, known[at])
+            self.arena.guard.place(name, pose, at * SUBSTEP)
+            self.seen_at[name] = at
+            wait = int(self.truth.delay(SIGHTING) / SUBSTEP)
+            self.due[name] = self.tick + wait
+
+    def sum_up(self) -> None:
+        """The figures of the whole episode."""
+        outcome, watch, judge = self.outcome, self.watch, self.arena.judge
+        outcome.duration = self.tick * SUBSTEP
+        outcome.contact = watch.contact
+        outcome.least, outcome.judged = watch.least, watch.judged
+        if watch.contact is not None:
+            arms = {watch.contact.a.split("/")[0], watch.contact.b.split("/")[0]}
+            times = [self.braked[arm] for arm in arms if arm in self.braked]
+            outcome.braked_before = min(times, default=np.inf) < watch.contact.time
+        outcome.rest = judge.clearance(self.plant.q)
+        outcome.rest_q = [round(float(x), 6) for x in self.plant.q]
+        rows, free = self.q_rows[: self.tick + 1], self.free_rows[: self.tick + 1]
+        spread = np.repeat(free[1:], np.diff(self.arena.first), axis=1)
+        outcome.joint_way = float((np.abs(np.diff(rows, axis=0)) * spread).sum())
+        tips = []
+        for q in rows[::TOOL_STEP]:
+            judge.place(q)
+            tips.append(judge.tips())
+        if len(tips) > 1:
+            ways = np.linalg.norm(np.diff(tips, axis=0), axis=2)
+            outcome.tool_way = float((ways * free[::TOOL_STEP][1:]).sum())
+        times = np.array(self.times)
+        found = (float(x) for x in np.percentile(times, (50, 99, 100)))
+        outcome.cycle_times = tuple(found)

@@ -1,0 +1,86 @@
+"""Guards to be attacked: the real one, and others to compare it with."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard import Guard
+from armguard.scene import Scene
+from closed_loop.answers import STOP, Answer, Graded, Guarding, Said, Why
+from closed_loop.scenes import declared, movers_of
+from closed_loop.settings import Setting
+
+Floats = NDArray[np.float64]
+
+
+class Stopper:
+    """Stops everything always."""
+
+    level, why = Graded.STOP, Why.TOO_CLOSE
+
+    def __init__(self, scene: Scene) -> None:
+        self._said = Said(dict.fromkeys(scene.robots, self.level), self.why)
+
+    def place(self, name: str, T: Floats, stamp: float) -> None:
+        """See `Guarding`."""
+
+    def step(self, q: Floats, stamp: Any, *, velocity: Floats, now: float) -> Answer:
+        """See `Guarding`."""
+        return self._said
+
+    def reset(self) -> None:
+        """See `Guarding`."""
+
+
+class Blind(Stopper):
+    """Never stops anything."""
+
+    level, why = Graded.CLEAR, Why.OK
+
+
+class Threshold:
+    """Stops every arm as soon as any pair is nearer than a fixed distance.
+
+    Args:
+        scene: The scene; its buffers are the distance.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._guard = Guard(scene)
+        self._robots = tuple(scene.robots)
+
+    def place(self, name: str, T: Floats, stamp: float) -> None:
+        """See `Guarding`."""
+        self._guard.place(name, T)
+
+    def step(self, q: Floats, stamp: Any, *, velocity: Floats, now: float) -> Answer:
+        """See `Guarding`."""
+        verdict = self._guard.step(q)
+        stop = int(verdict.level) >= STOP
+        level = Graded.STOP if stop else Graded.CLEAR
+        why = Why.TOO_CLOSE if stop else Why.OK
+        return Said(dict.fromkeys(self._robots, level), why, verdict.cycle_time)
+
+    def reset(self) -> None:
+        """See `Guarding`."""
+        self._guard.reset()
+
+
+def reference(scene: Scene, setting: Setting) -> Guarding:
+    """The slow guard that samples futures; see `reference.py`."""
+    from closed_loop.reference import Reference
+
+    figures = declared(setting, scene)
+    ordered = [figures[name] for name in scene.robots]
+    return Reference(scene, ordered, setting, tuple(movers_of(scene)))
+
+
+GUARDS: Mapping[str, Callable[[Scene, Setting], Guarding]] = {
+    "armguard": lambda scene, setting: Guard(scene),
+    "threshold": lambda scene, setting: Threshold(scene),
+    "stopper": lambda scene, setting: Stopper(scene),
+    "blind": lambda scene, setting: Blind(scene),
+    "reference": reference,
+}

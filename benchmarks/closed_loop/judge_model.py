@@ -1,0 +1,173 @@
+"""A scene's true geometry as a MuJoCo model: capsules, boxes, spheres, raw meshes."""
+
+from itertools import combinations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.benchmark.peers.mujoco_margin import as_text, quaternion
+from armguard.geometry.shapes import ShapeKind
+from armguard.robot.kinematics import kinematic_table
+from armguard.robot.meshes import load_triangles
+from armguard.robot.model import MeshFile
+from armguard.scene import Scene, SceneTables
+from armguard.scene.compile import link_frame
+
+Floats = NDArray[np.float64]
+
+# Distance up to which the model reports pairs [m].
+SIGHT = 0.06
+
+# The same as an attribute of every geom.
+MARGIN = f'margin="{SIGHT!r}"'
+
+# Meshes of links: triangles, shape (t, 3, 3) [m], and frame in the body's, (4, 4).
+Meshes = dict[str, list[tuple[Floats, Floats]]]
+
+
+class JudgeModel:
+    """The model, and whose its geoms are.
+
+    A body of the model belongs to one 'robot/link' or object, so that what the scene
+    does not check is left out body by body. Links whose collision geometry is a mesh
+    are built from the mesh file, not from what the guard made of it; MuJoCo takes the
+    convex hull of each.
+
+    Attributes:
+        model: MuJoCo's model.
+        owners: 'robot/link' or object of each geom.
+        arm_of: Number of the arm each geom belongs to, -1 for objects, shape (g,).
+        bases: Number of the body of each arm's base.
+        roots: Numbers of the bodies of each arm that stand in the world.
+        objects: Number of the body of each object.
+    """
+
+    def __init__(self, scene: Scene, tables: SceneTables) -> None:
+        self.robots = tuple(scene.robots)
+        meshes = mesh_files(scene)
+        text = mjcf(scene, tables, meshes)
+        self.model = mujoco.MjModel.from_xml_string(text)
+        m = self.model
+        names = [m.body(int(m.geom_bodyid[g])).name for g in range(m.ngeom)]
+        self.owners = [name.removeprefix("o:") for name in names]
+        self.arm_of = np.array([self.arm(owner) for owner in self.owners])
+        firsts = [m.body(f"b{b}").id for b in np.flatnonzero(tables.parent < 0)]
+        self.bases = dict(zip(self.robots, firsts, strict=True))
+        self.roots = {name: [body] for name, body in self.bases.items()}
+        for body in range(1, m.nbody):
+            name = m.body(body).name
+            if m.body_parentid[body] == 0 and name.startswith("o:") and "/" in name:
+                self.roots[name[2:].split("/", 1)[0]].append(body)
+        self.objects = {name: m.body(f"o:{name}").id for name in scene.objects}
+
+    def arm(self, owner: str) -> int:
+        """Number of the arm a body belongs to, -1 if to none."""
+        robot = owner.split("/", 1)[0]
+        return self.robots.index(robot) if "/" in owner else -1
+
+
+def mesh_files(scene: Scene) -> Meshes:
+    """The mesh files of each link that has exact geometry of its own."""
+    found: Meshes = {}
+    for name, robot in scene.robots.items():
+        table = kinematic_table(robot.model)
+        for link, fit in robot.fits.items():
+            elements = robot.model.links[link].collisions
+            if not fit.exact:
+                continue
+            frame = link_frame(robot, table, link)
+            found[f"{name}/{link}"] = [
+                (load_triangles(c.geometry), frame @ c.T_link_geometry)
+                for c in elements
+                if isinstance(c.geometry, MeshFile)
+            ]
+            assert len(found[f"{name}/{link}"]) == len(elements), (
+                f"{name}/{link} mixes meshes with other geometry"
+            )
+    return found
+
+
+def mjcf(scene: Scene, tables: SceneTables, meshes: Meshes) -> str:
+    """The model as text."""
+    owned: dict[str, list[int]] = {name: [] for name in scene.objects}
+    for i, owner in enumerate(tables.body_names):
+        owned.setdefault(owner, []).append(i)
+    inner: dict[int, str] = {}
+    assets = ""
+    for owner, own in owned.items():
+        shapes = (
+            []
+            if owner in meshes
+            else [primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own]
+        )
+        for k, (triangles, T) in enumerate(meshes.get(owner, [])):
+            mesh = f"m:{owner}:{k}"
+            vertices = np.unique(triangles.reshape(-1, 3), axis=0)
+            assets += f'<mesh name="{mesh}" vertex="{as_text(vertices.ravel())}"/>'
+            at = f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
+            shapes.append(f'<geom type="mesh" mesh="{mesh}" {MARGIN} {at}/>')
+        body = int(tables.bodies[own[0]])
+        geoms = "".join(shapes)
+        inner.setdefault(body, "")
+        inner[body] += f'<body name="o:{owner}">{geoms}</body>'
+    children: dict[int, list[int]] = {}
+    for b, up in enumerate(tables.parent):
+        children.setdefault(int(up), []).append(b)
+
+    def tree(b: int) -> str:
+        below = "".join(tree(child) for child in children.get(b, []))
+        return joint(tables, b) + inner.get(b, "") + below + "</body>"
+
+    bodies = "".join(tree(b) for b in children[-1])
+    return (
+        "<mujoco><option><flag filterparent='disable'/></option>"
+        "<size memory='64M'/>"
+        f"<asset>{assets}</asset>"
+        f"<worldbody>{inner.get(-1, '')}{bodies}</worldbody>"
+        f"<contact>{exclusions(tables, owned)}</contact></mujoco>"
+    )
+
+
+def joint(tables: SceneTables, b: int) -> str:
+    """A body of the tables with its joint; left open for what rides on it."""
+    T = tables.T_parent_joint[b].reshape(3, 4)
+    at = f'pos="{as_text(T[:, 3])}" quat="{quaternion(T[:, :3])}"'
+    text = (
+        f'<body name="b{b}" {at}><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    )
+    kind = {1: "hinge", 2: "slide"}.get(int(tables.joint_kind[b]))
+    if kind is None:
+        return text
+    axis = as_text(tables.axis[b])
+    return text + f'<joint name="j{b}" type="{kind}" axis="{axis}"/>'
+
+
+def primitive(kind: int, row: Floats) -> str:
+    """A primitive as a geom.
+
+    Raises:
+        ValueError: The judge has no such shape.
+    """
+    common = f"<geom {MARGIN} "
+    if kind == ShapeKind.SPHERE:
+        at = as_text(row[1:4])
+        return common + f'type="sphere" size="{float(row[0])!r}" pos="{at}"/>'
+    if kind == ShapeKind.CAPSULE:
+        ends = as_text(row[1:7])
+        return common + f'type="capsule" size="{float(row[0])!r}" fromto="{ends}"/>'
+    if kind == ShapeKind.BOX and row[0] == 0.0:
+        half, R = as_text(row[4:7]), row[7:16].reshape(3, 3)
+        at = f'pos="{as_text(row[1:4])}" quat="{quaternion(R)}"'
+        return common + f'type="box" size="{half}" {at}/>'
+    raise ValueError(f"the judge has no shape for {ShapeKind(kind).name}")
+
+
+def exclusions(tables: SceneTables, owned: dict[str, list[int]]) -> str:
+    """Pairs of owners the scene does not check."""
+    group = {owner: tables.groups[own[0]] for owner, own in owned.items()}
+    return "".join(
+        f'<exclude body1="o:{a}" body2="o:{b}"/>'
+        for a, b in combinations(owned, 2)
+        if not tables.checked[group[a], group[b]]
+    )

@@ -1,0 +1,88 @@
+"""What came out of an episode, as one line of JSON."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from closed_loop.watch import Contact
+
+
+@dataclass(slots=True)
+class Stop:
+    """One stop of one arm.
+
+    Attributes:
+        arm: Its name.
+        time: When it was ordered [s].
+        reason: Why, in one word of the guard.
+        speed: Largest joint speed at the order, in shares of its declared top [-].
+        clearance: Least distance of any checked pair at the order [m].
+        slack: Time the verdict before it said was left, None if it says nothing [s].
+        needless: Whether nothing could have happened without it; None if not asked.
+    """
+
+    arm: str
+    time: float
+    reason: str
+    speed: float
+    clearance: float
+    slack: float | None = None
+    needless: bool | None = None
+
+
+@dataclass(slots=True)
+class Outcome:
+    """Figures of an episode.
+
+    Attributes:
+        seed: Number of the episode.
+        setting: Name of its setting.
+        operator: Who drove.
+        worst: Whether the plant used every declared figure up.
+        duration: How long it was [s].
+        contact: The first contact that counts.
+        least: Least distance of a pair of which an arm moved, no more than what the
+            judge sees [m].
+        floor: Distance the guard was told to keep [m].
+        braked_before: Whether an arm of the contact had been told to brake before it.
+        rest: Least distance of any checked pair at the end [m].
+        rest_q: Positions at the end, in the order of q [rad or m].
+        stops: All stops.
+        releases: How often an arm was given back.
+        cycles: Cycles of the guard.
+        judged: States judged.
+        levels: Cycles at each level, by arm.
+        joint_way: Way of all joints under their operator [rad and m].
+        joint_wish: Way they would have made had the operator had his way [rad and m].
+        tool_way: Way of the last bodies under their operator [m].
+        cycle_times: Median, 99th percentile and longest cycle of the guard [s].
+        wall: Time the whole episode took to compute [s].
+    """
+
+    seed: int
+    setting: str
+    operator: str
+    worst: bool
+    duration: float = 0.0
+    contact: Contact | None = None
+    least: float = 0.0
+    floor: float = 0.0
+    braked_before: bool = False
+    rest: float = 0.0
+    rest_q: list[float] = field(default_factory=list)
+    stops: list[Stop] = field(default_factory=list)
+    releases: int = 0
+    cycles: int = 0
+    judged: int = 0
+    levels: dict[str, dict[str, int]] = field(default_factory=dict)
+    joint_way: float = 0.0
+    joint_wish: float = 0.0
+    tool_way: float = 0.0
+    cycle_times: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wall: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain numbers, lists and strings."""
+        found = asdict(self)
+        if self.contact is not None:
+            found["contact"] = self.contact._asdict()
+        return found

@@ -1,0 +1,99 @@
+"""Which episodes a campaign consists of, and the work of one process."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from closed_loop.arena import Arena
+from closed_loop.episode import Episode
+from closed_loop.settings import Setting, setting_of
+from closed_loop.zeroing import enlarged, told
+
+# Arenas a process keeps; each holds a guard and a judge.
+KEPT = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A series of episodes.
+
+    Attributes:
+        scene: Name of the scene.
+        mode: Mode of all robots.
+        guard: Name of the guard.
+        zero: Term of the budget the guard is told to be nothing, or None.
+        large: Term that is as large as when it is told to be nothing, but told as it
+            is, or None: what shows that the term, and not its size, is the cause.
+        weak_brake: Factor on the plant's decelerations [-].
+        floor: Distance to be kept, in place of the settings' [m], or None.
+        duration: Longest time of an episode [s].
+        needless: Whether every stop is searched for a future that asked for it.
+    """
+
+    scene: str = "bay"
+    mode: str = "path"
+    guard: str = "armguard"
+    zero: str | None = None
+    large: str | None = None
+    weak_brake: float = 1.0
+    floor: float | None = None
+    duration: float = 1.0
+    needless: bool = False
+
+    @property
+    def name(self) -> str:
+        """One word that tells plans apart; the name of a file."""
+        parts = [self.scene, self.mode, self.guard]
+        parts += [f"zero-{self.zero}"] if self.zero else []
+        parts += [f"large-{self.large}"] if self.large else []
+        parts += [f"weak-{self.weak_brake:g}"] if self.weak_brake != 1.0 else []
+        parts += [f"floor-{1e3 * self.floor:g}"] if self.floor is not None else []
+        parts += ["needless"] if self.needless else []
+        parts += [f"for-{self.duration:g}"] if self.duration != 1.0 else []
+        return "_".join(parts)
+
+    def truth_and_told(self, seed: int) -> tuple[Setting, Setting]:
+        """What is true in an episode, and what the guard is told."""
+        truth = setting_of(self.scene, self.mode, seed)
+        if self.floor is not None:
+            truth = replace(truth, floor=self.floor)
+        term = self.zero or self.large
+        if term:
+            truth = enlarged(truth, term)
+        return truth, told(truth, self.zero) if self.zero else truth
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self)
+
+
+_arenas: dict[str, Arena] = {}
+
+
+def arena_of(plan: Plan, seed: int) -> Arena:
+    """The arena of an episode; built once in a process."""
+    truth, said = plan.truth_and_told(seed)
+    key = f"{plan.name} {truth.name} {said.name}"
+    if key not in _arenas:
+        while len(_arenas) >= KEPT:
+            del _arenas[next(iter(_arenas))]
+        _arenas[key] = Arena(truth, said, plan.guard)
+    return _arenas[key]
+
+
+def work(task: tuple[Plan, int]) -> Mapping[str, Any]:
+    """Figures of one episode."""
+    plan, seed = task
+    term = plan.zero or plan.large
+    # Who breaks his word does so in every way at once.
+    attack = term is not None or plan.weak_brake != 1.0
+    episode = Episode(
+        arena_of(plan, seed),
+        seed,
+        duration=plan.duration,
+        attack=attack,
+        weak=plan.weak_brake,
+        zeroed=plan.zero,
+        needless=plan.needless,
+    )
+    return episode.run().to_dict()

@@ -1,0 +1,108 @@
+"""The scenes of the campaign, with figures declared for their arms."""
+
+from collections.abc import Iterator
+from functools import cache
+from inspect import signature
+from typing import Any
+
+from armguard.geometry import Box, Capsule, Pose, Sphere
+from armguard.robot.stopping import StoppingFigures, stopping_figures
+from armguard.scene import Scene, bay_scene
+from closed_loop.settings import Setting
+
+# Objects that move in the scene "movers": they start here, and bounce within ROOM.
+MOVERS = {
+    "ball": (Sphere(radius=0.06), (0.05, 0.0, 1.45)),
+    "crate": (Box(half_extents=(0.08, 0.06, 0.05)), (0.0, 0.55, 1.3)),
+}
+
+# Corners of the box in which they bounce [m].
+ROOM = ((-0.75, -0.85, 0.75), (0.25, 0.85, 1.65))
+
+
+def declared(setting: Setting, scene: Scene) -> dict[str, StoppingFigures]:
+    """Figures of each arm of a scene, as a setting declares them."""
+    return {
+        name: stopping_figures(robot.model, **setting.figures)
+        for name, robot in scene.robots.items()
+    }
+
+
+def build_scene(setting: Setting) -> Scene:
+    """The scene of a setting."""
+    bare = bare_scene(setting.scene)
+    scene = Scene(
+        **known(
+            Scene.__init__,
+            mode=setting.mode,
+            period=setting.period,
+            late=setting.late,
+            buffer=setting.floor,
+        ),
+        index=bare.index,
+    )
+    figures = declared(setting, bare)
+    for name, robot in bare.robots.items():
+        scene.add_robot(
+            robot.model,
+            name=name,
+            base=robot.base,
+            home=robot.home,
+            **known(Scene.add_robot, stopping=figures[name]),
+        )
+    for name, thing in bare.objects.items():
+        speed = setting.top_speed if name in MOVERS else 0.0
+        scene.add(
+            [*thing.shapes, *thing.surfaces],
+            name=name,
+            pose=thing.pose,
+            **known(Scene.add, top_speed=speed),
+        )
+    for pair in bare.allowances:
+        scene.allow(pair.a, pair.b, reason=pair.reason)
+    return scene
+
+
+def known(function: Any, **arguments: Any) -> dict[str, Any]:
+    """Those of the arguments a function takes."""
+    taken = signature(function).parameters
+    return {name: value for name, value in arguments.items() if name in taken}
+
+
+@cache
+def bare_scene(name: str) -> Scene:
+    """A scene without figures."""
+    if name == "pandas":
+        return two_pandas()
+    scene = bay_scene()
+    if name == "movers":
+        for thing, (shape, xyz) in MOVERS.items():
+            scene.add(shape, name=thing, pose=Pose(xyz=xyz))
+    return scene
+
+
+def two_pandas() -> Scene:
+    """Two Pandas face to face at a table, a box and a post between them."""
+    scene = Scene()
+    scene.add_robot("panda", name="near", base=Pose(xyz=(-0.55, 0.0, 0.0)))
+    scene.add_robot(
+        "panda", name="far", base=Pose(xyz=(0.55, 0.0, 0.0), rpy=(0, 0, 3.14159265))
+    )
+    # Its top lies 40 mm below the bases: nothing of a Panda's first links reaches it.
+    scene.add(
+        Box(half_extents=(0.9, 0.6, 0.02)), name="table", pose=Pose(xyz=(0, 0, -0.06))
+    )
+    scene.add(
+        Box(half_extents=(0.08, 0.12, 0.08)), name="box", pose=Pose(xyz=(0, 0.3, 0.04))
+    )
+    scene.add(
+        Capsule(start=(0, 0, 0), end=(0, 0, 0.6), radius=0.03),
+        name="post",
+        pose=Pose(xyz=(0.0, -0.35, 0.0)),
+    )
+    return scene
+
+
+def movers_of(scene: Scene) -> Iterator[str]:
+    """Names of the objects of a scene that move."""
+    return (name for name in scene.objects if name in MOVERS)

@@ -1,0 +1,324 @@
+"""Is there an admissible future in which arms touch? Dense samples, exact shapes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.robot.stopping import StoppingFigures
+from closed_loop import plant as plants
+from closed_loop.exact_world import ExactWorld
+from closed_loop.truth import UNKNOWN
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Time between two states of a future that is sampled [s].
+STEP = 0.002
+
+# Pairs that may be reached first and are attacked, and random corners tried beside.
+ATTACKED = 8
+RANDOM = 4
+
+# Pairs count as near if they could meet with levers so much longer than now [-].
+SPARE = 1.3
+
+# Change of a distance by a joint that counts as none [m/rad].
+FLAT = 1e-3
+
+
+class Future(NamedTuple):
+    """A continuation: an operator's wish, then a stop.
+
+    Attributes:
+        wish: Desired velocities in shares of the top speeds, shape (n,).
+        strength: Strength of each joint's stop, 0 the least, 1 the most, shape (n,).
+        error: Errors of the measured state in shares of the largest, shape (n,).
+    """
+
+    wish: Floats
+    strength: Floats
+    error: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A future that breaks the floor.
+
+    Attributes:
+        pair: The pair.
+        time: Time after the measurement [s].
+        distance: What it keeps there, less what is not known of it [m].
+        future: The future.
+    """
+
+    pair: tuple[str, str]
+    time: float
+    distance: float
+    future: Future
+
+
+class Search:
+    """Looks for futures in which a pair comes nearer than the floor.
+
+    A future is: the operator goes on until the next order could take effect, then all
+    arms stop. He and the stops may do whatever the figures allow.
+
+    Args:
+        world: Distances.
+        figures: Figures of each arm.
+        robots: Their names.
+        first: First joint of each arm, and n.
+        wait: Time from a cycle to the last moment of the next one [s].
+        floor: Distance to be kept [m].
+        speeds: Top speed of each object that moves [m/s].
+        seed: Of the random corners.
+    """
+
+    def __init__(
+        self,
+        world: ExactWorld,
+        figures: Sequence[StoppingFigures],
+        robots: Sequence[str],
+        first: Ints,
+        *,
+        wait: float,
+        floor: float,
+        speeds: dict[str, float],
+        seed: int = 0,
+    ) -> None:
+        self.world = world
+        self.first = first
+        self.wait = wait
+        self.floor = floor
+        self._rng = np.random.default_rng(seed)
+        self._figures = figures
+        self._robots = tuple(robots)
+        self._velocity = joined(figures, "velocity")
+        self._acceleration = joined(figures, "acceleration")
+        self._least = joined(figures, "deceleration")
+        most = np.minimum(joined(figures, "deceleration_most"), UNKNOWN * self._least)
+        self._more = most - self._least
+        self._position_error = joined(figures, "position_error")
+        self._velocity_error = joined(figures, "velocity_error")
+        self._ramp = spread(figures, "ramp")
+        self._settle = joined(figures, "settle")
+        self._settle_time = spread(figures, "settle_time")
+        self._command = np.array([f.command for f in figures])
+        self._drift = np.array([self._speed_of(p, speeds) for p in world.owners])
+        self._unknown = np.array([self._error_of(p) for p in world.owners])
+
+    def breach(
+        self, q: Floats, v: Floats, stamps: Floats, seen: float, now: float, sweeps: int
+    ) -> Breach | None:
+        """A future that breaks the floor, or None if none was found.
+
+        Args:
+            q: Measured positions, shape (n,).
+            v: Measured velocities, shape (n,).
+            stamps: When each arm was measured, shape (a,) [s].
+            seen: When the objects were seen that were seen first [s].
+            now: Time of the cycle [s].
+            sweeps: How often every joint of the best future is tried the other way.
+        """
+        ages, object_age = now - stamps, now - seen
+        ways, last = self._ways(v, ages)
+        drift = self._drift * (object_age + last)
+        levers = np.minimum(self.world.levers(q), self.world.reach)
+        gaps = self.world.bounds(q) - self._unknown - self.floor - drift
+        close = SPARE * levers @ ways
+        for k in np.flatnonzero(gaps < close):
+            found = self.world.distance(int(k))
+            gaps[k] = found - self._unknown[k] - self.floor - drift[k]
+        near = np.flatnonzero(gaps < close)
+        if len(near) == 0:
+            return None
+        order = near[np.argsort(gaps[near])][:ATTACKED]
+        for k in order:
+            outward = self.world.gradient(int(k), q)
+            for future in self._attacks(outward, v):
+                found = self._first_breach(future, q, v, ages, object_age, near)
+                if found is not None:
+                    return found
+            if sweeps:
+                found = self._descend(int(k), outward, q, v, ages, object_age, sweeps)
+                if found is not None:
+                    return found
+        for _ in range(RANDOM):
+            signs = self._rng.choice([-1.0, 1.0], (2, len(q)))
+            corner = Future(
+                signs[0], self._rng.integers(0, 2, len(q)).astype(float), signs[1]
+            )
+            found = self._first_breach(corner, q, v, ages, object_age, near)
+            if found is not None:
+                return found
+        return None
+
+    def _attacks(self, outward: Floats, v: Floats) -> list[Future]:
+        """Futures that should bring a pair together."""
+        closing = np.where(np.abs(outward) > FLAT, -np.sign(outward), 0.0)
+        apart = (v * outward > 0.0).astype(float)
+        return [
+            Future(wish, strength, closing)
+            for wish in (closing, np.sign(v))
+            for strength in (apart, np.zeros(len(v)))
+        ]
+
+    def _first_breach(
+        self,
+        future: Future,
+        q: Floats,
+        v: Floats,
+        ages: Floats,
+        object_age: float,
+        near: NDArray[np.intp],
+    ) -> Breach | None:
+        """The first moment of a future at which a near pair breaks the floor.
+
+        A pair is measured again only where it may have come as near as that.
+        """
+        rows = self.rows(future, q, v, ages)
+        gone = np.zeros((len(rows), len(q)))
+        np.cumsum(np.abs(np.diff(rows, axis=0)), axis=0, out=gone[1:])
+        times = np.arange(len(rows)) * STEP
+        ways = gone @ self.world.reach[near].T
+        ways += np.outer(times, self._drift[near])
+        due = {0: list(range(len(near)))}
+        for s in range(len(rows)):
+            waiting = due.pop(s, None)
+            if waiting is None:
+                continue
+            self.world.place(rows[s])
+            for n in waiting:
+                k = int(near[n])
+                lost = self._unknown[k] + self._drift[k] * (object_age + times[s])
+                kept = self.world.distance(k) - lost
+                if kept < self.floor:
+                    return Breach(self.world.owners[k], float(times[s]), kept, future)
+                room = ways[s, n] + kept - self.floor
+                at = max(int(np.searchsorted(ways[:, n], room)), s + 1)
+                due.setdefault(at, []).append(n)
+        return None
+
+    def _descend(
+        self,
+        k: int,
+        outward: Floats,
+        q: Floats,
+        v: Floats,
+        ages: Floats,
+        object_age: float,
+        sweeps: int,
+    ) -> Breach | None:
+        """Turn joint by joint what brings a pair nearer still."""
+        best = self._attacks(outward, v)[0]
+        least, when = self._least_of(k, best, q, v, ages, object_age)
+        for _ in range(sweeps):
+            before = least
+            for j in np.flatnonzero(self.world.reach[k]):
+                for change in turned(best, int(j)):
+                    there = self._least_of(k, change, q, v, ages, object_age)
+                    if there[0] < least:
+                        (least, when), best = there, change
+            if least < self.floor:
+                return Breach(self.world.owners[k], when, least, best)
+            if least == before:
+                break
+        return None
+
+    def _least_of(
+        self,
+        k: int,
+        future: Future,
+        q: Floats,
+        v: Floats,
+        ages: Floats,
+        object_age: float,
+    ) -> tuple[float, float]:
+        """Least distance a pair keeps in a future [m], and when [s]."""
+        rows = self.rows(future, q, v, ages)
+        least, when = np.inf, 0.0
+        s = 0
+        while s < len(rows):
+            self.world.place(rows[s])
+            time = s * STEP
+            lost = self._unknown[k] + self._drift[k] * (object_age + time)
+            kept = self.world.distance(k) - lost
+            if kept < least:
+                least, when = kept, time
+            s += 5
+        return least, when
+
+    def rows(self, future: Future, q: Floats, v: Floats, ages: Floats) -> Floats:
+        """States of a future, one each STEP from the measurement on, shape (m, n)."""
+        plant = plants.plant_at(
+            q + future.error * self._position_error,
+            self.first,
+            self._velocity,
+            self._acceleration,
+            self._least,
+        )
+        start = v + future.error * self._velocity_error
+        plant.v[:] = np.clip(start, -self._velocity, self._velocity)
+        strength = self._least + future.strength * self._more
+        for arm, age in enumerate(ages):
+            plants.order_stop(
+                plant,
+                arm,
+                float(age) + self.wait + float(self._command[arm]),
+                (strength, self._ramp, self._settle, self._settle_time),
+            )
+        count = int(self._ways(plant.v, ages)[1] / STEP) + 2
+        rows, speeds = np.zeros((2, count, len(q)))
+        plants.advance(plant, 0, STEP, future.wish * self._velocity, rows, speeds)
+        return np.vstack([q + future.error * self._position_error, rows])
+
+    def _ways(self, v: Floats, ages: Floats) -> tuple[Floats, float]:
+        """Farthest each joint may get until it rests, (n,), and how long that takes."""
+        free = np.repeat(ages + self.wait + self._command, np.diff(self.first))
+        gained = self._velocity_error + self._acceleration * free
+        speed = np.minimum(np.abs(v) + gained, self._velocity)
+        stop = speed / self._least + self._ramp
+        ways = speed * (free + 0.5 * stop) + self._settle + self._position_error
+        return ways, float((free + stop + self._settle_time).max())
+
+    def _speed_of(self, pair: tuple[str, str], speeds: dict[str, float]) -> float:
+        """How fast a side of a pair may come nearer that is no arm [m/s]."""
+        return sum(speeds.get(side, 0.0) for side in pair)
+
+    def _error_of(self, pair: tuple[str, str]) -> float:
+        """What is not known of a pair's distance, whatever the arms do [m]."""
+        arms = [self._robots.index(s.split("/")[0]) for s in pair if "/" in s]
+        found = sum(self._figures[arm].model_error for arm in arms)
+        if len(arms) == 2 and arms[0] == arms[1]:
+            return found
+        for arm in arms:
+            figures = self._figures[arm]
+            own = slice(self.first[arm], self.first[arm + 1])
+            far = float(self.world.reach[:, own].max())
+            found += figures.base_error + figures.base_turn * far
+        return found
+
+
+def turned(future: Future, j: int) -> list[Future]:
+    """The future with one joint the other way: its wish, or its stop."""
+    found = []
+    for share in {-1.0, 0.0, 1.0} - {float(future.wish[j])}:
+        wish = future.wish.copy()
+        wish[j] = share
+        found.append(future._replace(wish=wish))
+    strength = future.strength.copy()
+    strength[j] = 1.0 - strength[j]
+    return [*found, future._replace(strength=strength)]
+
+
+def joined(figures: Sequence[StoppingFigures], name: str) -> Floats:
+    """A figure of all joints, shape (n,)."""
+    return np.concatenate([getattr(f, name) for f in figures])
+
+
+def spread(figures: Sequence[StoppingFigures], name: str) -> Floats:
+    """A figure of each arm for all its joints, shape (n,)."""
+    return np.concatenate([np.full(len(f.velocity), getattr(f, name)) for f in figures])

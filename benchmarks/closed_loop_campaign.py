@@ -1,0 +1,143 @@
+"""The closed loop: operators who mean no good against the guard's certificate.
+
+make closed-loop                                         all of it, hours; it resumes
+make closed-loop ARGS="--episodes 500 --scene bay"       some of it, to try it out
+python benchmarks/closed_loop_campaign.py --zero command     the test must see this
+python benchmarks/closed_loop_campaign.py --weak-brake 0.7   does the guard brake?
+python benchmarks/closed_loop_campaign.py --show 17 --scene bay     one episode
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from armguard.cli.console import jsonable, say
+from closed_loop.guards import GUARDS
+from closed_loop.page import page
+from closed_loop.plan import Plan, work
+from closed_loop.runs import run_plan
+from closed_loop.settings import SCENES
+from closed_loop.summary import summed_up
+from closed_loop.zeroing import TERMS
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs" / "closed_loop.json"
+FOLDER = ROOT / "out" / "closed_loop"
+
+# Share of the episodes that go to each question when all are asked [-].
+TEETH = 0.05
+WEAK = 0.1
+
+
+def arguments() -> argparse.Namespace:
+    """What the user asks for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--episodes", type=int, default=10_000, help="a scene and mode")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--scene", choices=SCENES, help="all if left out")
+    parser.add_argument("--mode", choices=("path", "speed"), help="both if left out")
+    parser.add_argument("--zero", choices=TERMS, help="term told to be nothing")
+    parser.add_argument("--large", choices=TERMS, help="the same, but told as it is")
+    parser.add_argument("--weak-brake", type=float, default=1.0)
+    parser.add_argument("--floor", type=float, help="in place of the settings' [m]")
+    parser.add_argument("--guard", choices=tuple(GUARDS), default="armguard")
+    parser.add_argument("--duration", type=float, default=1.0, help="longest [s]")
+    parser.add_argument("--needless", action="store_true", help="search every stop")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--seconds", type=float, help="bound for each plan [s]")
+    parser.add_argument("--folder", type=Path, default=FOLDER)
+    parser.add_argument("--show", type=int, metavar="SEED", help="one episode")
+    parser.add_argument("--page", action="store_true", help="from the last results")
+    return parser.parse_args()
+
+
+def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
+    """What is to be run, and how many episodes of it."""
+    scenes = [chosen.scene] if chosen.scene else list(SCENES)
+    modes = [chosen.mode] if chosen.mode else ["path", "speed"]
+    asked = {
+        "guard": chosen.guard,
+        "zero": chosen.zero,
+        "large": chosen.large,
+        "weak_brake": chosen.weak_brake,
+        "floor": chosen.floor,
+        "duration": chosen.duration,
+        "needless": chosen.needless,
+    }
+    count = chosen.episodes
+    found = [(Plan(s, m, **asked), count) for s in scenes for m in modes]
+    special = chosen.zero or chosen.large or chosen.weak_brake != 1.0
+    if special or chosen.scene or chosen.mode:
+        return found
+    for term in TERMS:
+        scene = "movers" if term == "top_speed" else "bay"
+        for key in ("zero", "large"):
+            plan = Plan(scene, "path", **{**asked, key: term})
+            found.append((plan, max(int(TEETH * count), 1)))
+    weak = Plan("bay", "path", **{**asked, "weak_brake": 0.7})
+    return [*found, (weak, max(int(WEAK * count), 1))]
+
+
+def main() -> int:
+    """Run; write docs/closed_loop.json and .md; 1 if the guard's promise is broken."""
+    chosen = arguments()
+    if chosen.page:
+        write_page(json.loads(RESULTS.read_text("utf-8")))
+        return 0
+    todo = plans(chosen)
+    if chosen.show is not None:
+        print(json.dumps(jsonable(work((todo[0][0], chosen.show))), indent=1))
+        return 0
+    broken = False
+    for plan, count in todo:
+        episodes = run_plan(
+            plan,
+            count,
+            chosen.folder,
+            first=chosen.first,
+            processes=chosen.processes,
+            seconds=chosen.seconds,
+        )
+        figures = summed_up(plan, episodes)
+        told(figures)
+        kept = not plan.zero and plan.weak_brake == 1.0
+        broken |= kept and figures["contacts"] > 0
+        if chosen.guard == "armguard":
+            keep(plan.name, figures)
+    return int(broken)
+
+
+def told(figures: dict[str, Any]) -> None:
+    """The figures that matter, on standard output."""
+    print(
+        f"{Plan(**figures['plan']).name}: {figures['episodes']} episodes, "
+        f"{figures['contacts']} contacts ({figures['braked_before_contact']} after a "
+        f"brake), least {figures['least_distance_mm']:.2f} mm, "
+        f"{figures['breaches_of_floor']} below the floor, {figures['stops']} stops, "
+        f"{figures['share_of_wish']:.0%} of the wish, "
+        f"{figures['wall_s_an_episode']:.2f} s an episode"
+    )
+
+
+def keep(name: str, figures: dict[str, Any]) -> None:
+    """Put figures of a plan beside the others' in docs/."""
+    results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    results[name] = jsonable(figures)
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    write_page(results)
+    say(f"wrote {RESULTS.relative_to(ROOT)} and its page")
+
+
+def write_page(results: dict[str, Any]) -> None:
+    """Write docs/closed_loop.md."""
+    RESULTS.with_suffix(".md").write_text(page(results), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

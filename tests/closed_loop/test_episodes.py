@@ -1,0 +1,81 @@
+"""Episodes of the closed loop: the loop itself with naive guards, then the real one."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+from armguard.guard import Guard
+from closed_loop.plan import Plan, work
+from closed_loop.summary import summed_up
+
+BATCH = 25
+
+needs_velocities = pytest.mark.skipif(
+    "velocity" not in inspect.signature(Guard.step).parameters,
+    reason="Guard.step takes no velocities yet: there is no certificate to attack",
+)
+
+
+def episodes(plan, seeds):
+    return [work((plan, seed)) for seed in seeds]
+
+
+def contacts(found):
+    return [(e["seed"], e["setting"], e["contact"]) for e in found if e["contact"]]
+
+
+def test_nobody_who_stops_always_touches_anything():
+    found = episodes(Plan(guard="stopper"), range(6))
+    assert not contacts(found)
+    for e in found:
+        assert {s["arm"] for s in e["stops"]} == {"left", "right"}
+        assert e["joint_way"] < 0.05 and e["cycles"] > 20
+
+
+def test_without_a_guard_operators_reach_what_they_go_for():
+    found = episodes(Plan(guard="blind"), range(24))
+    assert len(contacts(found)) >= 4
+    assert all(not e["stops"] for e in found)
+
+
+def test_a_fixed_distance_is_not_enough_for_the_worst_plant():
+    plan = Plan(guard="threshold", weak_brake=0.7, floor=0.02)
+    found = episodes(plan, range(8))
+    assert contacts(found) and sum(len(e["stops"]) for e in found) > 4
+    assert summed_up(plan, found)["contacts"] == len(contacts(found))
+
+
+def test_a_seed_is_an_episode():
+    plan = Plan("movers", guard="threshold", floor=0.03)
+    one, two = (work((plan, 7)) for _ in range(2))
+    for measured in ("wall", "cycle_times"):
+        one.pop(measured), two.pop(measured)
+    assert one == two
+    other = work((plan, 19))
+    assert not np.allclose(one["rest_q"], other["rest_q"])
+
+
+@needs_velocities
+@pytest.mark.parametrize("scene", ["bay", "movers"])
+@pytest.mark.parametrize("mode", ["path", "speed"])
+@pytest.mark.parametrize("batch", range(5))
+def test_no_arm_touches_anything_while_its_figures_are_true(scene, mode, batch):
+    """500 episodes in all."""
+    plan = Plan(scene, mode, duration=0.6)
+    found = episodes(plan, range(batch * BATCH, (batch + 1) * BATCH))
+    assert not contacts(found)
+    assert all(e["least"] >= e["floor"] - 1e-5 for e in found)
+
+
+@needs_velocities
+@pytest.mark.parametrize("term", ["command", "acceleration", "deceleration"])
+def test_a_term_of_the_budget_that_is_missing_is_seen(term):
+    assert contacts(episodes(Plan(zero=term), range(12)))
+
+
+@needs_velocities
+def test_a_brake_that_is_too_weak_is_answered_before_contact():
+    found = episodes(Plan(weak_brake=0.7), range(20))
+    touched = [e for e in found if e["contact"]]
+    assert all(e["braked_before"] for e in touched)

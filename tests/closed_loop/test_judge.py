@@ -1,0 +1,193 @@
+"""The judge sees contacts, and knows whose doing they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armguard.benchmark.peers.pinocchio_coal import AllDistances
+from armguard.scene.compile import compile_scene
+from closed_loop.exact_world import ExactWorld
+from closed_loop.judge import Judge
+from closed_loop.judge_model import SIGHT
+from closed_loop.scenes import build_scene
+from closed_loop.settings import SUBSTEP, setting_of
+from closed_loop.watch import Watch
+
+FIRST = np.array([0, 7, 14])
+AWAY = np.array([0.0, 0.0, 50.0])
+
+
+@pytest.fixture(scope="module")
+def arena():
+    """The bay with moving objects, which are far away: judge and tables."""
+    scene = build_scene(replace(setting_of("movers", "path", 0), floor=0.0))
+    tables = compile_scene(scene)
+    judge = Judge(scene, tables)
+    for name in ("ball", "crate"):
+        judge.stand_at(name, AWAY)
+    return judge, tables
+
+
+def watch(judge, q):
+    return Watch(judge, FIRST, q, np.zeros(len(judge.owners)))
+
+
+def look(watching, q_rows, p_rows=None, begin=0):
+    times = (begin + 1 + np.arange(len(q_rows))) * SUBSTEP
+    watching.look(times, np.ascontiguousarray(q_rows), p_rows or {})
+
+
+def test_distances_are_those_of_pinocchio_and_coal(arena):
+    judge, tables = arena
+    for name in ("ball", "crate"):
+        judge.stand_at(name, np.zeros(3))
+    rng, peer = np.random.default_rng(0), AllDistances(tables)
+    met = 0
+    for _ in range(300):
+        q = rng.uniform(tables.lower, tables.upper)
+        peer.step(q)
+        there = min(r.min_distance for r in peer.results.distanceResults)
+        ours = judge.clearance(q)
+        assert (ours < 0.0) == (there < 0.0)
+        if there >= 0.0:
+            assert ours == pytest.approx(min(there, SIGHT), abs=2e-6)
+        met += there < SIGHT
+    for name in ("ball", "crate"):
+        judge.stand_at(name, AWAY)
+    assert met > 100
+
+
+def test_an_arm_driven_into_something_is_a_contact(arena):
+    judge, tables = arena
+    q = tables.home.copy()
+    watching = watch(judge, q)
+    rows = q + np.linspace(0.0, 2.0, 4000)[:, None] * (np.arange(14) == 1)
+    for begin in range(0, 4000, 4):
+        look(watching, rows[begin : begin + 4], begin=begin)
+    assert watching.contact is not None
+    assert "left" in {watching.contact.a[:4], watching.contact.b[:4]}
+    k = round(watching.contact.time / SUBSTEP) - 1
+    assert judge.clearance(rows[k]) < 0.0 <= judge.clearance(rows[k - 1]) + 1e-9
+    assert watching.contact.depth == pytest.approx(-watching.least)
+    # Not every state was measured; none that could have been nearer was left out.
+    assert watching.judged < 4000
+
+
+def test_few_states_are_judged_and_the_least_distance_is_found(arena):
+    judge, tables = arena
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        a, b = rng.uniform(-0.4, 0.4, (2, 14))
+        t = np.linspace(0.0, 1.0, 1000)[:, None]
+        rows = tables.home + a * np.sin(3 * t) + b * np.sin(5 * t)
+        watching = watch(judge, rows[0])
+        look(watching, rows)
+        least = min(judge.clearance(q) for q in rows)
+        if least > 0.0:
+            assert least - 1e-12 <= watching.least <= least * 1.12 + 1e-9
+        else:
+            assert watching.contact is not None
+
+
+def into_the_arm(judge, tables, steps=400):
+    """Displacements that bring the ball from afar to the left arm's last link."""
+    judge.place(tables.home)
+    ball = tables.standing["ball"]
+    centre = tables.local_rows[ball.first, 1:4]
+    to = judge.tips()[0] - centre
+    return np.linspace(to + np.array([0.0, 0.0, 0.6]), to, steps)
+
+
+def test_an_object_that_hits_a_resting_arm_is_nobodys_doing(arena):
+    judge, tables = arena
+    p_rows = into_the_arm(judge, tables)
+    watching = watch(judge, tables.home)
+    look(watching, np.tile(tables.home, (400, 1)), {"ball": p_rows})
+    assert judge.clearance(tables.home) < 0.0
+    assert watching.contact is None and watching.least == SIGHT
+    # The other arm may move; it is not in the pair.
+    rows = tables.home + 1e-5 * np.arange(400)[:, None] * (np.arange(14) == 13)
+    look(watching, rows, {"ball": np.tile(p_rows[-1], (400, 1))})
+    assert watching.contact is None
+
+
+def test_an_object_that_hits_a_moving_arm_counts(arena):
+    judge, tables = arena
+    p_rows = into_the_arm(judge, tables)
+    watching = watch(judge, tables.home)
+    rows = tables.home + 1e-5 * np.arange(400)[:, None] * (np.arange(14) == 6)
+    look(watching, rows, {"ball": p_rows})
+    assert watching.contact is not None
+    assert {watching.contact.a, watching.contact.b} & {"ball"}
+
+
+def test_an_arm_that_starts_to_move_in_contact_counts(arena):
+    judge, tables = arena
+    p_rows = into_the_arm(judge, tables)
+    watching = watch(judge, tables.home)
+    look(watching, np.tile(tables.home, (400, 1)), {"ball": p_rows})
+    rows = tables.home + 1e-5 * np.arange(4)[:, None] * (np.arange(14) == 6)
+    look(watching, rows, {"ball": np.tile(p_rows[-1], (4, 1))})
+    assert watching.contact is not None
+
+
+def test_a_displaced_base_and_a_larger_surface_are_nearer(arena):
+    judge, tables = arena
+    q = tables.home.copy()
+    before = []
+    for pair in judge.pairs:
+        judge.place(q)
+        before.append(judge.gap(pair))
+    T = np.eye(4)
+    T[:3, 3] = [0.0, -0.01, 0.0]
+    judge.displace_base("left", T)
+    judge.place(q)
+    arms = [
+        (k, pair)
+        for k, pair in enumerate(judge.pairs)
+        if set(judge.arm_of[list(pair)]) == {0, 1}
+    ]
+    for k, pair in arms:
+        assert abs(judge.gap(pair) - before[k]) <= 0.01 + 1e-9
+    assert min(judge.gap(pair) - before[k] for k, pair in arms) < -0.008
+    judge.displace_base("left", np.eye(4))
+    judge.place(q)
+    assert judge.gap(arms[0][1]) == pytest.approx(before[arms[0][0]], abs=1e-12)
+
+
+def test_the_gradient_is_that_of_finite_differences(arena):
+    judge, tables = arena
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        q = tables.home + rng.uniform(-0.5, 0.5, 14)
+        pair = judge.pairs[int(rng.integers(len(judge.pairs)))]
+        judge.place(q)
+        distance, outward = judge.apart(pair)
+        if distance < 0.02:
+            continue
+        for j in range(14):
+            step = 1e-5 * (np.arange(14) == j)
+            judge.place(q + step)
+            up = judge.gap(pair)
+            judge.place(q - step)
+            slope = (up - judge.gap(pair)) / 2e-5
+            assert outward[j] == pytest.approx(slope, abs=2e-3)
+
+
+def test_hulls_of_meshes_are_never_judged_farther_than_the_meshes():
+    scene = build_scene(setting_of("pandas", "path", 0))
+    tables = compile_scene(scene)
+    judge, exact = Judge(scene, tables), ExactWorld(scene, tables)
+    rng = np.random.default_rng(0)
+    seen = touching = 0
+    for _ in range(25):
+        q = rng.uniform(tables.lower, tables.upper)
+        there = exact.distances(q).min()
+        ours = judge.clearance(q)
+        assert ours <= max(there, 0.0) + 1e-5
+        # What a hull adds to a Panda's links.
+        assert ours >= min(there, SIGHT) - 0.02 or there <= 0.0
+        seen += 0.0 < there < SIGHT
+        touching += there <= 0.0
+    assert seen > 3 and touching > 3
