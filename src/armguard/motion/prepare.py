@@ -201,25 +201,17 @@ def stop_curves(tables: SceneTables) -> Floats:
 def curve_row(table: StopTable, top: float) -> Floats:
     """A table at even speeds from 0 to the top one, shape (2 · CURVE_POINTS,).
 
-    At each speed the larger of what the straight lines between the table's rows say
-    there and what keeps the curve above them up to the next: a line between two
-    points of a curve that bends upwards lies above it.
+    The time of each piece between two even speeds is that of the next higher speed
+    that was measured. The way follows the straight lines between the measured ones,
+    lifted where one of them stands above the line between two even speeds.
     """
-    speeds = np.array([0.0, *table.speeds])
     even = np.linspace(0.0, top, place.CURVE_POINTS)
-    row = []
-    # A slower joint may need as long as the slowest that was measured, but not as far.
-    for at_rest, column in ((table.times[0], table.times), (0.0, table.travels)):
-        values = np.array([at_rest, *column])
-        slope = (values[-1] - values[-2]) / (speeds[-1] - speeds[-2])
-        beyond = np.maximum(even - speeds[-1], 0.0) * slope
-        at = np.interp(even, speeds, values) + beyond
-        for v, x in zip(speeds, values, strict=True):
-            # A row between two even speeds may stand above the line between them.
-            if not 0.0 < v < top:
-                continue
-            k = min(int(v / top * (place.CURVE_POINTS - 1)), place.CURVE_POINTS - 2)
-            line = np.interp(v, even[k : k + 2], at[k : k + 2])
-            at[k : k + 2] += max(x - line, 0.0)
-        row.append(at)
-    return np.concatenate(row)
+    step = even[1]
+    times = np.array([table.at(v + step)[0] for v in even])
+    ways = np.array([table.at(v)[1] for v in even])
+    for v, way in zip(table.speeds, table.travels, strict=True):
+        if 0.0 < v < top:
+            k = min(int(v / step), place.CURVE_POINTS - 2)
+            line = float(np.interp(v, even[k : k + 2], ways[k : k + 2]))
+            ways[k : k + 2] += max(way - line, 0.0)
+    return np.concatenate([times, ways])
