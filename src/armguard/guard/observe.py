@@ -161,6 +161,10 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
         elif not estimate_velocity(j, r, q[j], v, m):
             keep_samples(q, v, m)
             return blame_robot(NO_VELOCITY, r, 0.0, out)
+        # What is declared bounds what can be true, as long as that is believed.
+        if m.v_low[j] <= figures[VELOCITY] and m.v_high[j] >= -figures[VELOCITY]:
+            m.v_low[j] = max(m.v_low[j], -figures[VELOCITY])
+            m.v_high[j] = min(m.v_high[j], figures[VELOCITY])
         slack = 2.0 * figures[VELOCITY_ERROR]
         if not (m.v_low[j] <= top + slack and m.v_high[j] >= -top - slack):
             return blame_joint(TOO_FAST, j, 0.5 * (m.v_low[j] + m.v_high[j]), out)

@@ -5,6 +5,8 @@ with the greatest that the declared figures leave it. Where it is more, the figu
 disproved: the brake is ordered, and if that lags as well, a stop from outside.
 """
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,7 @@ from armguard.motion.figures import (
     COMMAND,
     CURVE,
     DECELERATION,
+    DECELERATION_MOST,
     FIRST_JOINT,
     FIXED,
     JOINT_COUNT,
@@ -56,6 +59,9 @@ REST_CYCLES = 5
 
 # A swing of a given way and time is no faster than this times way by time [-].
 SWING_SPEED = 4.0
+
+# An unknown greatest deceleration is thought to be this many times the least [-].
+HARDEST = 10.0
 
 # Long enough for every ramp to have passed [s].
 LONG_AGO = 1e6
@@ -122,7 +128,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
         )
         bound = slowed(j, bound, before - effect, now - effect, v.phase[r], m)
         least = max(m.v_low[j], -m.v_high[j])
-        if not least <= bound + swing_speed(j, robot, figures):
+        if not least <= bound + swing_speed(robot, figures):
             lagging = j
         if figures[CURVE] == 0.0 or now <= effect:
             # A table tells when it rests by the speed the stop began with.
@@ -177,11 +183,18 @@ def slowed(
 
 
 @kernel
-def swing_speed(j: int, robot: Floats, figures: Floats) -> float:
-    """Speed that settling may have, which is no failure to stop."""
-    if not robot[SETTLE_TIME] > 0.0:
-        return 0.0
-    return float(SWING_SPEED * figures[SETTLE] / robot[SETTLE_TIME])
+def swing_speed(robot: Floats, figures: Floats) -> float:
+    """Speed that settling may have, which is no failure to stop [rad/s].
+
+    Of a swing of a given way, by the time it takes, or by the deceleration that ends
+    it.
+    """
+    swing = figures[SETTLE]
+    speed = 0.0
+    if robot[SETTLE_TIME] > 0.0:
+        speed = SWING_SPEED * swing / robot[SETTLE_TIME]
+    hardest = min(figures[DECELERATION_MOST], HARDEST * figures[DECELERATION])
+    return float(max(speed, sqrt(2.0 * hardest * swing)))
 
 
 @kernel

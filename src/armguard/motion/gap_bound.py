@@ -4,15 +4,16 @@ Fix a direction n from A to B. Over any motion the distance is at least
 `min of n·b over B - max of n·a over A`, so each side can be bounded alone. A point p of
 A rides on a chain of joints; when these move by Δ,
 
-    n·p(q + Δ)  <=  n·p + Σ Δ_k g_k(p) + ½ Σ Σ |Δ_j| |Δ_k| R_max(j,k),
-    g_k(p) = n · (axis_k x (p - origin_k))        for a turning joint,
-    g_k(p) = n · axis_k                            for a sliding one,
+    n·p(q + Δ) <= n·p + Σ g_k Δ_k + ½ Σ Σ h_jk Δ_j Δ_k + 1/6 Σ Σ Σ |Δ_i Δ_j Δ_k| R_max
 
-where R_k is the largest distance the points of A can have from axis k: the second
-derivative of p by two joints is no longer than the lever about the outer of the two.
-For a range of Δ the first sum is largest at an end of each joint's range. All of it is
-convex in p, so it is largest at a vertex of the core; and a radius moves with its
-centre. Motion common to both sides changes no distance and is left out.
+    g_k = n · u_k          u_k = axis_k x (p - origin_k)      for a turning joint,
+    h_jk = (n x axis_j) · u_k  for j <= k                     u_k = axis_k, sliding,
+
+where R_k is the largest distance the points of A can have from axis k: a derivative of
+p by several joints is no longer than the lever about the outermost of them. For given
+ranges of Δ the first two sums have their greatest values at ends of the ranges, which
+is a convex function of p; so only vertices of the core are looked at, and a radius
+moves with its centre. Motion common to both sides changes no distance and is left out.
 """
 
 from math import inf
@@ -25,7 +26,7 @@ from armguard.address import pointer
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3, add, cross, dot
+from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, sub
 from armguard.kernel import kernel
 from armguard.motion.state import open_motion
 from armguard.robot.kinematics import PRISMATIC
@@ -43,12 +44,17 @@ ELLIPSOID = int(ShapeKind.ELLIPSOID)
 HULL = int(ShapeKind.HULL)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
-# Places in a row that tells how a joint moves points along n: g(p) = slope·p + level,
-# and the joint's range of Δ; or, over a span, its way and width.
-SLOPE = 0
+# Places in a row that tells how a joint moves points, see LEVER_ROW: g(p) is
+# slope·p + level. Its range of Δ is FROM to TO, or over a span FROM is half its way on
+# a line and TO how far it may be off that.
+SLOPE = 0  # n x axis, 3 numbers; 0 for a sliding joint
 LEVEL = 3
 FROM = 4
 TO = 5
+AXIS = 6  # 3 numbers
+ORIGIN = 9  # 3 numbers
+TURNS = 12  # 1 for a turning joint, 0 for a sliding one
+DERIVATIVE = 13  # u_k of the vertex that is looked at, 3 numbers
 
 
 @kernel
@@ -78,46 +84,64 @@ def joint_rows(
     """
     for k in range(first, count):
         b = chain[k]
+        row = rows[k]
         direction = (axes[b, 0], axes[b, 1], axes[b, 2])
+        for x in range(3):
+            row[AXIS + x] = axes[b, x]
+            row[ORIGIN + x] = axes[b, x + 3]
         if joint_kind[b] == PRISMATIC:
-            rows[k, 0] = rows[k, 1] = rows[k, 2] = 0.0
-            rows[k, LEVEL] = dot(n, direction)
+            row[0] = row[1] = row[2] = row[TURNS] = 0.0
+            row[LEVEL] = dot(n, direction)
         else:
             slope = cross(n, direction)
-            rows[k, 0], rows[k, 1], rows[k, 2] = slope
-            rows[k, LEVEL] = -dot(slope, (axes[b, 3], axes[b, 4], axes[b, 5]))
-        rows[k, FROM] = one[b]
-        rows[k, TO] = other[b]
-
-
-@kernel
-def farthest_move(p: Vec3, first: int, count: int, rows: Floats) -> float:
-    """How far p can move along n to the first order, each joint in its own range."""
-    way = 0.0
-    for k in range(first, count):
-        g = rows[k, 0] * p[0] + rows[k, 1] * p[1] + rows[k, 2] * p[2] + rows[k, LEVEL]
-        way += max(g * rows[k, FROM], g * rows[k, TO])
-    return way
-
-
-@kernel
-def farthest_on_line(p: Vec3, u: float, first: int, count: int, rows: Floats) -> float:
-    """The same where every joint is at `u · way ± width`."""
-    way = 0.0
-    for k in range(first, count):
-        g = rows[k, 0] * p[0] + rows[k, 1] * p[1] + rows[k, 2] * p[2] + rows[k, LEVEL]
-        way += u * g * rows[k, FROM] + abs(g) * rows[k, TO]
-    return way
+            row[0], row[1], row[2] = slope
+            row[LEVEL] = -dot(slope, (axes[b, 3], axes[b, 4], axes[b, 5]))
+            row[TURNS] = 1.0
+        row[FROM] = one[b]
+        row[TO] = other[b]
 
 
 @kernel
 def point_reach(
     n: Vec3, p: Vec3, u: float, first: int, count: int, rows: Floats
 ) -> float:
-    """`n·p` and how far it can grow; u = 0 for ranges, ±1 for an end of a line."""
-    if u == 0.0:
-        return dot(n, p) + farthest_move(p, first, count, rows)
-    return dot(n, p) + farthest_on_line(p, u, first, count, rows)
+    """`n·p` and how far it can grow, to the second order [m].
+
+    Args:
+        n: Direction; 0 for the growth alone.
+        p: A vertex of the core, in the world [m].
+        u: 0 where every joint has its own range, else the end of the line, -1 or 1.
+        first: First joint of the chain that counts.
+        count: Length of the chain.
+        rows: Written by `joint_rows`.
+    """
+    way = dot(n, p)
+    along = across = 0.0
+    for k in range(first, count):
+        own = rows[k]
+        g = own[0] * p[0] + own[1] * p[1] + own[2] * p[2] + own[LEVEL]
+        move = (own[AXIS], own[AXIS + 1], own[AXIS + 2])
+        if own[TURNS] != 0.0:
+            origin = (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2])
+            move = cross(move, sub(p, origin))
+        low, high = own[FROM], own[TO]
+        if u == 0.0:
+            way += max(g * low, g * high)
+            low, high = 0.0, max(abs(low), abs(high))
+        else:
+            way += u * g * low + abs(g) * high
+        for j in range(first, k + 1):
+            other = rows[j]
+            share = 0.5 if j == k else 1.0
+            h = share * dot((other[0], other[1], other[2]), move)
+            if u == 0.0:
+                across += abs(h) * high * max(abs(other[FROM]), abs(other[TO]))
+            else:
+                along += h * low * other[FROM]
+                across += abs(h) * (
+                    abs(low) * other[TO] + high * (abs(other[FROM]) + other[TO])
+                )
+    return way + across + max(along, 0.0)
 
 
 @kernel(inline=False)
@@ -130,7 +154,7 @@ def side_reach(
     count: int,
     rows: Floats,
 ) -> float:
-    """Greatest `n·p` over a primitive's points and all positions, to first order [m].
+    """Greatest `n·p` over a primitive's points and all positions, to second order [m].
 
     Args:
         kind: ShapeKind.
@@ -207,20 +231,23 @@ def hull_reach(
     """Greatest reach of a hull's vertices.
 
     A vertex that could not be the one even if it moved as far as any does is passed
-    over: g is at most its value at the origin plus slope times reach.
+    over: no derivative is longer than the slope times the hull's farthest point.
     """
     origin = (row[1], row[2], row[3])
     vertices = int(row[5])
     v = numba.carray(pointer(int(row[4])), (3 * vertices,), np.float64)
-    most_move = 0.0
+    most_move = turned = 0.0
     for k in range(first, count):
-        slope = abs(rows[k, 0]) + abs(rows[k, 1]) + abs(rows[k, 2])
-        g = rows[k, 0] * origin[0] + rows[k, 1] * origin[1] + rows[k, 2] * origin[2]
-        size = abs(g + rows[k, LEVEL]) + slope * row[6]
-        if u == 0.0:
-            most_move += size * max(abs(rows[k, FROM]), abs(rows[k, TO]))
-        else:
-            most_move += size * (abs(rows[k, FROM]) + rows[k, TO])
+        own = rows[k]
+        size = max(abs(own[FROM]), abs(own[TO]))
+        if u != 0.0:
+            size = abs(own[FROM]) + own[TO]
+        lever = 1.0
+        if own[TURNS] != 0.0:
+            arm = sub(origin, (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]))
+            lever = norm(arm) + row[6]
+        most_move += lever * size * (1.0 + turned + 0.5 * size)
+        turned += size
     # n in the frame of the hull.
     x = row[7] * n[0] + row[10] * n[1] + row[13] * n[2]
     y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
@@ -249,7 +276,7 @@ def curvature(
     joint_kind: Ints,
     sizes: Floats,
 ) -> float:
-    """What the first order leaves out: ½ Σ Σ |Δ_j| |Δ_k| R_max(j,k) [m].
+    """What the second order leaves out: 1/6 Σ Σ Σ |Δ_i Δ_j Δ_k| R_max [m].
 
     Args:
         chain: Bodies of the chain.
@@ -266,11 +293,12 @@ def curvature(
         size = sizes[b]
         if joint_kind[b] == PRISMATIC:
             # It is turned by the joints before it, and turns nothing itself.
-            total += size * turned
+            total += 3.0 * size * turned * turned
         else:
-            total += levers[k] * size * (0.5 * size + turned)
+            before = turned * turned * turned
             turned += size
-    return total
+            total += levers[k] * (turned * turned * turned - before)
+    return total / 6.0
 
 
 @kernel(inline=False)
@@ -321,7 +349,7 @@ def line_reach(
     n: Vec3,
     motion: int,
 ) -> Vec3:
-    """The same over one span, for the two ends of its line, and what it leaves out.
+    """The same over one span, for the two ends of its line, and what that leaves out.
 
     Args:
         kind: ShapeKind.

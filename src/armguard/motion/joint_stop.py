@@ -32,11 +32,13 @@ SHARE = 7  # share of the deceleration there is at X1 [-]
 LEAST = 8  # full deceleration [rad/s²]
 REST = 9  # time until it rests [s]
 TRAVEL = 10  # way until it rests [rad]
-BACK = 11  # deceleration at once, for a joint that moves the other way [rad/s²]
+BACK = 11  # greatest deceleration of a joint that moves the other way, before the stop
+# takes effect [rad/s²]
 V_BACK = 12  # its speed [rad/s]; 0 if the joint does not surely move the other way
 SWING = 13  # what settling may add [rad]
 BOW = 14  # bound on the second derivative of the curve; infinite at a kink [rad/s²]
-JOINT_STOP = 15
+MOST = 15  # its greatest deceleration after that [rad/s²]
+JOINT_STOP = 16
 
 
 @kernel
@@ -73,6 +75,7 @@ def plan_stop(
     out[ACCELERATED] = acceleration
     out[LEAST] = least
     out[BACK] = max(acceleration, most)
+    out[MOST] = most
     backwards = velocity + acceleration * reaction <= 0.0 and velocity < 0.0
     out[V_BACK] = -velocity if backwards else 0.0
     out[V0] = max(velocity, 0.0)
@@ -114,16 +117,28 @@ def farthest(t: float, stop: Floats) -> float:
         Displacement; negative for a joint that surely moves the other way [rad].
     """
     if stop[V_BACK] > 0.0:
-        if stop[BACK] == inf:
-            return 0.0
-        slow = min(t, stop[V_BACK] / stop[BACK])
-        return float(-slow * (stop[V_BACK] - 0.5 * stop[BACK] * slow))
+        return float(-least_way(t, stop))
     if t <= stop[REACTION]:
         return float(accelerated_way(t, stop))
     since = min(t, stop[REST]) - stop[REACTION]
     if stop[LEAST] == inf:
         return float(min(stop[X1] + stop[V1] * since, stop[TRAVEL]))
     return float(stop[X1] + braked_way(since, stop))
+
+
+@kernel
+def least_way(t: float, stop: Floats) -> float:
+    """Least way of a joint that moves the other way, braked as hard as may be [rad]."""
+    v, hard = stop[V_BACK], stop[BACK]
+    if hard == inf:
+        return 0.0
+    free = min(t, stop[REACTION])
+    if v <= hard * free:
+        return float(0.5 * v * v / hard)
+    way = free * (v - 0.5 * hard * free)
+    v -= hard * free
+    left = min(t - free, v / stop[MOST])
+    return float(way + left * (v - 0.5 * stop[MOST] * left))
 
 
 @kernel
@@ -172,15 +187,16 @@ def rest_time(v: float, ramp: float, share: float, d: float) -> float:
 def curve_at(curve: Floats, share: float) -> tuple[float, float]:
     """Time [s] and way [rad] of a measured stop from a share of the top speed.
 
-    Beyond the top speed they grow as the last piece does.
+    Beyond the top speed time grows with the speed, and the way with its square.
     """
-    place = share * (CURVE_POINTS - 1)
+    over = max(share, 1.0)
+    place = share / over * (CURVE_POINTS - 1)
     k = min(int(place), CURVE_POINTS - 2)
     part = place - k
     time = curve[k] + part * (curve[k + 1] - curve[k])
     way = curve[CURVE_POINTS + k]
     way += part * (curve[CURVE_POINTS + k + 1] - way)
-    return (time, way)
+    return (time * over, way * over * over)
 
 
 @kernel

@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 
 # How a proof ends.
 PROVEN = 0
-NEEDED = 1  # to the first order some admissible motion breaks the distance
+NEEDED = 1  # as far as the bound can tell, some admissible motion breaks the distance
 UNSURE = 2  # the bound is too coarse to tell
 SPENT = 3  # the cycle's budget of tests is used up
 
@@ -113,13 +113,13 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
         m.effort[TESTS] += 1
         _, end = span_of(node, m.span[HORIZON])
         wanted = p[NEED] + p[DRIFT] * end
-        first_order, bend = span_gap(node, pair, motion)
-        spare = first_order - bend - wanted
+        second_order, bend = span_gap(node, pair, motion)
+        spare = second_order - bend - wanted
         if spare >= 0.0:
             least = min(least, spare)
             continue
         if not 2 * node < (1 << NODE_LEVELS):
-            return (NEEDED if not first_order >= wanted else UNSURE, spare)
+            return (NEEDED if not second_order >= wanted else UNSURE, spare)
         # The later half first: where a proof fails, it mostly fails there.
         waiting[left] = 2.0 * node
         waiting[left + 1] = 2.0 * node + 1.0
@@ -129,7 +129,7 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
 
 @kernel(inline=False)
 def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
-    """Least distance over a span to the first order, and what it may leave out [m]."""
+    """Least distance over a span to the second order, and what that leaves out [m]."""
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
     rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
@@ -167,5 +167,6 @@ def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
         gap_other -= other
         bend += curved
     # Both sides are at the same place of their lines; between the two ends the gap is
-    # a concave function of it.
+    # a concave function of it but for the bend along the line, which is taken in full
+    # wherever it lessens the gap.
     return (min(gap_one, gap_other), bend)

@@ -50,7 +50,7 @@ STAMP = 2  # of the nodes that were made for this cycle
 EFFORT = 3
 
 # Numbers kept of each joint while a pair's gap is bounded.
-LEVER_ROW = 6
+LEVER_ROW = 16
 
 
 class Motion(NamedTuple):

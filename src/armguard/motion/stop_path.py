@@ -259,8 +259,11 @@ def joint_span(
     age = m.clock[plan * robots + m.robot_of_joint[j], AGE]
     start += age
     end += age
-    high_0, high_1 = farthest(start, up), farthest(end, up)
+    # A swing may add to the way in its own direction.
+    high_0, high_1 = farthest(start, up) + up[SWING], farthest(end, up) + up[SWING]
     low_0, low_1 = -farthest(start, down), -farthest(end, down)
+    low_0 -= down[SWING]
+    low_1 -= down[SWING]
     first, last = 0.5 * (high_0 + low_0), 0.5 * (high_1 + low_1)
     off = 0.5 * max(high_0 - low_0, high_1 - low_1)
     # A curve is off its chord by no more than an eighth of its second derivative
@@ -268,8 +271,7 @@ def joint_span(
     eighth = 0.125 * (end - start) * (end - start)
     bow_up = min(curve_bow(up) * eighth, abs(high_1 - high_0))
     bow_down = min(curve_bow(down) * eighth, abs(low_1 - low_0))
-    swing = max(up[SWING], down[SWING])
-    off += max(bow_up, bow_down) + swing + error_of(j, m)
+    off += max(bow_up, bow_down) + error_of(j, m)
     return (0.5 * (first + last), 0.5 * (last - first), off)
 
 
