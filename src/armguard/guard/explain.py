@@ -61,7 +61,7 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
     if robot_i != robot_j:
         terms[TERM_BASE] = v.base[i] + (v.base[j] if robot_j >= 0 else 0.0)
     standing = terms[TERM_FLOOR] + terms[TERM_MODEL] + terms[TERM_BASE]
-    seen = standing_need(i, j, w, v) - standing
+    seen = standing_need(i, j, w, v, m) - standing
     terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[HORIZON]
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])

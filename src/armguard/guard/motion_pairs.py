@@ -50,7 +50,7 @@ from armguard.index.octree_query import (
 )
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
-from armguard.motion.state import HORIZON, Motion, open_motion
+from armguard.motion.state import HORIZON, SEGMENT, Motion, open_motion
 
 # In a scene of so few primitives it takes less time to ask all than to look for them.
 FEW = 128
@@ -114,9 +114,11 @@ def judge_motions(lines: int) -> None:
 @kernel
 def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Beyond this distance a pair cannot matter to this cycle's proof [m]."""
-    look = standing_need(i, j, w, v) + look_distance(i, v, m)
+    look = standing_need(i, j, w, v, m) + look_distance(i, v, m)
     if j < w.settings[MOVING_COUNT]:
         return float(look + look_distance(j, v, m))
+    if m.span[SEGMENT] != 0.0:
+        return float(look)
     ahead = m.span[HORIZON] + LOOK_AHEAD * v.pace[SLOW_TIME]
     return float(look + object_speed(j, v) * ahead)
 
@@ -155,7 +157,7 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
         fastest = max(fastest, v.top_speed[j])
         seen = min(seen, v.seen_at[j])
     drift = 0.0
-    if fastest > 0.0:
+    if fastest > 0.0 and m.span[SEGMENT] == 0.0:
         ahead = m.span[HORIZON] + LOOK_AHEAD * v.pace[SLOW_TIME]
         drift = fastest * (ahead + max(now_of(v) - seen, 0.0))
     return float(farthest + drift + w.look[0])

@@ -46,7 +46,7 @@ from armguard.motion.pair_proof import (
     prove_by_spans,
     shared_joints,
 )
-from armguard.motion.state import HORIZON, NEXT, NOW, Motion, open_motion
+from armguard.motion.state import HORIZON, NEXT, NOW, SEGMENT, Motion, open_motion
 
 Floats = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def object_speed(j: int, v: Watch) -> float:
 
 
 @kernel
-def standing_need(i: int, j: int, w: Workspace, v: Watch) -> float:
+def standing_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Distance a pair must keep whatever its robots do [m].
 
     Its buffer, the errors of the model, and an object's way since it was seen.
@@ -108,7 +108,7 @@ def standing_need(i: int, j: int, w: Workspace, v: Watch) -> float:
         return float(need)
     need += v.base[i]
     speed = object_speed(j, v)
-    if speed > 0.0:
+    if speed > 0.0 and m.span[SEGMENT] == 0.0:
         need += speed * max(now_of(v) - v.seen_at[j], 0.0)
     return float(need)
 
@@ -205,7 +205,7 @@ def prove_pair(
     out = w.out
     moving = m.rate.shape[0]
     distance = out[place + WITNESS]
-    need, drift = standing_need(i, j, w, v), object_speed(j, v)
+    need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[HORIZON]
     shared = shared_joints(w.bodies[i], w.bodies[j], m)
     by_levers = distance - whole
@@ -289,7 +289,9 @@ def describe_exact(i: int, which: int, at: int, p: Floats, w: Workspace) -> None
 def by_speed(i: int, v: Watch, m: Motion) -> bool:
     """Whether a side's robot is to be judged by levers and speed alone."""
     r = robot_of(i, v)
-    return bool(r >= 0 and m.robot_figures[r, MODE] == SPEED)
+    if r < 0 or m.span[SEGMENT] != 0.0:
+        return False
+    return bool(m.robot_figures[r, MODE] == SPEED)
 
 
 @kernel

@@ -5,7 +5,7 @@ with the greatest that the declared figures leave it. Where it is more, the figu
 disproved: the brake is ordered, and if that lags as well, a stop from outside.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,14 +37,24 @@ from armguard.motion.figures import (
     FIXED,
     JOINT_COUNT,
     MODE,
+    POSITION_ERROR,
     RAMP,
     SENSING,
     SETTLE,
     SETTLE_TIME,
     VELOCITY,
 )
-from armguard.motion.joint_stop import curve_at, speed_lost
-from armguard.motion.state import AGE, CLOCK, NEXT, PASSED, REACTION, STILL, Motion
+from armguard.motion.joint_stop import SWING, TRAVEL, curve_at, speed_lost
+from armguard.motion.state import (
+    AGE,
+    CLOCK,
+    NEXT,
+    NOW,
+    PASSED,
+    REACTION,
+    STILL,
+    Motion,
+)
 from armguard.motion.state import BRAKING as BY_BRAKE
 
 Floats = NDArray[np.float64]
@@ -127,8 +137,11 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
             max(bound, figures[VELOCITY]),
         )
         bound = slowed(j, bound, before - effect, now - effect, v.phase[r], m)
+        # Slower than settling may be, only where the joint is tells whether it stopped.
         least = max(m.v_low[j], -m.v_high[j])
-        if not least <= bound + swing_speed(robot, figures):
+        if bound >= swing_speed(robot, figures) and not least <= bound:
+            lagging = j
+        if not v.rest_low[j] <= m.q[j] <= v.rest_high[j]:
             lagging = j
         if figures[CURVE] == 0.0 or now <= effect:
             # A table tells when it rests by the speed the stop began with.
@@ -208,6 +221,14 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
     first = int(m.robot_figures[r, FIRST_JOINT])
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         v.fastest[j] = max(abs(m.v_low[j]), abs(m.v_high[j]))
+        # Where the joint may get to at all, if the order takes effect as it should.
+        clock = m.clock[NOW * v.phase.shape[0] + r]
+        up, down = m.up[NOW * m.q.shape[0] + j], m.down[NOW * m.q.shape[0] + j]
+        error = 2.0 * m.joint_figures[j, POSITION_ERROR]
+        v.rest_high[j], v.rest_low[j] = inf, -inf
+        if phase == STOPPING and clock[REACTION] > 0.0:
+            v.rest_high[j] = m.q[j] + error + up[TRAVEL] + up[SWING]
+            v.rest_low[j] = m.q[j] - error - down[TRAVEL] - down[SWING]
 
 
 @kernel

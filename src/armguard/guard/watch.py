@@ -68,6 +68,8 @@ class Watch(NamedTuple):
         cause: Reason of each robot's last order, shape (r,).
         fastest: Greatest speed the ordered stop leaves each joint, shape (n,).
         fastest_at: Time that is for, shape (r,) [s].
+        rest_low: Least position each joint of a stopping robot can get to, shape (n,).
+        rest_high: Greatest, shape (n,).
         rested: Cycles in a row in which each stopped robot was at rest, shape (r,).
         level: Level of each robot in the last cycle, shape (r,).
         time_left: Least time left of each robot's pairs, shape (r,) [s].
@@ -95,6 +97,8 @@ class Watch(NamedTuple):
     cause: Longs
     fastest: Floats
     fastest_at: Floats
+    rest_low: Floats
+    rest_high: Floats
     rested: Longs
     level: Longs
     time_left: Floats
@@ -132,16 +136,18 @@ def open_watch(address: int) -> Watch:
         vector_i8(lines, 12),
         vector_f8(lines, 13),
         vector_f8(lines, 14),
-        vector_i8(lines, 15),
-        vector_i8(lines, 16),
-        vector_f8(lines, 17),
+        vector_f8(lines, 15),
+        vector_f8(lines, 16),
+        vector_i8(lines, 17),
         vector_i8(lines, 18),
         vector_f8(lines, 19),
-        vector_f8(lines, 20),
+        vector_i8(lines, 20),
         vector_f8(lines, 21),
         vector_f8(lines, 22),
-        vector_i4(lines, 23),
-        vector_i4(lines, 24),
+        vector_f8(lines, 23),
+        vector_f8(lines, 24),
+        vector_i4(lines, 25),
+        vector_i4(lines, 26),
     )
 
 
@@ -172,6 +178,8 @@ def watch_of(tables: SceneTables) -> Watch:
         cause=np.zeros(robots, dtype=np.int64),
         fastest=np.zeros(n),
         fastest_at=np.zeros(robots),
+        rest_low=np.zeros(n),
+        rest_high=np.zeros(n),
         rested=np.zeros(robots, dtype=np.int64),
         level=np.zeros(robots, dtype=np.int64),
         time_left=np.zeros(robots),

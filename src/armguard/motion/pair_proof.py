@@ -14,7 +14,7 @@ from armguard.address import pointer, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3, scaled
+from armguard.geometry.vec3 import Vec3, cross, dot, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
 from armguard.motion.gap_bound import line_reach, range_reach
@@ -23,11 +23,13 @@ from armguard.motion.state import (
     HORIZON,
     NODE_LEVELS,
     NODES,
+    SEGMENT,
     TESTS,
     Motion,
     open_motion,
 )
 from armguard.motion.stop_path import make_node, span_of
+from armguard.robot.kinematics import PRISMATIC, forward_kinematics
 
 Floats = NDArray[np.float64]
 
@@ -113,7 +115,7 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
         m.effort[TESTS] += 1
         _, end = span_of(node, m.span[HORIZON])
         wanted = p[NEED] + p[DRIFT] * end
-        second_order, bend = span_gap(node, pair, motion)
+        second_order, bend = span_gap(node, pair, wanted, motion)
         spare = second_order - bend - wanted
         if spare >= 0.0:
             least = min(least, spare)
@@ -128,8 +130,15 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
 
 
 @kernel(inline=False)
-def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
-    """Least distance over a span to the second order, and what that leaves out [m]."""
+def span_gap(node: int, pair: int, wanted: float, motion: int) -> tuple[float, float]:
+    """Least distance over a span to the second order, and what that leaves out [m].
+
+    Args:
+        node: The span.
+        pair: Address of the pair's description.
+        wanted: More than this need not be found [m].
+        motion: Address of the ledger of the prediction.
+    """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
     rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
@@ -149,13 +158,46 @@ def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
     if not witness[0] >= 0.0:
         return (witness[0], 0.0)
     n = (witness[7], witness[8], witness[9])
+    address = rows[0].ctypes.data
+    gap, bend, end = gap_along(node, pair, address, n, motion)
+    first_of_leaves = 1 << (NODE_LEVELS - 1)
+    if gap - bend >= wanted or node < first_of_leaves or m.span[SEGMENT] != 0.0:
+        return (gap, bend)
+    # Where the sides come nearest, the plane between them may stand at another angle
+    # than in the middle of the span.
+    n = corner_normal(node, pair, end, witness, motion)
+    if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
+        return (gap, bend)
+    other, bent, _ = gap_along(node, pair, address, n, motion)
+    return (other, bent) if other - bent > gap - bend else (gap, bend)
+
+
+@kernel(inline=False)
+def gap_along(
+    node: int, pair: int, rows: int, n: Vec3, motion: int
+) -> tuple[float, float, float]:
+    """Least distance along a direction over a span, to the second order.
+
+    Args:
+        node: The span.
+        pair: Address of the pair's description.
+        rows: Address of both rows in the middle of the span.
+        n: Unit direction from A to B; any gives a lower bound of the distance.
+        motion: Address of the ledger of the prediction.
+
+    Returns:
+        The least distance, what the second order leaves out [m], and at which end of
+        the line, -1 or 1, it is.
+    """
+    p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
     gap_one = gap_other = bend = 0.0
     for side in range(2):
         at = side * SIDE
         along = n if side == 0 else scaled(-1.0, n)
         one, other, curved = line_reach(
             int(p[at + KIND]),
-            rows[side].ctypes.data,
+            both[side].ctypes.data,
             int(p[at + BODY]),
             int(p[at + PLAN]) * NODES + node,
             int(p[at + LEVERS]),
@@ -169,4 +211,74 @@ def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
     # Both sides are at the same place of their lines; between the two ends the gap is
     # a concave function of it but for the bend along the line, which is taken in full
     # wherever it lessens the gap.
-    return (min(gap_one, gap_other), bend)
+    if gap_one < gap_other:
+        return (gap_one, bend, -1.0)
+    return (gap_other, bend, 1.0)
+
+
+@kernel(inline=False)
+def corner_normal(
+    node: int, pair: int, end: float, witness: Floats, motion: int
+) -> Vec3:
+    """Normal of a pair where a span's joints bring its witness points together.
+
+    Returns:
+        The normal from A to B; 0 where the two overlap there.
+    """
+    m = open_motion(motion)
+    p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
+    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    bodies = m.parent.shape[0]
+    n = (witness[7], witness[8], witness[9])
+    for side in range(2):
+        at = side * SIDE
+        body, span = int(p[at + BODY]), int(p[at + PLAN]) * NODES + node
+        local = numba.carray(pointer(int(p[at + LOCAL])), (ROW_WIDTH,), np.float64)
+        if body < 0:
+            for k in range(ROW_WIDTH):
+                rows[side, k] = local[k]
+            continue
+        along = n if side == 0 else scaled(-1.0, n)
+        first = 1 + 3 * side
+        point = (witness[first], witness[first + 1], witness[first + 2])
+        place_span_joints(span, m)
+        for k in range(int(p[SHARED]), m.length[body]):
+            b = m.joints[body, k]
+            g = joint_move(along, point, b, m.node_axes[span * bodies + b], m)
+            size = m.node_width[span, b] if g >= 0.0 else -m.node_width[span, b]
+            gain = m.gain[b, 0]
+            if gain != 0.0:
+                m.q_node[m.q_index[b]] += (end * m.node_way[span, b] + size) / gain
+        forward_kinematics(
+            m.q_node,
+            m.parent,
+            m.joint_kind,
+            m.q_index,
+            m.gain,
+            m.T_parent_joint,
+            m.axis,
+            m.corner_T,
+        )
+        place_row(int(p[at + KIND]), local, m.corner_T[body], rows[side])
+    measure(int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], found)
+    if not found[0] > 0.0:
+        return (0.0, 0.0, 0.0)
+    return (found[7], found[8], found[9])
+
+
+@kernel
+def place_span_joints(span: int, m: Motion) -> None:
+    """Write the joint positions in the middle of a span once more."""
+    for j in range(m.q.shape[0]):
+        m.q_node[j] = m.node_q[span, j]
+
+
+@kernel
+def joint_move(n: Vec3, point: Vec3, b: int, axis: Floats, m: Motion) -> float:
+    """How far a body's joint moves a point along n, by its own unit [m]."""
+    direction = (axis[0], axis[1], axis[2])
+    if m.joint_kind[b] == PRISMATIC:
+        return float(dot(n, direction))
+    arm = sub(point, (axis[3], axis[4], axis[5]))
+    return float(dot(n, cross(direction, arm)))

@@ -90,14 +90,17 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         rate=np.zeros(m),
         push=pushes(tables, found),
         node_stamp=np.zeros(PLANS * NODES, dtype=np.int64),
+        node_q=np.zeros((PLANS * NODES, n)),
         node_T=np.zeros((PLANS * NODES * b, 12)),
         node_axes=np.zeros((PLANS * NODES * b, 6)),
         node_way=np.zeros((PLANS * NODES, b)),
         node_width=np.zeros((PLANS * NODES, b)),
         node_size=np.zeros((PLANS * NODES, b)),
+        q_half=np.zeros(n),
         q_node=np.zeros(n),
         q_way=np.zeros(n),
         q_width=np.zeros(n),
+        corner_T=np.zeros((b, 12)),
         lever_rows=np.zeros((depth, LEVER_ROW)),
     )
 

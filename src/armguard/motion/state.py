@@ -41,7 +41,8 @@ CLOCK = 5
 
 # Places in `Motion.span`.
 HORIZON = 0  # from now until everything rests [s]
-SPAN = 1
+SEGMENT = 1  # 1 where the path is a straight line of joint positions, not a stop
+SPAN = 2
 
 # Places in `Motion.effort`.
 TESTS = 0  # spans of time tested for pairs in this cycle
@@ -91,14 +92,17 @@ class Motion(NamedTuple):
         rate: Bound on the speed of a primitive's points as measured, (m,) [m/s].
         push: Bound on what operators can add to that, shape (m,) [m/s²].
         node_stamp: Cycle a node was made in, shape (PLANS · NODES,).
+        node_q: Joint positions in the middle of the node, shape (PLANS · NODES, n).
         node_T: Poses in the middle of the node, shape (PLANS · NODES · b, 12).
         node_axes: Axes there, shape (PLANS · NODES · b, 6).
         node_way: Half of each joint's way on a straight line, (PLANS · NODES, b).
         node_width: How far it may be off that line, shape (PLANS · NODES, b).
         node_size: The sum of both, shape (PLANS · NODES, b).
+        q_half: Half of a straight line of joint positions about `q`, shape (n,).
         q_node: Scratch for positions, shape (n,).
         q_way: Scratch for half ways, shape (n,).
         q_width: Scratch for widths, shape (n,).
+        corner_T: Scratch for poses at a corner of a span, shape (b, 12).
         lever_rows: Scratch for one side, shape (depth, LEVER_ROW).
     """
 
@@ -134,14 +138,18 @@ class Motion(NamedTuple):
     rate: Floats
     push: Floats
     node_stamp: Longs
+    node_q: Floats
     node_T: Floats
     node_axes: Floats
     node_way: Floats
     node_width: Floats
     node_size: Floats
+    q_half: Floats
     q_node: Floats
     q_way: Floats
     q_width: Floats
+    corner_T: Floats
+    corner_T: Floats
     lever_rows: Floats
 
 
@@ -192,8 +200,12 @@ def open_motion(address: int) -> Motion:
         matrix_f8(lines, 34),
         matrix_f8(lines, 35),
         matrix_f8(lines, 36),
-        vector_f8(lines, 37),
+        matrix_f8(lines, 37),
         vector_f8(lines, 38),
         vector_f8(lines, 39),
-        matrix_f8(lines, 40),
+        vector_f8(lines, 40),
+        vector_f8(lines, 41),
+        matrix_f8(lines, 42),
+        matrix_f8(lines, 43),
+        matrix_f8(lines, 44),
     )

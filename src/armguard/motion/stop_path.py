@@ -42,8 +42,10 @@ from armguard.motion.state import (
     NODES,
     PASSED,
     REACTION,
+    SEGMENT,
     STAMP,
     STILL,
+    TESTS,
     Motion,
     open_motion,
 )
@@ -145,6 +147,35 @@ def write_axes(poses: int, motion: int) -> None:
         write_axis(T_world[b], m.axis[b], m.axes[b])
 
 
+@kernel(inline=False)
+def plan_segment(start: int, end: int, motion: int) -> None:
+    """Take a straight line of joint positions for the path of both plans.
+
+    Args:
+        start: Address of the positions at its start.
+        end: Address of those at its end.
+        motion: Address of the ledger of the prediction.
+    """
+    m = open_motion(motion)
+    n = m.q.shape[0]
+    first = numba.carray(pointer(start), (n,), np.float64)
+    last = numba.carray(pointer(end), (n,), np.float64)
+    m.effort[STAMP] += 1
+    m.effort[TESTS] = 0
+    m.span[SEGMENT] = 1.0
+    m.span[HORIZON] = 0.0
+    for j in range(n):
+        m.q[j] = 0.5 * (first[j] + last[j])
+        m.q_half[j] = 0.5 * (last[j] - first[j])
+    for b in range(m.parent.shape[0]):
+        size = 0.0
+        if m.joint_kind[b] != NO_JOINT:
+            size = abs(m.gain[b, 0] * m.q_half[m.q_index[b]])
+        m.speed[b] = 0.0
+        for plan in range(2):
+            m.low[plan, b], m.high[plan, b], m.spread[plan, b] = -size, size, size
+
+
 @kernel
 def measured_speeds(m: Motion) -> None:
     """Write the greatest speed each body's joint may have now."""
@@ -202,9 +233,15 @@ def make_node(plan: int, node: int, motion: int) -> None:
     start, end = span_of(node, m.span[HORIZON])
     bodies = m.parent.shape[0]
     way, width, size = m.node_way[at], m.node_width[at], m.node_size[at]
+    if m.span[SEGMENT] != 0.0:
+        start, end = span_of(node, 1.0)
     for j in range(m.q.shape[0]):
-        middle, half, off = joint_span(plan, j, start, end, m)
-        m.q_node[j] = m.q[j] + middle
+        if m.span[SEGMENT] != 0.0:
+            middle = m.q_half[j] * (start + end - 1.0)
+            half, off = m.q_half[j] * (end - start), 0.0
+        else:
+            middle, half, off = joint_span(plan, j, start, end, m)
+        m.q_node[j] = m.node_q[at, j] = m.q[j] + middle
         m.q_way[j], m.q_width[j] = half, off
     for b in range(bodies):
         way[b] = width[b] = 0.0

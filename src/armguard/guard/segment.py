@@ -1,0 +1,45 @@
+"""A straight line of joint positions, judged as a whole: nothing between is missed."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.cycle import clear_header, rebuild_world
+from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, SPANS_TESTED
+from armguard.guard.memory import FORCE
+from armguard.guard.motion_pairs import judge_motions
+from armguard.guard.workspace import MOTION, SELF, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.state import NEXT, SEGMENT, TESTS, open_motion
+from armguard.motion.stop_path import bound_reaches, plan_segment, write_axes
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+
+@kernel(inline=False, entry=True)
+def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
+    """Prove for every pair that it keeps its buffer on a line of joint positions.
+
+    Args:
+        start: Joint positions at its start, finite, shape (n,) [rad or m].
+        end: Those at its end.
+        lines: Ledger of a workspace; the answer's rows are those of its pairs.
+
+    Returns:
+        How many places of the workspace's `out` were used.
+    """
+    w = open_workspace(lines)
+    motion = w.parts[MOTION]
+    m = open_motion(motion)
+    rows = clear_header(w)
+    plan_segment(start.ctypes.data, end.ctypes.data, motion)
+    w.memory[FORCE] = 1
+    rebuild_world(m.q.ctypes.data, w.parts[SELF])
+    write_axes(w.T_world.ctypes.data, motion)
+    bound_reaches(NEXT, w.bodies.ctypes.data, motion)
+    bound_reaches(1 - NEXT, w.bodies.ctypes.data, motion)
+    judge_motions(w.parts[SELF])
+    w.out[SPANS_TESTED] = m.effort[TESTS]
+    m.span[SEGMENT] = 0.0
+    w.memory[FORCE] = 1
+    return rows + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
