@@ -283,3 +283,7 @@ def stop_everything(reason: int, v: Watch, m: Motion) -> None:
     for r in range(v.phase.shape[0]):
         if m.robot_figures[r, MODE] != FIXED and v.phase[r] == RUNNING:
             order(r, STOPPING, reason, v.last[0], v, m)
+            # How far it gets was not planned in this cycle.
+            first = int(m.robot_figures[r, FIRST_JOINT])
+            for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+                v.rest_low[j], v.rest_high[j] = -inf, inf

@@ -149,7 +149,6 @@ class Motion(NamedTuple):
     q_way: Floats
     q_width: Floats
     corner_T: Floats
-    corner_T: Floats
     lever_rows: Floats
 
 
@@ -207,5 +206,4 @@ def open_motion(address: int) -> Motion:
         vector_f8(lines, 41),
         matrix_f8(lines, 42),
         matrix_f8(lines, 43),
-        matrix_f8(lines, 44),
     )
