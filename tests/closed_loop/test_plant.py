@@ -8,8 +8,8 @@ from armguard.robot.stopping import stopping_figures
 from arms import simple_arm
 from closed_loop import plant as plants
 from closed_loop.measuring import Measuring
+from closed_loop.plant import rest_after, stopping_travel, swing_out
 from closed_loop.settings import SUBSTEP
-from closed_loop.stop_motion import rest_after, stopping_travel, swing_out
 from closed_loop.truth import Styles, Truth
 
 N = 3
