@@ -79,9 +79,7 @@ class Episode:
             arena.room,
             arena.setting.top_speed,
         )
-        for name, p in self.movers.p.items():
-            judge.stand_at(name, p)
-        q = arena.start(rng, outer)
+        q = arena.start(rng, outer, self.movers)
         self.plant = plants.plant_at(
             q, arena.first, truth.velocity, truth.acceleration, truth.brake
         )
