@@ -196,6 +196,7 @@ def teeth_section(results: list[dict[str, Any]]) -> list[str]:
                 f"{r['episodes']:,}",
                 str(r["contacts"]),
                 f"{r['least_distance_mm']:.2f}",
+                ", ".join(f"{name} {n}" for name, n in list(r["reasons"].items())[:3]),
             ]
         )
     return [
@@ -203,12 +204,24 @@ def teeth_section(results: list[dict[str, Any]]) -> list[str]:
         "",
         "One term of the budget is made large, and the guard is told that it is "
         "nothing, or, to compare, the truth. The floor is 0, plant and operator are "
-        "the worst there are. Contacts must appear in the first case only.",
+        "the worst there are. Contacts may appear in the first case only.",
         "",
         *table(
-            ["term", "told", "scene", "mode", "episodes", "contacts", "least [mm]"],
+            [
+                "term",
+                "told",
+                "scene",
+                "mode",
+                "episodes",
+                "contacts",
+                "least [mm]",
+                "why it stopped",
+            ],
             rows,
         ),
+        "",
+        "Where no contact appears although the term was told as nothing, the guard "
+        "noticed that the figure was not true and stopped for that.",
         "",
     ]
 
