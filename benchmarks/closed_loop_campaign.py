@@ -10,6 +10,7 @@ python benchmarks/closed_loop_campaign.py --show 17 --scene bay     one episode
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from armguard.cli.console import jsonable, say
 from closed_loop.guards import GUARDS
 from closed_loop.page import page
 from closed_loop.plan import Plan, work
-from closed_loop.runs import run_plan
+from closed_loop.runs import finished, run_plan
 from closed_loop.settings import SCENES
 from closed_loop.summary import summed_up
 from closed_loop.zeroing import TERMS
@@ -31,6 +32,8 @@ FOLDER = ROOT / "out" / "closed_loop"
 # Share of the episodes that go to each question when all are asked [-].
 TEETH = 0.05
 WEAK = 0.1
+NEEDLESS = 0.05
+REFERENCE = 0.02
 
 
 def arguments() -> argparse.Namespace:
@@ -80,8 +83,13 @@ def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
         for key in ("zero", "large"):
             plan = Plan(scene, "path", **{**asked, key: term})
             found.append((plan, max(int(TEETH * count), 1)))
-    weak = Plan("bay", "path", **{**asked, "weak_brake": 0.7})
-    return [*found, (weak, max(int(WEAK * count), 1))]
+    more = [({"weak_brake": 0.7}, WEAK), ({"needless": True}, NEEDLESS)]
+    more.append(({"guard": "reference"}, REFERENCE))
+    for change, share in more:
+        for scene in scenes if "guard" in change else ["bay"]:
+            plan = Plan(scene, "path", **{**asked, **change})
+            found.append((plan, max(int(share * count), 1)))
+    return found
 
 
 def main() -> int:
@@ -105,12 +113,26 @@ def main() -> int:
             seconds=chosen.seconds,
         )
         figures = summed_up(plan, episodes)
+        if plan.guard == "reference":
+            figures["armguard"] = beside(plan, episodes, chosen.folder)
         told(figures)
         kept = not plan.zero and plan.weak_brake == 1.0
         broken |= kept and figures["contacts"] > 0
-        if chosen.guard == "armguard":
+        if plan.guard in ("armguard", "reference"):
             keep(plan.name, figures)
     return int(broken)
+
+
+def beside(
+    plan: Plan, episodes: list[dict[str, Any]], folder: Path
+) -> dict[str, Any] | None:
+    """Figures of the real guard in the same episodes; None if it was not in all."""
+    real = replace(plan, guard="armguard")
+    done = finished(folder / f"{real.name}.jsonl")
+    seeds = [e["seed"] for e in episodes]
+    if not all(seed in done for seed in seeds):
+        return None
+    return summed_up(real, [done[seed] for seed in seeds])
 
 
 def told(figures: dict[str, Any]) -> None:

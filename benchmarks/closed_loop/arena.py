@@ -11,6 +11,7 @@ from armguard.scene.compile import compile_scene
 from closed_loop.answers import Guarding
 from closed_loop.guards import GUARDS
 from closed_loop.judge import Judge
+from closed_loop.movers import Movers
 from closed_loop.reference import Reference
 from closed_loop.scenes import ROOM, build_scene, declared, movers_of
 from closed_loop.settings import Setting
@@ -21,8 +22,10 @@ Ints = NDArray[np.int64]
 # Least clearance of a starting state [m].
 START_CLEARANCE = 0.02
 
-# Random states tried before a start counts as impossible.
+# Random states tried before a start counts as impossible, and before objects are put
+# elsewhere: one may stand where an arm's base is.
 TRIES = 20000
+TRIES_A_PLACE = 50
 
 
 class Arena:
@@ -74,12 +77,13 @@ class Arena:
         T[:3, 3] += p
         return T
 
-    def start(self, rng: np.random.Generator, outer: Floats) -> Floats:
+    def start(self, rng: np.random.Generator, outer: Floats, movers: Movers) -> Floats:
         """A random state that keeps its distance, shape (n,).
 
         Args:
             rng: Of the episode.
             outer: How far true surfaces lie outside the model at most [m].
+            movers: Objects; they are put elsewhere as long as there is none.
 
         Raises:
             RuntimeError: None was found.
@@ -88,7 +92,10 @@ class Arena:
         low = np.maximum(self.lower, -np.pi)
         high = np.minimum(self.upper, np.pi)
         needed = START_CLEARANCE + 2.0 * float(outer.max(initial=0.0))
-        for _ in range(TRIES):
+        for k in range(TRIES):
+            if k % TRIES_A_PLACE == 0:
+                for name, p in movers.scatter().items():
+                    self.judge.stand_at(name, p)
             q = rng.uniform(low, high)
             if self.judge.clearance(q) >= needed:
                 return q

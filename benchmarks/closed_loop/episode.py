@@ -32,6 +32,9 @@ AFTER_REST = 0.15
 SIGHTING = 0.01
 SIGHTING_AGE = 0.01
 
+# Terms of which a guard that was told nothing would notice errors that jump.
+UNNOTICED = ("position_error", "velocity_error")
+
 # Substeps after which operators look at the world again.
 THINK = 8
 
@@ -65,7 +68,8 @@ class Episode:
     ) -> None:
         self.arena = arena
         self.rng = rng = np.random.default_rng(seed)
-        styles = Styles.worst() if attack else Styles.drawn(rng)
+        errors = "quiet" if zeroed in UNNOTICED else "adverse"
+        styles = Styles.worst(errors) if attack else Styles.drawn(rng)
         self.truth = truth = Truth(rng, arena.figures, styles, weak)
         self.zeroed = zeroed
         self.needless = needless
@@ -79,9 +83,7 @@ class Episode:
             arena.room,
             arena.setting.top_speed,
         )
-        for name, p in self.movers.p.items():
-            judge.stand_at(name, p)
-        q = arena.start(rng, outer)
+        q = arena.start(rng, outer, self.movers)
         self.plant = plants.plant_at(
             q, arena.first, truth.velocity, truth.acceleration, truth.brake
         )
@@ -148,7 +150,8 @@ class Episode:
 
     def sees_nearest(self) -> bool:
         """Whether somebody needs the gradient of the least distance."""
-        return "adverse" in (self.truth.styles.errors, self.truth.styles.stops)
+        styles = self.truth.styles
+        return styles.stops == "adverse" or styles.errors in ("adverse", "quiet")
 
     def blank(self) -> Floats:
         """No gradient; the state is placed for the operator."""

@@ -11,6 +11,9 @@ from closed_loop.truth import Truth
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+# Errors that go unnoticed change from nothing to the largest in a quarter second [1/s].
+DRIFT = 4.0
+
 
 class Measuring:
     """Measurements of all arms.
@@ -29,6 +32,8 @@ class Measuring:
         self._first = first
         self._q_rows, self._v_rows = q_rows, v_rows
         self._signs = truth.rng.choice([-1.0, 1.0], len(truth.velocity))
+        self._shares = np.zeros_like(self._signs)
+        self._tick = 0
         self._last = [0] * (len(first) - 1)
 
     def measure(
@@ -55,7 +60,15 @@ class Measuring:
             own = slice(self._first[arm], self._first[arm + 1])
             q[own], v[own] = self._q_rows[at, own], self._v_rows[at, own]
             stamps.append(at * SUBSTEP)
-        errors = truth.errors(cycle, outward, self._signs)
-        q += errors * truth.position_error
-        v += errors * truth.velocity_error
-        return q, v, stamps
+        shares = truth.errors(cycle, outward, self._signs)
+        wrong = shares * truth.velocity_error
+        if truth.styles.errors == "quiet":
+            self._drift(shares, tick)
+            shares, wrong = self._shares, np.clip(wrong, -np.abs(v), np.abs(v))
+        return q + shares * truth.position_error, v + wrong, stamps
+
+    def _drift(self, shares: Floats, tick: int) -> None:
+        """Let the position errors drift towards others, too slowly to be noticed."""
+        way = DRIFT * (tick - self._tick) * SUBSTEP
+        self._tick = tick
+        self._shares = self._shares + np.clip(shares - self._shares, -way, way)

@@ -39,10 +39,18 @@ class Movers:
         self._origins = origins
         self._room = room
         self._speed = speed
-        self.p = {name: rng.uniform(*room) - p for name, p in origins.items()}
+        self.p = self.scatter()
         self._way = dict.fromkeys(origins, "rest")
         self._until = dict.fromkeys(origins, 0.0)
         self._velocity = {name: np.zeros(3) for name in origins}
+
+    def scatter(self) -> dict[str, Floats]:
+        """Put every object somewhere in the box; where they are."""
+        self.p = {
+            name: self._rng.uniform(*self._room) - p
+            for name, p in self._origins.items()
+        }
+        return self.p
 
     def advance(self, now: float, times: Floats, targets: Floats) -> dict[str, Floats]:
         """Move them over some substeps.

@@ -32,6 +32,7 @@ def page(results: Results) -> str:
         results: Figures by the name of their plan, of the real guard.
     """
     kept = [r for r in results.values() if promise(r["plan"])]
+    slow = [r for r in results.values() if r["plan"]["guard"] == "reference"]
     teeth = [r for r in results.values() if r["plan"]["zero"] or r["plan"]["large"]]
     weak = [r for r in results.values() if r["plan"]["weak_brake"] != 1.0]
     lines = [
@@ -58,6 +59,8 @@ def page(results: Results) -> str:
         "",
         *(line for r in kept for line in detail(r)),
     ]
+    if slow:
+        lines += freedom_section(slow)
     if teeth:
         lines += teeth_section(teeth)
     if weak:
@@ -67,7 +70,8 @@ def page(results: Results) -> str:
 
 def promise(plan: dict[str, Any]) -> bool:
     """Whether the plant keeps its word and the guard was told the truth."""
-    return not plan["zero"] and not plan["large"] and plan["weak_brake"] == 1.0
+    honest = not plan["zero"] and not plan["large"] and plan["weak_brake"] == 1.0
+    return honest and plan["guard"] == "armguard"
 
 
 def kept_row(r: dict[str, Any]) -> list[str]:
@@ -135,6 +139,49 @@ def told_case(case: dict[str, Any]) -> str:
     )
 
 
+def freedom_section(results: list[dict[str, Any]]) -> list[str]:
+    """How much a guard that only samples futures lets through."""
+    rows = []
+    for r in results:
+        for name, figures in (("reference", r), ("armguard", r["armguard"])):
+            if figures is None:
+                continue
+            rows.append(
+                [
+                    r["plan"]["scene"],
+                    name,
+                    f"{figures['episodes']:,}",
+                    str(figures["contacts"]),
+                    f"{figures['stops_a_second']:.2f}",
+                    f"{figures['share_of_wish']:.1%}",
+                    f"{figures['tool_way_a_second']:.3f}",
+                    f"{figures['cycle_us']['median']:,.0f}",
+                ]
+            )
+    return [
+        "## Freedom",
+        "",
+        "The reference is a slow guard without a proof: every cycle it samples what "
+        "operators and stops may do, on exact geometry, and stops as soon as one "
+        "sample breaks the floor. The same episodes, mode path:",
+        "",
+        *table(
+            [
+                "scene",
+                "guard",
+                "episodes",
+                "contacts",
+                "stops a second",
+                "share of the wish",
+                "tools [m/s]",
+                "cycle [µs]",
+            ],
+            rows,
+        ),
+        "",
+    ]
+
+
 def teeth_section(results: list[dict[str, Any]]) -> list[str]:
     """What happens when the guard is told that one term is nothing."""
     rows = []
@@ -149,6 +196,7 @@ def teeth_section(results: list[dict[str, Any]]) -> list[str]:
                 f"{r['episodes']:,}",
                 str(r["contacts"]),
                 f"{r['least_distance_mm']:.2f}",
+                ", ".join(f"{name} {n}" for name, n in list(r["reasons"].items())[:3]),
             ]
         )
     return [
@@ -156,12 +204,24 @@ def teeth_section(results: list[dict[str, Any]]) -> list[str]:
         "",
         "One term of the budget is made large, and the guard is told that it is "
         "nothing, or, to compare, the truth. The floor is 0, plant and operator are "
-        "the worst there are. Contacts must appear in the first case only.",
+        "the worst there are. Contacts may appear in the first case only.",
         "",
         *table(
-            ["term", "told", "scene", "mode", "episodes", "contacts", "least [mm]"],
+            [
+                "term",
+                "told",
+                "scene",
+                "mode",
+                "episodes",
+                "contacts",
+                "least [mm]",
+                "why it stopped",
+            ],
             rows,
         ),
+        "",
+        "Where no contact appears although the term was told as nothing, the guard "
+        "noticed that the figure was not true and stopped for that.",
         "",
     ]
 

@@ -59,6 +59,10 @@ def run_plan(
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{plan.name}.jsonl"
     done = finished(path)
+    if path.exists() and not path.read_bytes().endswith(b"\n"):
+        # A line that was cut off must not spoil the next one.
+        with path.open("a", encoding="utf-8") as file:
+            file.write("\n")
     seeds = range(first, first + episodes)
     tasks = [(plan, seed) for seed in seeds if seed not in done]
     end = None if seconds is None else monotonic() + seconds

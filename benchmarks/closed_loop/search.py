@@ -22,6 +22,9 @@ STEP = 0.002
 ATTACKED = 8
 RANDOM = 4
 
+# States between two that are measured while one pair is brought nearer.
+COARSE = 5
+
 # Pairs count as near if they could meet with levers so much longer than now [-].
 SPARE = 1.3
 
@@ -185,6 +188,7 @@ class Search:
         times = np.arange(len(rows)) * STEP
         ways = gone @ self.world.reach[near].T
         ways += np.outer(times, self._drift[near])
+        ends = [self._end_of(int(k), rows) for k in near]
         due = {0: list(range(len(near)))}
         for s in range(len(rows)):
             waiting = due.pop(s, None)
@@ -192,6 +196,8 @@ class Search:
                 continue
             self.world.place(rows[s])
             for n in waiting:
+                if s > ends[n]:
+                    continue
                 k = int(near[n])
                 lost = self._unknown[k] + self._drift[k] * (object_age + times[s])
                 kept = self.world.distance(k) - lost
@@ -240,16 +246,23 @@ class Search:
         """Least distance a pair keeps in a future [m], and when [s]."""
         rows = self.rows(future, q, v, ages)
         least, when = np.inf, 0.0
-        s = 0
-        while s < len(rows):
-            self.world.place(rows[s])
+        for s in range(0, self._end_of(k, rows) + COARSE, COARSE):
+            self.world.place(rows[min(s, len(rows) - 1)])
             time = s * STEP
             lost = self._unknown[k] + self._drift[k] * (object_age + time)
             kept = self.world.distance(k) - lost
             if kept < least:
                 least, when = kept, time
-            s += 5
         return least, when
+
+    def _end_of(self, k: int, rows: Floats) -> int:
+        """The last state in which an arm of a pair still moves.
+
+        What comes after it is the doing of objects, if of anybody.
+        """
+        own = self.world.reach[k] > 0.0
+        moves = np.abs(np.diff(rows[:, own], axis=0)).max(axis=1) > 0.0
+        return int(np.flatnonzero(moves)[-1]) + 1 if moves.any() else 0
 
     def rows(self, future: Future, q: Floats, v: Floats, ages: Floats) -> Floats:
         """States of a future, one each STEP from the measurement on, shape (m, n)."""

@@ -18,7 +18,14 @@ UNKNOWN = 5.0
 # How times, decelerations and errors are drawn, and how often.
 TIMES = {"most": 0.6, "random": 0.3, "least": 0.1}
 STOPS = {"adverse": 0.4, "least": 0.2, "corner": 0.2, "most": 0.05, "random": 0.15}
-ERRORS = {"adverse": 0.5, "bias": 0.15, "noise": 0.15, "alternating": 0.1, "none": 0.1}
+ERRORS = {
+    "adverse": 0.4,
+    "quiet": 0.15,
+    "bias": 0.15,
+    "noise": 0.12,
+    "alternating": 0.1,
+    "none": 0.08,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +39,8 @@ class Styles:
             most for those that move away.
         errors: Of measurements: "adverse", largest, towards "farther and slower";
             "bias", largest, one sign for the episode; "noise"; "alternating", largest,
-            the other sign each cycle; "none".
+            the other sign each cycle; "quiet", as "adverse", but it drifts there, and
+            nothing seems to move that stands; "none".
         full: Whether acceleration, speed and displacements are the declared ones.
     """
 
@@ -42,9 +50,9 @@ class Styles:
     full: bool
 
     @classmethod
-    def worst(cls) -> "Styles":
+    def worst(cls, errors: str = "adverse") -> "Styles":
         """The corner that uses every term up."""
-        return cls("most", "adverse", "adverse", True)
+        return cls("most", "adverse", errors, True)
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "Styles":
@@ -157,13 +165,15 @@ class Truth:
     def errors(self, cycle: int, outward: Floats, signs: Floats) -> Floats:
         """Signs and sizes of the errors of a cycle, in shares of the largest, (n,).
 
+        Of "quiet" errors, where they drift to.
+
         Args:
             cycle: Its number.
             outward: Gradient of the least distance, shape (n,).
             signs: Signs drawn for the episode, shape (n,).
         """
         style = self.styles.errors
-        if style == "adverse":
+        if style in ("adverse", "quiet"):
             return np.where(outward == 0.0, signs, np.sign(outward))
         if style == "noise":
             return self.rng.uniform(-1.0, 1.0, len(signs))
