@@ -45,8 +45,8 @@ HULL = int(ShapeKind.HULL)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 # Places in a row that tells how a joint moves points, see LEVER_ROW: g(p) is
-# slope·p + level. Its range of Δ is FROM to TO, or over a span FROM is half its way on
-# a line and TO how far it may be off that.
+# slope·p + level. Its Δ is `u · FROM ± TO`; u is 1 where each joint has a range of its
+# own, and over a span the same for all joints, anywhere in [-1, 1].
 SLOPE = 0  # n x axis, 3 numbers; 0 for a sliding joint
 LEVEL = 3
 FROM = 4
@@ -54,7 +54,10 @@ TO = 5
 AXIS = 6  # 3 numbers
 ORIGIN = 9  # 3 numbers
 TURNS = 12  # 1 for a turning joint, 0 for a sliding one
-DERIVATIVE = 13  # u_k of the vertex that is looked at, 3 numbers
+GRADIENT = 13  # g of the vertex that is looked at
+ALONG = 14  # the same where the joints are on their line
+OPEN = 15  # 1 while the end of its range is not yet decided
+HESSIAN = 16  # h by each joint of the chain
 
 
 @kernel
@@ -65,8 +68,8 @@ def joint_rows(
     count: int,
     axes: Floats,
     joint_kind: Ints,
-    one: Floats,
-    other: Floats,
+    middle: Floats,
+    width: Floats,
     rows: Floats,
 ) -> None:
     """Write how each joint of a chain moves points along n.
@@ -78,8 +81,8 @@ def joint_rows(
         count: Length of the chain.
         axes: Axes in the world, shape (b, 6).
         joint_kind: Joint kinds, shape (b,).
-        one: Least Δ of each body's joint, or half its way, shape (b,).
-        other: Greatest Δ, or its width, shape (b,).
+        middle: Middle of the Δ of each body's joint, or half its way, shape (b,).
+        width: How far Δ may be off that, shape (b,).
         rows: Overwritten, shape (depth, LEVER_ROW).
     """
     for k in range(first, count):
@@ -97,8 +100,8 @@ def joint_rows(
             row[0], row[1], row[2] = slope
             row[LEVEL] = -dot(slope, (axes[b, 3], axes[b, 4], axes[b, 5]))
             row[TURNS] = 1.0
-        row[FROM] = one[b]
-        row[TO] = other[b]
+        row[FROM] = middle[b]
+        row[TO] = width[b]
 
 
 @kernel
@@ -115,33 +118,77 @@ def point_reach(
         count: Length of the chain.
         rows: Written by `joint_rows`.
     """
+    differentiate(p, first, count, rows)
     way = dot(n, p)
-    along = across = 0.0
+    bend = 0.0
+    sign = 1.0 if u == 0.0 else u
     for k in range(first, count):
         own = rows[k]
-        g = own[0] * p[0] + own[1] * p[1] + own[2] * p[2] + own[LEVEL]
+        way += sign * own[GRADIENT] * own[FROM]
+        turned = 0.0
+        for j in range(first, count):
+            turned += own[HESSIAN + j] * rows[j, FROM]
+        bend += 0.5 * own[FROM] * turned
+        own[ALONG] = own[GRADIENT] + sign * turned
+    # Between the two ends of a line a bend away from the other side would be less.
+    way += bend if u == 0.0 else max(bend, 0.0)
+    return way + widest(first, count, rows)
+
+
+@kernel
+def differentiate(p: Vec3, first: int, count: int, rows: Floats) -> None:
+    """Write the first and second derivatives of n·p by the joints."""
+    for k in range(first, count):
+        own = rows[k]
+        slope = (own[SLOPE], own[SLOPE + 1], own[SLOPE + 2])
+        own[GRADIENT] = dot(slope, p) + own[LEVEL]
         move = (own[AXIS], own[AXIS + 1], own[AXIS + 2])
         if own[TURNS] != 0.0:
             origin = (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2])
             move = cross(move, sub(p, origin))
-        low, high = own[FROM], own[TO]
-        if u == 0.0:
-            way += max(g * low, g * high)
-            low, high = 0.0, max(abs(low), abs(high))
-        else:
-            way += u * g * low + abs(g) * high
         for j in range(first, k + 1):
             other = rows[j]
-            share = 0.5 if j == k else 1.0
-            h = share * dot((other[0], other[1], other[2]), move)
-            if u == 0.0:
-                across += abs(h) * high * max(abs(other[FROM]), abs(other[TO]))
-            else:
-                along += h * low * other[FROM]
-                across += abs(h) * (
-                    abs(low) * other[TO] + high * (abs(other[FROM]) + other[TO])
-                )
-    return way + across + max(along, 0.0)
+            h = dot((other[SLOPE], other[SLOPE + 1], other[SLOPE + 2]), move)
+            own[HESSIAN + j] = h
+            other[HESSIAN + k] = h
+
+
+@kernel
+def widest(first: int, count: int, rows: Floats) -> float:
+    """Greatest `Σ g Δ + ½ Σ Σ h Δ Δ` for Δ within plus and minus the widths.
+
+    Where g outweighs all that h can change of it, the greatest value is at that end of
+    the joint's range, whatever the others do, and the others are left with what it
+    makes of them. Of what remains every part is taken at its largest.
+    """
+    total = 0.0
+    for k in range(first, count):
+        rows[k, OPEN] = 1.0
+    for _ in range(2):
+        for k in range(first, count):
+            own = rows[k]
+            if own[OPEN] == 0.0:
+                continue
+            doubt = 0.0
+            for j in range(first, count):
+                doubt += abs(own[HESSIAN + j]) * rows[j, TO] * rows[j, OPEN]
+            g = own[ALONG]
+            if not abs(g) >= doubt:
+                continue
+            move = own[TO] if g >= 0.0 else -own[TO]
+            own[OPEN] = 0.0
+            total += g * move + 0.5 * own[HESSIAN + k] * move * move
+            for j in range(first, count):
+                rows[j, ALONG] += own[HESSIAN + j] * move
+    for k in range(first, count):
+        own = rows[k]
+        if own[OPEN] == 0.0:
+            continue
+        doubt = 0.0
+        for j in range(first, count):
+            doubt += abs(own[HESSIAN + j]) * rows[j, TO] * rows[j, OPEN]
+        total += own[TO] * (abs(own[ALONG]) + 0.5 * doubt)
+    return total
 
 
 @kernel(inline=False)
@@ -239,9 +286,7 @@ def hull_reach(
     most_move = turned = 0.0
     for k in range(first, count):
         own = rows[k]
-        size = max(abs(own[FROM]), abs(own[TO]))
-        if u != 0.0:
-            size = abs(own[FROM]) + own[TO]
+        size = abs(own[FROM]) + own[TO]
         lever = 1.0
         if own[TURNS] != 0.0:
             arm = sub(origin, (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]))
@@ -329,8 +374,10 @@ def range_reach(
     count = 0 if body < 0 else int(m.length[body])
     if count <= first:
         return float(side_reach(kind, a, n, 0.0, first, first, m.lever_rows))
-    chain, low, high = m.joints[body], m.low[plan], m.high[plan]
-    joint_rows(n, chain, first, count, m.axes, m.joint_kind, low, high, m.lever_rows)
+    chain, middle, width = m.joints[body], m.middle[plan], m.width[plan]
+    joint_rows(
+        n, chain, first, count, m.axes, m.joint_kind, middle, width, m.lever_rows
+    )
     reach = side_reach(kind, a, n, 0.0, first, count, m.lever_rows)
     own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
     return float(

@@ -81,8 +81,8 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         effort=effort,
         up=np.zeros((PLANS * n, JOINT_STOP)),
         down=np.zeros((PLANS * n, JOINT_STOP)),
-        low=np.zeros((PLANS, b)),
-        high=np.zeros((PLANS, b)),
+        middle=np.zeros((PLANS, b)),
+        width=np.zeros((PLANS, b)),
         spread=np.zeros((PLANS, b)),
         axes=np.zeros((b, 6)),
         reach=np.zeros((PLANS, m)),
@@ -101,7 +101,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         q_way=np.zeros(n),
         q_width=np.zeros(n),
         corner_T=np.zeros((b, 12)),
-        lever_rows=np.zeros((depth, LEVER_ROW)),
+        lever_rows=np.zeros((depth, LEVER_ROW + depth)),
     )
 
 

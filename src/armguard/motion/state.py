@@ -50,7 +50,7 @@ BUDGET = 1  # how many may be
 STAMP = 2  # of the nodes that were made for this cycle
 EFFORT = 3
 
-# Numbers kept of each joint while a pair's gap is bounded.
+# Numbers kept of each joint while a pair's gap is bounded, and one for each joint.
 LEVER_ROW = 16
 
 
@@ -83,9 +83,9 @@ class Motion(NamedTuple):
         effort: See TESTS, shape (EFFORT,).
         up: Stop of each joint in its positive direction, (PLANS · n, JOINT_STOP).
         down: In its negative direction, shape (PLANS · n, JOINT_STOP).
-        low: Least displacement of each body's joint on the whole path, (PLANS, b).
-        high: Greatest, shape (PLANS, b).
-        spread: The larger of their sizes, shape (PLANS, b).
+        middle: Middle displacement of each body's joint on the path, (PLANS, b).
+        width: How far it may be off that, shape (PLANS, b).
+        spread: The sum of their sizes, shape (PLANS, b).
         axes: Direction and origin of each joint's axis in the world, shape (b, 6).
         reach: Bound on the way of each primitive's points, shape (PLANS, m) [m].
         speed: Bound on each body's joint speed as measured, shape (b,).
@@ -103,7 +103,7 @@ class Motion(NamedTuple):
         q_way: Scratch for half ways, shape (n,).
         q_width: Scratch for widths, shape (n,).
         corner_T: Scratch for poses at a corner of a span, shape (b, 12).
-        lever_rows: Scratch for one side, shape (depth, LEVER_ROW).
+        lever_rows: Scratch for one side, shape (depth, LEVER_ROW + depth).
     """
 
     parent: Ints
@@ -129,8 +129,8 @@ class Motion(NamedTuple):
     effort: Longs
     up: Floats
     down: Floats
-    low: Floats
-    high: Floats
+    middle: Floats
+    width: Floats
     spread: Floats
     axes: Floats
     reach: Floats

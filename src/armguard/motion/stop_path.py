@@ -73,9 +73,9 @@ def plan_stops(plan: int, motion: int) -> None:
     if plan == NEXT:
         m.effort[STAMP] += 1
         m.span[HORIZON] = horizon
-    low, high, spread = m.low[plan], m.high[plan], m.spread[plan]
+    middle, width, spread = m.middle[plan], m.width[plan], m.spread[plan]
     for b in range(m.parent.shape[0]):
-        low[b] = high[b] = spread[b] = 0.0
+        middle[b] = width[b] = spread[b] = 0.0
         if m.joint_kind[b] == NO_JOINT:
             continue
         j = m.q_index[b]
@@ -84,9 +84,9 @@ def plan_stops(plan: int, motion: int) -> None:
         gain = m.gain[b, 0]
         farthest_up = gain * (error + up[SWING] + up[TRAVEL])
         farthest_down = -gain * (error + down[SWING] + down[TRAVEL])
-        low[b] = min(farthest_up, farthest_down)
-        high[b] = max(farthest_up, farthest_down)
-        spread[b] = max(-low[b], high[b])
+        middle[b] = 0.5 * (farthest_up + farthest_down)
+        width[b] = 0.5 * abs(farthest_up - farthest_down)
+        spread[b] = abs(middle[b]) + width[b]
 
 
 @kernel
@@ -173,7 +173,8 @@ def plan_segment(start: int, end: int, motion: int) -> None:
             size = abs(m.gain[b, 0] * m.q_half[m.q_index[b]])
         m.speed[b] = 0.0
         for plan in range(2):
-            m.low[plan, b], m.high[plan, b], m.spread[plan, b] = -size, size, size
+            m.middle[plan, b] = 0.0
+            m.width[plan, b] = m.spread[plan, b] = size
 
 
 @kernel
