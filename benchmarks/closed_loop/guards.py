@@ -1,6 +1,7 @@
 """Guards to be attacked: the real one, and others to compare it with."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from armguard import Guard
 from armguard.scene import Scene
 from closed_loop.answers import STOP, Answer, Graded, Guarding, Said, Why
-from closed_loop.scenes import declared, movers_of
+from closed_loop.scenes import build_scene, declared, movers_of
 from closed_loop.settings import Setting
 
 Floats = NDArray[np.float64]
@@ -44,10 +45,11 @@ class Threshold:
     """Stops every arm as soon as any pair is nearer than a fixed distance.
 
     Args:
-        scene: The scene; its buffers are the distance.
+        setting: The setting; its floor is the distance.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, setting: Setting) -> None:
+        scene = build_scene(replace(setting, mode="fixed", top_speed=0.0))
         self._guard = Guard(scene)
         self._robots = tuple(scene.robots)
 
@@ -79,7 +81,7 @@ def reference(scene: Scene, setting: Setting) -> Guarding:
 
 GUARDS: Mapping[str, Callable[[Scene, Setting], Guarding]] = {
     "armguard": lambda scene, setting: Guard(scene),
-    "threshold": lambda scene, setting: Threshold(scene),
+    "threshold": lambda scene, setting: Threshold(setting),
     "stopper": lambda scene, setting: Stopper(scene),
     "blind": lambda scene, setting: Blind(scene),
     "reference": reference,

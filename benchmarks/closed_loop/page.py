@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from closed_loop.judge_model import SIGHT
+
 Results = Mapping[str, dict[str, Any]]
 
 # Columns of the table of what the guard promises.
@@ -107,7 +109,8 @@ def detail(r: dict[str, Any]) -> list[str]:
         f"- Levels, in cycles of arms: {shares}.",
         "- Clearance when a stop was ordered, least, quartiles and greatest: "
         f"{in_mm(r['clearance_at_order_mm'])}; where all came to rest: "
-        f"{in_mm(r['clearance_at_rest_mm'])}.",
+        f"{in_mm(r['clearance_at_rest_mm'])}; the judge sees no farther than "
+        f"{1e3 * SIGHT:.0f} mm.",
         f"- Motion done a second: joints {r['joint_way_a_second']:.2f} rad, tools "
         f"{r['tool_way_a_second']:.2f} m.",
         f"- A cycle of the guard: median {cycle['median']:.0f} µs, p99 "

@@ -71,7 +71,7 @@ def test_no_arm_touches_anything_while_its_figures_are_true(scene, mode, batch):
 @needs_velocities
 @pytest.mark.parametrize("term", ["command", "acceleration", "deceleration"])
 def test_a_term_of_the_budget_that_is_missing_is_seen(term):
-    assert contacts(episodes(Plan(zero=term), range(12)))
+    assert contacts(episodes(Plan(zero=term), range(24)))
 
 
 @needs_velocities
