@@ -32,7 +32,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import SWING, TRAVEL, X1
 from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import HORIZON, NEXT, Motion
+from armguard.motion.state import NEXT, SETTLED, Motion
 from armguard.motion.stop_path import error_of
 from armguard.robot.kinematics import PRISMATIC
 
@@ -62,7 +62,7 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
         terms[TERM_BASE] = v.base[i] + (v.base[j] if robot_j >= 0 else 0.0)
     standing = terms[TERM_FLOOR] + terms[TERM_MODEL] + terms[TERM_BASE]
     seen = standing_need(i, j, w, v, m) - standing
-    terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[HORIZON]
+    terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[SETTLED]
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])
     body_i, body_j = w.bodies[i], w.bodies[j]

@@ -118,6 +118,9 @@ class Guard:
         self._budget = budget
         compile_ahead(progress)
         self._prepare(self.tables)
+        if self._guarded:
+            # Compiles or loads the cycle; positions that are none change nothing.
+            self._run(self._nowhere, self._lines)
         self.home_verdict = self.judge_at_rest(self.tables.home)
         contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
         if contacts:

@@ -50,7 +50,7 @@ from armguard.index.octree_query import (
 )
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
-from armguard.motion.state import HORIZON, SEGMENT, Motion, open_motion
+from armguard.motion.state import SEGMENT, SETTLED, Motion, open_motion
 
 # In a scene of so few primitives it takes less time to ask all than to look for them.
 FEW = 128
@@ -119,7 +119,7 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
         return float(look + look_distance(j, v, m))
     if m.span[SEGMENT] != 0.0:
         return float(look)
-    ahead = m.span[HORIZON] + LOOK_AHEAD * v.pace[SLOW_TIME]
+    ahead = m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME]
     return float(look + object_speed(j, v) * ahead)
 
 
@@ -158,6 +158,6 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
         seen = min(seen, v.seen_at[j])
     drift = 0.0
     if fastest > 0.0 and m.span[SEGMENT] == 0.0:
-        ahead = m.span[HORIZON] + LOOK_AHEAD * v.pace[SLOW_TIME]
+        ahead = m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME]
         drift = fastest * (ahead + max(now_of(v) - seen, 0.0))
     return float(farthest + drift + w.look[0])

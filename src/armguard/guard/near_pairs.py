@@ -41,7 +41,7 @@ from armguard.index.octree_query import (
     present_primitives,
 )
 from armguard.kernel import kernel
-from armguard.motion.pair_proof import NEEDED, PROVEN, SPENT, UNSURE
+from armguard.motion.pair_state import NEEDED, PROVEN, SPENT, UNSURE
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

@@ -27,7 +27,8 @@ from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.figures import FIXED, MODE, SPEED
-from armguard.motion.pair_proof import (
+from armguard.motion.pair_proof import path_gap, prove_by_spans, shared_joints
+from armguard.motion.pair_state import (
     BODY,
     DRIFT,
     KIND,
@@ -42,11 +43,8 @@ from armguard.motion.pair_proof import (
     SHARED,
     SIDE,
     SPENT,
-    path_gap,
-    prove_by_spans,
-    shared_joints,
 )
-from armguard.motion.state import HORIZON, NEXT, NOW, SEGMENT, Motion, open_motion
+from armguard.motion.state import NEXT, NOW, SEGMENT, SETTLED, Motion, open_motion
 
 Floats = NDArray[np.float64]
 
@@ -206,7 +204,7 @@ def prove_pair(
     moving = m.rate.shape[0]
     distance = out[place + WITNESS]
     need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
-    whole = need + drift * m.span[HORIZON]
+    whole = need + drift * m.span[SETTLED]
     shared = shared_joints(w.bodies[i], w.bodies[j], m)
     by_levers = distance - whole
     if shared == 0:

@@ -73,6 +73,9 @@ SWING_SPEED = 4.0
 # An unknown greatest deceleration is thought to be this many times the least [-].
 HARDEST = 10.0
 
+# What round-off may make of a speed or a place that is just as declared [rad/s], [rad].
+GRAIN = 1e-7
+
 # Long enough for every ramp to have passed [s].
 LONG_AGO = 1e6
 
@@ -139,7 +142,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
         bound = slowed(j, bound, before - effect, now - effect, v.phase[r], m)
         # Slower than settling may be, only where the joint is tells whether it stopped.
         least = max(m.v_low[j], -m.v_high[j])
-        if bound >= swing_speed(robot, figures) and not least <= bound:
+        if bound >= swing_speed(robot, figures) and not least <= bound + GRAIN:
             lagging = j
         if not v.rest_low[j] <= m.q[j] <= v.rest_high[j]:
             lagging = j
@@ -224,7 +227,7 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
         # Where the joint may get to at all, if the order takes effect as it should.
         clock = m.clock[NOW * v.phase.shape[0] + r]
         up, down = m.up[NOW * m.q.shape[0] + j], m.down[NOW * m.q.shape[0] + j]
-        error = 2.0 * m.joint_figures[j, POSITION_ERROR]
+        error = 2.0 * m.joint_figures[j, POSITION_ERROR] + GRAIN
         v.rest_high[j], v.rest_low[j] = inf, -inf
         if phase == STOPPING and clock[REACTION] > 0.0:
             v.rest_high[j] = m.q[j] + error + up[TRAVEL] + up[SWING]

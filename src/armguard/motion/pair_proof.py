@@ -17,13 +17,32 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, cross, dot, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
+from armguard.motion.box_proof import prove_by_boxes
 from armguard.motion.gap_bound import line_reach, range_reach
+from armguard.motion.pair_state import (
+    BODY,
+    DRIFT,
+    KIND,
+    LEVERS,
+    LOCAL,
+    NEED,
+    NEEDED,
+    PAIR,
+    PLAN,
+    PROVEN,
+    ROW,
+    SHARED,
+    SIDE,
+    SPENT,
+    UNSURE,
+)
 from armguard.motion.state import (
     BUDGET,
     HORIZON,
     NODE_LEVELS,
     NODES,
     SEGMENT,
+    SETTLED,
     TESTS,
     Motion,
     open_motion,
@@ -32,25 +51,6 @@ from armguard.motion.stop_path import make_node, span_of
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
 
 Floats = NDArray[np.float64]
-
-# How a proof ends.
-PROVEN = 0
-NEEDED = 1  # as far as the bound can tell, some admissible motion breaks the distance
-UNSURE = 2  # the bound is too coarse to tell
-SPENT = 3  # the cycle's budget of tests is used up
-
-# Places in the description of a pair: two sides of SIDE numbers, then the requirement.
-KIND = 0  # ShapeKind
-ROW = 1  # address of the row in the world as measured
-LOCAL = 2  # address of the row in the body's frame, or in the world
-BODY = 3  # its body, -1 if it stands still
-PLAN = 4  # NEXT or NOW, the stop of its robot
-LEVERS = 5  # address of its levers
-SIDE = 6
-SHARED = 12  # joints that move both sides alike
-NEED = 13  # distance to keep now [m]
-DRIFT = 14  # speed at which that grows [m/s]
-PAIR = 15
 
 
 @kernel
@@ -114,6 +114,9 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
             return (SPENT, -np.inf)
         m.effort[TESTS] += 1
         _, end = span_of(node, m.span[HORIZON])
+        if end >= m.span[HORIZON]:
+            # Until they have settled arms may still be met by what moves.
+            end = m.span[SETTLED]
         wanted = p[NEED] + p[DRIFT] * end
         second_order, bend = span_gap(node, pair, wanted, motion)
         spare = second_order - bend - wanted
@@ -121,7 +124,13 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
             least = min(least, spare)
             continue
         if not 2 * node < (1 << NODE_LEVELS):
-            return (NEEDED if not second_order >= wanted else UNSURE, spare)
+            if spare != spare or m.span[SEGMENT] != 0.0:
+                return (NEEDED if not second_order >= wanted else UNSURE, spare)
+            proof, spare = prove_by_boxes(node, pair, wanted, motion)
+            if proof != PROVEN:
+                return (proof, spare)
+            least = min(least, spare)
+            continue
         # The later half first: where a proof fails, it mostly fails there.
         waiting[left] = 2.0 * node
         waiting[left + 1] = 2.0 * node + 1.0

@@ -13,6 +13,7 @@ from armguard.motion.chains import (
 )
 from armguard.motion.joint_stop import JOINT_STOP
 from armguard.motion.state import (
+    BOX_LEVELS,
     BUDGET,
     CLOCK,
     EFFORT,
@@ -100,6 +101,11 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         q_node=np.zeros(n),
         q_way=np.zeros(n),
         q_width=np.zeros(n),
+        box_middle=np.zeros((BOX_LEVELS, b)),
+        box_width=np.zeros((BOX_LEVELS, b)),
+        box_axes=np.zeros((b, 6)),
+        q_box=np.zeros(n),
+        no_way=np.zeros(b),
         corner_T=np.zeros((b, 12)),
         lever_rows=np.zeros((depth, LEVER_ROW + depth)),
     )

@@ -42,13 +42,17 @@ CLOCK = 5
 # Places in `Motion.span`.
 HORIZON = 0  # from now until everything rests [s]
 SEGMENT = 1  # 1 where the path is a straight line of joint positions, not a stop
-SPAN = 2
+SETTLED = 2  # from now until everything has settled as well [s]
+SPAN = 3
 
 # Places in `Motion.effort`.
 TESTS = 0  # spans of time tested for pairs in this cycle
 BUDGET = 1  # how many may be
 STAMP = 2  # of the nodes that were made for this cycle
 EFFORT = 3
+
+# Boxes of joint positions that wait while one is divided.
+BOX_LEVELS = 24
 
 # Numbers kept of each joint while a pair's gap is bounded, and one for each joint.
 LEVER_ROW = 16
@@ -102,6 +106,11 @@ class Motion(NamedTuple):
         q_node: Scratch for positions, shape (n,).
         q_way: Scratch for half ways, shape (n,).
         q_width: Scratch for widths, shape (n,).
+        box_middle: Scratch for middles of boxes, shape (BOX_LEVELS, b).
+        box_width: Scratch for their half widths, shape (BOX_LEVELS, b).
+        box_axes: Scratch for axes, shape (b, 6).
+        q_box: Scratch for positions, shape (n,).
+        no_way: Zeros, shape (b,).
         corner_T: Scratch for poses at a corner of a span, shape (b, 12).
         lever_rows: Scratch for one side, shape (depth, LEVER_ROW + depth).
     """
@@ -148,6 +157,11 @@ class Motion(NamedTuple):
     q_node: Floats
     q_way: Floats
     q_width: Floats
+    box_middle: Floats
+    box_width: Floats
+    box_axes: Floats
+    q_box: Floats
+    no_way: Floats
     corner_T: Floats
     lever_rows: Floats
 
@@ -206,4 +220,9 @@ def open_motion(address: int) -> Motion:
         vector_f8(lines, 41),
         matrix_f8(lines, 42),
         matrix_f8(lines, 43),
+        matrix_f8(lines, 44),
+        vector_f8(lines, 45),
+        vector_f8(lines, 46),
+        matrix_f8(lines, 47),
+        matrix_f8(lines, 48),
     )

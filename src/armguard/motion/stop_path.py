@@ -21,6 +21,7 @@ from armguard.motion.figures import (
     POSITION_ERROR,
     RAMP,
     SETTLE,
+    SETTLE_TIME,
     VELOCITY,
 )
 from armguard.motion.joint_stop import (
@@ -43,6 +44,7 @@ from armguard.motion.state import (
     PASSED,
     REACTION,
     SEGMENT,
+    SETTLED,
     STAMP,
     STILL,
     TESTS,
@@ -67,12 +69,17 @@ def plan_stops(plan: int, motion: int) -> None:
     """
     m = open_motion(motion)
     n = m.q.shape[0]
-    horizon = 0.0
+    horizon = settled = 0.0
     for j in range(n):
-        horizon = max(horizon, plan_joint(plan, j, m))
+        rest = plan_joint(plan, j, m)
+        horizon = max(horizon, rest)
+        if rest > 0.0:
+            time = m.robot_figures[m.robot_of_joint[j], SETTLE_TIME]
+            settled = max(settled, rest + time)
     if plan == NEXT:
         m.effort[STAMP] += 1
         m.span[HORIZON] = horizon
+        m.span[SETTLED] = max(horizon, settled)
     middle, width, spread = m.middle[plan], m.width[plan], m.spread[plan]
     for b in range(m.parent.shape[0]):
         middle[b] = width[b] = spread[b] = 0.0
@@ -163,7 +170,7 @@ def plan_segment(start: int, end: int, motion: int) -> None:
     m.effort[STAMP] += 1
     m.effort[TESTS] = 0
     m.span[SEGMENT] = 1.0
-    m.span[HORIZON] = 0.0
+    m.span[HORIZON] = m.span[SETTLED] = 0.0
     for j in range(n):
         m.q[j] = 0.5 * (first[j] + last[j])
         m.q_half[j] = 0.5 * (last[j] - first[j])
