@@ -1,4 +1,4 @@
-"""Last resort of a proof: the box of joint positions at a span, divided until it is clear.
+"""Last resort of a proof: a span's box of joint positions, divided until it is clear.
 
 Over a short span of time what keeps a pair unproven is not the way but how far each
 joint may be off it: the guard does not know how hard stops will be. That box is halved
@@ -16,7 +16,7 @@ from armguard.address import pointer, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3, scaled
+from armguard.geometry.vec3 import Vec3, cross, dot, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
 from armguard.motion.gap_bound import curvature, joint_rows, side_reach
@@ -44,15 +44,15 @@ from armguard.motion.state import (
 )
 from armguard.motion.stop_path import write_axis
 from armguard.robot.kinematics import FIXED as NO_JOINT
-from armguard.robot.kinematics import forward_kinematics
+from armguard.robot.kinematics import PRISMATIC, forward_kinematics
 
 Floats = NDArray[np.float64]
 
 # A box costs about as much as this many spans, which share their kinematics [-].
-BOX_COST = 3
+BOX_COST = 2
 
 # Boxes one span of one pair may take before it is given up [-].
-MOST_BOXES = 48
+MOST_BOXES = 32
 
 
 @kernel(inline=False)
@@ -81,7 +81,7 @@ def prove_by_boxes(
             return (SPENT, -inf)
         m.effort[TESTS] += BOX_COST
         boxes += 1
-        distance, gap, widest = box_gap(left, pair, motion)
+        distance, gap, widest, nearer = box_gap(left, pair, motion)
         if not distance >= wanted:
             return (NEEDED, distance - wanted)
         if gap >= wanted:
@@ -94,8 +94,9 @@ def prove_by_boxes(
             m.box_width[left + 1, b] = m.box_width[left, b]
         half = 0.5 * m.box_width[left, widest]
         m.box_width[left, widest] = m.box_width[left + 1, widest] = half
-        m.box_middle[left, widest] -= half
-        m.box_middle[left + 1, widest] += half
+        # The half in which the sides come nearer goes first.
+        m.box_middle[left, widest] -= nearer * half
+        m.box_middle[left + 1, widest] += nearer * half
         left += 2
     return (PROVEN, least)
 
@@ -121,12 +122,13 @@ def begin(node: int, pair: int, m: Motion) -> None:
 
 
 @kernel(inline=False)
-def box_gap(box: int, pair: int, motion: int) -> tuple[float, float, int]:
+def box_gap(box: int, pair: int, motion: int) -> tuple[float, float, int, float]:
     """Bound a pair's distance over a box from its middle.
 
     Returns:
-        Distance in the middle, least distance over the box [m], and the body whose
-        joint it is worth most to halve, -1 if there is none.
+        Distance in the middle, least distance over the box [m], the body whose joint
+        it is worth most to halve, -1 if there is none, and the sign of the Δ of that
+        joint which brings the sides together.
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
@@ -162,13 +164,14 @@ def box_gap(box: int, pair: int, motion: int) -> tuple[float, float, int]:
     measure(int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], witness)
     distance = witness[0]
     if not distance >= 0.0:
-        return (distance, distance, -1)
+        return (distance, distance, -1, 1.0)
     n = (witness[7], witness[8], witness[9])
     gap = 0.0
     for side in range(2):
         along = n if side == 0 else scaled(-1.0, n)
         gap -= box_side(box, side, pair, rows[side], along, m)
-    return (distance, gap, widest_joint(box, pair, m))
+    widest, nearer = widest_joint(box, pair, witness, m)
+    return (distance, gap, widest, nearer)
 
 
 @kernel(inline=False)
@@ -202,10 +205,15 @@ def box_side(box: int, side: int, pair: int, row: Floats, n: Vec3, m: Motion) ->
 
 
 @kernel
-def widest_joint(box: int, pair: int, m: Motion) -> int:
-    """The body whose joint moves its side farthest within a box, -1 if none does."""
+def widest_joint(box: int, pair: int, witness: Floats, m: Motion) -> tuple[int, float]:
+    """The joint that moves its side farthest within a box, and which way is nearer.
+
+    Returns:
+        Its body, -1 if no joint moves, and the sign of the Δ that brings the witness
+        points together.
+    """
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    most, which = 0.0, -1
+    most, which, nearer = 0.0, -1, 1.0
     for side in range(2):
         at = side * SIDE
         body = int(p[at + BODY])
@@ -214,9 +222,25 @@ def widest_joint(box: int, pair: int, m: Motion) -> int:
         levers = numba.carray(
             pointer(int(p[at + LEVERS])), (m.joints.shape[1],), np.float64
         )
+        n = (witness[7], witness[8], witness[9])
+        n = n if side == 0 else scaled(-1.0, n)
+        first = 1 + 3 * side
+        point = (witness[first], witness[first + 1], witness[first + 2])
         for k in range(int(p[SHARED]), m.length[body]):
             b = m.joints[body, k]
             way = m.box_width[box, b] * levers[k]
             if way > most:
                 most, which = way, int(b)
-    return which
+                g = joint_move(n, point, b, m.box_axes[b], m)
+                nearer = 1.0 if g >= 0.0 else -1.0
+    return (which, nearer)
+
+
+@kernel
+def joint_move(n: Vec3, point: Vec3, b: int, axis: Floats, m: Motion) -> float:
+    """How far a body's joint moves a point along n, by its own unit [m]."""
+    direction = (axis[0], axis[1], axis[2])
+    if m.joint_kind[b] == PRISMATIC:
+        return float(dot(n, direction))
+    arm = sub(point, (axis[3], axis[4], axis[5]))
+    return float(dot(n, cross(direction, arm)))

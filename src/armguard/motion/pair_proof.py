@@ -14,10 +14,10 @@ from armguard.address import pointer, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3, cross, dot, scaled, sub
+from armguard.geometry.vec3 import Vec3, scaled
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-from armguard.motion.box_proof import prove_by_boxes
+from armguard.motion.box_proof import joint_move, prove_by_boxes
 from armguard.motion.gap_bound import line_reach, range_reach
 from armguard.motion.pair_state import (
     BODY,
@@ -48,7 +48,7 @@ from armguard.motion.state import (
     open_motion,
 )
 from armguard.motion.stop_path import make_node, span_of
-from armguard.robot.kinematics import PRISMATIC, forward_kinematics
+from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
 
@@ -118,7 +118,7 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
             # Until they have settled arms may still be met by what moves.
             end = m.span[SETTLED]
         wanted = p[NEED] + p[DRIFT] * end
-        second_order, bend = span_gap(node, pair, wanted, motion)
+        second_order, bend, corner = span_gap(node, pair, wanted, motion)
         spare = second_order - bend - wanted
         if spare >= 0.0:
             least = min(least, spare)
@@ -126,6 +126,8 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
         if not 2 * node < (1 << NODE_LEVELS):
             if spare != spare or m.span[SEGMENT] != 0.0:
                 return (NEEDED if not second_order >= wanted else UNSURE, spare)
+            if not corner >= wanted:
+                return (NEEDED, corner - wanted)
             proof, spare = prove_by_boxes(node, pair, wanted, motion)
             if proof != PROVEN:
                 return (proof, spare)
@@ -139,7 +141,9 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
 
 
 @kernel(inline=False)
-def span_gap(node: int, pair: int, wanted: float, motion: int) -> tuple[float, float]:
+def span_gap(
+    node: int, pair: int, wanted: float, motion: int
+) -> tuple[float, float, float]:
     """Least distance over a span to the second order, and what that leaves out [m].
 
     Args:
@@ -147,6 +151,10 @@ def span_gap(node: int, pair: int, wanted: float, motion: int) -> tuple[float, f
         pair: Address of the pair's description.
         wanted: More than this need not be found [m].
         motion: Address of the ledger of the prediction.
+
+    Returns:
+        The least distance, what the second order leaves out, and the distance where
+        the joints bring the sides together; infinite if nobody looked [m].
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
@@ -165,20 +173,22 @@ def span_gap(node: int, pair: int, wanted: float, motion: int) -> tuple[float, f
         place_row(int(p[at + KIND]), local, T, rows[side])
     measure(int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], witness)
     if not witness[0] >= 0.0:
-        return (witness[0], 0.0)
+        return (witness[0], 0.0, witness[0])
     n = (witness[7], witness[8], witness[9])
     address = rows[0].ctypes.data
     gap, bend, end = gap_along(node, pair, address, n, motion)
     first_of_leaves = 1 << (NODE_LEVELS - 1)
     if gap - bend >= wanted or node < first_of_leaves or m.span[SEGMENT] != 0.0:
-        return (gap, bend)
+        return (gap, bend, np.inf)
     # Where the sides come nearest, the plane between them may stand at another angle
     # than in the middle of the span.
-    n = corner_normal(node, pair, end, witness, motion)
-    if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
-        return (gap, bend)
+    corner, n = nearest_corner(node, pair, end, witness, motion)
+    if not corner >= wanted:
+        return (gap, bend, corner)
     other, bent, _ = gap_along(node, pair, address, n, motion)
-    return (other, bent) if other - bent > gap - bend else (gap, bend)
+    if other - bent > gap - bend:
+        return (other, bent, corner)
+    return (gap, bend, corner)
 
 
 @kernel(inline=False)
@@ -226,13 +236,13 @@ def gap_along(
 
 
 @kernel(inline=False)
-def corner_normal(
+def nearest_corner(
     node: int, pair: int, end: float, witness: Floats, motion: int
-) -> Vec3:
-    """Normal of a pair where a span's joints bring its witness points together.
+) -> tuple[float, Vec3]:
+    """Where a span's joints bring a pair's witness points together.
 
     Returns:
-        The normal from A to B; 0 where the two overlap there.
+        The pair's distance there [m], and its normal from A to B.
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
@@ -271,9 +281,7 @@ def corner_normal(
         )
         place_row(int(p[at + KIND]), local, m.corner_T[body], rows[side])
     measure(int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], found)
-    if not found[0] > 0.0:
-        return (0.0, 0.0, 0.0)
-    return (found[7], found[8], found[9])
+    return (found[0], (found[7], found[8], found[9]))
 
 
 @kernel
@@ -281,13 +289,3 @@ def place_span_joints(span: int, m: Motion) -> None:
     """Write the joint positions in the middle of a span once more."""
     for j in range(m.q.shape[0]):
         m.q_node[j] = m.node_q[span, j]
-
-
-@kernel
-def joint_move(n: Vec3, point: Vec3, b: int, axis: Floats, m: Motion) -> float:
-    """How far a body's joint moves a point along n, by its own unit [m]."""
-    direction = (axis[0], axis[1], axis[2])
-    if m.joint_kind[b] == PRISMATIC:
-        return float(dot(n, direction))
-    arm = sub(point, (axis[3], axis[4], axis[5]))
-    return float(dot(n, cross(direction, arm)))
