@@ -13,12 +13,11 @@ from armguard.errors import (
     UnknownNameError,
     did_you_mean,
 )
-from armguard.geometry.bounds import row_bounds
-from armguard.geometry.place import place_row
 from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.compiling import compile_ahead
+from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.cycle import run_cycle
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.levels import Reason
@@ -26,6 +25,7 @@ from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.objects import stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
+from armguard.guard.segment import run_segment
 from armguard.guard.verdict import Names, NearPair, Verdict
 from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, watch_ledger, watch_of
 from armguard.guard.workspace import (
@@ -42,10 +42,8 @@ from armguard.guard.workspace import (
     Workspace,
     ledger_of,
 )
-from armguard.index import BruteForce, Octree, World
-from armguard.kernel import kernel
+from armguard.guard.world_at_home import build_index, world_at_home
 from armguard.motion import motion_ledger, motion_of
-from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import Standing
@@ -329,6 +327,45 @@ class Guard:
         take_out(self.index, self._standing(name))
         self._world_changed()
 
+    def check_path(
+        self, rows: ArrayLike, *, resolution: float = RESOLUTION
+    ) -> PathCheck:
+        """Prove that a path of joint positions keeps every buffer, or find where not.
+
+        Straight lines in joint space between the rows are bounded as a whole and
+        halved where that does not suffice, so nothing can be missed between samples.
+        What is remembered of the loop does not change; objects count as standing
+        where they are.
+
+        Args:
+            rows: Joint positions in the order of `q_names`, shape (k, n) [rad or m].
+            resolution: A line on which no joint moves more is not divided further
+                [rad or m].
+
+        Raises:
+            SceneError: The rows have the wrong shape or are not finite.
+
+        Example:
+            >>> from armguard import Guard, bay_scene
+            >>> guard = Guard(bay_scene())
+            >>> guard.check_path([guard.home, guard.home]).clear
+            True
+        """
+        array = np.atleast_2d(np.array(rows, dtype=np.float64))
+        if array.shape[1:] != self._shape or not np.isfinite(array).all():
+            raise SceneError(
+                f"a path needs rows of {self._shape[0]} finite positions, not an array "
+                f"of shape {array.shape}"
+            )
+        return check_path(array, self._judge_line, self.judge_at_rest, resolution)
+
+    def _judge_line(self, start: Floats, end: Floats) -> Verdict:
+        """Verdict on a straight line of joint positions as a whole."""
+        used = run_segment(
+            np.ascontiguousarray(start), np.ascontiguousarray(end), self._lines
+        )
+        return Verdict(self._out[:used].copy(), self._names, None, 0.0)
+
     def reset(self) -> None:
         """Forget the last cycle, the last stamps, ordered stops and broken figures.
 
@@ -499,50 +536,4 @@ def home_sentence(contacts: Sequence[NearPair]) -> str:
         f"at the home configuration these overlap: {pairs}{more}; give another "
         "`home`, fit the links more closely (fit_target), or allow the pair with a "
         "reason"
-    )
-
-
-def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
-    """The primitives, placed at the home configuration."""
-    world = World(
-        kinds=tables.kinds,
-        rows=tables.local_rows.copy(),
-        boxes=np.zeros((len(tables.kinds), 6)),
-        owners=tables.owners,
-        growth=tables.growth,
-    )
-    forward_kinematics(
-        tables.home,
-        tables.parent,
-        tables.joint_kind,
-        tables.q_index,
-        tables.gain,
-        tables.T_parent_joint,
-        tables.axis,
-        T_world,
-    )
-    place_all(tables.kinds, tables.bodies, tables.local_rows, T_world, world)
-    return world
-
-
-@kernel(inline=False, entry=True)
-def place_all(
-    kinds: Ints, bodies: Ints, local_rows: Floats, T_world: Floats, world: World
-) -> None:
-    """Write the world row and the bounding box of every primitive."""
-    for i in range(kinds.shape[0]):
-        if bodies[i] >= 0:
-            place_row(kinds[i], local_rows[i], T_world[bodies[i]], world.rows[i])
-        row_bounds(kinds[i], world.rows[i], 0.0, world.boxes[i])
-
-
-def build_index(tables: SceneTables, world: World) -> Octree | BruteForce:
-    """The index the scene asks for."""
-    if tables.index.kind == "brute_force":
-        return BruteForce(world)
-    return Octree(
-        world,
-        leaf_capacity=tables.index.leaf_capacity,
-        max_depth=tables.index.max_depth,
-        cube=(tables.cube_centre, tables.cube_edge),
     )

@@ -238,11 +238,15 @@ def prove_pair(
     if spare >= 0.0:
         return (PROVEN, spare)
     proof, by_spans = prove_by_spans(pair.ctypes.data, w.parts[MOTION])
-    if proof == PROVEN or proof == SPENT:
+    if proof == PROVEN:
         return (proof, by_spans)
+    if proof == SPENT:
+        return (proof, spare)
     if w.exact_of[i, 1] == 0 and w.exact_of[j, 1] == 0:
         return (proof, by_spans)
     exact, by_exact = prove_exact(i, j, pair.ctypes.data, lines)
+    if exact == SPENT:
+        return (exact, by_spans)
     if exact == PROVEN or by_exact > by_spans:
         return (exact, by_exact)
     return (proof, by_spans)

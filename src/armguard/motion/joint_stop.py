@@ -38,7 +38,8 @@ V_BACK = 12  # its speed [rad/s]; 0 if the joint does not surely move the other 
 SWING = 13  # what settling may add [rad]
 BOW = 14  # bound on the second derivative of the curve; infinite at a kink [rad/s²]
 MOST = 15  # its greatest deceleration after that [rad/s²]
-JOINT_STOP = 16
+SETTLED = 16  # time until it has settled [s]
+JOINT_STOP = 17
 
 
 @kernel
@@ -52,6 +53,7 @@ def plan_stop(
     least: float,
     most: float,
     settle: float,
+    settle_time: float,
     curve: Floats,
     out: Floats,
 ) -> None:
@@ -67,6 +69,7 @@ def plan_stop(
         least: Least full deceleration [rad/s²].
         most: Greatest deceleration; may be infinite [rad/s²].
         settle: Swing after a stop from top speed [rad].
+        settle_time: Longest time that takes [s].
         curve: Measured stops, times then ways, shape (2 · CURVE_POINTS,), or empty.
         out: Overwritten, shape (JOINT_STOP,).
     """
@@ -85,6 +88,7 @@ def plan_stop(
         out[RAMP_LEFT] = out[SHARE] = 0.0
         out[REST] = reaction - velocity / least + ramp
         out[BOW] = 0.0 if most == inf else out[BACK]
+        out[SETTLED] = out[REST]
         return
     out[X1] = accelerated_way(reaction, out)
     out[V1] = min(out[V0] + acceleration * reaction, out[V_TOP])
@@ -95,7 +99,7 @@ def plan_stop(
     if curve.shape[0] > 0:
         time, way = curve_at(curve, out[V1] / top)
         out[SWING] = 0.0
-        out[REST] = reaction + time
+        out[REST] = out[SETTLED] = reaction + time
         out[TRAVEL] = out[X1] + way
         # At full speed until the way is used up: no stop is later at any place.
         out[LEAST] = inf
@@ -103,6 +107,7 @@ def plan_stop(
         return
     out[REST] = reaction + rest_time(out[V1], out[RAMP_LEFT], out[SHARE], least)
     out[TRAVEL] = out[X1] + braked_way(out[REST] - reaction, out)
+    out[SETTLED] = out[REST] + settle_time
 
 
 @kernel
@@ -124,6 +129,35 @@ def farthest(t: float, stop: Floats) -> float:
     if stop[LEAST] == inf:
         return float(min(stop[X1] + stop[V1] * since, stop[TRAVEL]))
     return float(stop[X1] + braked_way(since, stop))
+
+
+@kernel
+def swing_within(start: float, end: float, stop: Floats) -> float:
+    """What settling may add to the farthest displacement in a span of time [rad].
+
+    A joint that brakes harder rests earlier, and then swings; but it rests so much
+    nearer that its swing stays behind the farthest joint, except at the beginning of
+    a stop and towards its end. A joint at rest by a time has gone no farther than at
+    half its speed until then, half the ramp's time added. The difference to that is a
+    concave function of time, so it is enough to look at both ends.
+
+    Args:
+        start: Start of the span, from the measurement on [s].
+        end: Its end [s].
+        stop: Written by `plan_stop`.
+    """
+    swing = stop[SWING]
+    if start >= stop[SETTLED]:
+        return 0.0
+    if swing == 0.0 or start < stop[REACTION] or end > stop[REST]:
+        return float(swing)
+    for k in range(2):
+        t = start if k == 0 else end
+        since = t - stop[REACTION]
+        nearer = stop[X1] + 0.5 * stop[V1] * (since + stop[RAMP_LEFT])
+        if not farthest(t, stop) >= nearer + swing:
+            return float(swing)
+    return 0.0
 
 
 @kernel

@@ -22,7 +22,7 @@ Longs = NDArray[np.int64]
 
 # The stop path is divided into halves, halves of halves and so on; a node is one of
 # these spans of time, 1 the whole, 2n and 2n + 1 the halves of n.
-NODE_LEVELS = 6
+NODE_LEVELS = 7
 NODES = 1 << NODE_LEVELS
 
 # A stop is planned twice for each robot: as if it went on until the next cycle and were

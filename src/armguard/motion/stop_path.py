@@ -28,13 +28,16 @@ from armguard.motion.joint_stop import (
     BACK,
     BOW,
     JOINT_STOP,
+    LEAST,
     REST,
     SWING,
     TRAVEL,
     V_BACK,
     farthest,
     plan_stop,
+    swing_within,
 )
+from armguard.motion.joint_stop import REACTION as REACTION_TIME
 from armguard.motion.state import (
     AGE,
     BRAKING,
@@ -127,6 +130,7 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
             least,
             most,
             figures[SETTLE],
+            robot[SETTLE_TIME],
             m.curves[j, :points],
             up if side == 0 else down,
         )
@@ -305,24 +309,25 @@ def joint_span(
     start += age
     end += age
     # A swing may add to the way in its own direction.
-    high_0, high_1 = farthest(start, up) + up[SWING], farthest(end, up) + up[SWING]
+    swing_up, swing_down = swing_within(start, end, up), swing_within(start, end, down)
+    high_0, high_1 = farthest(start, up), farthest(end, up)
     low_0, low_1 = -farthest(start, down), -farthest(end, down)
-    low_0 -= down[SWING]
-    low_1 -= down[SWING]
-    first, last = 0.5 * (high_0 + low_0), 0.5 * (high_1 + low_1)
-    off = 0.5 * max(high_0 - low_0, high_1 - low_1)
     # A curve is off its chord by no more than an eighth of its second derivative
     # times the square of the span; and one that only rises by no more than it rises.
     eighth = 0.125 * (end - start) * (end - start)
-    bow_up = min(curve_bow(up) * eighth, abs(high_1 - high_0))
-    bow_down = min(curve_bow(down) * eighth, abs(low_1 - low_0))
-    off += max(bow_up, bow_down) + error_of(j, m)
-    return (0.5 * (first + last), 0.5 * (last - first), off)
+    above = swing_up + min(curve_bow(start, up) * eighth, abs(high_1 - high_0))
+    below = swing_down + min(curve_bow(start, down) * eighth, abs(low_1 - low_0))
+    first = 0.5 * (high_0 + low_0 + above - below)
+    last = 0.5 * (high_1 + low_1 + above - below)
+    off = 0.5 * (max(high_0 - low_0, high_1 - low_1) + above + below)
+    return (0.5 * (first + last), 0.5 * (last - first), off + error_of(j, m))
 
 
 @kernel
-def curve_bow(stop: Floats) -> float:
-    """Bound on the second derivative of one side of a stop [rad/s²]."""
+def curve_bow(start: float, stop: Floats) -> float:
+    """Bound on the second derivative of one side of a stop from a time on [rad/s²]."""
     if stop[V_BACK] > 0.0 and stop[BACK] == inf:
         return 0.0
+    if stop[V_BACK] == 0.0 and start >= stop[REACTION_TIME] and stop[BOW] != inf:
+        return float(stop[LEAST])
     return float(stop[BOW])

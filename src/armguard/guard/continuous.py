@@ -1,0 +1,97 @@
+"""A path of joint positions, checked without a step that anything could slip through."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.verdict import NearPair, Verdict
+
+Floats = NDArray[np.float64]
+
+# A line is not divided further when no joint moves more than this on it [rad or m].
+RESOLUTION = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """The first place of a path at which a buffer is not kept, or not proven.
+
+    Attributes:
+        segment: Which segment of the path, from 0.
+        share: How far along it, in [0, 1]; all before it is proven clear [-].
+        q: Joint positions there, shape (n,) [rad or m].
+        pair: The pair.
+        certain: Whether the pair breaks its buffer there; otherwise it comes so near
+            that within the resolution nobody can tell.
+    """
+
+    segment: int
+    share: float
+    q: Floats
+    pair: NearPair
+    certain: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PathCheck:
+    """What a path came to.
+
+    Attributes:
+        clear: Whether every pair was proven to keep its buffer on all of it.
+        breach: The first place where one does not, None if it is clear.
+        lines: Straight lines that were judged, halves counted.
+    """
+
+    clear: bool
+    breach: Breach | None
+    lines: int
+
+
+def check_path(
+    rows: Sequence[Floats] | Floats,
+    judge_line: Callable[[Floats, Floats], Verdict],
+    judge_point: Callable[[Floats], Verdict],
+    resolution: float = RESOLUTION,
+) -> PathCheck:
+    """Find the first place of a path at which a pair does not keep its buffer.
+
+    Args:
+        rows: Joint positions the path goes through on straight lines, shape (k, n).
+        judge_line: Proves or does not prove that all pairs keep their buffers on a
+            line.
+        judge_point: Measures them at a point.
+        resolution: A line on which no joint moves more than this is not divided.
+    """
+    lines = 0
+    for segment in range(max(len(rows) - 1, 1)):
+        start = np.asarray(rows[segment], dtype=np.float64)
+        end = np.asarray(rows[min(segment + 1, len(rows) - 1)], dtype=np.float64)
+        # Halves that wait, the earliest on top.
+        waiting = [(0.0, 1.0)]
+        while waiting:
+            low, high = waiting.pop()
+            one, other = between(start, end, low), between(start, end, high)
+            verdict = judge_line(one, other)
+            lines += 1
+            broken = [pair for pair in verdict.near if not pair.clearance >= 0.0]
+            if not broken:
+                continue
+            if not float(np.abs(other - one).max()) <= resolution:
+                middle = 0.5 * (low + high)
+                waiting += [(middle, high), (low, middle)]
+                continue
+            worst = min(broken, key=lambda pair: pair.clearance)
+            there = [p for p in judge_point(one).near if not p.clearance >= 0.0]
+            pair = min(there, key=lambda p: p.clearance) if there else worst
+            found = Breach(segment, low, one, pair, certain=bool(there))
+            return PathCheck(False, found, lines)
+    return PathCheck(True, None, lines)
+
+
+def between(start: Floats, end: Floats, share: float) -> Floats:
+    """Joint positions at a share of a straight line; its ends exactly."""
+    if share in (0.0, 1.0):
+        return start if share == 0.0 else end
+    return np.asarray(start + share * (end - start))

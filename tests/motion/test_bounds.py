@@ -1,0 +1,85 @@
+"""Bounds are bounds: no point of a link moves farther than its levers say."""
+
+import numba
+import numpy as np
+import pytest
+
+from armguard import bay_scene
+from armguard.geometry.place import place_row
+from armguard.motion.prepare import motion_of
+from armguard.robot.kinematics import forward_kinematics
+from armguard.scene import Scene
+from armguard.scene.compile import compile_scene
+
+SAMPLES = 20_000
+
+
+@numba.njit
+def capsule_moves(q, dq, tables, kinds, bodies, local, out):
+    """Way of two points of each primitive from q to q + dq, shape (k, m, 2)."""
+    parent = tables[0]
+    T0, T1 = np.zeros((len(parent), 12)), np.zeros((len(parent), 12))
+    a, b = np.zeros(16), np.zeros(16)
+    for s in range(len(q)):
+        for T, x in ((T0, q[s]), (T1, q[s] + dq[s])):
+            forward_kinematics(
+                x, tables[0], tables[1], tables[2], tables[3], tables[4], tables[5], T
+            )
+        for i in range(len(kinds)):
+            place_row(kinds[i], local[i], T0[bodies[i]], a)
+            place_row(kinds[i], local[i], T1[bodies[i]], b)
+            for end in range(2):
+                at = 1 + 3 * end if kinds[i] == 1 else 1
+                total = 0.0
+                for k in range(3):
+                    total += (b[at + k] - a[at + k]) ** 2
+                out[s, i, end] = np.sqrt(total)
+
+
+def moves(scene, seed, largest):
+    """Measured ways and bounds of all moving primitives, each shape (k, m)."""
+    tables = compile_scene(scene)
+    motion = motion_of(tables, 1)
+    rng = np.random.default_rng(seed)
+    low = np.maximum(tables.lower, -np.pi)
+    high = np.minimum(tables.upper, np.pi)
+    m = tables.moving_count
+    count = SAMPLES // 14 * 50
+    q = rng.uniform(low, high, (count, len(low)))
+    dq = rng.uniform(-1, 1, q.shape) * largest * rng.random((count, 1))
+    # Often one joint alone, where a bound is tight.
+    dq[rng.random(q.shape) < 0.5] = 0.0
+    dq = np.clip(q + dq, low, high) - q
+    out = np.zeros((count, m, 2))
+    flat = (
+        tables.parent, tables.joint_kind, tables.q_index, tables.gain,
+        tables.T_parent_joint, tables.axis,
+    )  # fmt: skip
+    capsule_moves(
+        q, dq, flat, tables.kinds[:m], tables.bodies[:m], tables.local_rows[:m], out
+    )
+    step = np.abs(dq[:, tables.q_index] * tables.gain[:, 0])
+    bounds = np.zeros((count, m))
+    for i, body in enumerate(tables.bodies[:m]):
+        chain = motion.joints[body, : motion.length[body]]
+        bounds[:, i] = step[:, chain] @ motion.levers[i, : len(chain)]
+    return out.max(axis=2), bounds
+
+
+@pytest.mark.parametrize("name", ["bay", "panda"])
+def test_displacement_never_exceeds_the_bound(name, capsys):
+    if name == "bay":
+        scene = bay_scene()
+    else:
+        scene = Scene(mode="fixed")
+        scene.add_robot("panda", name="left")
+    measured, bounds = moves(scene, 3, 0.4)
+    assert measured.size >= 500_000
+    assert (measured <= bounds + 1e-12).all()
+    moved = measured > 1e-6
+    loose = bounds[moved] / measured[moved]
+    with capsys.disabled():
+        print(
+            f"\n{name}: {measured.size} displacements, bound / measured: median "
+            f"{np.median(loose):.2f}, 90 % {np.percentile(loose, 90):.2f}"
+        )

@@ -1,0 +1,128 @@
+"""No admissible joint leaves the two curves of its planned stop."""
+
+from math import inf
+
+import numba
+import numpy as np
+import pytest
+
+from armguard.motion.joint_stop import (
+    JOINT_STOP,
+    REST,
+    SWING,
+    TRAVEL,
+    farthest,
+    plan_stop,
+)
+
+NO_CURVE = np.zeros(0)
+
+
+@numba.njit
+def planned(v, top, a, reaction, ramp, least, most, settle, curve, out):
+    plan_stop(v, top, a, reaction, ramp, 0.0, least, most, settle, 0.0, curve, out)
+
+
+@numba.njit
+def curve(times, stop):
+    return np.array([farthest(t, stop) for t in times])
+
+
+def stop_of(velocity, top, a, reaction, ramp, least, most, settle=0.0, table=NO_CURVE):
+    out = np.zeros(JOINT_STOP)
+    planned(velocity, top, a, reaction, ramp, least, most, settle, table, out)
+    return out
+
+
+def plant(rng, v, top, a, effect, ramp, brake, times):
+    """Positions of one joint: an operator at will, then a stop, by small steps."""
+    x = np.zeros(len(times))
+    free = rng.choice([-a, a, 0.0], 20)
+    for k in range(1, len(times)):
+        dt = times[k] - times[k - 1]
+        before = v
+        if times[k - 1] < effect:
+            v = np.clip(v + dt * free[int(20 * times[k - 1] / effect) % 20], -top, top)
+        else:
+            since = times[k] - effect
+            now = brake * min(since / ramp, 1.0) if ramp > 0.0 else brake
+            v = np.sign(v) * max(abs(v) - dt * now, 0.0)
+        x[k] = x[k - 1] + 0.5 * dt * (before + v)
+    return x
+
+
+@pytest.mark.parametrize("most", [1.0, 1.5, inf])
+@pytest.mark.parametrize("ramp", [0.0, 0.03])
+def test_no_admissible_joint_leaves_the_curves(most, ramp):
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        top, a, least = rng.uniform(0.5, 2), rng.uniform(1, 20), rng.uniform(0.5, 10)
+        hardest = most * least
+        reaction = rng.uniform(0.001, 0.06)
+        v = rng.uniform(-top, top)
+        up = stop_of(v, top, a, reaction, ramp, least, hardest)
+        down = stop_of(-v, top, a, reaction, ramp, least, hardest)
+        times = np.linspace(0.0, max(up[REST], down[REST]) + 0.05, 4000)
+        high, low = curve(times, up), -curve(times, down)
+        for _ in range(6):
+            brake = rng.uniform(least, min(hardest, 5 * least))
+            x = plant(
+                rng, v, top, a, rng.uniform(0, reaction), rng.uniform(0, ramp), brake,
+                times,
+            )  # fmt: skip
+            # Small steps are off by their square.
+            slack = 2.0 * (a + brake) * (times[1] - times[0]) ** 2 * len(times) ** 0.5
+            assert (x <= high + slack).all()
+            assert (x >= low - slack).all()
+
+
+def test_the_worst_joint_follows_the_upper_curve():
+    v, top, a, reaction, ramp, least = 0.8, 1.5, 6.0, 0.02, 0.05, 3.0
+    stop = stop_of(v, top, a, reaction, ramp, least, inf)
+    times = np.linspace(0.0, stop[REST], 200_001)
+    x, speed = np.zeros_like(times), v
+    dt = times[1]
+    for k in range(1, len(times)):
+        t = times[k] - 0.5 * dt
+        change = a if t < reaction else -least * min((t - reaction) / ramp, 1.0)
+        after = max(speed + change * dt, 0.0)
+        x[k] = x[k - 1] + 0.5 * dt * (speed + after)
+        speed = after
+    assert np.allclose(x, curve(times, stop), atol=1e-6)
+    assert stop[TRAVEL] == pytest.approx(x[-1], abs=1e-6)
+    assert speed == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_joint_at_top_speed_gains_none():
+    stop = stop_of(1.0, 1.0, 50.0, 0.1, 0.0, 2.0, inf)
+    assert stop[TRAVEL] == pytest.approx(0.1 + 1.0 / 4.0)
+    assert stop[REST] == pytest.approx(0.1 + 0.5)
+
+
+def test_the_swing_is_in_proportion_to_the_speed():
+    slow = stop_of(0.5, 1.0, 0.001, 0.0, 0.0, 2.0, inf, settle=0.01)
+    fast = stop_of(1.0, 1.0, 0.001, 0.0, 0.0, 2.0, inf, settle=0.01)
+    assert fast[SWING] == pytest.approx(0.01)
+    assert slow[SWING] == pytest.approx(0.005)
+
+
+def test_a_joint_that_moves_away_only_gets_back():
+    stop = stop_of(-1.0, 1.0, 2.0, 0.01, 0.0, 2.0, 4.0)
+    assert stop[TRAVEL] == 0.0
+    found = curve(np.array([0.0, 0.1, 1.0]), stop)
+    assert found[0] == 0.0
+    assert (np.diff(found) <= 0.0).all()
+    # At its hardest 4 rad/s² from 1 rad/s.
+    assert found[-1] == pytest.approx(-1.0 / 8.0)
+
+
+def test_a_measured_table_takes_the_place_of_the_formula():
+    from armguard.motion.prepare import curve_row
+    from armguard.robot.stopping import StopTable
+
+    table = StopTable((0.5, 1.0), (0.2, 0.4), (0.05, 0.2))
+    stop = stop_of(1.0, 1.0, 1e-9, 0.01, 0.0, 99.0, inf, 0.0, curve_row(table, 1.0))
+    assert stop[TRAVEL] == pytest.approx(0.01 + 0.2, rel=1e-6)
+    assert stop[REST] >= 0.41
+    half = stop_of(0.5, 1.0, 1e-9, 0.01, 0.0, 99.0, inf, 0.0, curve_row(table, 1.0))
+    assert half[TRAVEL] == pytest.approx(0.005 + 0.05, rel=1e-6)
