@@ -154,7 +154,7 @@ def test_an_arm_that_does_not_stop_at_all_is_to_be_stopped_from_outside(wall_gua
     for _ in range(900):
         verdict = wall_guard.step(q, t, velocity=np.array([1.0, 0, 0]), now=t)
         levels.append(verdict.level)
-        t, q = t + PERIOD, q + [PERIOD, 0, 0]
+        t, q = t + PERIOD, q + np.array([PERIOD, 0, 0])
     assert levels.index(Level.BRAKE) < levels.index(Level.HARDWARE_STOP)
 
 

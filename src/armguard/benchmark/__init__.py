@@ -7,7 +7,7 @@ from armguard.errors import UnknownNameError, did_you_mean
 
 Bench = Callable[[int | None, Callable[[str], None]], dict[str, Any]]
 
-NAMES = ("cycle", "index", "memory", "distance", "scale")
+NAMES = ("cycle", "stop", "index", "memory", "distance", "scale")
 
 
 def run(
@@ -19,7 +19,7 @@ def run(
     """Run a benchmark.
 
     Args:
-        name: cycle, index, memory, distance, scale, or all.
+        name: cycle, stop, index, memory, distance, scale, or all.
         cycles: Cycles to measure; each benchmark has its own default.
         progress: Called with a sentence before each part that takes a while.
 
@@ -34,10 +34,12 @@ def run(
     from armguard.benchmark.index import bench_index
     from armguard.benchmark.memory import bench_memory
     from armguard.benchmark.scale import bench_scale
+    from armguard.benchmark.stop import bench_stop
 
     tell = progress or (lambda sentence: None)
     benches: dict[str, Bench] = {
         "cycle": bench_cycle,
+        "stop": bench_stop,
         "index": bench_index,
         "memory": bench_memory,
         "distance": bench_distance,

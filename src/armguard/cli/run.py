@@ -54,22 +54,35 @@ def run(
     if motion.stamps is None and not motion.ends_only:
         q = densify(q, step)
     guard = Guard(loaded, progress=say)
+    fixed = all(part.mode == "fixed" for part in guard.tables.robots)
     log, times, counts = EventLog(), list[float](), list[Counts]()
     with progress_bar("judging", len(q)) as advance:
         for k, configuration in enumerate(q):
             stamp = None if motion.stamps is None else float(motion.stamps[k])
-            verdict = guard.step(configuration, stamp)
+            # A recorded motion does not obey, so it is judged place by place.
+            verdict = (
+                guard.step(configuration, stamp)
+                if fixed
+                else (guard.judge_at_rest(configuration))
+            )
             log.add(verdict)
             times.append(verdict.cycle_time)
             counts.append(verdict.counts)
             if k % 100 == 99:
                 advance(100)
+    between = None
+    if not motion.ends_only:
+        say("checking the lines between the samples")
+        between = guard.check_path(q)
     answer = {
         "scene": scene.name,
         "trajectory": trajectory.name,
         "notes": list(guard.tables.notes),
         **summary(log, times, counts),
+        "between": None if between is None else between.to_dict(guard.q_names),
     }
+    if between is not None and not between.clear:
+        answer["exit_code"] = max(int(str(answer["exit_code"])), 1)
     if report is not None:
         text = json_format.dumps(jsonable(answer), indent=1)
         report.write_text(text + "\n", encoding="utf-8")
@@ -81,6 +94,8 @@ def run(
         if motion.ends_only:
             say("note: a request has no way between start and goal; both are judged")
         print_summary(answer, log)
+        if between is not None:
+            out.print(between.sentence)
         if report is not None:
             out.print(f"report written to {report}")
     raise typer.Exit(int(str(answer["exit_code"])))

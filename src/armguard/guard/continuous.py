@@ -1,4 +1,4 @@
-"""A path of joint positions, checked without a step that anything could slip through."""
+"""A path of joint positions, checked without gaps that anything could slip through."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -48,6 +48,39 @@ class PathCheck:
     breach: Breach | None
     lines: int
 
+    @property
+    def sentence(self) -> str:
+        """What was found, in words and millimetres."""
+        if self.breach is None:
+            return "between the samples: every pair keeps its buffer, proven"
+        at, pair = self.breach, self.breach.pair
+        what = "breaks its buffer" if at.certain else "is too near to tell"
+        return (
+            f"between the samples: first at {at.segment} + {at.share:.4f} a pair "
+            f"{what}: {pair.distance_sentence}, needs {pair.buffer * 1e3:.0f} mm"
+        )
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, object]:
+        """The same as plain numbers and strings, ready for JSON.
+
+        Args:
+            names: Of the joints.
+        """
+        at = self.breach
+        found: dict[str, object] = {"clear": self.clear, "lines": self.lines}
+        if at is not None:
+            found["breach"] = {
+                "segment": at.segment,
+                "share": at.share,
+                "q": dict(zip(names, at.q.tolist(), strict=True)),
+                "a": at.pair.a,
+                "b": at.pair.b,
+                "distance": at.pair.distance,
+                "buffer": at.pair.buffer,
+                "certain": at.certain,
+            }
+        return found
+
 
 def check_path(
     rows: Sequence[Floats] | Floats,
@@ -75,14 +108,13 @@ def check_path(
             one, other = between(start, end, low), between(start, end, high)
             verdict = judge_line(one, other)
             lines += 1
-            broken = [pair for pair in verdict.near if not pair.clearance >= 0.0]
-            if not broken:
+            worst = verdict.nearest
+            if worst is None or worst.clearance >= 0.0:
                 continue
             if not float(np.abs(other - one).max()) <= resolution:
                 middle = 0.5 * (low + high)
                 waiting += [(middle, high), (low, middle)]
                 continue
-            worst = min(broken, key=lambda pair: pair.clearance)
             there = [p for p in judge_point(one).near if not p.clearance >= 0.0]
             pair = min(there, key=lambda p: p.clearance) if there else worst
             found = Breach(segment, low, one, pair, certain=bool(there))

@@ -472,6 +472,27 @@ class Scene:
         for pair in [p for p in self.pair_buffers if name in p]:
             del self.pair_buffers[pair]
 
+    def set_mode(self, mode: Mode, robot: str | None = None) -> None:
+        """Change how the distance that robots must keep is made.
+
+        Args:
+            mode: The mode.
+            robot: The robot it is for; all, and those still to come, if None.
+
+        Raises:
+            SceneError: There is no such mode.
+            UnknownNameError: There is no such robot.
+        """
+        check_mode("mode", mode)
+        if robot is not None and robot not in self._robots:
+            raise UnknownNameError(
+                f"no robot is named '{robot}'; {did_you_mean(robot, self._robots)}"
+            )
+        if robot is None:
+            self.mode = mode
+        for name in self._robots if robot is None else (robot,):
+            self._robots[name] = replace(self._robots[name], mode=mode)
+
     def set_home(self, name: str, home: Mapping[str, float]) -> None:
         """Give a robot another home configuration.
 

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from armguard.errors import UnknownNameError
 from armguard.scene.file import load_scene
-from armguard.scene.scene import Scene
+from armguard.scene.scene import FLOOR, Scene
+from armguard.scene.settings import Mode
 from armguard.scene.trajectory import Trajectory, load_trajectory
 
 FOLDER = Path(__file__).parent
@@ -18,9 +19,24 @@ def bay_path() -> Path:
     return FOLDER / "bay.yaml"
 
 
-def bay_scene() -> Scene:
-    """Two seven-joint arms, fixtures and handled objects: 35 primitives."""
-    return load_scene(bay_path())
+def bay_scene(mode: Mode = "fixed", *, floor: float = FLOOR) -> Scene:
+    """Two seven-joint arms, fixtures and handled objects: 35 primitives.
+
+    Args:
+        mode: How the distance the arms keep is made; the file's is "fixed", with the
+            paper's 1.2 in.
+        floor: Distance that stays to be kept in the other modes [m].
+
+    Example:
+        >>> from armguard import bay_scene
+        >>> bay_scene().buffer, bay_scene("path").buffer
+        (0.03048, 0.005)
+    """
+    scene = load_scene(bay_path())
+    if mode != "fixed":
+        scene.buffer = floor
+        scene.set_mode(mode)
+    return scene
 
 
 def bay_task(cycles: int) -> Trajectory:
