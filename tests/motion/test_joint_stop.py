@@ -88,8 +88,9 @@ def test_the_worst_joint_follows_the_upper_curve():
         after = max(speed + change * dt, 0.0)
         x[k] = x[k - 1] + 0.5 * dt * (speed + after)
         speed = after
-    assert np.allclose(x, curve(times, stop), atol=1e-6)
-    assert stop[TRAVEL] == pytest.approx(x[-1], abs=1e-6)
+    # Where the ramp begins in the middle of a step these steps are off by as much.
+    assert np.allclose(x, curve(times, stop), atol=5e-6)
+    assert stop[TRAVEL] == pytest.approx(x[-1], abs=5e-6)
     assert speed == pytest.approx(0.0, abs=1e-4)
 
 

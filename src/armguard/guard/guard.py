@@ -58,16 +58,8 @@ Ints = NDArray[np.int32]
 
 FLOAT64 = np.dtype(np.float64)
 
-# What `reset` puts back.
-FORGOTTEN = (
-    "last",
-    "last_stamp",
-    "sample_count",
-    "phase",
-    "rested",
-    "level",
-    "disproved",
-)
+# What `reset` leaves as it is: what the scene says, and where objects were seen.
+KEPT = ("pace", "model", "base", "top_speed", "seen_at", "robot_of", "movers")
 
 
 class Guard:
@@ -105,7 +97,7 @@ class Guard:
         self,
         scene: Scene,
         *,
-        budget: int = 512,
+        budget: int = 1024,
         progress: Callable[[str], None] | None = None,
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
@@ -374,9 +366,10 @@ class Guard:
         """
         self._memory[FORCE] = 1
         self._last_stamp = -np.inf
-        fresh = watch_of(self.tables)
-        for name in FORGOTTEN:
-            getattr(self._watch, name)[:] = getattr(fresh, name)
+        for name, fresh in watch_of(self.tables)._asdict().items():
+            if name not in KEPT:
+                getattr(self._watch, name)[:] = fresh
+        self._motion.v_low[:] = self._motion.v_high[:] = 0.0
 
     def _prepare(self, tables: SceneTables) -> None:
         """Allocate everything the loop will ever need."""
