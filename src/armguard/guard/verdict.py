@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from math import inf
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,12 @@ IN_MILLISECONDS = (
     Reason.STATE_STALE,
     Reason.CYCLE_LATE,
 )
+
+# Reasons that a joint explains which has not stopped as declared.
+LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
+
+# Reasons that are about the whole cycle, not about one robot.
+OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL)
 
 # A model error that rounds to no millimetre is not worth a clause [m].
 TOLD = 5e-4
@@ -318,6 +324,20 @@ class Verdict:
         return None if k < 0 else self._names.joints[k]
 
     @property
+    def subject(self) -> str:
+        """Who a fault is about: a joint, an object or a robot; "" if all, or nobody."""
+        reason = self.reason
+        if self.joint is not None:
+            return self.joint
+        if reason in LAGS and self.disproved:
+            return self.disproved[0]
+        if reason is Reason.OBJECT_UNSEEN:
+            return self._names.bodies[int(self._data[layout.VALUE])]
+        r = int(self._data[layout.ROBOT])
+        known = 0 <= r < len(self._names.robots)
+        return self._names.robots[r] if known and reason not in OF_ALL else ""
+
+    @property
     def counts(self) -> Counts:
         """What the cycle had to do."""
         d = [int(v) for v in self._data[layout.PAIRS_TESTED : layout.PAIRS_APART + 1]]
@@ -353,9 +373,12 @@ class Verdict:
         return self._input_sentence(reason)
 
     def to_dict(self) -> dict[str, object]:
-        """The verdict as plain numbers, lists and strings, ready for JSON."""
+        """The verdict as plain numbers, lists and strings, ready for JSON.
+
+        What is infinite or NaN is None there.
+        """
         counts = self.counts
-        return {
+        answer = {
             "stamp": self.stamp,
             "level": self.level.name,
             "reason": self.reason.name,
@@ -373,6 +396,7 @@ class Verdict:
             "counts": {name: getattr(counts, name) for name in Counts.__slots__},
             "cycle_time": self.cycle_time,
         }
+        return {key: finite(value) for key, value in answer.items()}
 
     def tobytes(self) -> bytes:
         """Level, reason and near pairs as bytes: equal inputs give equal bytes.
@@ -428,9 +452,8 @@ class Verdict:
         return f"{SENTENCES[reason]}: {sentence}"
 
     def _input_sentence(self, reason: Reason) -> str:
-        sentence = SENTENCES[reason]
-        r, value = int(self._data[layout.ROBOT]), float(self._data[layout.VALUE])
-        who = f"'{self._names.robots[r]}': " if 0 <= r < len(self._names.robots) else ""
+        sentence, value = SENTENCES[reason], float(self._data[layout.VALUE])
+        who = f"'{self.subject}': " if self.subject else ""
         if reason in IN_MILLISECONDS:
             return f"{who}{sentence} ({value * 1e3:.1f} ms)"
         return who + sentence
@@ -450,6 +473,15 @@ class Verdict:
             f"joint '{names.joints[k]}' is at {value:.4f}; its limits are "
             f"[{names.lower[k]:.4f}, {names.upper[k]:.4f}]"
         )
+
+
+def finite(value: object) -> object:
+    """A value in which None stands for every number that JSON has no word for."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def pair_dict(pair: NearPair) -> dict[str, object]:
