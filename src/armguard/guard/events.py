@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import ABOUT_PAIRS, Verdict, finite
 
-
 # Reasons of a stop that was ordered in an earlier cycle.
 AFTERWARDS = (Reason.STOPPING, Reason.RESTING)
 
@@ -80,7 +79,8 @@ class EventLog:
         """Take in the next cycle.
 
         Returns:
-            The event this cycle opens or raises to a higher level, None if nothing is new.
+            The event this cycle opens or raises to a higher level, None if nothing is
+            new.
         """
         self._cycle += 1
         level, reason = verdict.level, verdict.reason
