@@ -1,10 +1,10 @@
-"""An arm that turns towards a ball, one joint, for tests of what a verdict says."""
+"""Scenes in which stops are predicted, and an arm that turns towards a ball."""
 
 import numpy as np
 
 from armguard.geometry import Pose, Sphere
 from armguard.guard import Guard
-from armguard.scene import Scene
+from armguard.scene import Scene, bay_scene
 from arms import simple_arm
 
 FIGURES = {
@@ -86,3 +86,22 @@ def gap_of(guard, speed, deficit, age=None):
         else:
             far = gap
     return near
+
+
+def moving_bay(mode="path", period=PERIOD):
+    """The bay with stops predicted from its figures; its floor is the mode's own."""
+    bay = bay_scene()
+    scene = Scene(mode=mode, period=period, index=bay.index)
+    for name, robot in bay.robots.items():
+        scene.add_robot(
+            robot.model,
+            name=name,
+            base=robot.base,
+            home=robot.home,
+            stopping=robot.stopping,
+        )
+    for name, thing in bay.objects.items():
+        scene.add([*thing.shapes, *thing.surfaces], name=name, pose=thing.pose)
+    for pair in bay.allowances:
+        scene.allow(pair.a, pair.b, reason=pair.reason)
+    return scene
