@@ -51,6 +51,10 @@ class UnknownNameError(SceneError, KeyError):
         return str(self.args[0])
 
 
+class SelfTestError(ArmguardError, RuntimeError):
+    """A guard did not answer its own test as it must, and is not armed."""
+
+
 class TrajectoryError(ArmguardError, ValueError):
     """A motion file does not fit the scene's joints."""
 

@@ -1,11 +1,16 @@
 """The commands, as a user runs them: output, files, exit codes."""
 
 import json
+import re
 
 import pytest
 from typer.testing import CliRunner
 
+from approach import ball_guard
 from armguard.cli.app import app, main
+from armguard.cli.console import STYLES, exit_code, jsonable
+from armguard.cli.summary import event_line, print_summary, summary
+from armguard.guard import EventLog, Level
 from armguard.scene.bay import FOLDER, bay_path
 
 BAY = str(bay_path())
@@ -117,6 +122,8 @@ def test_check_tells_how_far_links_go_on_and_who_says_so(tmp_path):
     assert "figures of robot 'left', and where each is from" in words
     assert "figures of robot 'right': as of 'left'" in words
     assert "paper, section 4: 10 to 20 ms" in words
+    assert "PASS self-test: levels: joint 'left/" in words
+    assert "PASS self-test: faults: a NaN, a late cycle" in words
     answer = json.loads(run("check", str(path), "--json").stdout)
     assert sum(f["topic"] == "stopping" for f in answer["findings"]) == 2
     stops = [s for s in answer["stopping"] if s["link"] == "left/link7"]
@@ -129,3 +136,32 @@ def test_check_tells_how_far_links_go_on_and_who_says_so(tmp_path):
     assert sources["velocity"] == "the URDF's speed limits"
     assert sources["brake_delay"].startswith("paper")
     assert len(answer["figures"]) == 34
+
+
+def test_every_level_has_a_style_and_a_place_in_the_exit_code():
+    assert set(STYLES) == set(Level)
+    for level in Level:
+        found = exit_code({**dict.fromkeys(Level, 0), level: 1}, 0)
+        assert found == (1 if level >= Level.STOP else 0)
+
+
+def test_a_summary_tells_every_level_that_was_there(capsys):
+    guard, log = ball_guard(), EventLog()
+    verdicts = []
+    guard.step([-1.0], 0.0, velocity=[0.0])
+    q = -1.0
+    for k in range(1, 2600):
+        q += 0.8 * 1e-3
+        verdicts.append(guard.step([q], k * 1e-3, velocity=[0.8]))
+        log.add(verdicts[-1])
+    answer = summary(
+        log, [v.cycle_time for v in verdicts], [v.counts for v in verdicts]
+    )
+    print_summary(answer, log)
+    told = " ".join(capsys.readouterr().out.split())
+    for word in ("slow", "stop", "brake", "hardware stop"):
+        assert re.search(rf"\d+ {word}\b", told), word
+    assert answer["exit_code"] == 1
+    json.dumps(jsonable(answer), allow_nan=False)
+    assert {e["level"] for e in answer["events"]} >= {"HARDWARE_STOP"}
+    assert all(len(event_line(e)) > 20 for e in log.events)

@@ -26,8 +26,9 @@ from armguard.cli.stopping import (
     stop_table,
     stopping_findings,
 )
-from armguard.errors import ArmguardError, HomeContactError
-from armguard.guard import Guard, Level
+from armguard.errors import ArmguardError, HomeContactError, SelfTestError
+from armguard.guard import Guard, Level, self_test
+from armguard.guard.approach import has_stops
 from armguard.robot.model import FittedLink
 from armguard.scene import compile_scene, load_scene
 from armguard.scene.allowed import allowed_pairs
@@ -233,8 +234,29 @@ def judge_guard(scene: Scene) -> list[Finding]:
             f"{tables.checkable_pairs} pairs to check; the index passes its audit",
         )
     )
+    findings += self_test_findings(guard)
     findings.append(cycle_time(guard))
     return findings
+
+
+def self_test_findings(guard: Guard) -> list[Finding]:
+    """What the guard's test of itself came to; nothing where no stops are predicted."""
+    if not has_stops(guard.tables):
+        return []
+    try:
+        report = self_test(guard)
+    except SelfTestError as error:
+        return [Finding("self-test", "FAIL", str(error), "do not arm this guard")]
+    skipped = "give a home with room around it, and it will be tried"
+    return [
+        Finding(
+            "self-test",
+            "PASS" if line.status == "PASS" else "WARN",
+            line.sentence,
+            "" if line.status == "PASS" else skipped,
+        )
+        for line in report.lines
+    ]
 
 
 def cycle_time(guard: Guard) -> Finding:
@@ -242,7 +264,13 @@ def cycle_time(guard: Guard) -> Finding:
     rng = np.random.default_rng(0)
     q = guard.home + rng.uniform(-JITTER, JITTER, size=(CYCLES, len(guard.home)))
     q = np.clip(q, guard.tables.lower, guard.tables.upper)
-    times = np.array([guard.step(row).cycle_time for row in q])
+    period, still = guard.tables.period, np.zeros_like(guard.home)
+    times = np.array(
+        [
+            guard.step(row, k * period, velocity=still).cycle_time
+            for k, row in enumerate(q)
+        ]
+    )
     median, p99 = float(np.median(times)), float(np.percentile(times, 99))
     return Finding(
         "cycle time",

@@ -23,7 +23,15 @@ TOO_CLOSE = 1
 BAD_INPUT = 2
 
 # Colours that those who do not see red and green apart can tell; the text says it too.
-STYLES = {Level.CLEAR: "blue", Level.CAUTION: "yellow", Level.STOP: "bold magenta"}
+STYLES = {
+    Level.CLEAR: "blue",
+    Level.CAUTION: "yellow",
+    Level.SLOW: "bold yellow",
+    Level.STOP: "bold magenta",
+    Level.RECOVER: "magenta",
+    Level.BRAKE: "bold white on magenta",
+    Level.HARDWARE_STOP: "bold white on red",
+}
 
 out = Console(highlight=False)
 # Progress and remarks, so that standard output holds the answer alone.
@@ -83,4 +91,5 @@ def exit_code(levels: dict[Level, int], faults: int) -> int:
     """Exit code of a run: input that could not be judged outranks closeness."""
     if faults:
         return BAD_INPUT
-    return TOO_CLOSE if levels[Level.STOP] else CLEAR
+    stopped = any(n for level, n in levels.items() if level >= Level.STOP)
+    return TOO_CLOSE if stopped else CLEAR

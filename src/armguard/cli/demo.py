@@ -71,5 +71,5 @@ def status(k: int, total: int, verdict: Verdict) -> Text:
     """The line that follows the motion."""
     level = verdict.level
     return Text(
-        f"cycle {k + 1:5d}/{total}  {level.name:8} {verdict.why}", style=STYLES[level]
+        f"cycle {k + 1:5d}/{total}  {level.name:13} {verdict.why}", style=STYLES[level]
     )

@@ -10,6 +10,9 @@ from armguard.cli.console import STYLES, exit_code, out
 from armguard.guard import Event, EventLog, Level
 from armguard.guard.verdict import Counts
 
+# Levels whose count is told where it is 0 too.
+ALWAYS_TOLD = (Level.CLEAR, Level.CAUTION, Level.STOP)
+
 # Events a table shows; the JSON has them all.
 SHOWN = 40
 
@@ -51,7 +54,7 @@ def event_line(event: Event) -> str:
     """An event as one line."""
     time = "" if event.stamp is None else f" {event.stamp:8.3f} s"
     style = STYLES[event.level]
-    level = f"[{style}]{event.level.name:8}[/{style}]"
+    level = f"[{style}]{event.level.name:13}[/]"
     return f"{level} cycle {event.at:6d}{time}  {event.why}"
 
 
@@ -71,9 +74,13 @@ def print_summary(answer: dict[str, Any], log: EventLog) -> None:
         out.print(table)
         if len(log.events) > SHOWN:
             out.print(f"… and {len(log.events) - SHOWN} more events; --json has all")
-    levels = ", ".join(f"{n} {level.name.lower()}" for level, n in log.levels.items())
+    levels = ", ".join(
+        f"{n} {level.name.lower().replace('_', ' ')}"
+        for level, n in log.levels.items()
+        if n or level in ALWAYS_TOLD
+    )
     out.print(f"{answer['cycles']} cycles: {levels}; {log.faults} faults")
-    if log.levels[Level.STOP] == log.levels[Level.CAUTION] == 0:
+    if log.levels[Level.CLEAR] == answer["cycles"]:
         out.print("nothing came within the margin")
     elif isfinite(answer["least_clearance"]):
         out.print(f"least clearance {answer['least_clearance'] * 1e3:.1f} mm")

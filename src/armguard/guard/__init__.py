@@ -3,17 +3,26 @@
 from armguard.guard.events import Event, EventLog
 from armguard.guard.guard import Guard
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
+from armguard.guard.nuisance import Cause, Nuisance
+from armguard.guard.protective import ProtectiveDistance
+from armguard.guard.self_test import SelfTestLine, SelfTestReport, self_test
 from armguard.guard.verdict import Counts, NearPair, Verdict
 
 __all__ = [
     "SENTENCES",
+    "Cause",
     "Counts",
     "Event",
     "EventLog",
     "Guard",
     "Level",
     "NearPair",
+    "Nuisance",
+    "ProtectiveDistance",
     "Reason",
+    "SelfTestLine",
+    "SelfTestReport",
     "Verdict",
     "level_of",
+    "self_test",
 ]

@@ -1,9 +1,11 @@
 """What a pair must keep, as a sum of named terms."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import floor, isfinite
 
-# Terms smaller than this are not worth a word [m].
-TOLD = 5e-5
+# Tenths of millimetres in a metre.
+TENTHS = 1e4
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +65,37 @@ class Budget:
             ("stopping", self.stopping),
             ("path", self.path),
         ]
-        told = [f"{name} {value * 1e3:.1f}" for name, value in terms if told_at(value)]
+        values = whole_tenths([value for _, value in terms])
+        told = [
+            f"{name} {value:.1f}"
+            for (name, _), value in zip(terms, values, strict=True)
+            if value
+        ]
         parts = " + ".join(told).replace("+ path -", "- path ")
-        return f"needs {self.needed * 1e3:.1f} mm = {parts or '0'}"
+        return f"needs {sum(values):.1f} mm = {parts or '0'}"
 
 
-def told_at(value: float) -> bool:
-    """Whether a term is worth a word."""
-    return abs(value) >= TOLD
+def whole_tenths(terms: Sequence[float]) -> list[float]:
+    """Terms in tenths of millimetres whose sum is the rounded sum of the terms.
+
+    Each is off by less than a tenth: those nearest to the next one are rounded up.
+
+    Args:
+        terms: Lengths [m].
+
+    Returns:
+        Lengths [mm], rounded.
+
+    Example:
+        >>> whole_tenths([0.01004, 0.01004, 0.01004])
+        [10.1, 10.0, 10.0]
+    """
+    if not all(isfinite(term) for term in terms):
+        return [term * 1e3 for term in terms]
+    exact = [term * TENTHS for term in terms]
+    whole = [floor(value) for value in exact]
+    lacking = round(sum(exact)) - sum(whole)
+    order = sorted(range(len(exact)), key=lambda k: whole[k] - exact[k])
+    for k in order[:lacking]:
+        whole[k] += 1
+    return [value / 10.0 for value in whole]

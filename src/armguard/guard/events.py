@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 
 from armguard.guard.levels import Level, Reason
-from armguard.guard.verdict import Verdict
+from armguard.guard.verdict import ABOUT_PAIRS, Verdict, finite
+
+# Reasons of a stop that was ordered in an earlier cycle.
+AFTERWARDS = (Reason.STOPPING, Reason.RESTING)
 
 
 @dataclass(slots=True)
@@ -14,11 +17,12 @@ class Event:
         first: Its first cycle, counted from 0.
         last: Its last cycle.
         level: Highest level in it.
-        reason: Reason of the worst cycle.
-        a: Body A of the deciding pair, or the joint a fault is about, or "".
+        reason: Why it got as far as that level; of a stop, why it was ordered.
+        a: Body A of the deciding pair, or who a fault is about, or "".
         b: Body B, or "".
-        least_clearance: Least clearance in it [m]; NaN for a fault.
-        distance: Signed distance at that cycle [m]; NaN for a fault.
+        least_clearance: Least clearance in it [m]; NaN for a fault, or where the pair
+            is beyond the margin.
+        distance: Signed distance at that cycle [m]; NaN likewise.
         at: The cycle of the least clearance.
         stamp: Its stamp [s], or None.
         why: What the verdict said then.
@@ -38,24 +42,20 @@ class Event:
 
     def to_dict(self) -> dict[str, object]:
         """The event as plain numbers and strings, ready for JSON."""
-        return {
+        answer = {
             "first": self.first,
             "last": self.last,
             "level": self.level.name,
             "reason": self.reason.name,
             "a": self.a,
             "b": self.b,
-            "least_clearance": finite_or_none(self.least_clearance),
-            "distance": finite_or_none(self.distance),
+            "least_clearance": self.least_clearance,
+            "distance": self.distance,
             "at": self.at,
             "stamp": self.stamp,
             "why": self.why,
         }
-
-
-def finite_or_none(value: float) -> float | None:
-    """A number JSON can hold."""
-    return value if value == value else None
+        return {key: finite(value) for key, value in answer.items()}
 
 
 class EventLog:
@@ -79,41 +79,38 @@ class EventLog:
         """Take in the next cycle.
 
         Returns:
-            The event this cycle opens or raises to a stop, None if nothing is new.
+            The event this cycle opens or raises to a higher level, None if nothing is
+            new.
         """
         self._cycle += 1
         level, reason = verdict.level, verdict.reason
         self.levels[level] += 1
         if level is Level.CLEAR:
             return None
+        self.faults += reason >= Reason.NOT_FINITE
         nearest = verdict.nearest
-        if reason in (Reason.NEAR, Reason.TOO_CLOSE) and nearest is not None:
+        a, b = verdict.subject, ""
+        clearance = distance = float("nan")
+        if reason in ABOUT_PAIRS and nearest is not None:
             a, b = nearest.a, nearest.b
             clearance, distance = nearest.clearance, nearest.distance
             self.least_clearance = min(self.least_clearance, clearance)
-        else:
-            self.faults += 1
-            a, b = verdict.joint or "", ""
-            clearance = distance = float("nan")
-        open_event = self.events[-1] if self.events else None
-        if (
-            open_event is not None
-            and open_event.last == self._cycle - 1
-            and (open_event.a, open_event.b) == (a, b)
-            and (open_event.reason >= Reason.NOT_FINITE)
-            == (reason >= Reason.NOT_FINITE)
-        ):
-            raised = level > open_event.level
-            open_event.last = self._cycle
-            open_event.level = max(open_event.level, level)
-            open_event.reason = max(open_event.reason, reason)
-            if clearance < open_event.least_clearance:
-                open_event.least_clearance = clearance
-                open_event.distance = distance
-                open_event.at = self._cycle
-                open_event.stamp = verdict.stamp
-                open_event.why = verdict.why
-            return open_event if raised else None
+        last = self.events[-1] if self.events else None
+        if last is not None and self._goes_on(last, reason, (a, b)):
+            raised = level > last.level
+            if raised and reason not in AFTERWARDS:
+                last.reason = reason
+            last.last = self._cycle
+            last.level = max(last.level, level)
+            # Written so that the first clearance replaces a NaN.
+            nearer = not last.least_clearance <= clearance
+            if (a, b) == (last.a, last.b) and clearance == clearance and nearer:
+                last.least_clearance = clearance
+                last.distance = distance
+                last.at = self._cycle
+                last.stamp = verdict.stamp
+                last.why = verdict.why
+            return last if raised else None
         event = Event(
             first=self._cycle,
             last=self._cycle,
@@ -129,3 +126,15 @@ class EventLog:
         )
         self.events.append(event)
         return event
+
+    def _goes_on(self, event: Event, reason: Reason, sides: tuple[str, str]) -> bool:
+        """Whether this cycle belongs to the last event.
+
+        What an ordered stop takes belongs to what it was ordered for.
+        """
+        if event.last != self._cycle - 1:
+            return False
+        if reason in AFTERWARDS and event.level >= Level.STOP:
+            return True
+        same_kind = (event.reason >= Reason.NOT_FINITE) == (reason >= Reason.NOT_FINITE)
+        return (event.a, event.b) == sides and same_kind

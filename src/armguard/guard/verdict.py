@@ -2,14 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from math import inf
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.budget import Budget
+from armguard.guard.grade import HYSTERESIS
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
+from armguard.guard.nuisance import Delayed, Lack, Nuisance, classify
+from armguard.guard.protective import ProtectiveDistance, protective_distance
+from armguard.guard.watch import RESTING, SLOW_TIME_DEFAULT
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +36,12 @@ IN_MILLISECONDS = (
     Reason.CYCLE_LATE,
 )
 
+# Reasons that a joint explains which has not stopped as declared.
+LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
+
+# Reasons that are about the whole cycle, not about one robot.
+OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL)
+
 # A model error that rounds to no millimetre is not worth a clause [m].
 TOLD = 5e-4
 
@@ -51,6 +62,7 @@ class Names:
         robots: Robots of the scene, if stops are predicted.
         first_row: Where the rows of near pairs start.
         disproved: 1 where a joint has broken a declared figure, shape (n,).
+        tables: The scene, for those who ask what a stop was for.
     """
 
     joints: Sequence[str]
@@ -64,6 +76,7 @@ class Names:
     robots: Sequence[str]
     first_row: int
     disproved: NDArray[np.int64]
+    tables: SceneTables | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,6 +302,45 @@ class Verdict:
         return Budget(*(float(term) for term in terms))
 
     @property
+    def nuisance(self) -> Nuisance | None:
+        """What made this slow or stop, and what would have let it pass; see there."""
+        return classify(self.level, self.reason, self._lack())
+
+    @property
+    def protective_distance(self) -> ProtectiveDistance | None:
+        """What the nearest pair needs in the letters of the standards.
+
+        None if its second side is no person, or no pair is near.
+        """
+        tables, nearest = self._names.tables, self.nearest
+        if tables is None or nearest is None or nearest.b not in tables.people:
+            return None
+        return self.protective_distance_of(nearest)
+
+    def protective_distance_of(self, pair: NearPair) -> ProtectiveDistance | None:
+        """The same of the nearest pair, whatever its second side is.
+
+        Args:
+            pair: `nearest`; of other near pairs the terms are not known.
+
+        Returns:
+            None for another pair, for two links of one robot, and where every mode is
+            "fixed".
+        """
+        k, budget = int(self._data[layout.NEAREST]), self.budget
+        if k < 0 or budget is None or self._names.tables is None:
+            return None
+        nearest = self._pair(k)
+        asked = (pair.primitive_a, pair.primitive_b)
+        if asked != (nearest.primitive_a, nearest.primitive_b):
+            return None
+        a, b = self._robots_of(k)
+        if a == b:
+            return None
+        robots = self._names.robots
+        return protective_distance(robots[a], nearest.b if b < 0 else robots[b], budget)
+
+    @property
     def disproved(self) -> tuple[str, ...]:
         """Joints that have not stopped as declared, so that no proof is worth much."""
         return tuple(
@@ -316,6 +368,20 @@ class Verdict:
         """The joint a fault is about, None if it is about none."""
         k = int(self._data[layout.JOINT])
         return None if k < 0 else self._names.joints[k]
+
+    @property
+    def subject(self) -> str:
+        """Who a fault is about: a joint, an object or a robot; "" if all, or nobody."""
+        reason = self.reason
+        if self.joint is not None:
+            return self.joint
+        if reason in LAGS and self.disproved:
+            return self.disproved[0]
+        if reason is Reason.OBJECT_UNSEEN:
+            return self._names.bodies[int(self._data[layout.VALUE])]
+        r = int(self._data[layout.ROBOT])
+        known = 0 <= r < len(self._names.robots)
+        return self._names.robots[r] if known and reason not in OF_ALL else ""
 
     @property
     def counts(self) -> Counts:
@@ -353,9 +419,12 @@ class Verdict:
         return self._input_sentence(reason)
 
     def to_dict(self) -> dict[str, object]:
-        """The verdict as plain numbers, lists and strings, ready for JSON."""
-        counts = self.counts
-        return {
+        """The verdict as plain numbers, lists and strings, ready for JSON.
+
+        What is infinite or NaN is None there.
+        """
+        counts, nuisance, kept = self.counts, self.nuisance, self.protective_distance
+        answer = {
             "stamp": self.stamp,
             "level": self.level.name,
             "reason": self.reason.name,
@@ -368,11 +437,15 @@ class Verdict:
             "ages": self.ages,
             "causes": {name: cause.name for name, cause in self.causes.items()},
             "disproved": list(self.disproved),
+            "nuisance": nuisance
+            and {**asdict(nuisance), "cause": nuisance.cause.value},
+            "protective_distance": kept and {**asdict(kept), "total": kept.total},
             "near": [pair_dict(pair) for pair in self.near],
             "nearest": None if self.nearest is None else pair_dict(self.nearest),
             "counts": {name: getattr(counts, name) for name in Counts.__slots__},
             "cycle_time": self.cycle_time,
         }
+        return {key: finite(value) for key, value in answer.items()}
 
     def tobytes(self) -> bytes:
         """Level, reason and near pairs as bytes: equal inputs give equal bytes.
@@ -414,6 +487,76 @@ class Verdict:
             model_error=float(errors[i] + errors[j]),
         )
 
+    def _robots_of(self, k: int) -> tuple[int, int]:
+        """Robots of both sides of a near pair, -1 for none."""
+        if self._names.tables is None:
+            return -1, -1
+        known = self._names.tables.robot_of_primitive
+        i, j = self._primitives(k)
+        return int(known[i]), int(known[j]) if j < len(known) else -1
+
+    def _primitives(self, k: int) -> tuple[int, int]:
+        """Primitives of both sides of a near pair."""
+        at = self._names.first_row + k * layout.NEAR_WIDTH
+        return int(self._data[at + layout.FIRST]), int(self._data[at + layout.SECOND])
+
+    def _lack(self) -> Lack | None:
+        """What the pair that decides lacks; None if no near pair lacks anything."""
+        k = int(self._data[layout.NEAREST])
+        if self.reason is Reason.SHORT_TIME:
+            left = [pair.time_left for pair in self.near]
+            k = int(np.argmin(left)) if left else -1
+        if k < 0:
+            return None
+        pair = self._pair(k)
+        deficit = -pair.clearance
+        if self.reason is Reason.SHORT_TIME:
+            deficit = short_by(pair)
+        if not deficit > 0.0:
+            return None
+        return Lack(deficit, self._envelope(k, pair), self._delays(k))
+
+    def _envelope(self, k: int, pair: NearPair) -> float:
+        """How much farther apart a pair's surfaces may be than was judged [m]."""
+        tables = self._names.tables
+        if tables is None or not self._names.robots:
+            return pair.model_error
+        modes = [tables.robots[r].mode for r in self._robots_of(k) if r >= 0]
+        proven = self.reason is not Reason.SHORT_TIME and "speed" not in modes
+        if not proven or not pair.primitive_distance > 0.0:
+            # Primitives were judged, whatever is known of the exact shapes.
+            return pair.distance + pair.model_error - pair.primitive_distance
+        # The proof asks the exact shapes too, where a link has some.
+        names, has_exact = self._names, tables.exact.of_primitive[:, 1] > 0
+        return sum(
+            float((names.exact_errors if has_exact[i] else names.model_errors)[i])
+            for i in self._primitives(k)
+        )
+
+    def _delays(self, k: int) -> tuple[Delayed, ...]:
+        """What delays cost the sides of a pair, if its terms are known."""
+        tables, budget = self._names.tables, self.budget
+        if tables is None or budget is None or k != int(self._data[layout.NEAREST]):
+            return ()
+        delays = []
+        ways = (budget.reaction_a, budget.reaction_b)
+        for r, way in zip(self._robots_of(k), ways, strict=True):
+            figures = None if r < 0 else tables.robots[r].stopping
+            if figures is None:
+                continue
+            age = self._robot(r, layout.ROBOT_AGE)
+            resting = self._robot(r, layout.ROBOT_PHASE) == RESTING
+            cycles = (2.0 if resting else 1.0) * (tables.period + tables.late)
+            delays.append(
+                Delayed(
+                    robot=tables.robots[r].name,
+                    way=way,
+                    time=age + figures.command + cycles,
+                    excess=max(age - figures.sensing, 0.0),
+                )
+            )
+        return tuple(delays)
+
     def _robot(self, r: int, place: int) -> float:
         at = layout.HEADER + r * layout.ROBOT_WIDTH + place
         return float(self._data[at])
@@ -428,9 +571,8 @@ class Verdict:
         return f"{SENTENCES[reason]}: {sentence}"
 
     def _input_sentence(self, reason: Reason) -> str:
-        sentence = SENTENCES[reason]
-        r, value = int(self._data[layout.ROBOT]), float(self._data[layout.VALUE])
-        who = f"'{self._names.robots[r]}': " if 0 <= r < len(self._names.robots) else ""
+        sentence, value = SENTENCES[reason], float(self._data[layout.VALUE])
+        who = f"'{self.subject}': " if self.subject else ""
         if reason in IN_MILLISECONDS:
             return f"{who}{sentence} ({value * 1e3:.1f} ms)"
         return who + sentence
@@ -450,6 +592,25 @@ class Verdict:
             f"joint '{names.joints[k]}' is at {value:.4f}; its limits are "
             f"[{names.lower[k]:.4f}, {names.upper[k]:.4f}]"
         )
+
+
+def short_by(pair: NearPair) -> float:
+    """Length a pair lacks for its time not to be short [m]."""
+    if not 0.0 < pair.time_left < SLOW_TIME_DEFAULT * HYSTERESIS:
+        return -pair.clearance
+    limit = SLOW_TIME_DEFAULT
+    if pair.time_left >= limit:
+        limit *= HYSTERESIS
+    return pair.clearance * (limit / pair.time_left - 1.0)
+
+
+def finite(value: object) -> object:
+    """A value in which None stands for every number that JSON has no word for."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def pair_dict(pair: NearPair) -> dict[str, object]:

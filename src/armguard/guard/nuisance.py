@@ -1,0 +1,182 @@
+"""Why an arm was slowed or stopped, seen from what would have let it pass.
+
+What is slowed or stopped lacks a length: the *deficit*. Each cause is a length too, and
+has made the stop if it is at least the deficit. Several may; the first of this order
+is told, since what comes first is mended with less:
+
+1. `FIGURES`: a stop or a brake was not what was declared.
+2. `DATA`: the input could not be believed. A measurement older than its limit is
+   `STALE`.
+3. `LIMITS`: the guard's own budget or tables were used up.
+4. `STALE`: the way made in the part of the ages that is beyond the declared delay of
+   measurements.
+5. `ENVELOPE`: how far what was measured may reach beyond the real surfaces; where
+   primitives were judged and the exact shapes are known, as far as these are apart.
+6. `LATENCY`: the way made until a stop takes effect, all of it.
+7. `TRUE_NEED`: none of these.
+
+A way grows at least in proportion to its time, so that the share of a time is at most
+the share of the way: "fresher by 3 ms would do" is not said too early.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from armguard.guard.levels import Level, Reason
+
+
+class Cause(Enum):
+    """What has made a slow or a stop."""
+
+    TRUE_NEED = "true need"
+    ENVELOPE = "envelope"
+    LATENCY = "latency"
+    STALE = "stale"
+    DATA = "data"
+    FIGURES = "figures"
+    LIMITS = "limits"
+
+
+# Reasons that speak of the guard's own limits.
+LIMITING = (Reason.BUDGET_SPENT, Reason.CAPACITY)
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisance:
+    """A slow or a stop, classified.
+
+    Attributes:
+        cause: What made it.
+        deficit: What it lacked [m]; None where no pair tells.
+        remedy: What would have let it pass.
+    """
+
+    cause: Cause
+    deficit: float | None
+    remedy: str
+
+    @property
+    def sentence(self) -> str:
+        """Cause, deficit and remedy in words."""
+        lacks = "" if self.deficit is None else f", lacks {self.deficit * 1e3:.1f} mm"
+        return f"{self.cause.value}{lacks}: {self.remedy}"
+
+
+@dataclass(frozen=True, slots=True)
+class Delayed:
+    """What the time before a stop takes effect costs one side of a pair.
+
+    Attributes:
+        robot: Its robot.
+        way: Way it may make in that time [m].
+        time: That time, from the measurement on [s].
+        excess: The part of it that is age beyond the declared delay [s].
+    """
+
+    robot: str
+    way: float
+    time: float
+    excess: float
+
+    @property
+    def stale_way(self) -> float:
+        """The least of the way that is made in the excess [m]."""
+        return self.way * self.excess / self.time if self.time > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Lack:
+    """What the pair that decides lacks, and what each cause has to do with it.
+
+    Attributes:
+        deficit: Length it lacks [m].
+        envelope: How much farther apart the real surfaces may be than was judged [m].
+        delays: What delays cost its sides; empty where nobody knows.
+    """
+
+    deficit: float
+    envelope: float
+    delays: Sequence[Delayed]
+
+
+def classify(level: Level, reason: Reason, lack: Lack | None) -> Nuisance | None:
+    """Tell what has made a verdict's slow or stop.
+
+    Args:
+        level: Level of the verdict.
+        reason: Its reason.
+        lack: What the deciding pair lacks; None if no near pair lacks anything.
+
+    Returns:
+        The first cause of the order above. None where nothing slows or stops, and in
+        the later cycles of a stop, if nothing lacks in them any more.
+    """
+    if level < Level.SLOW:
+        return None
+    deficit = None if lack is None else lack.deficit
+    if level >= Level.BRAKE:
+        return Nuisance(
+            Cause.FIGURES, deficit, "declare figures that the arm keeps when it stops"
+        )
+    if reason is Reason.STATE_STALE:
+        return Nuisance(Cause.STALE, None, "data within its greatest age would do")
+    if reason in LIMITING:
+        return Nuisance(
+            Cause.LIMITS, deficit, "a larger budget of the guard may let it pass"
+        )
+    if reason >= Reason.NOT_FINITE:
+        return Nuisance(Cause.DATA, None, "input that can be believed would do")
+    if lack is None:
+        return untold(reason)
+    return by_length(lack)
+
+
+def untold(reason: Reason) -> Nuisance | None:
+    """The answer where no near pair tells what lacks."""
+    if reason in (Reason.STOPPING, Reason.RESTING):
+        return None
+    return Nuisance(
+        Cause.TRUE_NEED, None, "the pair is beyond the margin; a larger one tells it"
+    )
+
+
+def by_length(lack: Lack) -> Nuisance:
+    """The first cause that is as long as the deficit."""
+    deficit, delays = lack.deficit, lack.delays
+    stale = sum(side.stale_way for side in delays)
+    if deficit <= stale:
+        late = [side for side in delays if side.stale_way > 0.0]
+        longest = max(late, key=lambda side: side.excess)
+        whose = f" of '{longest.robot}'" if len(late) == 1 else ""
+        time = deficit / stale * longest.excess
+        return Nuisance(
+            Cause.STALE,
+            deficit,
+            f"data{whose} fresher by {milliseconds(time)} would do",
+        )
+    if deficit <= lack.envelope:
+        return Nuisance(
+            Cause.ENVELOPE,
+            deficit,
+            f"the real surfaces may be {lack.envelope * 1e3:.1f} mm farther apart than "
+            f"what was measured; a fit closer by {deficit * 1e3:.1f} mm would do",
+        )
+    reaction = sum(side.way for side in delays)
+    if deficit <= reaction:
+        time = deficit / reaction * max(side.time for side in delays)
+        return Nuisance(
+            Cause.LATENCY,
+            deficit,
+            f"a reaction faster by {milliseconds(time)} would do",
+        )
+    return Nuisance(
+        Cause.TRUE_NEED,
+        deficit,
+        f"{deficit * 1e3:.1f} mm more distance, or less speed, would do",
+    )
+
+
+def milliseconds(time: float) -> str:
+    """A time in words, never rounded down [s]."""
+    return f"{time * 1e3 + 0.05:.1f} ms"

@@ -1,0 +1,213 @@
+"""A guard's test of itself: a synthetic approach must walk through every level.
+
+Consecutive samples of a robot that is not there are fed to the guard, as its operator's
+loop would. Nothing of it is left in the guard.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
+
+from armguard.errors import SelfTestError
+from armguard.guard.approach import Approach, find_approaches, has_stops
+from armguard.guard.levels import Level, Reason
+from armguard.guard.verdict import Verdict
+from armguard.guard.walk import LATE_CYCLES, Walk
+from armguard.guard.watch import SLOW_TIME_DEFAULT
+
+if TYPE_CHECKING:
+    from armguard.guard.guard import Guard
+
+# Ways that are tried until one has room to get up to speed before it must stop.
+TRIES = 6
+
+# In a loop slower than this share of the time in which a robot is slowed, no cycle need
+# fall into that time [-].
+CYCLES_OF_SLOW = 4.0
+
+# A point of time at which objects that move are thought to be seen in all the test [s].
+SEEN = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class SelfTestLine:
+    """One part of the test.
+
+    Attributes:
+        status: "PASS", or "SKIP" where the scene has nothing to try it on.
+        sentence: What was seen, or why nothing was.
+    """
+
+    status: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class SelfTestReport:
+    """What a guard's test of itself came to; one that fails is an error.
+
+    Attributes:
+        lines: Its parts.
+    """
+
+    lines: tuple[SelfTestLine, ...]
+
+
+def self_test(guard: "Guard") -> SelfTestReport:
+    """Lead a synthetic robot through every level, then give wrong inputs.
+
+    Levels must rise in order to a stop that ends before contact; standstill must be
+    noticed; a robot that does not slow down must be answered by a brake, and then by a
+    stop from outside; NaN, a late cycle and a stamp that goes back must stop in the
+    same cycle. The guard is left as it was.
+
+    Args:
+        guard: What is to be armed.
+
+    Raises:
+        SelfTestError: It does not answer as it must.
+    """
+    if not has_stops(guard.tables):
+        return SelfTestReport((SelfTestLine("SKIP", "no stops are predicted"),))
+    watch = guard._watch
+    before = {name: array.copy() for name, array in watch._asdict().items()}
+    if len(watch.seen_at):
+        watch.seen_at[watch.movers] = SEEN
+    try:
+        lines = (*approach_lines(guard), fault_line(guard))
+    finally:
+        guard.reset()
+        for name, array in before.items():
+            getattr(watch, name)[:] = array
+    return SelfTestReport(lines)
+
+
+def approach_lines(guard: "Guard") -> Iterator[SelfTestLine]:
+    """Approach something, first as a robot that obeys, then as one that does not."""
+    for k, approach in enumerate(find_approaches(guard)):
+        if k == TRIES:
+            break
+        walk = Walk(guard, approach)
+        if not walked_up_to(walk):
+            continue
+        yield obeyed(guard, approach, walk)
+        yield ran_away(guard, approach)
+        return
+    why = "no pair can be approached from home with room for every level"
+    yield SelfTestLine("SKIP", f"levels: {why}")
+    yield SelfTestLine("SKIP", f"supervision: {why}")
+
+
+def walked_up_to(walk: Walk) -> bool:
+    """Walk until a stop is ordered.
+
+    Returns:
+        Whether that was an approach: let go at its start, up to speed before the end.
+
+    Raises:
+        SelfTestError: No stop was ordered before contact.
+    """
+    for verdict in walk.forward():
+        if walk.level >= Level.STOP:
+            return walk.is_up_to_speed and walk.levels[0] < Level.SLOW
+        if touches(verdict):
+            raise SelfTestError(
+                f"self-test: {walk.words} met something without a stop: {verdict.why}"
+            )
+    raise SelfTestError(f"self-test: {walk.words} came too near, and no stop was given")
+
+
+def obeyed(guard: "Guard", approach: Approach, walk: Walk) -> SelfTestLine:
+    """Let the robot of a walk stop as declared.
+
+    Raises:
+        SelfTestError: A level was left out, it touched, lagged, or is not at rest.
+    """
+    levels = list(walk.levels)
+    slows = guard.tables.period * CYCLES_OF_SLOW < SLOW_TIME_DEFAULT
+    if slows and Level.SLOW not in levels:
+        raise SelfTestError(
+            f"self-test: {walk.words} went through {named(levels)}; it must be slowed "
+            "before it is stopped"
+        )
+    verdict = None
+    for verdict in walk.stop():
+        if touches(verdict):
+            raise SelfTestError(
+                f"self-test: {walk.words} was stopped too late: {verdict.why}"
+            )
+        if walk.level >= Level.BRAKE:
+            raise SelfTestError(
+                f"self-test: {walk.words} stopped as declared, and was answered by "
+                f"{walk.level.name}: {verdict.why}"
+            )
+        if walk.level is not Level.STOP:
+            break
+    if verdict is None or walk.level is Level.STOP:
+        raise SelfTestError(f"self-test: {walk.words} rests, and that was not noticed")
+    return SelfTestLine("PASS", f"levels: {walk.words}: {named(walk.levels)}")
+
+
+def ran_away(guard: "Guard", approach: Approach) -> SelfTestLine:
+    """Let a robot go on as if nothing had been ordered.
+
+    Raises:
+        SelfTestError: The guard did not call for more.
+    """
+    if not approach.shows_lag:
+        return SelfTestLine(
+            "SKIP", "supervision: the robot may settle as fast as it can be led"
+        )
+    walk = Walk(guard, approach)
+    for _ in walk.run_away():
+        if walk.level >= Level.HARDWARE_STOP:
+            break
+    if Level.BRAKE not in walk.levels or Level.HARDWARE_STOP not in walk.levels:
+        raise SelfTestError(
+            f"self-test: {walk.words} did not slow down after a stop, and was answered "
+            f"by {named(walk.levels)}; BRAKE and HARDWARE_STOP must follow"
+        )
+    return SelfTestLine(
+        "PASS", f"supervision: {walk.words}, going on: {named(walk.levels)}"
+    )
+
+
+def fault_line(guard: "Guard") -> SelfTestLine:
+    """Give wrong inputs after two good cycles.
+
+    Raises:
+        SelfTestError: One did not stop in the same cycle, with its own reason.
+    """
+    tables, home = guard.tables, guard.home
+    broken = home.copy()
+    broken[0] = nan
+    late = LATE_CYCLES * tables.period + 2.0 * tables.late
+    faults = (
+        ("a NaN", broken, 2.0 * tables.period, Reason.NOT_FINITE),
+        ("a late cycle", home, tables.period + late, Reason.CYCLE_LATE),
+        ("a stamp that goes back", home, 0.0, Reason.TIME_BACKWARDS),
+    )
+    still = home * 0.0
+    for name, q, stamp, reason in faults:
+        guard.reset()
+        for k in range(2):
+            guard.step(home, k * tables.period, velocity=still)
+        verdict = guard.step(q, stamp, velocity=still)
+        if verdict.level < Level.STOP or verdict.reason is not reason:
+            raise SelfTestError(
+                f"self-test: {name} was answered by {verdict.level.name}, "
+                f"{verdict.reason.name}; it must be a stop for {reason.name}"
+            )
+    return SelfTestLine("PASS", f"faults: {', '.join(f[0] for f in faults)}: STOP")
+
+
+def touches(verdict: Verdict) -> bool:
+    """Whether the nearest pair touches."""
+    nearest = verdict.nearest
+    return nearest is not None and not nearest.distance > 0.0
+
+
+def named(levels: list[Level]) -> str:
+    """Levels in words."""
+    return ", ".join(level.name for level in levels)

@@ -1,0 +1,151 @@
+"""A robot that is not there: consecutive samples of one joint's approach."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armguard.guard.approach import RISE, Approach
+from armguard.guard.levels import Level
+from armguard.guard.stops import REST_CYCLES
+from armguard.guard.verdict import Verdict
+from armguard.robot.stopping.distance import brake_way, stop_travel
+
+if TYPE_CHECKING:
+    from armguard.guard.guard import Guard
+
+# Time allowed beyond what the figures say [s], and how many times that itself [-].
+GRACE = 0.1
+PATIENCE = 3.0
+
+# A cycle that comes late comes after so many periods [-].
+LATE_CYCLES = 3.0
+
+# Cycles more than a robot must be at rest for.
+MORE_CYCLES = 10
+
+
+class Walk:
+    """One joint's walk, and what the guard says to it.
+
+    Args:
+        guard: Reset here.
+        approach: What is walked.
+
+    Attributes:
+        levels: Levels of the joint's robot so far, each where it changes.
+        level: The last of them.
+        speed: Speed of the last sample [rad/s or m/s].
+    """
+
+    def __init__(self, guard: "Guard", approach: Approach) -> None:
+        guard.reset()
+        self.levels: list[Level] = []
+        self.level = Level.CLEAR
+        self.speed = 0.0
+        self._guard = guard
+        self._approach = approach
+        self._q = guard.home
+        self._q[approach.joint] = approach.start
+        self._v = np.zeros_like(self._q)
+        self._time = 0.0
+        self._period = guard.tables.period
+        hardest = float(approach.figures.acceleration[approach.place])
+        self._gain = min(approach.speed / RISE, hardest) * self._period
+
+    @property
+    def words(self) -> str:
+        """Who walks how fast."""
+        a = self._approach
+        name = self._guard.q_names[a.joint]
+        return f"joint '{name}' at {a.direction * a.speed:.2f} a second"
+
+    @property
+    def is_up_to_speed(self) -> bool:
+        """Whether the joint has its speed."""
+        return self.speed == self._approach.speed
+
+    def forward(self) -> Iterator[Verdict]:
+        """Speed up and go on, for longer than any way takes."""
+        a = self._approach
+        place = a.place
+        tables = self._guard.tables
+        stop = stop_travel(a.figures, place, a.speed, tables.period, tables.late)
+        time = PATIENCE * (stop.travel / a.speed + GRACE + RISE)
+        yield self._look()
+        for _ in range(int(time / self._period) + MORE_CYCLES):
+            yield self._move(min(self.speed + self._gain, a.speed))
+
+    def stop(self) -> Iterator[Verdict]:
+        """Stop as declared, from the order in the last cycle on; then stand."""
+        a, begin, top = self._approach, self._time, self.speed
+        rest = self._rest_time(top)
+        time = a.figures.command + rest
+        cycles = int(PATIENCE * (time + a.figures.sensing + GRACE) / self._period)
+        for _ in range(cycles + REST_CYCLES + MORE_CYCLES):
+            since = self._time + self._period - begin - a.figures.command
+            yield self._move(self._left(top, since, rest))
+
+    def run_away(self) -> Iterator[Verdict]:
+        """Speed up, come late once, and go on as if nothing had been ordered."""
+        a = self._approach
+        figures, tables = a.figures, self._guard.tables
+        self._q[a.joint] = a.far
+        yield self._look()
+        while not self.is_up_to_speed:
+            yield self._move(min(self.speed + self._gain, a.speed))
+        late = LATE_CYCLES * tables.period + 2.0 * tables.late
+        yield self._move(a.speed, late)
+        stop = stop_travel(figures, a.place, a.speed, tables.period, tables.late)
+        brake = a.speed / float(figures.brake_deceleration[a.place])
+        time = stop.time + figures.brake_delay + brake + GRACE
+        waited = False
+        for _ in range(int(PATIENCE * time / self._period) + MORE_CYCLES):
+            if self.level is Level.BRAKE and not waited:
+                # No cycle before a brake can hold says anything of it.
+                waited = True
+                yield self._move(a.speed, max(figures.brake_delay, self._period))
+            else:
+                yield self._move(a.speed)
+
+    def _rest_time(self, speed: float) -> float:
+        """Time from where a stop takes effect to rest [s]."""
+        figures, place = self._approach.figures, self._approach.place
+        table = figures.table_of(place)
+        if table is not None:
+            time, way = table.at(speed)
+            return min(time, 2.0 * way / speed)
+        _, time = brake_way(speed, float(figures.deceleration[place]), figures.ramp)
+        return time
+
+    def _left(self, speed: float, since: float, rest: float) -> float:
+        """Speed that is left some time after a stop took effect."""
+        figures, place = self._approach.figures, self._approach.place
+        if since <= 0.0:
+            return speed
+        if figures.table_of(place) is not None:
+            return max(speed * (1.0 - since / rest), 0.0)
+        full, ramp = float(figures.deceleration[place]), figures.ramp
+        rising = min(since, ramp)
+        lost = full * (since - rising)
+        if rising > 0.0:
+            lost += 0.5 * full * rising * rising / ramp
+        return max(speed - lost, 0.0)
+
+    def _move(self, speed: float, time: float | None = None) -> Verdict:
+        """Go on for a cycle, or another time, and end it with a speed."""
+        a = self._approach
+        passed = self._period if time is None else time
+        self._q[a.joint] += a.direction * 0.5 * (self.speed + speed) * passed
+        self.speed = speed
+        self._v[a.joint] = a.direction * speed
+        self._time += passed
+        return self._look()
+
+    def _look(self) -> Verdict:
+        """What the guard says now."""
+        verdict = self._guard.step(self._q, self._time, velocity=self._v)
+        self.level = verdict.levels[self._approach.robot.name]
+        if not self.levels or self.levels[-1] is not self.level:
+            self.levels.append(self.level)
+        return verdict
