@@ -9,6 +9,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from armguard.cli.claims import (
+    claim_findings,
+    claim_table,
+    prove_claims,
+    show_claims,
+)
 from armguard.cli.console import (
     BAD_INPUT,
     CLEAR,
@@ -29,6 +35,7 @@ from armguard.cli.stopping import (
 from armguard.errors import ArmguardError, HomeContactError, SelfTestError
 from armguard.guard import Guard, Level, self_test
 from armguard.guard.approach import has_stops
+from armguard.prove import RowAudit
 from armguard.robot.model import FittedLink
 from armguard.scene import compile_scene, load_scene
 from armguard.scene.allowed import allowed_pairs
@@ -58,6 +65,16 @@ def check(
             "review, nothing is applied.",
         ),
     ] = 0,
+    prove: Annotated[
+        bool,
+        typer.Option(
+            help="Prove over the whole joint box what the SRDF and the scene claim of "
+            "pairs of a robot's links.",
+        ),
+    ] = False,
+    prove_seconds: Annotated[
+        float, typer.Option(min=0.0, help="Time for all proofs together [s].")
+    ] = 60.0,
     json: bool = JsonOption,
 ) -> None:
     """Check a scene. Exit code 0 sound, 1 too close at home, 2 cannot be guarded."""
@@ -65,15 +82,19 @@ def check(
     findings = [versions()]
     proposals: list[str] = []
     fits: list[dict[str, object]] = []
+    audits: list[RowAudit] = []
     try:
         loaded = load_scene(scene, robot=robot, progress=say_progress)
     except ArmguardError as error:
         findings.append(Finding("scene", "FAIL", str(error), "mend the file"))
     else:
         fits = fit_table(loaded)
-        findings += describe(loaded, fits)
+        findings += describe(loaded, fits, prove)
         findings += stopping_findings(loaded)
         findings += judge_guard(loaded)
+        if prove:
+            audits = prove_claims(loaded, prove_seconds)
+            findings += claim_findings(audits)
         if propose:
             found = propose_allowed(compile_scene(loaded), samples=propose)
             proposals = [p.yaml for p in found]
@@ -91,10 +112,12 @@ def check(
                 "stopping": [] if loaded is None else stop_table(loaded),
                 "figures": [] if loaded is None else figure_table(loaded),
                 "proposals": proposals,
+                "claims": claim_table(audits) if prove else None,
             }
         )
     else:
         show(findings, fits, loaded, proposals, propose)
+        show_claims(audits)
     raise typer.Exit(code)
 
 
@@ -148,7 +171,7 @@ def exact_stage(name: str, fits: Iterable[FittedLink]) -> Finding:
     )
 
 
-def describe(scene: Scene, fits: list[dict[str, object]]) -> list[Finding]:
+def describe(scene: Scene, fits: list[dict[str, object]], prove: bool) -> list[Finding]:
     """What the scene says: joints, names, geometry, fits, allowed pairs."""
     findings = []
     for name, robot in scene.robots.items():
@@ -196,10 +219,12 @@ def describe(scene: Scene, fits: list[dict[str, object]]) -> list[Finding]:
     findings.append(
         Finding(
             "allowed pairs",
-            "WARN" if claimed else "PASS",
+            "WARN" if claimed and not prove else "PASS",
             f"{count['rigid']} rigid, {count['adjacent']} adjacent, "
             f"{count['srdf']} claimed by SRDF, {count['scene']} allowed by the scene",
-            "claims are taken as they are; read them" if claimed else "",
+            f"{claimed} claims are unproven, taken as claims; prove them with --prove"
+            if claimed and not prove
+            else "",
         )
     )
     return findings
