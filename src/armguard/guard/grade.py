@@ -24,6 +24,7 @@ from armguard.guard.proofs import LOOK_AHEAD
 from armguard.guard.watch import (
     BRAKING,
     FORCED,
+    HYSTERESIS,
     LOST,
     RESTING,
     SLOW_TIME,
@@ -54,9 +55,6 @@ AT_REST = int(Reason.RESTING)
 STOP_LAGS = int(Reason.STOP_LAGS)
 BRAKE_LAGS = int(Reason.BRAKE_LAGS)
 
-# A slowed robot is called slow until its time left is this much longer [-].
-HYSTERESIS = 1.25
-
 
 @kernel
 def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
@@ -82,7 +80,7 @@ def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
             worst, which = level, r
     out[SLACK_TIME] = min(least, LOOK_AHEAD * slow_time)
     out[REASON] = common_reason(worst, w, v)
-    if worst >= STOP:
+    if worst >= STOP and out[ROBOT] < 0.0:
         out[ROBOT] = which
 
 

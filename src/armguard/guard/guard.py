@@ -300,13 +300,13 @@ class Guard:
         """
         thing = self._standing(name)
         T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
-        seen = self._watch.seen_at
-        if len(seen) and self._watch.top_speed[thing.first] > 0.0:
+        speeds = self._watch.top_speed
+        if len(speeds) and speeds[thing.first] > 0.0:
             if stamp is None or not isfinite(stamp):
                 raise SceneError(
                     f"object '{name}' moves: say when it was seen, not {stamp}"
                 )
-            seen[thing.first : thing.first + thing.count] = stamp
+            self._seen(thing, stamp)
         stand_at(self.index, thing, T)
         self._world_changed()
 
@@ -316,7 +316,9 @@ class Guard:
         Raises:
             UnknownNameError: There is no such object.
         """
-        take_out(self.index, self._standing(name))
+        thing = self._standing(name)
+        take_out(self.index, thing)
+        self._seen(thing, np.inf)
         self._world_changed()
 
     def check_path(
@@ -391,6 +393,9 @@ class Guard:
         self._nowhere = np.full(self._shape, np.nan)
         self._robot_places = {part.name: r for r, part in enumerate(tables.robots)}
         self._watch = watch_of(tables)
+        for thing in tables.standing.values():
+            if not thing.present:
+                self._seen(thing, np.inf)
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
         settings[FIRST_ROW] = first_row
         self._guarded = guarded
@@ -455,6 +460,11 @@ class Guard:
             first_row=first_row,
             disproved=self._watch.disproved,
         )
+
+    def _seen(self, thing: Standing, stamp: float) -> None:
+        """Note when an object was seen; infinite for one that is not there."""
+        if len(self._watch.seen_at):
+            self._watch.seen_at[thing.first : thing.first + thing.count] = stamp
 
     def _standing(self, name: str) -> Standing:
         """The object of that name that is attached to nothing."""

@@ -15,7 +15,7 @@ from armguard.guard.cycle import (
 )
 from armguard.guard.explain import explain_nearest
 from armguard.guard.grade import grade_robots
-from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, SPANS_TESTED
+from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, ROBOT, SPANS_TESTED
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import judge_motions
@@ -114,7 +114,7 @@ def refuse(lines: int) -> None:
     """Stop everything for an input that cannot be believed."""
     w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    reason = w.out[REASON]
+    reason, robot = w.out[REASON], w.out[ROBOT]
     stop_everything(int(reason), v, m)
     grade_robots(w, v, m)
-    w.out[REASON] = reason
+    w.out[REASON], w.out[ROBOT] = reason, robot

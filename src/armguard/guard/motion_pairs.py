@@ -11,6 +11,7 @@ from armguard.guard.layout import (
     PAIRS_FILTERED,
     PAIRS_TESTED,
     REASON,
+    TIME_LEFT,
     WITNESS,
 )
 from armguard.guard.memory import CYCLE, KEPT_COUNT, TOKEN
@@ -33,7 +34,7 @@ from armguard.guard.proofs import (
 )
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
-from armguard.guard.watch import SLOW_TIME, Watch, open_watch
+from armguard.guard.watch import HYSTERESIS, SLOW_TIME, Watch, open_watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     INDEX_KIND,
@@ -102,7 +103,11 @@ def judge_motions(lines: int) -> None:
                 continue
             open_row(i, j, place, w)
             judge_motion(i, j, place, lines)
-            if witness[0] > margin and out[place + CLEARANCE] >= 0.0:
+            if (
+                witness[0] > margin
+                and out[place + CLEARANCE] >= 0.0
+                and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
+            ):
                 continue
             if not witness[0] - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
                 refine_pair(i, j, place, w)

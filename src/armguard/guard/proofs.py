@@ -52,6 +52,9 @@ TOO_CLOSE = int(Reason.TOO_CLOSE)
 NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 
+# A robot whose part of a closing speed is smaller than this has no part in it [-].
+OWN_SHARE = 0.25
+
 # Slack in time is told this much farther than where the arm is slowed [-].
 LOOK_AHEAD = 2.0
 
@@ -144,10 +147,12 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
     out[place + TIME_LEFT] = left
     push = m.push[i] + (m.push[j] if robot_j >= 0 else 0.0)
     out[place + TIME_TO_CONTACT] = time_to_contact(out[place + WITNESS], closing, push)
-    if not left >= v.time_left[robot_i]:
-        v.time_left[robot_i] = left
-    if robot_j >= 0 and not left >= v.time_left[robot_j]:
-        v.time_left[robot_j] = left
+    # It is short for those who come nearer: a parked robot is not in a hurry.
+    for side in range(2):
+        k, r = (i, robot_i) if side == 0 else (j, robot_j)
+        if r >= 0 and not left >= v.time_left[r]:
+            if robot_j < 0 or robot_i == robot_j or m.rate[k] >= OWN_SHARE * closing:
+                v.time_left[r] = left
     if proof == PROVEN:
         return
     cause = TOO_CLOSE if proof == NEEDED else NO_PROOF

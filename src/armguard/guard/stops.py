@@ -142,7 +142,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
         bound = slowed(j, bound, before - effect, now - effect, v.phase[r], m)
         # Slower than settling may be, only where the joint is tells whether it stopped.
         least = max(m.v_low[j], -m.v_high[j])
-        if bound >= swing_speed(robot, figures) and not least <= bound + GRAIN:
+        if not least <= max(bound, swing_speed(robot, figures)) + GRAIN:
             lagging = j
         if not v.rest_low[j] <= m.q[j] <= v.rest_high[j]:
             lagging = j
@@ -232,6 +232,20 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
         if phase == STOPPING and clock[REACTION] > 0.0:
             v.rest_high[j] = m.q[j] + error + up[TRAVEL] + up[SWING]
             v.rest_low[j] = m.q[j] - error - down[TRAVEL] - down[SWING]
+        elif phase == BRAKING:
+            error += m.joint_figures[j, SETTLE]
+            v.rest_high[j] = m.q[j] + error + braked_way(r, j, m.v_high[j], v, m)
+            v.rest_low[j] = m.q[j] - error - braked_way(r, j, -m.v_low[j], v, m)
+
+
+@kernel
+def braked_way(r: int, j: int, velocity: float, v: Watch, m: Motion) -> float:
+    """Farthest a joint gets in a direction if the brake holds as declared [rad]."""
+    figures = m.joint_figures[j]
+    delay = effect_time(r, v, m) - v.last_stamp[r]
+    speed = max(velocity, 0.0)
+    after = min(speed + figures[ACCELERATION] * delay, max(speed, figures[VELOCITY]))
+    return float(after * delay + 0.5 * after * after / figures[BRAKE_DECELERATION])
 
 
 @kernel

@@ -22,6 +22,9 @@ Longs = NDArray[np.int64]
 # An arm is slowed if a stop would have to be ordered within this time [s].
 SLOW_TIME_DEFAULT = 0.1
 
+# A slowed robot is called slow until its time left is this much longer [-].
+HYSTERESIS = 1.25
+
 # Places in `Watch.given`: what a cycle was handed.
 NOW_TIME = 0  # time of the cycle [s]; NaN if nobody said
 HAS_VELOCITY = 1  # 1 if velocities came with the positions
