@@ -10,7 +10,9 @@ def test_the_code_of_the_readme_runs(capsys):
     (code,) = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
     assert 15 <= len(code.splitlines()) <= 22
     exec(compile(code, "README.md", "exec"), {})
-    assert "STOP - " in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "Level.STOP" in told
+    assert "needs" in told
 
 
 def test_every_link_of_the_readme_exists():

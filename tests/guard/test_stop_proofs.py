@@ -192,7 +192,7 @@ def test_speed_mode_stops_earlier_than_path():
 
 
 def test_every_cycle_may_test_only_its_budget():
-    guard = Guard(path_bay(), budget=2)
+    guard = Guard(path_bay(), budget=2, self_test=False)
     rng = np.random.default_rng(0)
     spent = 0
     for k in range(300):
@@ -202,7 +202,7 @@ def test_every_cycle_may_test_only_its_budget():
         assert verdict.counts.spans_tested <= 2 + 2
         spent += verdict.reason is Reason.BUDGET_SPENT
     assert spent > 0
-    assert Level.STOP <= Guard(path_bay(), budget=0).step(q, 1.0).level
+    assert Level.STOP <= Guard(path_bay(), budget=0, self_test=False).step(q, 1.0).level
 
 
 def test_octree_and_brute_force_say_the_same_bits():

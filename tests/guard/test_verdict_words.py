@@ -145,11 +145,6 @@ def test_the_one_that_comes_loses_no_speed_until_its_own_stop_is_near(met):
     assert abs(first - as_alone) * PERIOD * 0.5 < 0.005
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="judge_motion writes a pair's time left to both robots: a parked arm has "
-    "level SLOW and scale 0 while the other one comes",
-)
 def test_a_parked_arm_may_move_at_full_speed_while_another_one_comes(met):
     assert min(v.speed_scale["right"] for v in met) == 1.0
 
@@ -206,11 +201,6 @@ def test_the_age_of_one_arm_is_its_own():
     assert closing > 0.0
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="a pair beyond the margin that keeps its need is not told, whatever its "
-    "time left: the arm is slowed and nobody says for what",
-)
 def test_a_slow_names_its_pair_with_the_margin_as_it_comes():
     guard = Guard(ball_scene(settings={"margin": None}))
     verdict = moving(guard, 0.15, 1.0)

@@ -233,7 +233,7 @@ def describe(scene: Scene, fits: list[dict[str, object]], prove: bool) -> list[F
 def judge_guard(scene: Scene) -> list[Finding]:
     """What the guard says: overlap and closeness at home, index, cycle time."""
     try:
-        guard = Guard(scene, progress=say)
+        guard = Guard(scene, progress=say, self_test=False)
     except HomeContactError as error:
         return [Finding("home", "FAIL", str(error), "see docs/concepts.md, home")]
     except ArmguardError as error:

@@ -26,6 +26,8 @@ from armguard.guard.objects import stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.segment import run_segment
+from armguard.guard.self_test import SelfTestLine, SelfTestReport
+from armguard.guard.self_test import self_test as run_self_test
 from armguard.guard.verdict import Names, NearPair, Verdict
 from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, watch_ledger, watch_of
 from armguard.guard.workspace import (
@@ -58,6 +60,8 @@ Ints = NDArray[np.int32]
 
 FLOAT64 = np.dtype(np.float64)
 
+NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
+
 # What `reset` leaves as it is: what the scene says, and where objects were seen.
 KEPT = ("pace", "model", "base", "top_speed", "seen_at", "robot_of", "movers")
 
@@ -73,11 +77,14 @@ class Guard:
         tables: The compiled scene.
         index: The octree, or brute force; for pictures and statistics.
         home_verdict: Verdict of the home configuration.
+        self_test: What the guard's test of itself came to.
 
     Args:
         scene: What to guard.
         budget: Spans of a stop path a cycle may test for all pairs together, at about
             half a microsecond each; when they are used up, the arms stop.
+        self_test: Whether a synthetic robot is led through every level first; for
+            scenes in which stops are predicted.
         progress: Called with one sentence before anything that takes long.
         clock: Clock in nanoseconds that measures `Verdict.cycle_time`; no decision
             depends on it.
@@ -85,6 +92,7 @@ class Guard:
     Raises:
         SceneError: The scene contradicts itself.
         HomeContactError: Checked bodies overlap at the home configuration.
+        SelfTestError: A level, a stop or a refusal did not come when it should have.
 
     Example:
         >>> from armguard import Guard, bay_scene
@@ -98,6 +106,7 @@ class Guard:
         scene: Scene,
         *,
         budget: int = 1024,
+        self_test: bool = True,
         progress: Callable[[str], None] | None = None,
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
@@ -116,6 +125,7 @@ class Guard:
         if contacts:
             raise HomeContactError(home_sentence(contacts), contacts)
         self.reset()
+        self.self_test = run_self_test(self) if self_test else NOT_TESTED
 
     @property
     def q_names(self) -> tuple[str, ...]:
@@ -213,7 +223,7 @@ class Guard:
         if fault:
             if not self._guarded:
                 return self._fault_answer(Reason.WRONG_INPUT), fault
-            # Positions that the cycle refuses, so that it orders its stops.
+            # No positions: the cycle refuses them, and orders its stops.
             array = self._nowhere
         used = self._run(array, self._lines)
         data = self._out[:used].copy()
@@ -390,7 +400,7 @@ class Guard:
         if guarded:
             first_row += len(tables.robots) * layout.ROBOT_WIDTH
         self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
-        self._nowhere = np.full(self._shape, np.nan)
+        self._nowhere = np.zeros(0)
         self._robot_places = {part.name: r for r, part in enumerate(tables.robots)}
         self._watch = watch_of(tables)
         for thing in tables.standing.values():
@@ -459,6 +469,7 @@ class Guard:
             robots=tuple(part.name for part in tables.robots) if guarded else (),
             first_row=first_row,
             disproved=self._watch.disproved,
+            tables=tables,
         )
 
     def _seen(self, thing: Standing, stamp: float) -> None:

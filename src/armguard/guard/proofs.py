@@ -22,7 +22,7 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.observe import now_of
-from armguard.guard.watch import SLOW_TIME, Watch, open_watch
+from armguard.guard.watch import BRAKING, SLOW_TIME, Watch, open_watch
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
@@ -44,7 +44,16 @@ from armguard.motion.pair_state import (
     SIDE,
     SPENT,
 )
-from armguard.motion.state import NEXT, NOW, SEGMENT, SETTLED, Motion, open_motion
+from armguard.motion.state import (
+    BUDGET,
+    NEXT,
+    NOW,
+    SEGMENT,
+    SETTLED,
+    TESTS,
+    Motion,
+    open_motion,
+)
 
 Floats = NDArray[np.float64]
 
@@ -221,8 +230,11 @@ def prove_pair(
         by_levers -= own_sum(j, w.bodies[j], shared, m.spread[plan_j], m)
     look = LOOK_AHEAD * v.pace[SLOW_TIME] * closing_speed(i, j, w, v, m)
     enough = by_levers >= look or not distance > 0.0
-    if enough or by_speed(i, v, m) or by_speed(j, v, m):
+    if enough or coarse(i, v, m) or coarse(j, v, m):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
+    if m.effort[TESTS] >= m.effort[BUDGET]:
+        return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
+    m.effort[TESTS] += 1
     pair = numba.carray(stack(15), (PAIR,), np.float64)
     for side in range(2):
         k = i if side == 0 else j
@@ -293,12 +305,16 @@ def describe_exact(i: int, which: int, at: int, p: Floats, w: Workspace) -> None
 
 
 @kernel
-def by_speed(i: int, v: Watch, m: Motion) -> bool:
-    """Whether a side's robot is to be judged by levers and speed alone."""
+def coarse(i: int, v: Watch, m: Motion) -> bool:
+    """Whether a side is to be judged by levers and speed alone.
+
+    Because its robot's mode is "speed"; or because that robot brakes, and no proof
+    could ask for more.
+    """
     r = robot_of(i, v)
     if r < 0 or m.span[SEGMENT] != 0.0:
         return False
-    return bool(m.robot_figures[r, MODE] == SPEED)
+    return bool(m.robot_figures[r, MODE] == SPEED or v.phase[r] >= BRAKING)
 
 
 @kernel

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.budget import Budget
-from armguard.guard.grade import HYSTERESIS
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
 from armguard.guard.nuisance import Delayed, Lack, Nuisance, classify
 from armguard.guard.protective import ProtectiveDistance, protective_distance
-from armguard.guard.watch import RESTING, SLOW_TIME_DEFAULT
+from armguard.guard.watch import HYSTERESIS, RESTING, SLOW_TIME_DEFAULT
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
