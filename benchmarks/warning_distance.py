@@ -1,8 +1,8 @@
 """How close an operator may work: clearance at the first slow and at the stop, by mode.
 
 Writes docs/warning_distance.json and docs/images/warning_distance.png. Each approach is
-a straight line in joint space from a random pose of the bay, one arm at a time, with its
-tool at a given speed, driven until the guard orders a stop. What is counted is the
+a straight line in joint space from a random pose of the bay, one arm at a time, with
+its tool at a given speed, driven until the guard orders a stop. What is counted is the
 distance of the pair it is ordered for, by the same approaches in each mode.
 """
 

@@ -141,14 +141,6 @@ CASES = {
     ),
 }
 
-# The reason of a refused cycle is right, and the first robot is named in its sentence.
-NAMES_THE_FIRST = {
-    "a robot's stamp missing",
-    "one robot's stamp that goes back",
-    "a stamp ahead",
-    "an old measurement",
-}
-
 
 def test_the_guard_is_at_rest_before(guard):
     assert guard.step(STILL, NOW, velocity=STILL).level is Level.CLEAR

@@ -85,6 +85,7 @@ class Guard:
             half a microsecond each; when they are used up, the arms stop.
         self_test: Whether a synthetic robot is led through every level first; for
             scenes in which stops are predicted.
+        compiling: Set where kernels are compiled ahead, which itself needs a guard.
         progress: Called with one sentence before anything that takes long.
         clock: Clock in nanoseconds that measures `Verdict.cycle_time`; no decision
             depends on it.
@@ -107,6 +108,7 @@ class Guard:
         *,
         budget: int = 1024,
         self_test: bool = True,
+        compiling: bool = False,
         progress: Callable[[str], None] | None = None,
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
@@ -115,7 +117,8 @@ class Guard:
         self._last_stamp = -np.inf
         self._clock = clock
         self._budget = budget
-        compile_ahead(progress)
+        if not compiling:
+            compile_ahead(progress)
         self._prepare(self.tables)
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.

@@ -1,8 +1,4 @@
-"""Compile the octree's kernels into the cache.
-
-python -m armguard.index.compile_kernels
-Started by a guard that finds nothing compiled, so that two processes share the work.
-"""
+"""A small octree, with which all is done that a guard does: compiles its kernels."""
 
 import numpy as np
 
@@ -31,7 +27,3 @@ def compile_octree() -> None:
     tree.candidates(0)
     tree.remove(0)
     tree.insert(0)
-
-
-if __name__ == "__main__":
-    compile_octree()
