@@ -1,0 +1,96 @@
+"""A path is proven as a whole: nothing is missed between samples."""
+
+import numpy as np
+import pytest
+
+from arms import simple_arm
+from armguard import bay_scene
+from armguard.errors import SceneError
+from armguard.geometry import Box, Pose
+from armguard.guard import Guard
+from armguard.scene import Scene
+
+
+def wire_scene(thickness=0.001):
+    """An arm, and a thin plate across its way."""
+    scene = Scene(mode="fixed", buffer=0.0)
+    scene.add_robot(simple_arm(1, length=1.0, radius=0.01), name="arm")
+    scene.add(
+        Box(half_extents=(0.05, thickness, 0.3)),
+        name="plate",
+        pose=Pose(xyz=(0.8, 0.0, 0.2)),
+    )
+    return scene
+
+
+@pytest.fixture(scope="module")
+def wire():
+    return Guard(wire_scene())
+
+
+def test_a_thin_plate_between_two_samples_is_found(wire):
+    ends = np.array([[-0.5], [0.5]])
+    assert all(wire.judge_at_rest(q).nearest is None for q in ends)
+    found = wire.check_path(ends)
+    assert not found.clear
+    # The rod is 10 mm thick, the plate 1 mm, at up to 0.85 m.
+    first = -np.arctan2(0.011, 0.75)
+    assert found.breach.q[0] == pytest.approx(first, abs=5e-3)
+    assert found.breach.pair.b == "plate"
+    assert found.breach.certain
+    assert "plate" in found.sentence
+
+
+def test_the_same_by_steps_would_miss_it(wire):
+    """Steps as many as lines were judged, evenly spread."""
+    found = wire.check_path(np.array([[-0.5], [0.5]]))
+    steps = np.linspace(-0.5, 0.5, max(found.lines // 8, 2))[:, None]
+    least = min(
+        (p.distance for q in steps for p in wire.judge_at_rest(q).near), default=1.0
+    )
+    assert least > 0.0
+
+
+def test_a_path_that_just_passes_is_clear(wire):
+    low = -np.arctan2(0.012, 0.74) - 0.01
+    assert wire.check_path(np.array([[-1.5], [low]])).clear
+
+
+def test_random_lines_agree_with_dense_samples():
+    guard = Guard(bay_scene())
+    rng = np.random.default_rng(3)
+    lower, upper = guard.tables.lower, guard.tables.upper
+    clear = 0
+    for _ in range(150):
+        start = np.clip(guard.home + rng.uniform(-0.5, 0.5, 14), lower, upper)
+        end = np.clip(start + rng.uniform(-0.3, 0.3, 14), lower, upper)
+        found = guard.check_path([start, end])
+        shares = np.linspace(0.0, 1.0, 60)
+        broken = [
+            s
+            for s in shares
+            if any(
+                p.clearance < 0.0
+                for p in guard.judge_at_rest(start + s * (end - start)).near
+            )
+        ]
+        if found.clear:
+            clear += 1
+            assert not broken
+        else:
+            assert not broken or found.breach.share <= broken[0]
+            assert found.breach.share >= 0.0
+    assert 10 < clear < 150
+
+
+def test_a_path_leaves_the_loop_as_it_was(wire):
+    q = np.array([-0.3])
+    before = wire.step(q).tobytes()
+    wire.check_path(np.array([[-0.5], [0.5]]))
+    assert wire.step(q).tobytes() == before
+
+
+@pytest.mark.parametrize("rows", [[[0.0, 1.0]], [[np.nan]], [0.0, 1.0, 2.0]])
+def test_a_path_of_the_wrong_shape_is_refused(wire, rows):
+    with pytest.raises(SceneError, match="path needs rows"):
+        wire.check_path(rows)
