@@ -206,6 +206,12 @@ def robot_section(result: dict[str, Any]) -> list[str]:
         cells = " | ".join(str(count[status]) for status in STATUSES)
         lines.append(f"| {word} | {cells} |")
     bad = len(result["touching_though_proven_apart"])
+    bare = sum(row["verdict"] == "never" and row["boxes"] == 0 for row in rows)
+    if bare:
+        lines += [
+            "",
+            f"{bare} of the proved rows name a link without collision geometry.",
+        ]
     lines += [
         "",
         f"Coal, asked {result['asked']:,} times about pairs proven apart: "
