@@ -165,3 +165,46 @@ def test_a_summary_tells_every_level_that_was_there(capsys):
     json.dumps(jsonable(answer), allow_nan=False)
     assert {e["level"] for e in answer["events"]} >= {"HARDWARE_STOP"}
     assert all(len(event_line(e)) > 20 for e in log.events)
+
+
+ROWS = """<robot name="r">
+ <disable_collisions link1="base" link2="tip" reason="Never"/>
+ <disable_collisions link1="rod" link2="base" reason="Adjacent"/>
+</robot>"""
+
+PLANAR = """<robot name="r">
+ <link name="base"><collision><origin xyz="0 1.5 0"/>
+  <geometry><sphere radius="0.3"/></geometry></collision></link>
+ <link name="rod"><collision><origin xyz="0.5 0 0"/>
+  <geometry><sphere radius="0.1"/></geometry></collision></link>
+ <link name="tip"><collision><origin xyz="0.8 0 0"/>
+  <geometry><sphere radius="0.05"/></geometry></collision></link>
+ <joint name="shoulder" type="revolute"><parent link="base"/><child link="rod"/>
+  <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+ <joint name="elbow" type="revolute"><parent link="rod"/><child link="tip"/>
+  <origin xyz="1 0 0"/><axis xyz="0 0 1"/>
+  <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+def test_check_proves_claims_or_tells_that_it_did_not(tmp_path):
+    (tmp_path / "r.urdf").write_text(PLANAR)
+    (tmp_path / "r.srdf").write_text(ROWS)
+    path = tmp_path / "s.yaml"
+    path.write_text("mode: fixed\nrobots: {arm: {urdf: r.urdf, srdf: r.srdf}}\n")
+    words = " ".join(run("check", str(path)).stdout.split())
+    assert "2 claims are unproven, taken as claims; prove them with --prove" in words
+    result = run("check", str(path), "--prove", "--prove-seconds", "20")
+    words = " ".join(result.stdout.split())
+    assert result.exit_code == 2
+    assert (
+        "FAIL claims: claims: 2, proved 1, contradicted 1, sometimes 0, open 0" in words
+    )
+    assert "arm/base and tip ('r.srdf: Never') touch, " in words
+    assert "mm deep at shoulder " in words
+    result = run("check", str(path), "--prove", "--json")
+    claims = json.loads(result.stdout)["claims"]
+    assert [claims["proved"], claims["contradicted"]] == [1, 1]
+    assert set(claims["rows"][0]["contradiction"]) == {"shoulder", "elbow"}
+    assert claims["rows"][0]["least_mm"] < -100.0
+    assert claims["rows"][1]["contradiction"] is None

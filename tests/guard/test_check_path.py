@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from arms import simple_arm
 from armguard import bay_scene
 from armguard.errors import SceneError
 from armguard.geometry import Box, Pose
 from armguard.guard import Guard
 from armguard.scene import Scene
+from arms import simple_arm
 
 
 def wire_scene(thickness=0.001):

@@ -142,7 +142,7 @@ def test_the_file_knows_objects_that_come_later(tmp_path):
 
     path = tmp_path / "scene.yaml"
     path.write_text(
-        "robots: {arm: {urdf: panda}}\n"
+        "mode: fixed\nrobots: {arm: {urdf: panda}}\n"
         "objects: {cup: {sphere: {radius: 0.05}, present: false}}\n"
     )
     scene = load_scene(path)

@@ -1,8 +1,10 @@
 """Compile a part of the kernels into the cache.
 
-python -m armguard.guard.compile_kernels
+python -m armguard.guard.compile_kernels [guarded]
 Started by a guard that finds nothing compiled, so that two processes share the work.
 """
+
+import sys
 
 import numpy as np
 
@@ -56,4 +58,5 @@ def compile_cycle(mode: Mode) -> None:
 
 if __name__ == "__main__":
     compile_octree()
-    compile_cycle("path")
+    if "guarded" in sys.argv[1:]:
+        compile_cycle("path")

@@ -18,15 +18,16 @@ from armguard.kernel import KERNEL_CACHE
 PATIENCE = 600.0
 
 # Files of the cache without which a guard would have to compile.
-CYCLES = ("cycle.run_cycle-*.nbi", "guarded_cycle.run_guarded_cycle-*.nbi")
+CYCLE = "cycle.run_cycle-*.nbi"
+GUARDED_CYCLE = "guarded_cycle.run_guarded_cycle-*.nbi"
 
 
-def kernels_are_compiled() -> bool:
-    """Whether the cycles' machine code lies in the cache of this installation."""
-    return all(any(KERNEL_CACHE.rglob(name)) for name in CYCLES)
+def is_compiled(cycle: str) -> bool:
+    """Whether a cycle's machine code lies in the cache of this installation."""
+    return any(KERNEL_CACHE.rglob(cycle))
 
 
-def compile_ahead(progress: Callable[[str], None] | None) -> None:
+def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None:
     """Compile here and in another process, unless all is kept.
 
     Numba compiles one kernel at a time. Two processes share the cache on disk: what the
@@ -34,16 +35,25 @@ def compile_ahead(progress: Callable[[str], None] | None) -> None:
     and the cycle with fixed buffers, there the octree and the prediction of stops.
 
     Args:
-        progress: Told before, since it takes a minute or two.
+        progress: Told before, since it takes a minute or more.
+        guarded: Whether stops are to be predicted; their kernels take as long again.
     """
-    if numba.config.DISABLE_JIT or kernels_are_compiled():
+    if numba.config.DISABLE_JIT:
+        return
+    if is_compiled(CYCLE) and (is_compiled(GUARDED_CYCLE) or not guarded):
         return
     if progress is not None:
-        progress("compiling kernels for this machine; first start only, two minutes")
+        minutes = "two or three minutes" if guarded else "over a minute"
+        progress(f"compiling kernels for this machine; first start only, {minutes}")
     if (os.cpu_count() or 1) < 2:
         return
     other = subprocess.Popen(
-        [sys.executable, "-m", "armguard.guard.compile_kernels"],
+        [
+            sys.executable,
+            "-m",
+            "armguard.guard.compile_kernels",
+            *(["guarded"] if guarded else []),
+        ],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

@@ -118,7 +118,8 @@ class Guard:
         self._clock = clock
         self._budget = budget
         if not compiling:
-            compile_ahead(progress)
+            modes = {part.mode for part in self.tables.robots}
+            compile_ahead(progress, guarded=modes != {"fixed"})
         self._prepare(self.tables)
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.

@@ -42,7 +42,7 @@ class PairSearch:
         seed: Of the configurations.
 
     Attributes:
-        tables: The two links, by those models that help.
+        tables: The two links, by those models that help a proof that they are apart.
         nearest: Configuration with the least distance found.
         least: That distance, the best of all models [m].
         farthest: Configuration with the greatest distance found.
@@ -56,7 +56,7 @@ class PairSearch:
         self, tables: PairTables, *, solid: "PairSearch | None" = None, seed: int = 0
     ) -> None:
         start = monotonic()
-        self.tables = tables
+        self.tables = self._every = tables
         lower, upper = tables.lower, tables.upper
         self._bounded = bool(np.isfinite(upper - lower).all())
         if not self._bounded:
@@ -80,9 +80,10 @@ class PairSearch:
         self._touches = self.least <= TOUCHING
         self._parts = self.greatest > TOUCHING
         near = np.argsort(self._at(samples)[:, GAP])[: 2 * KEPT]
-        self.tables = worthy_models(
-            tables, np.concatenate([[self.nearest], samples[near]])
-        )
+        if not self._touches:
+            self.tables = worthy_models(
+                tables, np.concatenate([[self.nearest], samples[near]])
+            )
         half = (upper - lower) / 2.0
         self._volume = max(float(np.prod(half[half > 0.0])), np.finfo(float).tiny)
         self._moving = half > 0.0
@@ -157,8 +158,8 @@ class PairSearch:
         self.seconds += monotonic() - start
 
     def _at(self, q: Floats) -> Floats:
-        """Bounds at configurations: boxes without width."""
-        return self.tables.bounds(q, np.zeros_like(q), full=True)
+        """Bounds at configurations, boxes without width, by every model."""
+        return self._every.bounds(q, np.zeros_like(q), full=True)
 
     def _take(self) -> tuple[Floats, Floats, Floats]:
         """The boxes that come next: middles, half widths, bounds known."""
@@ -214,6 +215,7 @@ class PairSearch:
     def _turn_to_contact(self) -> None:
         """Search for "always" from now on: what was known bounds something else."""
         self._touches = True
+        self.tables = self._every
         self._waiting = deque(
             (centre, half, np.full(len(known), -np.inf))
             for centre, half, known in self._waiting
@@ -223,7 +225,7 @@ class PairSearch:
         """Remember the nearest and the farthest met on the way."""
         low, high = int(np.argmin(found[:, APART])), int(np.argmax(found[:, APART]))
         if found[low, APART] < self.least:
-            # Not all models were asked for their distance.
+            # Not every model was asked for its distance.
             real = float(self._at(q[low : low + 1])[0, APART])
             if real < self.least:
                 self.nearest, self.least = q[low], real
