@@ -4,6 +4,7 @@ import json as json_format
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from armguard.cli.console import (
@@ -71,7 +72,7 @@ def run(
             if k % 100 == 99:
                 advance(100)
     between = None
-    if not motion.ends_only:
+    if not motion.ends_only and np.isfinite(q).all():
         say("checking the lines between the samples")
         between = guard.check_path(q)
     answer = {

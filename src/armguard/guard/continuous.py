@@ -23,8 +23,8 @@ class Breach:
         share: How far along it, in [0, 1]; all before it is proven clear [-].
         q: Joint positions there, shape (n,) [rad or m].
         pair: The pair.
-        certain: Whether the pair breaks its buffer there; otherwise it comes so near
-            that within the resolution nobody can tell.
+        certain: Whether the pair breaks its buffer within the resolution; otherwise
+            it comes so near that nobody can tell.
     """
 
     segment: int
@@ -115,7 +115,12 @@ def check_path(
                 middle = 0.5 * (low + high)
                 waiting += [(middle, high), (low, middle)]
                 continue
-            there = [p for p in judge_point(one).near if not p.clearance >= 0.0]
+            there = [
+                p
+                for q in (one, other)
+                for p in judge_point(q).near
+                if not p.clearance >= 0.0
+            ]
             pair = min(there, key=lambda p: p.clearance) if there else worst
             found = Breach(segment, low, one, pair, certain=bool(there))
             return PathCheck(False, found, lines)
