@@ -80,7 +80,7 @@ def reference(scene: Scene, setting: Setting) -> Guarding:
 
 
 GUARDS: Mapping[str, Callable[[Scene, Setting], Guarding]] = {
-    "armguard": lambda scene, setting: Guard(scene),
+    "armguard": lambda scene, setting: Guard(scene, self_test=False),
     "threshold": lambda scene, setting: Threshold(setting),
     "stopper": lambda scene, setting: Stopper(scene),
     "blind": lambda scene, setting: Blind(scene),
