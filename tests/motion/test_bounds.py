@@ -6,7 +6,7 @@ import pytest
 
 from armguard import bay_scene
 from armguard.geometry.place import place_row
-from armguard.motion.prepare import motion_of
+from armguard.motion import displacement_bounds
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
@@ -39,7 +39,6 @@ def capsule_moves(q, dq, tables, kinds, bodies, local, out):
 def moves(scene, seed, largest):
     """Measured ways and bounds of all moving primitives, each shape (k, m)."""
     tables = compile_scene(scene)
-    motion = motion_of(tables, 1)
     rng = np.random.default_rng(seed)
     low = np.maximum(tables.lower, -np.pi)
     high = np.minimum(tables.upper, np.pi)
@@ -58,11 +57,7 @@ def moves(scene, seed, largest):
     capsule_moves(
         q, dq, flat, tables.kinds[:m], tables.bodies[:m], tables.local_rows[:m], out
     )
-    step = np.abs(dq[:, tables.q_index] * tables.gain[:, 0])
-    bounds = np.zeros((count, m))
-    for i, body in enumerate(tables.bodies[:m]):
-        chain = motion.joints[body, : motion.length[body]]
-        bounds[:, i] = step[:, chain] @ motion.levers[i, : len(chain)]
+    bounds = displacement_bounds(tables, dq)
     return out.max(axis=2), bounds
 
 

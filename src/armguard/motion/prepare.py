@@ -7,10 +7,10 @@ from armguard.motion import figures as place
 from armguard.motion.chains import (
     Chains,
     anchor,
-    chains,
     primitive_levers,
     strokes,
 )
+from armguard.motion.displacement import scene_chains
 from armguard.motion.joint_stop import JOINT_STOP
 from armguard.motion.state import (
     BOX_LEVELS,
@@ -39,19 +39,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         budget: Spans of time a cycle may test.
     """
     m, b, n = tables.moving_count, len(tables.parent), len(tables.q_names)
-    found = chains(
-        tables.parent,
-        tables.joint_kind,
-        tables.gain,
-        tables.q_index,
-        tables.T_parent_joint,
-        tables.axis,
-        tables.lower,
-        tables.upper,
-        tables.kinds[:m],
-        tables.bodies[:m],
-        tables.local_rows[:m],
-    )
+    found = scene_chains(tables)
     depth = found.joints.shape[1]
     effort = np.zeros(EFFORT, dtype=np.int64)
     effort[BUDGET] = budget
