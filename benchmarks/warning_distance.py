@@ -23,10 +23,18 @@ Floats = NDArray[np.float64]
 
 DOCS = Path(__file__).parents[1] / "docs"
 MODES = ("path", "speed", "fixed")
-SPEEDS = (0.05, 0.1, 0.15, 0.25, 0.4, 0.6)
-APPROACHES = 150
+SPEEDS = (0.1, 0.25, 0.4, 0.6)
+APPROACHES = 40
 PERIOD = 1e-3
-LONGEST = 4.0
+
+# Poses from which approaches start are so far from the nearest thing [m]; of so many
+# random ways the one is taken that leads nearest within a little [m].
+NEAREST, FARTHEST = 0.15, 0.35
+WAYS = 40
+AHEAD = 0.02
+
+# A way is driven no farther than this [m of the tool].
+LONGEST = 0.6
 COLOURS = {"path": "#0072B2", "speed": "#D55E00", "fixed": "#009E73"}
 
 
@@ -53,28 +61,45 @@ def approaches(guard: Guard, count: int) -> list[tuple[int, Floats, Floats]]:
     tables, found = guard.tables, []
     while len(found) < count:
         q = guard.home + rng.uniform(-0.6, 0.6, 14)
-        q = np.clip(q, tables.lower + 0.05, tables.upper - 0.05)
+        q = np.clip(q, tables.lower + 0.1, tables.upper - 0.1)
         near = guard.judge_at_rest(q).nearest
-        if near is not None and near.distance < 0.08:
+        if near is None or not NEAREST < near.distance < FARTHEST:
             continue
-        arm = int(rng.integers(2))
-        direction = np.zeros(14)
-        direction[7 * arm : 7 * arm + 7] = rng.normal(size=7)
-        step = tool(tables, q + 1e-6 * direction, arm) - tool(tables, q, arm)
-        direction /= float(np.linalg.norm(step)) / 1e-6
-        if np.abs(direction).max() * max(SPEEDS) <= 1.2:
-            found.append((arm, q, direction))
+        arm = 0 if near.a.startswith("left/") else 1
+        ways = [unit_way(tables, q, arm, rng) for _ in range(WAYS)]
+        ahead = [distance_at(guard, q + AHEAD * way) for way in ways]
+        best = int(np.argmin(ahead))
+        if ahead[best] < near.distance - 0.3 * AHEAD:
+            found.append((arm, q, ways[best]))
     return found
 
 
-def drive(guard: Guard, q: Floats, v: Floats) -> tuple[float, float]:
+def unit_way(
+    tables: SceneTables, q: Floats, arm: int, rng: np.random.Generator
+) -> Floats:
+    """Joint velocities of one arm that move its tool at 1 m/s, shape (n,)."""
+    way = np.zeros(14)
+    way[7 * arm : 7 * arm + 7] = rng.normal(size=7)
+    step = tool(tables, q + 1e-6 * way, arm) - tool(tables, q, arm)
+    return way * (1e-6 / float(np.linalg.norm(step)))
+
+
+def distance_at(guard: Guard, q: Floats) -> float:
+    """Least distance of a configuration [m]."""
+    near = guard.judge_at_rest(q).nearest
+    return FARTHEST if near is None else near.distance
+
+
+def drive(
+    guard: Guard, q: Floats, v: Floats, speed_of_tool: float
+) -> tuple[float, float]:
     """Least distance when the arm is slowed first and when it is stopped [m]."""
     guard.reset()
     tables = guard.tables
     slow = np.inf
     q = q.copy()
     speed = np.zeros_like(v)
-    for k in range(int(LONGEST / PERIOD)):
+    for k in range(int((LONGEST / pace + 0.3) / PERIOD)):
         # It gets up to speed within the declared acceleration.
         share = min(k * PERIOD * 4.0 / max(np.abs(v).max(), 1e-9), 1.0)
         speed = share * v
@@ -96,14 +121,18 @@ def drive(guard: Guard, q: Floats, v: Floats) -> tuple[float, float]:
 def main() -> None:
     """Measure, write, plot."""
     guards = {mode: Guard(bay_scene(mode)) for mode in MODES}
-    ways = approaches(guards["fixed"], APPROACHES)
+    ruler = bay_scene()
+    ruler.set_margin(FARTHEST)
+    ways = approaches(Guard(ruler), APPROACHES)
     results: dict[str, Any] = {}
     with progress_bar("approaching", len(SPEEDS) * len(ways)) as advance:
         for speed in SPEEDS:
             rows = []
             for _, q, direction in ways:
-                found = [drive(guards[mode], q, speed * direction) for mode in MODES]
-                if np.isfinite(found).all() or all(np.isfinite(f[1]) for f in found):
+                found = [
+                    drive(guards[mode], q, speed * direction, speed) for mode in MODES
+                ]
+                if all(np.isfinite(f[1]) for f in found):
                     rows.append([f[1] for f in found])
                 advance(1)
             table = np.array(rows)

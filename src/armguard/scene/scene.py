@@ -472,6 +472,17 @@ class Scene:
         for pair in [p for p in self.pair_buffers if name in p]:
             del self.pair_buffers[pair]
 
+    def set_margin(self, margin: float | None) -> None:
+        """Change up to which signed distance pairs are reported.
+
+        Args:
+            margin: That distance; 20 mm more than the largest buffer if None [m].
+
+        Raises:
+            SceneError: It is negative or not finite.
+        """
+        self._margin = None if margin is None else check_distance("margin", margin)
+
     def set_mode(self, mode: Mode, robot: str | None = None) -> None:
         """Change how the distance that robots must keep is made.
 
