@@ -90,9 +90,7 @@ def distance_at(guard: Guard, q: Floats) -> float:
     return FARTHEST if near is None else near.distance
 
 
-def drive(
-    guard: Guard, q: Floats, v: Floats, speed_of_tool: float
-) -> tuple[float, float]:
+def drive(guard: Guard, q: Floats, v: Floats, pace: float) -> tuple[float, float]:
     """Least distance when the arm is slowed first and when it is stopped [m]."""
     guard.reset()
     tables = guard.tables

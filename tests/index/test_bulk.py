@@ -17,7 +17,7 @@ from armguard.index.octree_cell import cell_at, grown_gap
 from armguard.index.octree_state import empty_state
 from worlds import move, random_world
 
-SPHERE, BOX = ShapeKind.SPHERE, ShapeKind.BOX
+SPHERE, BOX = int(ShapeKind.SPHERE), int(ShapeKind.BOX)
 
 
 def picture_of(state):
