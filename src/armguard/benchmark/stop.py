@@ -44,7 +44,11 @@ class Run:
         """Velocity and stamp of the next cycle."""
         k = self.places[row.tobytes()]
         if self.paced and k != self.last + 1:
+            # A guard starts with robots at rest.
             self.guard.reset()
+            self.time += PERIOD
+            still = np.zeros_like(row)
+            self.guard.step(row, self.time, velocity=still, now=self.time)
         self.last = k
         self.time += PERIOD
         return self.velocity[k], self.time
@@ -120,7 +124,8 @@ def hard_cycles(guard: Guard, progress: Progress) -> dict[str, float]:
         q = np.clip(guard.home + rng.uniform(-0.8, 0.8, len(low)), low, high)
         v = rng.uniform(-1.25, 1.25, len(low))
         guard.reset()
-        verdict = guard.step(q, k * PERIOD, velocity=v, now=k * PERIOD)
+        guard.step(q, k - PERIOD, velocity=0.0 * v, now=k - PERIOD)
+        verdict = guard.step(q, k, velocity=v, now=k)
         times.append(verdict.cycle_time * 1e9)
         spans.append(verdict.counts.spans_tested)
     return {
