@@ -67,3 +67,14 @@ def test_the_kernel_cache_follows_every_source(tmp_path, monkeypatch):
     vec3 = copy / "geometry" / "vec3.py"
     vec3.write_text(vec3.read_text() + "\n# edited\n")
     assert kernel.kernel_digest() != before
+
+
+def test_no_file_holds_the_marks_of_a_merge():
+    marks = ("<" * 7 + " ", ">" * 7 + " ")
+    for path in [
+        *ROOT.glob("*.md"),
+        *ROOT.glob("docs/*.md"),
+        *ROOT.rglob("src/**/*.py"),
+    ]:
+        for line in path.read_text(encoding="utf-8").splitlines():
+            assert not line.startswith(marks), path

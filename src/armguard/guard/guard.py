@@ -123,7 +123,7 @@ class Guard:
         self._prepare(self.tables)
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.
-            self._run(self._nowhere, self._lines)
+            run_guarded_cycle(self._nowhere, self._lines)
         self.home_verdict = self.judge_at_rest(self.tables.home)
         contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
         if contacts:
@@ -182,10 +182,21 @@ class Guard:
             The verdict; a snapshot that later cycles do not change.
         """
         start = self._clock()
-        data, fault = self._judge(q, stamp, velocity, now)
         told = stamp if now is None else now
         if isinstance(told, Mapping):
             told = None
+        if self._guarded:
+            data, fault = self._judge(q, stamp, velocity, now)
+        else:
+            fault = "" if stamp is None else self._judge_stamp(stamp)
+            if fault:
+                data = self._fault_answer(Reason.TIME_BACKWARDS)
+            else:
+                array, fault = self._as_positions(q)
+                if fault:
+                    data = self._fault_answer(Reason.WRONG_INPUT)
+                else:
+                    data = self._out[: run_cycle(array, self._lines)].copy()
         elapsed = (self._clock() - start) * 1e-9
         return Verdict(data, self._names, told, elapsed, fault)
 
@@ -214,22 +225,15 @@ class Guard:
         velocity: ArrayLike | None,
         now: float | None,
     ) -> tuple[NDArray[np.float64], str]:
-        """The numbers of a cycle, and in words what was wrong with its input."""
-        if self._guarded:
-            fault = self._take_times(stamp, now) or self._take_velocity(velocity)
-        else:
-            fault = "" if stamp is None else self._judge_stamp(stamp)
-            if fault:
-                return self._fault_answer(Reason.TIME_BACKWARDS), fault
+        """The numbers of a cycle that predicts stops, and what was wrong in words."""
+        fault = self._take_times(stamp, now) or self._take_velocity(velocity)
         array = self._nowhere
         if not fault:
             array, fault = self._as_positions(q)
         if fault:
-            if not self._guarded:
-                return self._fault_answer(Reason.WRONG_INPUT), fault
             # No positions: the cycle refuses them, and orders its stops.
             array = self._nowhere
-        used = self._run(array, self._lines)
+        used = run_guarded_cycle(array, self._lines)
         data = self._out[:used].copy()
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT
@@ -413,7 +417,6 @@ class Guard:
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
         settings[FIRST_ROW] = first_row
         self._guarded = guarded
-        self._run = run_guarded_cycle if guarded else run_cycle
         self._motion = motion_of(tables, self._budget)
         self._parts = motion_ledger(self._motion), watch_ledger(self._watch)
         self._addresses = np.zeros(PARTS, dtype=np.int64)
