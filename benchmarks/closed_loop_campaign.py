@@ -2,6 +2,7 @@
 
 make closed-loop                                         all of it, hours; it resumes
 make closed-loop ARGS="--episodes 500 --scene bay"       some of it, to try it out
+make closed-loop ARGS="--first 500 --episodes 500"       a chunk of it
 python benchmarks/closed_loop_campaign.py --zero command     the test must see this
 python benchmarks/closed_loop_campaign.py --weak-brake 0.7   does the guard brake?
 python benchmarks/closed_loop_campaign.py --show 17 --scene bay     one episode
@@ -17,6 +18,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.cli.console import jsonable, say
+from armguard.kernel import kernel_digest
 from closed_loop.guards import GUARDS
 from closed_loop.page import page
 from closed_loop.plan import Plan, work
@@ -28,6 +30,9 @@ from closed_loop.zeroing import TERMS
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "closed_loop.json"
 FOLDER = ROOT / "out" / "closed_loop"
+
+# Episodes of one guard are kept apart from those of another: in a folder of its own.
+KERNELS = kernel_digest()
 
 # Share of the episodes that go to each question when all are asked [-].
 TEETH = 0.05
@@ -102,19 +107,19 @@ def main() -> int:
     if chosen.show is not None:
         print(json.dumps(jsonable(work((todo[0][0], chosen.show))), indent=1))
         return 0
-    broken = False
+    broken, folder = False, chosen.folder / KERNELS
     for plan, count in todo:
         episodes = run_plan(
             plan,
             count,
-            chosen.folder,
+            folder,
             first=chosen.first,
             processes=chosen.processes,
             seconds=chosen.seconds,
         )
-        figures = summed_up(plan, episodes)
+        figures = {**summed_up(plan, episodes), "kernels": KERNELS}
         if plan.guard == "reference":
-            figures["armguard"] = beside(plan, episodes, chosen.folder)
+            figures["armguard"] = beside(plan, episodes, folder)
         told(figures)
         kept = not plan.zero and plan.weak_brake == 1.0
         broken |= kept and figures["contacts"] > 0

@@ -37,6 +37,7 @@ class Arena:
         judge: The judge.
         robots: Names of the arms.
         figures: Declared figures of each arm, as they are true.
+        joint_counts: Number of joints of each arm, shape (a,).
         first: First joint of each arm, and n, shape (a + 1,).
         lower: Least joint positions, shape (n,) [rad or m].
         upper: Greatest joint positions, shape (n,) [rad or m].
@@ -60,6 +61,7 @@ class Arena:
         self.robots = tuple(scene.robots)
         self.figures: Sequence[StoppingFigures] = [figures[r] for r in self.robots]
         sizes = [len(f.velocity) for f in self.figures]
+        self.joint_counts: Ints = np.array(sizes, dtype=np.int64)
         self.first: Ints = np.cumsum([0, *sizes]).astype(np.int64)
         self.lower, self.upper = tables.lower, tables.upper
         self.movers = tuple(movers_of(scene))

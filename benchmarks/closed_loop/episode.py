@@ -1,6 +1,7 @@
 """One episode: operator, plant, measurements, guard, orders, judge, cycle by cycle."""
 
 from collections.abc import Mapping
+from enum import IntEnum
 from time import perf_counter
 from typing import Any
 
@@ -13,7 +14,7 @@ from closed_loop.arena import Arena
 from closed_loop.casting import OBEDIENT, SPEEDS, cast, drawn
 from closed_loop.measuring import Measuring
 from closed_loop.movers import Movers
-from closed_loop.operators import View, within_limits
+from closed_loop.operators import View, wish_within
 from closed_loop.outcome import Outcome, Stop
 from closed_loop.reference import THOROUGH
 from closed_loop.settings import SUBSTEP
@@ -36,7 +37,7 @@ SIGHTING_AGE = 0.01
 UNNOTICED = ("position_error", "velocity_error")
 
 # Substeps after which operators look at the world again.
-THINK = 8
+THINK = 16
 
 # Substeps between two samples of the tools' ways.
 TOOL_STEP = 40
@@ -91,27 +92,29 @@ class Episode:
         name, self.operator = cast(rng, judge, arena.movers, own, attack)
         self.speed = 1.0 if attack else float(drawn(rng, SPEEDS))
         self.obedient = not attack and rng.random() < OBEDIENT
-        self.watch = Watch(judge, arena.first, q, outer)
+        places = dict(zip(self.movers.names, self.movers.p, strict=True))
+        self.watch = Watch(judge, arena.first, q, outer, places)
         self.ticks = round(duration / SUBSTEP)
         self.q_rows = np.tile(q, (self.ticks + 1, 1))
         self.v_rows = np.zeros_like(self.q_rows)
+        self.p_rows = np.tile(self.movers.p, (self.ticks + 1, 1, 1))
         self.free_rows = np.zeros((self.ticks + 1, len(arena.robots)), dtype=bool)
         self.measuring = Measuring(truth, arena.first, self.q_rows, self.v_rows)
-        self.p_rows = {
-            n: np.tile(p, (self.ticks + 1, 1)) for n, p in self.movers.p.items()
-        }
-        self.due = dict.fromkeys(self.movers.p, 0)
-        self.seen_at = dict.fromkeys(self.movers.p, 0)
-        self.asked = self.wish = np.zeros(len(q))
+        self.due = [0] * len(self.movers.names)
+        self.seen_at = [0] * len(self.movers.names)
+        self.shares = np.ones(len(arena.robots))
+        self.wished = 0.0
+        self.asked, self.wish = np.zeros((2, len(q)))
         self.outcome = Outcome(
             seed=seed,
             setting=arena.setting.name,
             operator=f"{name}, speed {self.speed:g}",
             worst=styles == Styles.worst(),
             floor=arena.setting.floor,
-            levels={robot: {} for robot in arena.robots},
         )
+        self.driven: set[int] = set()
         self.braked: dict[str, float] = {}
+        self.levels: list[dict[IntEnum, int]] = [{} for _ in arena.robots]
         self.times: list[float] = []
         self.last: Any = None
 
@@ -131,8 +134,8 @@ class Episode:
                 outward = self.look_around() if sees else self.blank()
             self.one_cycle(cycle, outward, thinks)
             cycle += 1
-            free = self.free_rows[self.tick].any()
-            rested = self.tick if free else rested
+            if plants.FREE in self.plant.phase.tolist():
+                rested = self.tick
             contact = self.watch.contact
             late = self.truth.lateness(cycle, arena.setting.late)
             target = round((cycle * arena.setting.period + late) / SUBSTEP)
@@ -161,7 +164,7 @@ class Episode:
     def look_around(self) -> Floats:
         """Gradient of the least distance now, zero if nothing is near, shape (n,)."""
         judge = self.arena.judge
-        judge.measure(self.plant.q)
+        self.watch.see_last(self.tick)
         near = judge.nearest()
         if near is None:
             return np.zeros(len(self.plant.q))
@@ -183,27 +186,39 @@ class Episode:
         stamp = dict(zip(arena.robots, stamps, strict=True))
         verdict = arena.guard.step(q, stamp, velocity=v, now=now)
         self.times.append(getattr(verdict, "cycle_time", 0.0))
+        levels = verdict.levels
         for arm, name in enumerate(arena.robots):
-            level = verdict.levels[name]
-            counts = self.outcome.levels[name]
-            counts[level.name] = counts.get(level.name, 0) + 1
+            level, counts = levels[name], self.levels[arm]
+            counts[level] = counts.get(level, 0) + 1
             if level >= STOP:
                 if self.stop(arm, name, now, outward, verdict) and self.needless:
                     needless = self.is_needless(q, v, stamp, now)
                     self.outcome.stops[-1].needless = needless
             elif plants.release(plant, arm):
-                self.outcome.releases += 1
+                # At first an arm is given, not given back.
+                self.outcome.releases += arm in self.driven
+                self.driven.add(arm)
             if level >= BRAKE:
                 self.braked.setdefault(name, now)
                 plants.order_brake(plant, arm, now + self.truth.brake_delay(arm))
         self.last = verdict
         if thinks:
-            spread = np.diff(arena.first)
-            free = np.repeat(plant.phase == plants.FREE, spread)
+            free = np.repeat(plant.phase == plants.FREE, arena.joint_counts)
             view = View(now, arena.judge, plant.q, plant.v, free)
             self.asked = self.speed * self.operator.desired(view)
-        scales = getattr(verdict, "speed_scale", None) if self.obedient else None
-        self.wish_within(scales)
+        if self.obedient:
+            self.slow_down(getattr(verdict, "speed_scale", None))
+        self.wished = wish_within(
+            self.asked,
+            self.shares,
+            arena.first,
+            plant.velocity,
+            plant.q,
+            arena.lower,
+            arena.upper,
+            self.truth.slowest,
+            self.wish,
+        )
 
     def stop(
         self, arm: int, name: str, now: float, outward: Floats, verdict: Any
@@ -238,53 +253,52 @@ class Episode:
         What the guard was given is searched, one cycle longer without a stop.
         """
         search = self.arena.reference
-        for name, known in self.p_rows.items():
-            at = self.seen_at[name]
-            search.place(name, self.arena.pose(name, known[at]), at * SUBSTEP)
+        for i, (name, at) in enumerate(
+            zip(self.movers.names, self.seen_at, strict=True)
+        ):
+            pose = self.arena.pose(name, self.p_rows[at, i])
+            search.place(name, pose, at * SUBSTEP)
         return search.breach(q, stamp, v, now, THOROUGH) is None
 
-    def wish_within(self, scales: Mapping[str, float] | None) -> None:
-        """What the operator wants until the next cycle, within the joint limits."""
-        arena, wish = self.arena, self.asked * self.truth.velocity
+    def slow_down(self, scales: Mapping[str, float] | None) -> None:
+        """Have the operator take back what the guard asks for."""
         if scales is not None:
-            shares = [scales[name] for name in arena.robots]
-            wish *= np.repeat(shares, np.diff(arena.first))
-        slowest = self.truth.slowest
-        self.wish = within_limits(wish, self.plant.q, arena.lower, arena.upper, slowest)
+            self.shares[:] = [scales[name] for name in self.arena.robots]
 
     def move(self, target: int) -> None:
         """Let time pass until the next cycle, and judge it."""
         rows = slice(self.tick + 1, target + 1)
-        q_rows = self.q_rows[rows]
+        q_rows, p_rows = self.q_rows[rows], self.p_rows[rows]
         plants.advance(
-            self.plant, self.tick, SUBSTEP, self.wish, q_rows, self.v_rows[rows]
+            self.plant,
+            self.tick,
+            SUBSTEP,
+            self.wish,
+            q_rows,
+            self.v_rows[rows],
+            self.free_rows[rows],
         )
-        self.free_rows[rows] = self.plant.phase == plants.FREE
-        self.outcome.joint_wish += float(
-            np.abs(self.wish).sum() * (target - self.tick) * SUBSTEP
-        )
-        times = np.arange(self.tick + 1, target + 1) * SUBSTEP
-        now = self.tick * SUBSTEP
-        p_rows = self.movers.advance(now, times, self.arena.judge.tips())
-        for name, known in self.p_rows.items():
-            known[rows] = p_rows[name]
-        self.watch.look(times, q_rows, p_rows)
-        for name, p in self.movers.p.items():
+        self.outcome.joint_wish += self.wished * (target - self.tick) * SUBSTEP
+        if self.movers.names:
+            tips = self.arena.judge.tips()
+            self.movers.advance(self.tick * SUBSTEP, SUBSTEP, tips, p_rows)
+        self.watch.look(self.tick, q_rows, p_rows)
+        for name, p in zip(self.movers.names, self.movers.p, strict=True):
             self.arena.judge.stand_at(name, p)
         self.tick = target
 
     def sight(self, now: float) -> None:
         """Tell the guard where moving objects were a moment ago."""
-        for name, known in self.p_rows.items():
-            if self.tick < self.due[name]:
+        for i, name in enumerate(self.movers.names):
+            if self.tick < self.due[i]:
                 continue
             age = int(self.truth.delay(SIGHTING_AGE) / SUBSTEP)
             at = max(self.tick - age, 0)
-            pose = self.arena.pose(name, known[at])
+            pose = self.arena.pose(name, self.p_rows[at, i])
             self.arena.guard.place(name, pose, at * SUBSTEP)
-            self.seen_at[name] = at
+            self.seen_at[i] = at
             wait = int(self.truth.delay(SIGHTING) / SUBSTEP)
-            self.due[name] = self.tick + wait
+            self.due[i] = self.tick + wait
 
     def sum_up(self) -> None:
         """The figures of the whole episode."""
@@ -292,6 +306,8 @@ class Episode:
         outcome.duration = self.tick * SUBSTEP
         outcome.contact = watch.contact
         outcome.least, outcome.judged = watch.least, watch.judged
+        for name, counts in zip(self.arena.robots, self.levels, strict=True):
+            outcome.levels[name] = {level.name: n for level, n in counts.items()}
         if watch.contact is not None:
             arms = {watch.contact.a.split("/")[0], watch.contact.b.split("/")[0]}
             times = [self.braked[arm] for arm in arms if arm in self.braked]
@@ -299,7 +315,7 @@ class Episode:
         outcome.rest = judge.clearance(self.plant.q)
         outcome.rest_q = [round(float(x), 6) for x in self.plant.q]
         rows, free = self.q_rows[: self.tick + 1], self.free_rows[: self.tick + 1]
-        spread = np.repeat(free[1:], np.diff(self.arena.first), axis=1)
+        spread = np.repeat(free[1:], self.arena.joint_counts, axis=1)
         outcome.joint_way = float((np.abs(np.diff(rows, axis=0)) * spread).sum())
         tips = []
         for q in rows[::TOOL_STEP]:

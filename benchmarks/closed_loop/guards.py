@@ -16,29 +16,38 @@ from closed_loop.settings import Setting
 Floats = NDArray[np.float64]
 
 
-class Stopper:
-    """Stops everything always."""
-
-    level, why = Graded.STOP, Why.TOO_CLOSE
+class Blind:
+    """Never stops anything."""
 
     def __init__(self, scene: Scene) -> None:
-        self._said = Said(dict.fromkeys(scene.robots, self.level), self.why)
+        self._clear = Said(dict.fromkeys(scene.robots, Graded.CLEAR), Why.OK)
+        self._stop = Said(dict.fromkeys(scene.robots, Graded.STOP), Why.TOO_CLOSE)
 
     def place(self, name: str, T: Floats, stamp: float) -> None:
         """See `Guarding`."""
 
     def step(self, q: Floats, stamp: Any, *, velocity: Floats, now: float) -> Answer:
         """See `Guarding`."""
-        return self._said
+        return self._clear
 
     def reset(self) -> None:
         """See `Guarding`."""
 
 
-class Blind(Stopper):
-    """Never stops anything."""
+class Keeper(Blind):
+    """Never lets go of anything."""
 
-    level, why = Graded.CLEAR, Why.OK
+    def step(self, q: Floats, stamp: Any, *, velocity: Floats, now: float) -> Answer:
+        """See `Guarding`."""
+        return self._stop
+
+
+class Stopper(Blind):
+    """Lets everything go once, to stop it in the next cycle for good."""
+
+    def step(self, q: Floats, stamp: Any, *, velocity: Floats, now: float) -> Answer:
+        """See `Guarding`."""
+        return self._clear if now == 0.0 else self._stop
 
 
 class Threshold:
@@ -82,6 +91,7 @@ def reference(scene: Scene, setting: Setting) -> Guarding:
 GUARDS: Mapping[str, Callable[[Scene, Setting], Guarding]] = {
     "armguard": lambda scene, setting: Guard(scene, self_test=False),
     "threshold": lambda scene, setting: Threshold(setting),
+    "keeper": lambda scene, setting: Keeper(scene),
     "stopper": lambda scene, setting: Stopper(scene),
     "blind": lambda scene, setting: Blind(scene),
     "reference": reference,

@@ -1,8 +1,10 @@
 """Who touches whom: MuJoCo's collision detection on the true states."""
 
+from math import sqrt
 from typing import NamedTuple
 
 import mujoco
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +25,10 @@ for _a, _b in (
     (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_BOX),
 ):
     CLOSED_FORM[_a, _b] = CLOSED_FORM[_b, _a] = True
+
+
+# Distance beyond which nothing is looked for [m].
+FAR = 3.0
 
 
 class Nearest(NamedTuple):
@@ -64,28 +70,35 @@ class Judge:
         moving = np.flatnonzero(tables.joint_kind != 0)
         joints = [self.model.joint(f"j{b}") for b in moving]
         self.address = np.array([int(j.qposadr[0]) for j in joints])
-        self.dof = np.array([int(j.dofadr[0]) for j in joints])
         self.source = tables.q_index[moving]
         self.gain = tables.gain[moving]
+        self._joints = np.array([j.id for j in joints])
+        self._slides = self.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+        self._carries = carriers(self.model, self._joints)
         self.reach = np.zeros(len(tables.q_names))
         for j, place, gain in zip(joints, self.source, self.gain, strict=True):
-            slides = self.model.jnt_type[j.id] == mujoco.mjtJoint.mjJNT_SLIDE
-            far = (
-                1.0 if slides else extent(self.model, int(self.model.jnt_bodyid[j.id]))
-            )
+            body = int(self.model.jnt_bodyid[j.id])
+            far = 1.0 if self._slides[j.id] else extent(self.model, body)
             self.reach[place] += abs(gain[0]) * far
         self.pairs = checked_geoms(built, tables)
+        kinds = self.model.geom_type
+        self._estimated = ~CLOSED_FORM[kinds[:, None], kinds[None, :]]
+        self._estimates = any(self._estimated[pair] for pair in self.pairs)
         self._pos = self.model.body_pos.copy()
         self._quat = self.model.body_quat.copy()
         self._tips = last_bodies(built)
-        self._jacobian = np.zeros((2, 3, self.model.nv))
+        # Views of what MuJoCo writes: to ask for one takes longer than to use it.
+        self._qpos, self._xpos = self.data.qpos, self.data.xpos
+        self._axes, self._anchors = self.data.xaxis, self.data.xanchor
+        self._body_pos = self.model.body_pos
         self._fromto = np.zeros(6)
         self._distances = np.zeros(0)
+        self._geoms = np.zeros((0, 2), dtype=np.int32)
 
     def stand_at(self, name: str, p: Floats) -> None:
         """Put the origin of an object's frame, as the scene has it, elsewhere by p."""
         body = self._built.objects[name]
-        self.model.body_pos[body] = self._pos[body] + p
+        self._body_pos[body] = self._pos[body] + p
 
     def displace_base(self, robot: str, T: Floats) -> None:
         """Turn a robot about the origin of its base and shift it, T of shape (4, 4)."""
@@ -99,40 +112,37 @@ class Judge:
 
     def place(self, q: Floats) -> None:
         """Kinematics of the true state."""
-        self.data.qpos[self.address] = (
-            self.gain[:, 0] * q[self.source] + self.gain[:, 1]
-        )
+        follow(q, self.source, self.gain, self.address, self._qpos)
         mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
 
     def measure(self, q: Floats) -> tuple[Floats, NDArray[np.int32]]:
         """Distances within sight [m], shape (k,), and their pairs of geoms, (k, 2)."""
         self.place(q)
         mujoco.mj_collision(self.model, self.data)
         contact = self.data.contact
-        self._distances, geoms = contact.dist.copy(), contact.geom
-        if len(geoms):
-            kinds = self.model.geom_type[geoms]
-            for k in np.flatnonzero(~CLOSED_FORM[kinds[:, 0], kinds[:, 1]]):
-                self._distances[k] = self.gap((int(geoms[k, 0]), int(geoms[k, 1])))
-        return self._distances, geoms
+        self._distances, self._geoms = contact.dist.copy(), contact.geom.copy()
+        if self._estimates:
+            for k in estimates(self._geoms, self._estimated):
+                a, b = self._geoms[k].tolist()
+                self._distances[k] = self.gap((a, b))
+        return self._distances, self._geoms
 
     def clearance(self, q: Floats) -> float:
         """Least signed distance of a checked pair; `SIGHT` if none is in sight [m]."""
         distances, _ = self.measure(q)
-        return min(SIGHT, float(distances.min(initial=SIGHT)))
+        return float(distances.min(initial=SIGHT))
 
     def nearest(self) -> Nearest | None:
         """The nearest pair of the state measured last; None if none is in sight."""
-        contact = self.data.contact
         if len(self._distances) == 0:
             return None
         k = int(np.argmin(self._distances))
-        a, b = (int(g) for g in contact.geom[k])
-        normal, point = contact.frame[k, :3].copy(), contact.pos[k].copy()
+        a, b = self._geoms[k].tolist()
+        contact = self.data.contact[k]
+        normal, point = contact.frame[:3].copy(), contact.pos.copy()
         return Nearest(float(self._distances[k]), (a, b), normal, point)
 
-    def apart(self, pair: tuple[int, int], limit: float = 3.0) -> tuple[float, Floats]:
+    def apart(self, pair: tuple[int, int], limit: float = FAR) -> tuple[float, Floats]:
         """Signed distance of a pair of geoms [m] and its gradient over q, shape (n,).
 
         Args:
@@ -143,13 +153,14 @@ class Judge:
             self.model, self.data, *pair, limit, self._fromto
         )
         a, b = self._fromto[:3], self._fromto[3:]
-        length = float(np.linalg.norm(b - a))
+        way = b - a
+        length = sqrt(way @ way)
         if length == 0.0:
             return distance, np.zeros(len(self.reach))
-        normal = (b - a) / (length if distance > 0.0 else -length)
+        normal = way / (length if distance > 0.0 else -length)
         return distance, self.gradient(pair, normal, a, b)
 
-    def gap(self, pair: tuple[int, int], limit: float = 3.0) -> float:
+    def gap(self, pair: tuple[int, int], limit: float = FAR) -> float:
         """Signed distance of a pair of geoms, at most the limit [m]."""
         return mujoco.mj_geomDistance(self.model, self.data, *pair, limit, None)
 
@@ -164,18 +175,107 @@ class Judge:
             a: Nearest point of the first, world [m].
             b: Nearest point of the second, world [m].
         """
-        bodies = self.model.geom_bodyid
-        first, second = self._jacobian
-        mujoco.mj_jac(self.model, self.data, first, None, a, bodies[pair[0]])
-        mujoco.mj_jac(self.model, self.data, second, None, b, bodies[pair[1]])
-        by_dof = normal @ (second - first)
         found = np.zeros(len(self.reach))
-        np.add.at(found, self.source, self.gain[:, 0] * by_dof[self.dof])
+        slopes(
+            self._carries[pair[0]],
+            self._carries[pair[1]],
+            normal,
+            a,
+            b,
+            self._axes,
+            self._anchors,
+            self._slides,
+            self._joints,
+            self.source,
+            self.gain,
+            found,
+        )
         return found
 
     def tips(self) -> Floats:
         """Origins of the arms' last bodies in the state placed last, shape (a, 3)."""
-        return self.data.xpos[self._tips].copy()
+        return self._xpos[self._tips]
+
+
+@numba.njit(cache=True)
+def slopes(
+    carries_a,
+    carries_b,
+    normal,
+    a,
+    b,
+    axes,
+    anchors,
+    slides,
+    joints,
+    source,
+    gain,
+    found,
+):
+    """Change of a distance by each place of q.
+
+    Args:
+        carries_a: Whether each of the joints moves the first side, shape (k,).
+        carries_b: The same of the second.
+        normal: Unit vector from the first to the second, shape (3,).
+        a: Nearest point of the first, shape (3,) [m].
+        b: Nearest point of the second, shape (3,) [m].
+        axes: Axis of every joint of the model, world, shape (j, 3).
+        anchors: A point of each axis, world, shape (j, 3) [m].
+        slides: Which of them slide, shape (j,).
+        joints: Joints that follow q, shape (k,).
+        source: Place of q each of them follows, shape (k,).
+        gain: Factor and offset of each, shape (k, 2).
+        found: Overwritten, shape (n,) [m/rad or 1].
+    """
+    found[:] = 0.0
+    for k in range(len(joints)):
+        u, at = axes[joints[k]], anchors[joints[k]]
+        rate = 0.0
+        for sign, point, carried in (
+            (-1.0, a, carries_a[k]),
+            (1.0, b, carries_b[k]),
+        ):
+            if not carried:
+                continue
+            if slides[joints[k]]:
+                x, y, z = u[0], u[1], u[2]
+            else:
+                rx, ry, rz = point[0] - at[0], point[1] - at[1], point[2] - at[2]
+                x = u[1] * rz - u[2] * ry
+                y = u[2] * rx - u[0] * rz
+                z = u[0] * ry - u[1] * rx
+            rate += sign * (normal[0] * x + normal[1] * y + normal[2] * z)
+        found[source[k]] += gain[k, 0] * rate
+
+
+@numba.njit(cache=True)
+def follow(q, source, gain, address, qpos):
+    """Write positions of joints that follow places of q."""
+    for k in range(len(source)):
+        qpos[address[k]] = gain[k, 0] * q[source[k]] + gain[k, 1]
+
+
+@numba.njit(cache=True)
+def estimates(geoms, estimated):
+    """Which pairs of geoms are such whose distances are only estimated.
+
+    Args:
+        geoms: Pairs, shape (k, 2).
+        estimated: Whether that of each two is, shape (g, g).
+    """
+    return [k for k in range(len(geoms)) if estimated[geoms[k, 0], geoms[k, 1]]]
+
+
+def carriers(model: mujoco.MjModel, joints: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of some joints move each geom, shape (g, k)."""
+    found = np.zeros((model.ngeom, len(joints)), dtype=np.bool_)
+    for g in range(model.ngeom):
+        body = int(model.geom_bodyid[g])
+        while body > 0:
+            found[g] |= model.jnt_bodyid[joints] == body
+            body = int(model.body_parentid[body])
+    return found
 
 
 def checked_geoms(built: JudgeModel, tables: SceneTables) -> list[tuple[int, int]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,12 +15,58 @@ MIND = (0.1, 0.6)
 WAYS = ("bounce", "home", "rest")
 SHARES = (0.35, 0.5, 0.15)
 
+# An object aims at an arm no nearer than this [m].
+THERE = 1e-9
+
+
+@numba.njit(cache=True)
+def fly(p, velocity, homing, origins, room, substep, targets, rows):
+    """Move objects over some substeps.
+
+    Args:
+        p: Displacements, shape (m, 3) [m], written in place.
+        velocity: Velocities, shape (m, 3) [m/s], written in place.
+        homing: Whether each comes at an arm, shape (m,).
+        origins: Where the scene has each object, shape (m, 3) [m].
+        room: Corners of the box in which they bounce, shape (2, 3) [m].
+        substep: Length of a substep [s].
+        targets: Points of the arms, shape (a, 3) [m].
+        rows: Displacements after each substep, shape (k, m, 3), overwritten [m].
+    """
+    for i in range(p.shape[0]):
+        if homing[i]:
+            aim(p[i] + origins[i], velocity[i], targets)
+        for k in range(rows.shape[0]):
+            for x in range(3):
+                rows[k, i, x] = p[i, x] + (k + 1) * substep * velocity[i, x]
+        for x in range(3):
+            p[i, x] = rows[rows.shape[0] - 1, i, x]
+            at = origins[i, x] + p[i, x]
+            if at < room[0, x]:
+                velocity[i, x] = abs(velocity[i, x])
+            elif at > room[1, x]:
+                velocity[i, x] = -abs(velocity[i, x])
+
+
+@numba.njit(cache=True)
+def aim(at, velocity, targets):
+    """Turn a velocity straight at the nearest of some points."""
+    nearest, length = 0, np.inf
+    for k in range(targets.shape[0]):
+        way = np.sqrt(((targets[k] - at) ** 2).sum())
+        if way < length:
+            nearest, length = k, way
+    if length > THERE:
+        speed = np.sqrt((velocity**2).sum())
+        velocity[:] = speed / length * (targets[nearest] - at)
+
 
 class Movers:
     """Where the objects of an episode are; nothing turns.
 
     Attributes:
-        p: Displacement of each object from where the scene has it, shape (3,) [m].
+        names: Their names.
+        p: Displacement of each from where the scene has it, shape (m, 3) [m].
 
     Args:
         rng: Of the episode.
@@ -35,66 +82,55 @@ class Movers:
         room: Floats,
         speed: float,
     ) -> None:
+        self.names = tuple(origins)
         self._rng = rng
-        self._origins = origins
+        self._origins = np.array([*origins.values()]).reshape(-1, 3)
         self._room = room
         self._speed = speed
-        self.p = self.scatter()
-        self._way = dict.fromkeys(origins, "rest")
-        self._until = dict.fromkeys(origins, 0.0)
-        self._velocity = {name: np.zeros(3) for name in origins}
+        self.p = np.zeros_like(self._origins)
+        self._homing = np.zeros(len(origins), dtype=np.bool_)
+        self._until = np.zeros(len(origins))
+        self._velocity = np.zeros_like(self._origins)
 
     def scatter(self) -> dict[str, Floats]:
         """Put every object somewhere in the box; where they are."""
-        self.p = {
-            name: self._rng.uniform(*self._room) - p
-            for name, p in self._origins.items()
-        }
-        return self.p
+        low, high = self._room
+        self.p[:] = self._rng.uniform(low, high, self.p.shape) - self._origins
+        return dict(zip(self.names, self.p, strict=True))
 
-    def advance(self, now: float, times: Floats, targets: Floats) -> dict[str, Floats]:
+    def advance(
+        self, now: float, substep: float, targets: Floats, rows: Floats
+    ) -> None:
         """Move them over some substeps.
 
         Args:
             now: Time of the last state [s].
-            times: Time of each state, shape (k,) [s].
-            targets: Points of the arms, shape (m, 3) [m].
-
-        Returns:
-            Displacement of each object at each time, shape (k, 3) [m].
+            substep: Length of a substep [s].
+            targets: Points of the arms, shape (a, 3) [m].
+            rows: Displacements after each substep, shape (k, m, 3), overwritten [m].
         """
-        rows = {}
-        for name, p in self.p.items():
-            if now >= self._until[name]:
-                self._change_mind(name, now)
-            if self._way[name] == "home":
-                self._aim(name, targets)
-            v = self._velocity[name]
-            rows[name] = p + np.outer(times - now, v)
-            at = self._origins[name] + rows[name][-1]
-            low, high = self._room
-            self._velocity[name] = np.where(
-                at < low, np.abs(v), np.where(at > high, -np.abs(v), v)
-            )
-            self.p[name] = rows[name][-1].copy()
-        return rows
+        for i, until in enumerate(self._until.tolist()):
+            if now >= until:
+                self._change_mind(i, now)
+        fly(
+            self.p,
+            self._velocity,
+            self._homing,
+            self._origins,
+            self._room,
+            substep,
+            targets,
+            rows,
+        )
 
-    def _change_mind(self, name: str, now: float) -> None:
+    def _change_mind(self, i: int, now: float) -> None:
         """Another way to move, in another direction."""
         rng = self._rng
-        self._until[name] = now + rng.uniform(*MIND)
-        self._way[name] = WAYS[int(rng.choice(len(WAYS), p=SHARES))]
+        self._until[i] = now + rng.uniform(*MIND)
+        way = WAYS[int(rng.choice(len(WAYS), p=SHARES))]
+        self._homing[i] = way == "home"
         direction = rng.normal(size=3)
         speed = self._speed * (1.0 if rng.random() < 0.6 else rng.random())
-        if self._way[name] == "rest":
+        if way == "rest":
             speed = 0.0
-        self._velocity[name] = speed * direction / np.linalg.norm(direction)
-
-    def _aim(self, name: str, targets: Floats) -> None:
-        """Straight at the nearest of the points."""
-        ways = targets - (self._origins[name] + self.p[name])
-        lengths = np.linalg.norm(ways, axis=1)
-        k = int(np.argmin(lengths))
-        if lengths[k] > 1e-9:
-            speed = float(np.linalg.norm(self._velocity[name]))
-            self._velocity[name] = speed / lengths[k] * ways[k]
+        self._velocity[i] = speed * direction / np.linalg.norm(direction)

@@ -227,22 +227,32 @@ class Mixed:
 
 
 @numba.njit(cache=True)
-def within_limits(wish, q, lower, upper, deceleration):
-    """Velocities cut so that the joint limits are kept, shape (n,).
+def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, wish):
+    """Velocities an operator has his way with: slowed down, within the joint limits.
 
     Args:
-        wish: Desired velocities, shape (n,).
+        asked: What is asked for, in shares of the top speeds, shape (n,) [-].
+        shares: Share of that each arm may have, shape (a,) [-].
+        first: First joint of each arm, and n, shape (a + 1,).
+        velocity: Top speeds, shape (n,).
         q: Positions, shape (n,).
         lower: Least positions, shape (n,).
         upper: Greatest positions, shape (n,).
         deceleration: Of each joint, shape (n,).
+        wish: Desired velocities, shape (n,), overwritten.
+
+    Returns:
+        Sum of the desired speeds.
     """
-    found = np.zeros(len(wish))
-    for j in range(len(wish)):
-        if upper[j] - lower[j] < ROOM:
-            continue
-        # Half of the deceleration leaves room for delays.
-        down = np.sqrt(deceleration[j] * max(q[j] - lower[j] - LIMIT_MARGIN, 0.0))
-        up = np.sqrt(deceleration[j] * max(upper[j] - q[j] - LIMIT_MARGIN, 0.0))
-        found[j] = min(max(wish[j], -down), up)
-    return found
+    total = 0.0
+    for arm in range(len(shares)):
+        for j in range(first[arm], first[arm + 1]):
+            wish[j] = 0.0
+            if upper[j] - lower[j] < ROOM:
+                continue
+            # Half of the deceleration leaves room for delays.
+            down = np.sqrt(deceleration[j] * max(q[j] - lower[j] - LIMIT_MARGIN, 0.0))
+            up = np.sqrt(deceleration[j] * max(upper[j] - q[j] - LIMIT_MARGIN, 0.0))
+            wish[j] = min(max(asked[j] * shares[arm] * velocity[j], -down), up)
+            total += abs(wish[j])
+    return total

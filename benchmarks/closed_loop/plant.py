@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 # Phases of an arm: the operator has it; a stop or a brake has it; it stands and holds.
 FREE = 0
@@ -22,20 +23,24 @@ HELD = 2
 class Plant(NamedTuple):
     """State and true figures of all arms; n joints, a arms; written in place.
 
-    A stop that is ordered is carried out, whatever the guard says later.
+    A stop that is ordered is carried out, whatever the guard says later. All but the
+    first four are rows of these, which are handed to compiled code much faster.
 
     Attributes:
         first: First joint of each arm, and n, shape (a + 1,).
-        velocity: Top speed, shape (n,) [rad/s or m/s].
-        acceleration: Acceleration with which the input is followed, shape (n,).
-        q: Positions, shape (n,) [rad or m].
-        v: Velocities, shape (n,) [rad/s or m/s].
+        states: Whole numbers of the arms, shape (2, a).
+        arms: Times of the arms, shape (4, a).
+        joints: Numbers of the joints, shape (11, n).
         phase: Phase of each arm, shape (a,).
         braked: 1 where it was the brake that took effect, shape (a,).
         stop_at: Time at which the ordered stop takes effect, inf if none, shape (a,).
         brake_at: The same of an ordered brake, shape (a,).
         began: Time at which the present stop took effect, shape (a,) [s].
         rest_at: Time from which on all joints of the arm rest, shape (a,) [s].
+        velocity: Top speed, shape (n,) [rad/s or m/s].
+        acceleration: Acceleration with which the input is followed, shape (n,).
+        q: Positions, shape (n,) [rad or m].
+        v: Velocities, shape (n,) [rad/s or m/s].
         q0: Positions when it took effect, shape (n,).
         v0: Velocities when it took effect, shape (n,).
         deceleration: Of the ordered or present stop, shape (n,).
@@ -46,16 +51,19 @@ class Plant(NamedTuple):
     """
 
     first: Ints
-    velocity: Floats
-    acceleration: Floats
-    q: Floats
-    v: Floats
+    states: Ints
+    arms: Floats
+    joints: Floats
     phase: Ints
     braked: Ints
     stop_at: Floats
     brake_at: Floats
     began: Floats
     rest_at: Floats
+    velocity: Floats
+    acceleration: Floats
+    q: Floats
+    v: Floats
     q0: Floats
     v0: Floats
     deceleration: Floats
@@ -65,10 +73,38 @@ class Plant(NamedTuple):
     brake: Floats
 
 
+@numba.njit(cache=True)
+def plant_of(first, states, arms, joints):
+    """The plant whose numbers these are."""
+    return Plant(
+        first,
+        states,
+        arms,
+        joints,
+        states[0],
+        states[1],
+        arms[0],
+        arms[1],
+        arms[2],
+        arms[3],
+        joints[0],
+        joints[1],
+        joints[2],
+        joints[3],
+        joints[4],
+        joints[5],
+        joints[6],
+        joints[7],
+        joints[8],
+        joints[9],
+        joints[10],
+    )
+
+
 def plant_at(
     q: Floats, first: Ints, velocity: Floats, acceleration: Floats, brake: Floats
 ) -> Plant:
-    """A plant at rest, all arms with their operators.
+    """A plant at rest; no arm is its operator's yet: see `release`.
 
     Args:
         q: Positions, shape (n,) [rad or m].
@@ -78,26 +114,22 @@ def plant_at(
         brake: True decelerations of the brakes, shape (n,).
     """
     n, arms = len(q), len(first) - 1
-    return Plant(
-        first=np.asarray(first, dtype=np.int64),
-        velocity=velocity.copy(),
-        acceleration=acceleration.copy(),
-        q=q.copy(),
-        v=np.zeros(n),
-        phase=np.zeros(arms, dtype=np.int64),
-        braked=np.zeros(arms, dtype=np.int64),
-        stop_at=np.full(arms, np.inf),
-        brake_at=np.full(arms, np.inf),
-        began=np.zeros(arms),
-        rest_at=np.zeros(arms),
-        q0=q.copy(),
-        v0=np.zeros(n),
-        deceleration=np.ones(n),
-        ramp=np.zeros(n),
-        swing=np.zeros(n),
-        swing_time=np.zeros(n),
-        brake=brake.copy(),
+    plant: Plant = plant_of(
+        np.asarray(first, dtype=np.int64),
+        np.zeros((2, arms), dtype=np.int64),
+        np.zeros((4, arms)),
+        np.zeros((11, n)),
     )
+    plant.phase[:] = HELD
+    plant.stop_at[:] = plant.brake_at[:] = np.inf
+    plant.velocity[:], plant.acceleration[:], plant.brake[:] = (
+        velocity,
+        acceleration,
+        brake,
+    )
+    plant.q[:] = plant.q0[:] = q
+    plant.deceleration[:] = 1.0
+    return plant
 
 
 @numba.njit(cache=True)
@@ -242,7 +274,30 @@ def advance_arm(p, arm, t0, t1, desired):
 
 
 @numba.njit(cache=True)
-def advance(p, tick, substep, desired, q_rows, v_rows):
+def advance_rows(
+    first, states, arms, joints, tick, substep, desired, q_rows, v_rows, free_rows
+):
+    """Compiled part of `advance`; the plant as its arrays."""
+    p = plant_of(first, states, arms, joints)
+    for k in range(q_rows.shape[0]):
+        t0, t1 = (tick + k) * substep, (tick + k + 1) * substep
+        for arm in range(p.phase.shape[0]):
+            advance_arm(p, arm, t0, t1, desired)
+            free_rows[k, arm] = p.phase[arm] == FREE
+        for j in range(p.q.shape[0]):
+            q_rows[k, j] = p.q[j]
+            v_rows[k, j] = p.v[j]
+
+
+def advance(
+    p: Plant,
+    tick: int,
+    substep: float,
+    desired: Floats,
+    q_rows: Floats,
+    v_rows: Floats,
+    free_rows: Bools,
+) -> None:
     """Move all arms over some substeps and write down every state.
 
     Args:
@@ -252,13 +307,20 @@ def advance(p, tick, substep, desired, q_rows, v_rows):
         desired: Desired velocities, shape (n,).
         q_rows: Positions after each substep, shape (k, n), overwritten.
         v_rows: Velocities after each substep, shape (k, n), overwritten.
+        free_rows: Whether each arm is its operator's then, shape (k, a), overwritten.
     """
-    for k in range(q_rows.shape[0]):
-        for arm in range(p.phase.shape[0]):
-            t0, t1 = (tick + k) * substep, (tick + k + 1) * substep
-            advance_arm(p, arm, t0, t1, desired)
-        q_rows[k] = p.q
-        v_rows[k] = p.v
+    advance_rows(
+        p.first,
+        p.states,
+        p.arms,
+        p.joints,
+        tick,
+        substep,
+        desired,
+        q_rows,
+        v_rows,
+        free_rows,
+    )
 
 
 def order_stop(

@@ -117,6 +117,12 @@ class Truth:
             return float(self.rng.uniform(0.0, longest))
         return longest if self.styles.times == "most" else 0.0
 
+    def delays(self, longest: float, count: int) -> Floats:
+        """Delays within their bound, shape (count,) [s]."""
+        if self.styles.times == "random":
+            return self.rng.uniform(0.0, longest, count)
+        return np.full(count, self.delay(longest))
+
     def lateness(self, cycle: int, longest: float) -> float:
         """How late a cycle comes: at the worst, every other one as late as it may."""
         if self.styles.times == "most":
@@ -162,24 +168,26 @@ class Truth:
         duration = self._spread("settle_time") * self.rng.uniform(0.3, 1.0, n)
         return self.weak * (least + strength * (most - least)), ramp, swing, duration
 
-    def errors(self, cycle: int, outward: Floats, signs: Floats) -> Floats:
+    @property
+    def follows(self) -> bool:
+        """Whether errors of measurements go where nothing seems near."""
+        return self.styles.errors in ("adverse", "quiet")
+
+    def errors(self, cycle: int, signs: Floats) -> Floats:
         """Signs and sizes of the errors of a cycle, in shares of the largest, (n,).
 
-        Of "quiet" errors, where they drift to.
+        Those that follow a gradient are these where there is none.
 
         Args:
             cycle: Its number.
-            outward: Gradient of the least distance, shape (n,).
             signs: Signs drawn for the episode, shape (n,).
         """
         style = self.styles.errors
-        if style in ("adverse", "quiet"):
-            return np.where(outward == 0.0, signs, np.sign(outward))
         if style == "noise":
             return self.rng.uniform(-1.0, 1.0, len(signs))
         if style == "alternating":
             return signs if cycle % 2 else -signs
-        return signs if style == "bias" else np.zeros(len(signs))
+        return np.zeros(len(signs)) if style == "none" else signs
 
     def _joined(self, figure: str) -> Floats:
         """A figure of all joints, shape (n,)."""

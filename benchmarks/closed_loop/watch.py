@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from closed_loop.judge import Judge
 from closed_loop.judge_model import SIGHT
+from closed_loop.settings import SUBSTEP
 
 Floats = NDArray[np.float64]
 
@@ -35,27 +36,69 @@ class Contact(NamedTuple):
 
 
 @numba.njit(cache=True)
-def step_ways(before, q_rows, reach, first, ways, moving):
+def step_ways(q, p, q_rows, p_rows, reach, first, ways, moving):
     """Farthest anything can have moved in each substep, and which arms did.
 
     Args:
-        before: Positions before the first, shape (n,).
+        q: Positions before the first, shape (n,); those after the last from then on.
+        p: Displacements of objects before the first, shape (m, 3), the same [m].
         q_rows: Positions after each, shape (k, n).
+        p_rows: Displacements after each, shape (k, m, 3) [m].
         reach: How far a unit of each joint can move anything, shape (n,).
-        first: First joint of each arm, shape (a,).
+        first: First joint of each arm, and n, shape (a + 1,).
         ways: Overwritten, shape (k,) [m].
         moving: Overwritten, shape (k, a).
+
+    Returns:
+        Sum of the ways [m].
     """
-    for k in range(q_rows.shape[0]):
-        last = before if k == 0 else q_rows[k - 1]
+    total = 0.0
+    for k in range(len(ways)):
         ways[k] = 0.0
-        for a in range(first.shape[0]):
-            end = first[a + 1] if a + 1 < first.shape[0] else reach.shape[0]
+        for i in range(len(p)):
             way = 0.0
-            for j in range(first[a], end):
-                way += abs(q_rows[k, j] - last[j]) * reach[j]
-            moving[k, a] = way > 0.0
+            for x in range(3):
+                way += (p_rows[k, i, x] - p[i, x]) ** 2
+                p[i, x] = p_rows[k, i, x]
+            ways[k] = max(ways[k], np.sqrt(way))
+        for arm in range(len(first) - 1):
+            way = 0.0
+            for j in range(first[arm], first[arm + 1]):
+                way += abs(q_rows[k, j] - q[j]) * reach[j]
+                q[j] = q_rows[k, j]
+            moving[k, arm] = way > 0.0
             ways[k] += way
+        total += ways[k]
+    return total
+
+
+@numba.njit(cache=True)
+def nearest_of(distances, geoms, outer, arm_of, moving):
+    """Least distance of all pairs, and the nearest of those that count.
+
+    Args:
+        distances: Of the models' surfaces, shape (k,) [m].
+        geoms: Pairs of geoms, shape (k, 2).
+        outer: How far the true surface of each geom lies outside, shape (g,) [m].
+        arm_of: Arm of each geom, -1 for objects, shape (g,).
+        moving: Which arms moved, shape (a,).
+
+    Returns:
+        Least distance of the true surfaces [m], infinite if there is no pair; the same
+        of a pair of which an arm moved, and which that is.
+    """
+    least = counting = np.inf
+    which = -1
+    for k in range(len(distances)):
+        counts, distance = False, distances[k]
+        for side in range(2):
+            arm = arm_of[geoms[k, side]]
+            counts |= arm >= 0 and moving[arm]
+            distance -= outer[geoms[k, side]]
+        least = min(least, distance)
+        if counts and distance < counting:
+            counting, which = distance, k
+    return least, counting, which
 
 
 class Watch:
@@ -75,77 +118,84 @@ class Watch:
         q: Positions at the start, shape (n,).
         outer: How far the true surface of each geom lies outside its model,
             shape (g,) [m].
+        movers: Where each moving object is at the start, from where the scene has it,
+            shape (3,) [m].
     """
 
     def __init__(
-        self, judge: Judge, first: NDArray[np.int64], q: Floats, outer: Floats
+        self,
+        judge: Judge,
+        first: NDArray[np.int64],
+        q: Floats,
+        outer: Floats,
+        movers: Mapping[str, Floats],
     ) -> None:
         self.least = SIGHT
         self.contact: Contact | None = None
         self.judged = 0
         self._judge = judge
-        self._first = first[:-1]
+        self._first = first
         self._outer = outer
         self._sight = SIGHT - 2.0 * float(outer.max(initial=0.0))
+        self._names = tuple(movers)
         self._q = q.copy()
-        self._p: dict[str, Floats] = {}
+        self._p = np.array([*movers.values()]).reshape(-1, 3)
+        self._moving = np.zeros(len(first) - 1, dtype=np.bool_)
         self._room = 0.0
         self._moved = 0.0
 
-    def look(self, times: Floats, q_rows: Floats, p_rows: Mapping[str, Floats]) -> None:
+    def look(self, tick: int, q_rows: Floats, p_rows: Floats) -> None:
         """Judge the states of some substeps, as many as are needed.
 
         Args:
-            times: Time of each state, shape (k,) [s].
+            tick: Substep of the last state before.
             q_rows: True positions, shape (k, n).
-            p_rows: Where each moving object is, from where the scene has it, (k, 3).
+            p_rows: Where the moving objects are, shape (k, m, 3) [m].
         """
-        ways = np.zeros(len(q_rows))
-        moving = np.zeros((len(q_rows), len(self._first)), dtype=np.bool_)
-        step_ways(self._q, q_rows, self._judge.reach, self._first, ways, moving)
-        self._q = q_rows[-1].copy()
-        if p_rows:
-            ways += self._object_ways(p_rows)
-        if self._moved + ways.sum() < self._room:
-            self._moved += float(ways.sum())
+        ways = np.empty(len(q_rows))
+        moving = np.empty((len(q_rows), len(self._moving)), dtype=np.bool_)
+        total = step_ways(
+            self._q,
+            self._p,
+            q_rows,
+            p_rows,
+            self._judge.reach,
+            self._first,
+            ways,
+            moving,
+        )
+        self._moving = moving[-1]
+        if self._moved + total < self._room:
+            self._moved += total
             return
-        for k in range(len(ways)):
-            self._moved += ways[k]
-            if ways[k] > 0.0 and not self._moved < self._room:
-                for name, rows in p_rows.items():
-                    self._judge.stand_at(name, rows[k])
-                self._see(float(times[k]), q_rows[k], moving[k])
+        for k, way in enumerate(ways.tolist()):
+            self._moved += way
+            if way > 0.0 and not self._moved < self._room:
+                for i, name in enumerate(self._names):
+                    self._judge.stand_at(name, p_rows[k, i])
+                self._see((tick + 1 + k) * SUBSTEP, q_rows[k], moving[k])
+
+    def see_last(self, tick: int) -> None:
+        """Judge the last state, its objects being where the judge has them."""
+        self._see(tick * SUBSTEP, self._q, self._moving)
 
     def _see(self, time: float, q: Floats, moving: NDArray[np.bool_]) -> None:
         """Judge one state."""
         self.judged += 1
         self._moved = 0.0
         distances, geoms = self._judge.measure(q)
-        distances = distances - self._outer[geoms].sum(axis=1)
-        clear = float(distances.min(initial=self._sight))
+        least, counting, k = nearest_of(
+            distances, geoms, self._outer, self._judge.arm_of, moving
+        )
+        clear = min(least, self._sight)
         self._room = max(SHARE * clear, clear - NEAR)
-        if clear >= self.least:
+        if not counting < self.least:
             return
-        # Geoms of objects have arm -1 and take the last place, which never moves.
-        counts = np.append(moving, False)[self._judge.arm_of[geoms]].any(axis=1)
-        if not counts.any():
-            return
-        k = int(np.argmin(np.where(counts, distances, np.inf)))
-        self.least = min(self.least, float(distances[k]))
-        if distances[k] >= 0.0:
+        self.least = counting
+        if counting >= 0.0:
             return
         if self.contact is None:
             a, b = (self._judge.owners[g] for g in geoms[k])
             self.contact = Contact(time, a, b, 0.0)
-        depth = max(self.contact.depth, -float(distances[k]))
+        depth = max(self.contact.depth, -counting)
         self.contact = self.contact._replace(depth=depth)
-
-    def _object_ways(self, p_rows: Mapping[str, Floats]) -> Floats:
-        """Farthest any object moved in each substep, shape (k,) [m]."""
-        ways = []
-        for name, rows in p_rows.items():
-            before = self._p.get(name, rows[0])
-            steps = np.diff(rows, axis=0, prepend=before[None])
-            ways.append(np.linalg.norm(steps, axis=1))
-            self._p[name] = rows[-1].copy()
-        return np.max(ways, axis=0)

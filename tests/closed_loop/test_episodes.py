@@ -25,12 +25,25 @@ def contacts(found):
     return [(e["seed"], e["setting"], e["contact"]) for e in found if e["contact"]]
 
 
-def test_nobody_who_stops_always_touches_anything():
+def test_nobody_who_is_stopped_at_once_touches_anything():
     found = episodes(Plan(guard="stopper"), range(6))
     assert not contacts(found)
     for e in found:
         assert {s["arm"] for s in e["stops"]} == {"left", "right"}
         assert e["joint_way"] < 0.05 and e["cycles"] > 20
+
+
+@pytest.mark.parametrize("scene", ["bay", "movers"])
+def test_nothing_moves_before_a_verdict_lets_it_go(scene):
+    found = episodes(Plan(scene, guard="keeper"), range(4))
+    for e in found:
+        assert e["joint_way"] == e["tool_way"] == e["releases"] == 0
+        assert e["cycles"] > 20 and not e["stops"]
+    assert any(e["joint_wish"] > 0.0 for e in found)
+
+
+def test_the_first_time_an_arm_is_let_go_is_no_release():
+    assert all(e["releases"] == 0 for e in episodes(Plan(guard="blind"), range(3)))
 
 
 def test_without_a_guard_operators_reach_what_they_go_for():

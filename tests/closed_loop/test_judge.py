@@ -29,13 +29,14 @@ def arena():
     return judge, tables
 
 
-def watch(judge, q):
-    return Watch(judge, FIRST, q, np.zeros(len(judge.owners)))
+def watch(judge, q, **movers):
+    return Watch(judge, FIRST, q, np.zeros(len(judge.owners)), movers)
 
 
 def look(watching, q_rows, p_rows=None, begin=0):
-    times = (begin + 1 + np.arange(len(q_rows))) * SUBSTEP
-    watching.look(times, np.ascontiguousarray(q_rows), p_rows or {})
+    """Look at rows, and at those of one object if there is one, shape (k, 3)."""
+    rows = np.zeros((len(q_rows), 0, 3)) if p_rows is None else p_rows[:, None, :]
+    watching.look(begin, np.ascontiguousarray(q_rows), np.ascontiguousarray(rows))
 
 
 def test_distances_are_those_of_pinocchio_and_coal(arena):
@@ -102,22 +103,22 @@ def into_the_arm(judge, tables, steps=400):
 def test_an_object_that_hits_a_resting_arm_is_nobodys_doing(arena):
     judge, tables = arena
     p_rows = into_the_arm(judge, tables)
-    watching = watch(judge, tables.home)
-    look(watching, np.tile(tables.home, (400, 1)), {"ball": p_rows})
+    watching = watch(judge, tables.home, ball=p_rows[0])
+    look(watching, np.tile(tables.home, (400, 1)), p_rows)
     assert judge.clearance(tables.home) < 0.0
     assert watching.contact is None and watching.least == SIGHT
     # The other arm may move; it is not in the pair.
     rows = tables.home + 1e-5 * np.arange(400)[:, None] * (np.arange(14) == 13)
-    look(watching, rows, {"ball": np.tile(p_rows[-1], (400, 1))})
+    look(watching, rows, np.tile(p_rows[-1], (400, 1)))
     assert watching.contact is None
 
 
 def test_an_object_that_hits_a_moving_arm_counts(arena):
     judge, tables = arena
     p_rows = into_the_arm(judge, tables)
-    watching = watch(judge, tables.home)
+    watching = watch(judge, tables.home, ball=p_rows[0])
     rows = tables.home + 1e-5 * np.arange(400)[:, None] * (np.arange(14) == 6)
-    look(watching, rows, {"ball": p_rows})
+    look(watching, rows, p_rows)
     assert watching.contact is not None
     assert {watching.contact.a, watching.contact.b} & {"ball"}
 
@@ -125,10 +126,10 @@ def test_an_object_that_hits_a_moving_arm_counts(arena):
 def test_an_arm_that_starts_to_move_in_contact_counts(arena):
     judge, tables = arena
     p_rows = into_the_arm(judge, tables)
-    watching = watch(judge, tables.home)
-    look(watching, np.tile(tables.home, (400, 1)), {"ball": p_rows})
+    watching = watch(judge, tables.home, ball=p_rows[0])
+    look(watching, np.tile(tables.home, (400, 1)), p_rows)
     rows = tables.home + 1e-5 * np.arange(4)[:, None] * (np.arange(14) == 6)
-    look(watching, rows, {"ball": np.tile(p_rows[-1], (4, 1))})
+    look(watching, rows, np.tile(p_rows[-1], (4, 1)))
     assert watching.contact is not None
 
 

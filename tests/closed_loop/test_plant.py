@@ -23,13 +23,16 @@ NOTHING = np.zeros(N)
 def plant(q=None):
     """A free plant of one arm."""
     at = np.zeros(N) if q is None else q
-    return plants.plant_at(at, FIRST, VELOCITY, ACCELERATION, 2.0 * DECELERATION)
+    made = plants.plant_at(at, FIRST, VELOCITY, ACCELERATION, 2.0 * DECELERATION)
+    assert plants.release(made, 0)
+    return made
 
 
 def run(p, tick, count, desired):
     """Rows of positions and velocities of some substeps."""
     q_rows, v_rows = np.zeros((2, count, N))
-    plants.advance(p, tick, SUBSTEP, desired, q_rows, v_rows)
+    free_rows = np.zeros((count, 1), dtype=bool)
+    plants.advance(p, tick, SUBSTEP, desired, q_rows, v_rows, free_rows)
     return q_rows, v_rows
 
 
@@ -111,6 +114,21 @@ def test_an_operator_has_no_influence_from_the_effect_on():
         plants.order_stop(p, 0, 2000 * SUBSTEP, stop)
         ways.append(run(p, 2000, 3000, sign * VELOCITY)[0])
     assert (ways[0] == ways[1]).all()
+
+
+def test_a_plant_stands_until_it_is_given_to_its_operator():
+    p = plants.plant_at(NOTHING, FIRST, VELOCITY, ACCELERATION, 2.0 * DECELERATION)
+    assert not run(p, 0, 400, VELOCITY)[0].any()
+    assert plants.release(p, 0)
+    assert run(p, 400, 4, VELOCITY)[0].all()
+
+
+def test_a_row_says_whose_the_arm_is_after_it():
+    p = plant()
+    plants.order_stop(p, 0, 10 * SUBSTEP, (DECELERATION, *(NOTHING,) * 3))
+    rows, free = np.zeros((2, 20, N)), np.zeros((20, 1), dtype=bool)
+    plants.advance(p, 0, SUBSTEP, VELOCITY, *rows, free)
+    assert free[:10].all() and not free[10:].any()
 
 
 def test_a_stop_is_carried_out_and_only_a_resting_arm_is_given_back():
