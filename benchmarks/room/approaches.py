@@ -1,0 +1,157 @@
+"""Approaches in the bay: a tool led straight at a fixture, or at the other arm."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard import Guard, bay_scene
+from armguard.cli.console import progress_bar
+from armguard.scene.tables import SceneTables
+from room.lines import JOINTS, STEP, Hand, Line, knots, line_through
+from room.warned import MODES, first_warnings, plain
+
+Floats = NDArray[np.float64]
+
+ARMS = ("left", "right")
+KINDS = ("fixture", "arm")
+
+# How far the ruler sees [m]: across the bay.
+SIGHT = 3.0
+
+# How far the tool is from its aim at the start, and least of anything else [m].
+NEAREST, FARTHEST = 0.3, 0.8
+ROOMY = 0.10
+
+# Links that are always near what their arm stands on, and what has to do for them [m].
+SHOULDER = ("/link1", "/link2")
+STANDING = 0.03
+
+# An approach ends at this distance [m]; no guard lets it get there.
+TOUCH = 0.002
+
+# Random starts that are tried for each approach before that counts as impossible.
+TRIES = 2000
+
+# How much the arm swings besides leading its tool [-].
+SWINGS = (0.0, 0.5, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """A line of one arm's tool that ends in contact.
+
+    Attributes:
+        kind: What it is led at, one of `KINDS`.
+        line: The line.
+    """
+
+    kind: str
+    line: Line
+
+
+def approaches(count: int, seed: int = 11) -> Iterator[Approach]:
+    """Approaches, in turns at fixtures and at the other arm.
+
+    Raises:
+        RuntimeError: None was found in TRIES tries.
+    """
+    rng = np.random.default_rng(seed)
+    ruler = bay_ruler()
+    for k in range(count):
+        yield next_approach(ruler, rng, KINDS[k % len(KINDS)])
+
+
+def bay_ruler() -> Guard:
+    """A guard that measures every pair of the bay."""
+    scene = bay_scene()
+    scene.set_margin(SIGHT)
+    return Guard(scene, self_test=False)
+
+
+def next_approach(ruler: Guard, rng: np.random.Generator, kind: str) -> Approach:
+    """One approach of a kind."""
+    for _ in range(TRIES):
+        arm = ARMS[rng.integers(2)]
+        q = start(ruler.tables, rng, arm, kind)
+        aim = aim_of(ruler, rng, q, arm, kind)
+        if aim is None:
+            continue
+        hand = Hand(ruler.tables, arm, np.zeros(3)).holding(q, aim[0])
+        swing = rng.normal(size=JOINTS)
+        swing *= rng.choice(SWINGS) / np.linalg.norm(swing)
+        rows = []
+        for row in knots(ruler.tables, hand, q, aim[1], swing):
+            rows.append(row)
+            if nearest(ruler, row) < TOUCH:
+                line = line_through(rows)
+                if line is not None and line.length > NEAREST / 2.0:
+                    return Approach(kind, line)
+                break
+            if len(rows) * STEP > 2.0 * FARTHEST:
+                break
+    raise RuntimeError(f"no approach of the kind '{kind}' in {TRIES} tries")
+
+
+def start(tables: SceneTables, rng: np.random.Generator, arm: str, kind: str) -> Floats:
+    """Random positions of an arm; the other one is at home, unless it is the aim."""
+    q = tables.home.copy()
+    for name in ARMS:
+        if name == arm or kind == "arm":
+            first = tables.q_names.index(f"{name}/joint1")
+            own = slice(first, first + JOINTS)
+            q[own] = rng.uniform(tables.lower[own] + 0.1, tables.upper[own] - 0.1)
+    return q
+
+
+def aim_of(
+    ruler: Guard, rng: np.random.Generator, q: Floats, arm: str, kind: str
+) -> tuple[Floats, Floats] | None:
+    """Point of the tool that is led, and the direction; None if there is no room."""
+    aims = []
+    for pair in ruler.judge_at_rest(q).near:
+        robots = [
+            side.split("/")[0] if "/" in side else "" for side in (pair.a, pair.b)
+        ]
+        if robots[0] == robots[1]:
+            continue
+        stands = pair.a.endswith(SHOULDER) or pair.b.endswith(SHOULDER)
+        if not pair.distance > (STANDING if stands else ROOMY):
+            return None
+        other = "" if kind == "fixture" else ARMS[1 - ARMS.index(arm)]
+        if not NEAREST < pair.distance < FARTHEST:
+            continue
+        if pair.a == f"{arm}/link{JOINTS}" and robots[1] == other:
+            aims.append((pair.point_a, pair.normal))
+        elif pair.b == f"{arm}/link{JOINTS}" and robots[0] == other:
+            aims.append((pair.point_b, -pair.normal))
+    return aims[int(rng.integers(len(aims)))] if aims else None
+
+
+def nearest(ruler: Guard, q: Floats) -> float:
+    """Least distance of any checked pair [m]."""
+    near = ruler.judge_at_rest(q).nearest
+    return SIGHT if near is None else near.distance
+
+
+def measure(count: int, speeds: Sequence[float]) -> list[dict[str, Any]]:
+    """First warnings of each approach, for each speed and mode."""
+    guards = {mode: Guard(bay_scene(mode)) for mode in MODES}
+    rows: list[dict[str, Any]] = []
+    with progress_bar("approaching", count * len(speeds)) as advance:
+        for number, approach in enumerate(approaches(count)):
+            for speed in speeds:
+                row: dict[str, Any] = {
+                    "approach": number,
+                    "kind": approach.kind,
+                    "tool_speed": speed,
+                    "modes": {},
+                }
+                for mode, guard in guards.items():
+                    slow, stop = first_warnings(guard, approach.line.drive(speed))
+                    row["modes"][mode] = {"SLOW": plain(slow), "STOP": plain(stop)}
+                rows.append(row)
+                advance(1)
+    return rows

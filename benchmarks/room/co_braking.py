@@ -1,0 +1,166 @@
+"""Two arms head-on: under one guard, and each under its own.
+
+An own guard takes the other arm for an object: of the other's declared top speed, or,
+which is fairer, of the speed it has, for all of the time until this arm rests.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard import Box, Guard, Pose, Scene
+from armguard.guard import Verdict
+from armguard.robot.stopping import StoppingFigures
+from room.slides import (
+    HALF,
+    PERIOD,
+    Judge,
+    cube_at,
+    run,
+    slide_figures,
+    slide_model,
+    terms,
+    worst_run,
+)
+
+Floats = NDArray[np.float64]
+
+SPEEDS = (0.1, 0.25, 0.4, 0.6)  # [m/s]
+TOP = 1.25  # [m/s]
+FLOOR = 0.005  # [m]
+
+# How far apart the slides' frames are [m].
+FARTHEST = 3.0
+
+# A run begins so far before the gap at which a first one was stopped, once both have
+# their speed [m]; that began at a gap that nobody needs: so much at rest [m], and what
+# is driven in so long a time [s].
+LEAD = 0.03
+REST_GAP, GAP_TIME = 0.3, 2.0
+
+# Starts of a run are spread over one cycle's way.
+PHASES = 2
+
+# The bay's figures with a metre for a radian; the same without swing; a slow arm.
+BAY: Mapping[str, Any] = {
+    "velocity": TOP,
+    "acceleration": 8.0,
+    "deceleration": 4.0,
+    "deceleration_most": 8.0,
+    "ramp": 0.020,
+    "settle": 0.005,
+    "settle_time": 0.2,
+    "position_error": 0.0002,
+    "velocity_error": 0.02,
+    "sensing": 0.003,
+    "command": 0.003,
+    "stale": 0.010,
+}
+ARMS: Mapping[str, Mapping[str, Any]] = {
+    "the bay's": BAY,
+    "the bay's, no swing": {**BAY, "settle": 0.0, "settle_time": 0.0},
+    "weak, no swing": {
+        **BAY,
+        "acceleration": 3.0,
+        "deceleration": 1.5,
+        "deceleration_most": 3.0,
+        "settle": 0.0,
+        "settle_time": 0.0,
+    },
+}
+
+WAYS = ("one guard", "own guard, actual speed", "own guard, top speed")
+
+
+def gap_of(q: Floats) -> float:
+    """Distance of two cubes whose slides face each other [m]."""
+    return FARTHEST - float(q.sum()) - 2.0 * HALF
+
+
+def start_of(gap: float) -> float:
+    """Where both slides start for a gap [m]."""
+    return 0.5 * (FARTHEST - 2.0 * HALF - gap)
+
+
+def together(figures: StoppingFigures) -> Judge:
+    """Both slides under one guard."""
+    scene = Scene(mode="path", buffer=FLOOR)
+    scene.add_robot(slide_model(), name="one", stopping=figures)
+    scene.add_robot(
+        slide_model(),
+        name="other",
+        base=Pose(xyz=(FARTHEST, 0.0, 0.0), rpy=(0.0, 0.0, np.pi)),
+        stopping=figures,
+    )
+    guard = Guard(scene, self_test=False)
+
+    def judge(now: float, stamp: float, q: Floats, v: Floats) -> Sequence[Verdict]:
+        if stamp == 0.0:
+            guard.reset()
+        return [guard.step(q, stamp, velocity=v, now=now)]
+
+    return judge
+
+
+def apart(figures: StoppingFigures, speed: float) -> Judge:
+    """Each slide under its own guard, the other an object of a top speed [m/s]."""
+    guards = []
+    for _ in range(2):
+        scene = Scene(mode="path", buffer=FLOOR)
+        scene.add_robot(slide_model(), name="one", stopping=figures)
+        scene.add(
+            Box(half_extents=(HALF, HALF, HALF)),
+            name="other",
+            pose=cube_at(FARTHEST),
+            top_speed=speed,
+        )
+        guards.append(Guard(scene, self_test=False))
+
+    def judge(now: float, stamp: float, q: Floats, v: Floats) -> Sequence[Verdict]:
+        verdicts = []
+        for k, guard in enumerate(guards):
+            if stamp == 0.0:
+                guard.reset()
+            guard.place("other", cube_at(FARTHEST - q[1 - k]), stamp=stamp)
+            verdicts.append(
+                guard.step(q[k : k + 1], stamp, velocity=v[k : k + 1], now=now)
+            )
+        return verdicts
+
+    return judge
+
+
+def measure() -> list[dict[str, Any]]:
+    """Gaps at the stop, for each kind of arm and each speed."""
+    rows = []
+    for name, declared in ARMS.items():
+        figures = slide_figures(**declared)
+        one, top = together(figures), apart(figures, TOP)
+        for speed in SPEEDS:
+            judges = dict(zip(WAYS, (one, apart(figures, speed), top), strict=True))
+            row: dict[str, Any] = {"arm": name, "tool_speed": speed}
+            for way, judge in judges.items():
+                row[way] = gap_at_stop(judge, figures, speed)
+            rows.append(row)
+    return rows
+
+
+def gap_at_stop(judge: Judge, figures: StoppingFigures, speed: float) -> dict[str, Any]:
+    """Mean gap at the first stop, least gap of all runs, the need by cause."""
+    begin = start_of(REST_GAP + GAP_TIME * speed)
+    calm = run(judge, figures, [begin, begin], speed, gap_of)
+    speeding_up = speed * speed / float(figures.acceleration[0])
+    begin = start_of(calm.distance + LEAD + speeding_up)
+    runs = [
+        worst_run(judge, figures, [start, start], speed, gap_of)
+        for start in begin - speed * PERIOD * np.arange(PHASES) / PHASES
+    ]
+    return {
+        "gap": float(np.mean([r.distance for r in runs])),
+        "least": min(r.least for r in runs),
+        "contacts": sum(r.least < 0.0 for r in runs),
+        "runs": len(runs),
+        "terms": terms(runs[0].verdict),
+    }

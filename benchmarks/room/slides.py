@@ -1,0 +1,222 @@
+"""Arms that are one sliding joint each, guarded in a closed loop at their worst.
+
+Everything the declared figures leave open is against the guard: measurements are as old
+as they may be and seem farther and slower, the operator pushes with all he has from the
+last measurement on that does not stop him, and stops are as late and soft as declared.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry import Box, Pose
+from armguard.guard import Level, Verdict
+from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
+from armguard.robot.stopping import StoppingFigures, stopping_figures
+from closed_loop.plant import HELD, Plant, advance, order_stop, plant_at
+
+Floats = NDArray[np.float64]
+
+# Half the edge of the cube that slides [m], and how far it can [m].
+HALF = 0.05
+REACH = 4.0
+
+PERIOD = 1e-3  # [s]
+SUBSTEP = 2.5e-4  # [s]
+SUBSTEPS = round(PERIOD / SUBSTEP)
+
+# Longest run [s], and by how much a speed may miss what is wanted [m/s].
+LONGEST = 8.0
+GRAIN = 1e-9
+
+# The verdict of a cycle: its time and the stamp of its measurement [s], and measured
+# positions and velocities of all slides.
+Judge = Callable[[float, float, Floats, Floats], Sequence[Verdict]]
+
+
+def slide_model() -> RobotModel:
+    """A cube that slides along x."""
+    cube = CollisionElement(
+        geometry=Box(half_extents=(HALF, HALF, HALF)), T_link_geometry=np.eye(4)
+    )
+    joint = Joint(
+        name="tool",
+        kind=JointKind.PRISMATIC,
+        parent="base",
+        child="hand",
+        T_parent_joint=np.eye(4),
+        axis=np.array([1.0, 0.0, 0.0]),
+        lower=-REACH,
+        upper=REACH,
+    )
+    return RobotModel(
+        name="slide",
+        path=None,
+        links={
+            "base": Link(name="base"),
+            "hand": Link(name="hand", collisions=(cube,)),
+        },
+        joints={"tool": joint},
+        root="base",
+    )
+
+
+def slide_figures(**figures: Any) -> StoppingFigures:
+    """Figures of a slide, as `stopping_figures` takes them."""
+    return stopping_figures(slide_model(), **figures)
+
+
+def cube_at(x: float) -> Pose:
+    """Pose of a cube whose middle is at x [m]."""
+    return Pose(xyz=(x, 0.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What came of a run.
+
+    Attributes:
+        distance: Distance the guard had when it ordered the first stop [m].
+        least: Least true distance until all was at rest [m].
+        verdict: The verdict that ordered it.
+        order_cycle: Its number.
+    """
+
+    distance: float
+    least: float
+    verdict: Verdict
+    order_cycle: int
+
+
+def worst_run(
+    judge: Judge,
+    figures: StoppingFigures,
+    starts: Sequence[float],
+    speed: float,
+    gap_of: Callable[[Floats], float],
+) -> Run:
+    """The run in which the operator pushes at the last moment.
+
+    Where that is tells a run in which he does not.
+
+    Args:
+        judge: Makes a cycle of the guard, or of each arm's.
+        figures: Of every slide.
+        starts: Where the slides start, at rest [m].
+        speed: Speed the operator wants [m/s].
+        gap_of: Distance of what may touch, from the positions [m].
+    """
+    calm = run(judge, figures, starts, speed, gap_of)
+    push_at = (calm.order_cycle - 1) * PERIOD
+    return run(judge, figures, starts, speed, gap_of, push_at)
+
+
+def run(
+    judge: Judge,
+    figures: StoppingFigures,
+    starts: Sequence[float],
+    speed: float,
+    gap_of: Callable[[Floats], float],
+    push_at: float | None = None,
+) -> Run:
+    """One run until all slides are at rest; see `worst_run`.
+
+    Args:
+        judge: Makes a cycle of the guard.
+        figures: Of every slide; `sensing` is a number of periods.
+        starts: Where the slides start, at rest [m].
+        speed: Speed the operator wants [m/s].
+        gap_of: Distance of what may touch [m].
+        push_at: Time from which on he wants top speed [s]; None if he never does, and
+            the run ends with the first order.
+
+    Raises:
+        RuntimeError: No stop was ordered while the slides moved at their speed.
+    """
+    plant, count = plant_of(figures, starts), len(starts)
+    age = round(figures.sensing / PERIOD)
+    q_rows, v_rows = np.zeros((2, SUBSTEPS, count))
+    # States at the beginning of each period; measurements look back into them.
+    past = [(plant.q.copy(), plant.v.copy())]
+    told: Run | None = None
+    least = np.inf
+    for k in range(round(LONGEST / PERIOD)):
+        while len(past) <= k + age:
+            began = len(past) - 1
+            pushes = push_at is not None and began * PERIOD >= push_at
+            wish = np.where(pushes, figures.velocity, speed).repeat(count)
+            advance(plant, began * SUBSTEPS, SUBSTEP, wish, q_rows, v_rows)
+            past.append((plant.q.copy(), plant.v.copy()))
+            least = min(least, *(gap_of(q) for q in q_rows))
+        true_q, true_v = past[k]
+        verdicts = judge(
+            (k + age) * PERIOD,
+            k * PERIOD,
+            true_q - figures.position_error,
+            true_v - figures.velocity_error * (true_v > 0.0),
+        )
+        for arm, stopped in enumerate(stops(verdicts, count)):
+            if stopped:
+                at = (k + age) * PERIOD + figures.command
+                order_stop(plant, arm, at, worst_stop(figures, count))
+        if told is None and any(v.level >= Level.STOP for v in verdicts):
+            told = first_stop(verdicts, k)
+            if not true_v.max() >= speed - GRAIN:
+                raise RuntimeError(f"stopped on its way to {speed} m/s")
+        if told is not None and (push_at is None or (plant.phase == HELD).all()):
+            return replace(told, least=least)
+    raise RuntimeError(f"no stop, or no rest, within {LONGEST} s")
+
+
+def first_stop(verdicts: Sequence[Verdict], k: int) -> Run:
+    """What there is to be told of the first stop, ordered in cycle k."""
+    verdict = next(v for v in verdicts if v.level >= Level.STOP)
+    near = verdict.nearest
+    distance = np.nan if near is None else near.primitive_distance
+    return Run(distance, np.nan, verdict, k)
+
+
+def stops(verdicts: Sequence[Verdict], count: int) -> list[bool]:
+    """Which of the slides are told to stop, by one guard for all or one for each."""
+    if len(verdicts) == count > 1:
+        return [v.level >= Level.STOP for v in verdicts]
+    levels = list(verdicts[0].levels.values())
+    if not levels:
+        return [verdicts[0].level >= Level.STOP] * count
+    return [level >= Level.STOP for level in levels]
+
+
+def plant_of(figures: StoppingFigures, starts: Sequence[float]) -> Plant:
+    """Slides at rest, with the figures as they are declared."""
+    count = len(starts)
+    return plant_at(
+        np.array(starts, dtype=np.float64),
+        np.arange(count + 1),
+        np.repeat(figures.velocity, count),
+        np.repeat(figures.acceleration, count),
+        np.repeat(figures.brake_deceleration, count),
+    )
+
+
+def worst_stop(
+    figures: StoppingFigures, count: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Deceleration, ramp, swing and its time at their worst, each shape (count,)."""
+    return (
+        np.repeat(figures.deceleration, count),
+        np.full(count, figures.ramp),
+        np.repeat(figures.settle, count),
+        np.full(count, figures.settle_time),
+    )
+
+
+def terms(verdict: Verdict) -> dict[str, float]:
+    """What the nearest pair needs, by cause [m]; empty where buffers are fixed."""
+    budget = verdict.budget
+    if budget is None:
+        return {}
+    names = ("floor", "base", "object", "error", "reaction", "stopping", "path")
+    return {name: float(getattr(budget, name)) for name in names}

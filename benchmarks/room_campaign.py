@@ -1,0 +1,54 @@
+"""How much room a guard leaves, beside the least that would do; writes docs/room.md.
+
+make room                            all of it, a quarter of an hour
+make room ARGS="--only passing"      one of the measurements, the others as they were
+make room ARGS="--page"              the page from the last results
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from armguard.cli.console import jsonable, say
+from room import approaches, co_braking, least_buffer, passing
+from room.page import write_page
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs" / "room.json"
+
+SPEEDS = (0.1, 0.25, 0.4, 0.6)  # [m/s]
+
+MEASUREMENTS: Mapping[str, Callable[[int], list[dict[str, Any]]]] = {
+    "approaches": lambda count: approaches.measure(count, SPEEDS),
+    "passing": lambda count: passing.measure(max(count // 4, 1), SPEEDS),
+    "co_braking": lambda _: co_braking.measure(),
+    "least_buffer": lambda _: least_buffer.measure(),
+}
+
+
+def main() -> None:
+    """Measure, write docs/room.json, docs/room.md and plots."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", choices=tuple(MEASUREMENTS))
+    parser.add_argument("--approaches", type=int, default=24)
+    parser.add_argument("--page", action="store_true", help="from the last results")
+    chosen = parser.parse_args()
+    results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    for name, measure in MEASUREMENTS.items():
+        if chosen.page or chosen.only not in (None, name):
+            continue
+        results[name] = jsonable(measure(chosen.approaches))
+        RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    write_page(results, ROOT / "docs")
+    say("wrote docs/room.md")
+
+
+if __name__ == "__main__":
+    main()
