@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from armguard.robot.stopping import StoppingFigures
 from closed_loop import plant as plants
 from closed_loop.exact_world import ExactWorld
-from closed_loop.truth import UNKNOWN
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,6 +20,12 @@ STEP = 0.002
 # Pairs that may be reached first and are attacked, and random corners tried beside.
 ATTACKED = 8
 RANDOM = 4
+
+# An unknown greatest deceleration may be this many times the least: a stop at once [-].
+AT_ONCE = 1000.0
+
+# How often a pair is attacked anew by its gradient where it came nearest.
+ANEW = 3
 
 # States between two that are measured while one pair is brought nearer.
 COARSE = 5
@@ -102,8 +107,8 @@ class Search:
         self._velocity = joined(figures, "velocity")
         self._acceleration = joined(figures, "acceleration")
         self._least = joined(figures, "deceleration")
-        most = np.minimum(joined(figures, "deceleration_most"), UNKNOWN * self._least)
-        self._more = most - self._least
+        most = np.minimum(joined(figures, "deceleration_most"), AT_ONCE * self._least)
+        self._ratio = most / self._least
         self._position_error = joined(figures, "position_error")
         self._velocity_error = joined(figures, "velocity_error")
         self._ramp = spread(figures, "ramp")
@@ -220,16 +225,27 @@ class Search:
     ) -> Breach | None:
         """Turn joint by joint what brings a pair nearer still."""
         best = self._attacks(outward, v)[0]
-        least, when = self._least_of(k, best, q, v, ages, object_age)
+        state = least, _, there = self._least_of(k, best, q, v, ages, object_age)
+        for _ in range(ANEW):
+            # What brings a pair together may be another way where it is nearest.
+            before = least
+            for change in self._attacks(self.world.gradient(k, there), v):
+                found = self._least_of(k, change, q, v, ages, object_age)
+                if found[0] < least:
+                    state, best = found, change
+                    least, _, there = state
+            if least == before:
+                break
         for _ in range(sweeps):
             before = least
             for j in np.flatnonzero(self.world.reach[k]):
                 for change in turned(best, int(j)):
-                    there = self._least_of(k, change, q, v, ages, object_age)
-                    if there[0] < least:
-                        (least, when), best = there, change
+                    found = self._least_of(k, change, q, v, ages, object_age)
+                    if found[0] < least:
+                        state, best = found, change
+                        least = found[0]
             if least < self.floor:
-                return Breach(self.world.owners[k], when, least, best)
+                return Breach(self.world.owners[k], state[1], least, best)
             if least == before:
                 break
         return None
@@ -242,18 +258,26 @@ class Search:
         v: Floats,
         ages: Floats,
         object_age: float,
-    ) -> tuple[float, float]:
-        """Least distance a pair keeps in a future [m], and when [s]."""
+    ) -> tuple[float, float, Floats]:
+        """Least distance a pair keeps in a future [m], when [s], and where."""
         rows = self.rows(future, q, v, ages)
-        least, when = np.inf, 0.0
-        for s in range(0, self._end_of(k, rows) + COARSE, COARSE):
-            self.world.place(rows[min(s, len(rows) - 1)])
-            time = s * STEP
-            lost = self._unknown[k] + self._drift[k] * (object_age + time)
-            kept = self.world.distance(k) - lost
+        end = self._end_of(k, rows)
+        least, at = np.inf, 0
+        for s in range(0, end + COARSE, COARSE):
+            kept = self._kept(k, min(s, end), rows, object_age)
             if kept < least:
-                least, when = kept, time
-        return least, when
+                least, at = kept, min(s, end)
+        for s in range(max(at - COARSE + 1, 0), min(at + COARSE, end + 1)):
+            kept = self._kept(k, s, rows, object_age)
+            if kept < least:
+                least, at = kept, s
+        return least, at * STEP, rows[at]
+
+    def _kept(self, k: int, s: int, rows: Floats, object_age: float) -> float:
+        """What a pair keeps in a state of a future, less what is not known [m]."""
+        self.world.place(rows[s])
+        lost = self._unknown[k] + self._drift[k] * (object_age + s * STEP)
+        return self.world.distance(k) - lost
 
     def _end_of(self, k: int, rows: Floats) -> int:
         """The last state in which an arm of a pair still moves.
@@ -273,9 +297,10 @@ class Search:
             self._acceleration,
             self._least,
         )
+        plant.phase[:] = plants.FREE
         start = v + future.error * self._velocity_error
         plant.v[:] = np.clip(start, -self._velocity, self._velocity)
-        strength = self._least + future.strength * self._more
+        strength = self._least * self._ratio**future.strength
         for arm, age in enumerate(ages):
             plants.order_stop(
                 plant,
@@ -285,7 +310,9 @@ class Search:
             )
         count = int(self._ways(plant.v, ages)[1] / STEP) + 2
         rows, speeds = np.zeros((2, count, len(q)))
-        plants.advance(plant, 0, STEP, future.wish * self._velocity, rows, speeds)
+        free = np.zeros((count, len(ages)), dtype=np.bool_)
+        wish = future.wish * self._velocity
+        plants.advance(plant, 0, STEP, wish, rows, speeds, free)
         return np.vstack([q + future.error * self._position_error, rows])
 
     def _ways(self, v: Floats, ages: Floats) -> tuple[Floats, float]:
@@ -315,16 +342,25 @@ class Search:
         return found
 
 
+# What is tried of each joint; in between, since not all distances fall to an end.
+CHOICES = {
+    "wish": (-1.0, 0.0, 1.0),
+    "strength": (0.0, 0.1, 0.4, 1.0),
+    "error": (-1.0, 1.0),
+}
+
+
 def turned(future: Future, j: int) -> list[Future]:
-    """The future with one joint the other way: its wish, or its stop."""
+    """The future with one joint another way: its wish, its stop, or its error."""
     found = []
-    for share in {-1.0, 0.0, 1.0} - {float(future.wish[j])}:
-        wish = future.wish.copy()
-        wish[j] = share
-        found.append(future._replace(wish=wish))
-    strength = future.strength.copy()
-    strength[j] = 1.0 - strength[j]
-    return [*found, future._replace(strength=strength)]
+    for name, values in CHOICES.items():
+        own = getattr(future, name)
+        for value in values:
+            if value != own[j]:
+                change = own.copy()
+                change[j] = value
+                found.append(future._replace(**{name: change}))
+    return found
 
 
 def joined(figures: Sequence[StoppingFigures], name: str) -> Floats:

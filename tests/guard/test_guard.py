@@ -51,6 +51,21 @@ def test_within_the_margin_is_caution_and_within_the_buffer_a_stop():
             assert verdict.nearest.clearance == pytest.approx(gap - 0.03048, abs=1e-12)
 
 
+def test_a_wider_margin_tells_pairs_that_are_farther_apart():
+    scene = wall_scene()
+    q = np.array([-0.5, -0.5, 0.0])
+    assert Guard(scene).step(q).nearest is None
+    scene.set_margin(0.8)
+    assert scene.margin == 0.8
+    verdict = Guard(scene).step(q)
+    assert verdict.level is Level.CAUTION
+    assert 0.3 < verdict.nearest.distance <= 0.8
+    scene.set_margin(None)
+    assert Guard(scene).step(q).nearest is None
+    with pytest.raises(SceneError, match="margin"):
+        scene.set_margin(float("nan"))
+
+
 def test_the_nearest_pair_has_names_points_and_words():
     scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=1, length=1.0), name="arm")

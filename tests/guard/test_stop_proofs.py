@@ -152,6 +152,46 @@ def test_a_stop_slower_than_declared_is_answered_by_the_brake(wall_guard):
     assert wall_guard.step(robot.q, 9.0, velocity=np.zeros(3)).disproved == ()
 
 
+def test_an_arm_that_moves_before_it_was_let_go_is_stopped_with_that_reason(wall_guard):
+    wall_guard.reset()
+    q, v = np.array([0.2, 0.0, 0.0]), np.array([0.3, 0.0, 0.0])
+    verdict = wall_guard.step(q, 0.0, velocity=v, now=0.0)
+    assert verdict.level is Level.STOP
+    assert verdict.reason is Reason.MOVED_AT_REST
+    assert verdict.causes == {"arm": Reason.MOVED_AT_REST}
+    assert "was to rest" in verdict.why
+    # It goes on as if nothing had been said: the brake, and then whatever is outside.
+    levels = []
+    for k in range(1, 400):
+        t = k * PERIOD
+        levels.append(wall_guard.step(q + v * t, t, velocity=v, now=t).level)
+    first = {level: levels.index(level) for level in set(levels)}
+    assert first[Level.STOP] < first[Level.BRAKE] < first[Level.HARDWARE_STOP]
+
+
+def test_a_swing_within_the_declared_one_is_no_failure_to_stop(wall_guard):
+    wall_guard.reset()
+    robot = Robot(wall_guard, [0.2, 0.0, 0.0])
+    while robot.ordered is None:
+        top = robot.v[0]
+        robot.cycle(np.array([1.2, 0.0, 0.0]))
+    while robot.v.any():
+        robot.cycle(np.zeros(3))
+    # Half a sine in 0.3 of the longest time, from where the arm came to rest.
+    rest, began = robot.q.copy(), robot.t
+    height = FIGURES["settle"] * top / FIGURES["velocity"]
+    time = 0.3 * FIGURES["settle_time"]
+    levels = []
+    for k in range(60):
+        t = began + k * PERIOD
+        phase = np.pi * min(k * PERIOD / time, 1.0)
+        q, v = rest.copy(), np.zeros(3)
+        q[0] += height * np.sin(phase)
+        v[0] = height * np.pi / time * np.cos(phase) if phase < np.pi else 0.0
+        levels.append(wall_guard.step(q, t, velocity=v, now=t).level)
+    assert max(levels) < Level.BRAKE
+
+
 def test_an_arm_that_does_not_stop_at_all_is_to_be_stopped_from_outside(wall_guard):
     wall_guard.reset()
     t, q = 0.0, np.array([0.2, 0.0, 0.0])
@@ -265,6 +305,14 @@ def test_an_object_that_moves_counts_with_its_speed_and_age():
         assert verdict.budget.object >= 0.5 * age
     assert needed[1] - needed[0] == pytest.approx(0.05, abs=1e-3)
     assert needed[2] - needed[1] == pytest.approx(0.05, abs=1e-3)
+    # Where nobody says what time it is, the object too may be as old as the arm.
+    budgets = []
+    for now in (None, 1.1):
+        guard.reset()
+        guard.place("cart", Pose(xyz=(0.8, -0.11, 0.4)), stamp=1.0)
+        verdict = guard.step(q, 1.1, velocity=np.zeros(3), now=now)
+        budgets.append(verdict.budget.object)
+    assert budgets[0] - budgets[1] >= 0.5 * FIGURES["sensing"]
 
 
 def test_mixed_modes_guard_one_scene():

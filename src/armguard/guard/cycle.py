@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
+from armguard.address import call_for_nothing, pointer
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
 from armguard.guard.layout import (
@@ -27,6 +27,7 @@ from armguard.guard.reindex import update_index
 from armguard.guard.workspace import (
     FIRST_ROW,
     MOVING_COUNT,
+    REBUILD,
     SELF,
     Workspace,
     open_workspace,
@@ -64,7 +65,7 @@ def run_cycle(q: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     if not positions_are_finite(q, w.lower, out):
         return rows
-    rebuild_world(q.ctypes.data, w.parts[SELF])
+    call_for_nothing(w.parts[REBUILD], (q.ctypes.data, 1, w.parts[SELF]))
     judge_pairs(w)
     report_limits(q, w.lower, w.upper, out)
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
@@ -85,11 +86,12 @@ def clear_header(w: Workspace) -> int:
 
 
 @kernel(inline=False)
-def rebuild_world(positions: int, lines: int) -> None:
+def rebuild_world(positions: int, indexed: int, lines: int) -> None:
     """Poses, primitives in the world and index, from joint angles alone.
 
     Args:
         positions: Address of the joint positions.
+        indexed: 0 where nobody is going to ask the index.
         lines: Address of the ledger.
     """
     w = open_workspace(ledger_at(lines))
@@ -98,7 +100,8 @@ def rebuild_world(positions: int, lines: int) -> None:
         q, w.parent, w.joint_kind, w.q_index, w.gain, w.T_parent_joint, w.axis, w.T_next
     )
     place_moved(w)
-    update_index(w)
+    if indexed != 0:
+        update_index(w)
 
 
 @kernel

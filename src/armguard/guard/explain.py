@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.vec3 import Vec3, cross, dot, scaled, sub
+from armguard.geometry.vec3 import Vec3, dot, scaled
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
@@ -31,10 +31,10 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import SWING, TRAVEL, X1
+from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
 from armguard.motion.state import NEXT, SETTLED, Motion
 from armguard.motion.stop_path import error_of
-from armguard.robot.kinematics import PRISMATIC
 
 Floats = NDArray[np.float64]
 
@@ -95,13 +95,7 @@ def add_side(
     for k in range(first, m.length[body] if body >= 0 else 0):
         b = m.joints[body, k]
         j = m.q_index[b]
-        direction = (m.axes[b, 0], m.axes[b, 1], m.axes[b, 2])
-        if m.joint_kind[b] == PRISMATIC:
-            g = dot(n, direction)
-        else:
-            arm = sub(point, (m.axes[b, 3], m.axes[b, 4], m.axes[b, 5]))
-            g = dot(n, cross(direction, arm))
-        g *= m.gain[b, 0]
+        g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
         stop = m.up[NEXT * joints + j] if g >= 0.0 else m.down[NEXT * joints + j]
         size = abs(g)
         terms[TERM_ERROR] += size * error_of(j, m)

@@ -52,6 +52,7 @@ NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 STOPPING_STILL = int(Reason.STOPPING)
 AT_REST = int(Reason.RESTING)
+MOVED_AT_REST = int(Reason.MOVED_AT_REST)
 STOP_LAGS = int(Reason.STOP_LAGS)
 BRAKE_LAGS = int(Reason.BRAKE_LAGS)
 
@@ -133,6 +134,9 @@ def common_reason(worst: int, w: Workspace, v: Watch) -> int:
     if worst == STOP:
         if found >= TOO_CLOSE:
             return found
+        for r in range(v.phase.shape[0]):
+            if v.phase[r] == STOPPING and v.cause[r] == MOVED_AT_REST:
+                return MOVED_AT_REST
         return STOPPING_STILL
     if worst == SLOW:
         return SHORT_TIME

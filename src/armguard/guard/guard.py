@@ -7,6 +7,7 @@ from time import perf_counter_ns
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armguard.address import kernel_address
 from armguard.errors import (
     HomeContactError,
     SceneError,
@@ -18,12 +19,14 @@ from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.compiling import compile_ahead
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
-from armguard.guard.cycle import run_cycle
+from armguard.guard.cycle import rebuild_world, run_cycle
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
+from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.objects import stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT
+from armguard.guard.proofs import prove_pair
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.segment import run_segment
 from armguard.guard.self_test import SelfTestLine, SelfTestReport
@@ -34,10 +37,14 @@ from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
     INDEX_KIND,
+    JUDGE,
+    MEASURE,
     MOTION,
     MOVING_COUNT,
     OCTREE,
     PARTS,
+    PROVE,
+    REBUILD,
     SELF,
     SETTINGS,
     WATCH,
@@ -55,6 +62,9 @@ from armguard.scene.tables import SceneTables
 # (`Reason.CAPACITY`), not to count on.
 NEAR_CAPACITY = 4096
 
+# Address of what has not been compiled yet.
+NOWHERE = -1
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -63,7 +73,17 @@ FLOAT64 = np.dtype(np.float64)
 NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
 
 # What `reset` leaves as it is: what the scene says, and where objects were seen.
-KEPT = ("pace", "model", "base", "top_speed", "seen_at", "robot_of", "movers")
+KEPT = (
+    "pace",
+    "model",
+    "base",
+    "top_speed",
+    "seen_at",
+    "robot_of",
+    "movers",
+    "pairs",
+    "pair_need",
+)
 
 
 class Guard:
@@ -183,7 +203,7 @@ class Guard:
         """
         start = self._clock()
         told = stamp if now is None else now
-        if isinstance(told, Mapping):
+        if type(told) is not float and isinstance(told, Mapping):
             told = None
         if self._guarded:
             data, fault = self._judge(q, stamp, velocity, now)
@@ -258,7 +278,9 @@ class Guard:
         watch = self._watch
         try:
             watch.given[NOW_TIME] = np.nan if now is None else now
-            if isinstance(stamp, Mapping):
+            if type(stamp) is float:
+                watch.stamps.fill(stamp)
+            elif isinstance(stamp, Mapping):
                 for name, r in self._robot_places.items():
                     watch.stamps[r] = stamp.get(name, np.nan)
                 unknown = [name for name in stamp if name not in self._robot_places]
@@ -373,6 +395,8 @@ class Guard:
 
     def _judge_line(self, start: Floats, end: Floats) -> Verdict:
         """Verdict on a straight line of joint positions as a whole."""
+        if self._addresses[JUDGE] == NOWHERE:
+            self._address_proofs()
         used = run_segment(
             np.ascontiguousarray(start), np.ascontiguousarray(end), self._lines
         )
@@ -419,9 +443,13 @@ class Guard:
         self._guarded = guarded
         self._motion = motion_of(tables, self._budget)
         self._parts = motion_ledger(self._motion), watch_ledger(self._watch)
-        self._addresses = np.zeros(PARTS, dtype=np.int64)
+        self._addresses = np.full(PARTS, NOWHERE, dtype=np.int64)
         for k, ledger in zip((MOTION, WATCH), self._parts, strict=True):
             self._addresses[k] = ledger.lines.ctypes.data
+        self._addresses[MEASURE] = self._motion.calls[0]
+        self._addresses[REBUILD] = kernel_address(rebuild_world, 3)
+        if guarded:
+            self._address_proofs()
         settings[MOVING_COUNT] = tables.moving_count
         brute_force = tables.index.kind == "brute_force"
         settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
@@ -478,6 +506,11 @@ class Guard:
             disproved=self._watch.disproved,
             tables=tables,
         )
+
+    def _address_proofs(self) -> None:
+        """Compile, or load, what judges motions, and tell the loop where it lies."""
+        self._addresses[PROVE] = kernel_address(prove_pair, 6)
+        self._addresses[JUDGE] = kernel_address(judge_motions, 1)
 
     def _seen(self, thing: Standing, stamp: float) -> None:
         """Note when an object was seen; infinite for one that is not there."""

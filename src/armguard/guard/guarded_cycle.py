@@ -7,10 +7,10 @@ pairs, each proven -> orders -> levels.
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import call_for_nothing
 from armguard.guard.cycle import (
     clear_header,
     positions_are_finite,
-    rebuild_world,
     report_limits,
 )
 from armguard.guard.explain import explain_nearest
@@ -18,7 +18,7 @@ from armguard.guard.grade import grade_robots
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, ROBOT, SPANS_TESTED
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE
-from armguard.guard.motion_pairs import judge_motions
+from armguard.guard.motion_pairs import asks_index
 from armguard.guard.observe import observe
 from armguard.guard.stops import (
     order_stops,
@@ -27,7 +27,14 @@ from armguard.guard.stops import (
     supervise_stops,
 )
 from armguard.guard.watch import FORCED, open_watch
-from armguard.guard.workspace import MOTION, SELF, WATCH, open_workspace
+from armguard.guard.workspace import (
+    JUDGE,
+    MOTION,
+    REBUILD,
+    SELF,
+    WATCH,
+    open_workspace,
+)
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.state import NEXT, NOW, TESTS, open_motion
@@ -69,11 +76,11 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     begin(parts[WATCH], parts[MOTION])
     # Every pair is measured: one that stands still may need another distance now.
     w.memory[FORCE] = 1
-    rebuild_world(q.ctypes.data, parts[SELF])
+    call_for_nothing(parts[REBUILD], (q.ctypes.data, asks_index(w), parts[SELF]))
     write_axes(w.T_world.ctypes.data, parts[MOTION])
     for plan in range(2):
         bound_reaches(plan, w.bodies.ctypes.data, parts[MOTION])
-    judge_motions(parts[SELF])
+    call_for_nothing(parts[JUDGE], (parts[SELF],))
     conclude(parts[SELF])
     report_limits(q, w.lower, w.upper, out)
     if out[REASON] == OUT_OF_LIMITS:

@@ -44,6 +44,7 @@ class Reason(IntEnum):
     BUDGET_SPENT = 22
     STOPPING = 25
     RESTING = 26
+    MOVED_AT_REST = 27
     STOP_LAGS = 30
     BRAKE_LAGS = 31
     NOT_FINITE = 100
@@ -73,6 +74,7 @@ SENTENCES: dict[Reason, str] = {
     Reason.BUDGET_SPENT: "the cycle's budget was used up before all pairs were proven",
     Reason.STOPPING: "an ordered stop is not yet done",
     Reason.RESTING: "at rest; too near to go on in every direction",
+    Reason.MOVED_AT_REST: "an arm moves though it was to rest until it is let go",
     Reason.STOP_LAGS: "a stop was slower than declared; the brake is ordered",
     Reason.BRAKE_LAGS: "a brake was slower than declared; stop the arm from outside",
     Reason.NOT_FINITE: "a joint position is NaN or infinite",

@@ -2,7 +2,7 @@
 
 from math import inf
 
-from armguard.geometry.pairs import measure
+from armguard.geometry.pairs import measure_by
 from armguard.guard.layout import (
     CLEARANCE,
     NEAR_COUNT,
@@ -23,7 +23,6 @@ from armguard.guard.near_pairs import (
     open_row,
     row_place,
 )
-from armguard.guard.observe import now_of
 from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.proofs import (
     LOOK_AHEAD,
@@ -31,13 +30,21 @@ from armguard.guard.proofs import (
     look_distance,
     object_speed,
     standing_need,
+    time_since,
 )
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
-from armguard.guard.watch import HYSTERESIS, SLOW_TIME, Watch, open_watch
+from armguard.guard.watch import (
+    FEW,
+    HYSTERESIS,
+    SLOW_TIME,
+    Watch,
+    open_watch,
+)
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     INDEX_KIND,
+    MEASURE,
     MOTION,
     MOVING_COUNT,
     WATCH,
@@ -49,12 +56,16 @@ from armguard.index.octree_query import (
     present_primitives,
     primitives_in_box,
 )
+from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.state import SEGMENT, SETTLED, Motion, open_motion
 
-# In a scene of so few primitives it takes less time to ask all than to look for them.
-FEW = 128
+
+@kernel
+def asks_index(w: Workspace) -> int:
+    """Whether the pairs of this scene are looked for in its index."""
+    return int(w.groups.shape[0] > FEW and w.settings[INDEX_KIND] != BRUTE_FORCE)
 
 
 @kernel(inline=False)
@@ -66,17 +77,59 @@ def judge_motions(lines: int) -> None:
     distance.
     """
     w = open_workspace(ledger_at(lines))
+    v = open_watch(w.parts[WATCH])
+    w.memory[CYCLE] += 1
+    w.memory[KEPT_COUNT] = 0
+    if v.pairs.shape[0] > 0:
+        count = go_through_pairs(lines)
+    else:
+        count = look_for_pairs(lines)
+    w.out[NEAR_COUNT] = count
+    decide(count, w)
+
+
+@kernel(inline=False)
+def go_through_pairs(lines: int) -> int:
+    """Judge every pair of a small scene.
+
+    Returns:
+        How many rows the answer has.
+    """
+    w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    out, memory, candidates = w.out, w.memory, w.candidates
-    kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
-    margin = w.margin[0]
+    boxes, margin = w.world.boxes, w.margin[0]
     moving_count = w.settings[MOVING_COUNT]
-    memory[CYCLE] += 1
-    memory[KEPT_COUNT] = 0
+    for i in range(moving_count):
+        v.look[i] = look_distance(i, v, m)
+    for j in range(moving_count, v.look.shape[0]):
+        v.look[j] = way_of_object(j, v, m)
+    count = filtered = 0
+    for k in range(v.pairs.shape[0]):
+        i, j = v.pairs[k, 0], v.pairs[k, 1]
+        look = max(margin, v.pair_need[k] + v.look[i] + v.look[j])
+        if boxes_apart(boxes, i, j, look):
+            filtered += 1
+        elif w.octree.residency[j, STATUS] != ABSENT:
+            count = judge_pair(i, j, look, count, lines)
+    w.out[PAIRS_FILTERED] += filtered
+    return count
+
+
+@kernel(inline=False)
+def look_for_pairs(lines: int) -> int:
+    """Judge the pairs that the index finds, or all of them.
+
+    Returns:
+        How many rows the answer has.
+    """
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    candidates, boxes = w.candidates, w.world.boxes
+    moving_count = w.settings[MOVING_COUNT]
     widest = widest_look(w, v, m)
     count = 0
     for i in range(moving_count):
-        memory[TOKEN] += 1
+        w.memory[TOKEN] += 1
         found = candidates_within(i, widest + look_distance(i, v, m), w)
         wanted = keep_owned(
             i, found, moving_count, w.moved, w.groups, w.checked, candidates
@@ -84,36 +137,54 @@ def judge_motions(lines: int) -> None:
         sort_ids(candidates, wanted)
         for c in range(wanted):
             j = candidates[c]
-            look = max(margin, pair_look(i, j, w, v, m))
+            look = max(w.margin[0], pair_look(i, j, w, v, m))
             if boxes_apart(boxes, i, j, look):
-                out[PAIRS_FILTERED] += 1.0
-                continue
-            if is_apart(i, j, look, w):
-                out[PAIRS_APART] += 1.0
-                continue
-            out[PAIRS_TESTED] += 1.0
-            if count == w.kept.shape[0]:
-                out[REASON] = CAPACITY
-                continue
-            place = row_place(count, w)
-            witness = out[place + WITNESS : place + NEAR_WIDTH]
-            measure(kinds[i], rows[i], kinds[j], rows[j], witness)
-            if witness[0] > look:
-                remember_plane(i, j, w, witness)
-                continue
-            open_row(i, j, place, w)
-            judge_motion(i, j, place, lines)
-            if (
-                witness[0] > margin
-                and out[place + CLEARANCE] >= 0.0
-                and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
-            ):
-                continue
-            if not witness[0] - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
-                refine_pair(i, j, place, w)
-            count += 1
-    out[NEAR_COUNT] = count
-    decide(count, w)
+                w.out[PAIRS_FILTERED] += 1.0
+            else:
+                count = judge_pair(i, j, look, count, lines)
+    return count
+
+
+@kernel(inline=False)
+def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
+    """Measure a pair and prove it, if it may matter; write its row, if it is near.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        look: Beyond this distance it does not matter [m].
+        count: How many rows the answer has.
+        lines: Address of the ledger.
+
+    Returns:
+        How many it has now.
+    """
+    w = open_workspace(ledger_at(lines))
+    v, out, kinds, rows = open_watch(w.parts[WATCH]), w.out, w.world.kinds, w.world.rows
+    if is_apart(i, j, look, w):
+        out[PAIRS_APART] += 1.0
+        return count
+    out[PAIRS_TESTED] += 1.0
+    if count == w.kept.shape[0]:
+        out[REASON] = CAPACITY
+        return count
+    place = row_place(count, w)
+    witness = out[place + WITNESS : place + NEAR_WIDTH]
+    measure_by(w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], witness)
+    if witness[0] > look:
+        remember_plane(i, j, w, witness)
+        return count
+    open_row(i, j, place, w)
+    judge_motion(i, j, place, lines)
+    if (
+        witness[0] > w.margin[0]
+        and out[place + CLEARANCE] >= 0.0
+        and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
+    ):
+        return count
+    if not witness[0] - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
+        refine_pair(i, j, place, lines)
+    return count + 1
 
 
 @kernel
@@ -124,8 +195,22 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
         return float(look + look_distance(j, v, m))
     if m.span[SEGMENT] != 0.0:
         return float(look)
-    ahead = m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME]
-    return float(look + object_speed(j, v) * ahead)
+    return float(look + object_speed(j, v) * time_ahead(v, m))
+
+
+@kernel
+def way_of_object(j: int, v: Watch, m: Motion) -> float:
+    """How far an object may get since it was seen, as far as that can matter [m]."""
+    speed = object_speed(j, v)
+    if speed == 0.0 or m.span[SEGMENT] != 0.0:
+        return 0.0
+    return float(speed * (time_since(v.seen_at[j], v, m) + time_ahead(v, m)))
+
+
+@kernel
+def time_ahead(v: Watch, m: Motion) -> float:
+    """From now until nothing is told any more [s]."""
+    return float(m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME])
 
 
 @kernel
@@ -133,7 +218,7 @@ def candidates_within(i: int, look: float, w: Workspace) -> int:
     """Ids that may be within a distance of primitive i, each once.
 
     The index holds what moves with the margin. What may matter farther away than that
-    is looked for in a box, or in a small scene among all.
+    is looked for in a box.
     """
     residency = w.octree.residency
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
@@ -141,8 +226,6 @@ def candidates_within(i: int, look: float, w: Workspace) -> int:
     token = w.memory[TOKEN]
     if look <= w.margin[0]:
         return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
-    if w.groups.shape[0] <= FEW:
-        return int(present_primitives(i, residency, w.candidates))
     for k in range(3):
         w.look_box[k] = w.world.boxes[i, k] - look
         w.look_box[k + 3] = w.world.boxes[i, k + 3] + look
@@ -163,6 +246,5 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
         seen = min(seen, v.seen_at[j])
     drift = 0.0
     if fastest > 0.0 and m.span[SEGMENT] == 0.0:
-        ahead = m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME]
-        drift = fastest * (ahead + max(now_of(v) - seen, 0.0))
+        drift = fastest * (time_ahead(v, m) + time_since(seen, v, m))
     return float(farthest + drift + w.look[0])

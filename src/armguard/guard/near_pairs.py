@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.pairs import measure
+from armguard.geometry.pairs import measure_by
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
@@ -33,7 +33,9 @@ from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
     INDEX_KIND,
+    MEASURE,
     MOVING_COUNT,
+    SELF,
     Workspace,
 )
 from armguard.index.octree_query import (
@@ -98,14 +100,14 @@ def judge_pairs(w: Workspace) -> None:
                 continue
             place = row_place(count, w)
             witness = out[place + WITNESS : place + NEAR_WIDTH]
-            measure(kinds[i], rows[i], kinds[j], rows[j], witness)
+            measure_by(w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], witness)
             if witness[0] > margin:
                 remember_plane(i, j, w, witness)
                 continue
             open_row(i, j, place, w)
             required = out[place + BUFFER]
             if not witness[0] - required >= 0.0:
-                refine_pair(i, j, place, w)
+                refine_pair(i, j, place, w.parts[SELF])
             out[place + CLEARANCE] = witness[0] - required
             if not out[place + CLEARANCE] >= 0.0:
                 out[place + PROOF] = NEEDED

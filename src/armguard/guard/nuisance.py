@@ -136,6 +136,8 @@ def untold(reason: Reason) -> Nuisance | None:
     """The answer where no near pair tells what lacks."""
     if reason in (Reason.STOPPING, Reason.RESTING):
         return None
+    if reason is Reason.MOVED_AT_REST:
+        return Nuisance(Cause.DATA, None, "an arm that waits to be let go would do")
     return Nuisance(
         Cause.TRUE_NEED, None, "the pair is beyond the margin; a larger one tells it"
     )

@@ -11,7 +11,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.address import call_for_proof, pointer, stack
+from armguard.geometry.vec3 import dot
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
@@ -22,11 +23,18 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.observe import now_of
-from armguard.guard.watch import BRAKING, SLOW_TIME, Watch, open_watch
-from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.watch import BRAKING, NOW_TIME, SLOW_TIME, Watch, open_watch
+from armguard.guard.workspace import (
+    MOTION,
+    PROVE,
+    WATCH,
+    Workspace,
+    open_workspace,
+)
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
-from armguard.motion.figures import FIXED, MODE, SPEED
+from armguard.motion.figures import FIXED, MODE, SENSING, SPEED
+from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import path_gap, prove_by_spans, shared_joints
 from armguard.motion.pair_state import (
     BODY,
@@ -50,6 +58,7 @@ from armguard.motion.state import (
     NOW,
     SEGMENT,
     SETTLED,
+    STILL,
     TESTS,
     Motion,
     open_motion,
@@ -98,6 +107,41 @@ def closing_speed(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
 
 
 @kernel
+def rate_along_normal(
+    i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
+) -> float:
+    """How fast a pair may be closing now, by its witness points and normal [m/s].
+
+    Unlike the levers this knows directions: what moves past closes nothing.
+    """
+    out = w.out
+    at = place + WITNESS
+    n = (out[at + 7], out[at + 8], out[at + 9])
+    moving = m.rate.shape[0]
+    body_j = w.bodies[j] if j < moving else -1
+    first = shared_joints(w.bodies[i], body_j, m)
+    total = 0.0
+    for side in range(2):
+        k, body = (i, w.bodies[i]) if side == 0 else (j, body_j)
+        if k >= moving:
+            total += object_speed(k, v)
+            continue
+        point = (
+            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
+        )  # fmt: skip
+        for c in range(first, m.length[body]):
+            b = m.joints[body, c]
+            q = m.q_index[b]
+            if m.clock[m.robot_of_joint[q], STILL] != 0.0:
+                continue
+            g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
+            if side == 1:
+                g = -g
+            total += max(g * m.v_low[q], g * m.v_high[q])
+    return total
+
+
+@kernel
 def object_speed(j: int, v: Watch) -> float:
     """Greatest speed of a primitive that no robot moves [m/s]."""
     return float(v.top_speed[j]) if j < v.top_speed.shape[0] else 0.0
@@ -119,8 +163,24 @@ def standing_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     need += v.base[i]
     speed = object_speed(j, v)
     if speed > 0.0 and m.span[SEGMENT] == 0.0:
-        need += speed * max(now_of(v) - v.seen_at[j], 0.0)
+        need += speed * time_since(v.seen_at[j], v, m)
     return float(need)
+
+
+@kernel
+def time_since(seen: float, v: Watch, m: Motion) -> float:
+    """Longest time since an object was seen [s].
+
+    Where nobody tells the time of the cycle it is later than the newest stamp by no
+    more than a measurement may be old.
+    """
+    age = now_of(v) - seen
+    if v.given[NOW_TIME] != v.given[NOW_TIME]:
+        oldest = 0.0
+        for r in range(m.robot_figures.shape[0]):
+            oldest = max(oldest, m.robot_figures[r, SENSING])
+        age += oldest
+    return float(max(age, 0.0))
 
 
 @kernel
@@ -144,15 +204,20 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
     out = w.out
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     plan_i = plan_j = NEXT
-    proof, spare = prove_pair(i, j, plan_i, plan_j, place, lines)
+    prove = w.parts[PROVE]
+    proof, spare = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
     out[place + CLEARANCE] = spare
     out[place + PROOF] = proof
     closing = closing_speed(i, j, w, v, m)
     left = inf
     if not spare > 0.0:
         left = 0.0
-    elif closing > 0.0:
-        left = spare / closing
+    else:
+        speed = closing
+        if not (coarse(i, v, m) or coarse(j, v, m)):
+            speed = min(closing, rate_along_normal(i, j, place, w, v, m))
+        if speed > 0.0:
+            left = spare / speed
     out[place + TIME_LEFT] = left
     push = m.push[i] + (m.push[j] if robot_j >= 0 else 0.0)
     out[place + TIME_TO_CONTACT] = time_to_contact(out[place + WITNESS], closing, push)
@@ -188,7 +253,8 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
         stopped = one if attempt == 0 else other
         plan_i = NOW if stopped == robot_i else NEXT
         plan_j = NOW if stopped == robot_j else NEXT
-        if prove_pair(i, j, plan_i, plan_j, place, lines)[0] == PROVEN:
+        found = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
+        if found[0] == PROVEN:
             demand_stop(stopped, cause, v)
             return
     demand_stop(one, cause, v)

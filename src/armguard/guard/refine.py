@@ -10,15 +10,16 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
-from armguard.geometry.pairs import measure
+from armguard.address import pointer, stack
+from armguard.geometry.pairs import measure_by
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.layout import EXACT, PAIRS_REFINED, WITNESS
 from armguard.guard.memory import CYCLE
-from armguard.guard.workspace import Workspace
+from armguard.guard.workspace import MEASURE, Workspace, open_workspace
 from armguard.kernel import kernel
+from armguard.ledger import ledger_at
 
 Floats = NDArray[np.float64]
 
@@ -32,15 +33,16 @@ MEMO_SIZE = 512
 
 
 @kernel(inline=False)
-def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
+def refine_pair(i: int, j: int, place: int, lines: int) -> None:
     """Replace a row's witness by that of the exact shapes, if they are farther apart.
 
     Args:
         i: Lower primitive of the pair.
         j: Higher primitive.
-        place: Where the pair's row starts in `w.out`.
-        w: Workspace.
+        place: Where the pair's row starts in the answer.
+        lines: Address of the ledger.
     """
+    w = open_workspace(ledger_at(lines))
     first_a, count_a = w.exact_of[i, 0], w.exact_of[i, 1]
     first_b, count_b = w.exact_of[j, 0], w.exact_of[j, 1]
     if count_a == 0 and count_b == 0:
@@ -60,7 +62,7 @@ def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
         for k in range(WITNESS_WIDTH):
             found[k] = w.memo_rows[line, k]
     else:
-        measure_parts(i, j, w, found)
+        measure_parts(i, j, found.ctypes.data, lines)
         out[PAIRS_REFINED] += 1.0
         for k in range(WITNESS_WIDTH):
             w.memo_rows[line, k] = found[k]
@@ -74,8 +76,17 @@ def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
 
 
 @kernel(inline=False)
-def measure_parts(i: int, j: int, w: Workspace, nearest: Floats) -> None:
-    """Witness row of the nearest two exact shapes of two primitives' links."""
+def measure_parts(i: int, j: int, answer: int, lines: int) -> None:
+    """Witness row of the nearest two exact shapes of two primitives' links.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        answer: Address of the row.
+        lines: Address of the ledger.
+    """
+    w = open_workspace(ledger_at(lines))
+    nearest = numba.carray(pointer(answer), (WITNESS_WIDTH,), np.float64)
     row_a = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
     row_b = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
@@ -84,7 +95,7 @@ def measure_parts(i: int, j: int, w: Workspace, nearest: Floats) -> None:
         kind_a = exact_row(i, m, w, row_a)
         for n in range(max(w.exact_of[j, 1], 1)):
             kind_b = exact_row(j, n, w, row_b)
-            measure(kind_a, row_a, kind_b, row_b, witness)
+            measure_by(w.parts[MEASURE], kind_a, row_a, kind_b, row_b, witness)
             if not witness[0] >= nearest[0]:
                 for k in range(WITNESS_WIDTH):
                     nearest[k] = witness[k]

@@ -61,14 +61,15 @@ Floats = NDArray[np.float64]
 
 STOP_LAGS = int(Reason.STOP_LAGS)
 BRAKE_LAGS = int(Reason.BRAKE_LAGS)
-MOVED = int(Reason.STOPPING)
+MOVED = int(Reason.MOVED_AT_REST)
 OK = int(Reason.OK)
 
 # Cycles in a row a robot must be at rest before its stop counts as done [-].
 REST_CYCLES = 5
 
-# A swing of a given way and time is no faster than this times way by time [-].
-SWING_SPEED = 4.0
+# A swing is thought to be half a sine that takes no less than 0.3 of its longest time:
+# its speed is no more than this times way by time [-].
+SWING_SPEED = 10.5
 
 # An unknown greatest deceleration is thought to be this many times the least [-].
 HARDEST = 10.0
@@ -232,20 +233,29 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
         if phase == STOPPING and clock[REACTION] > 0.0:
             v.rest_high[j] = m.q[j] + error + up[TRAVEL] + up[SWING]
             v.rest_low[j] = m.q[j] - error - down[TRAVEL] - down[SWING]
-        elif phase == BRAKING:
+        elif phase <= BRAKING:
             error += m.joint_figures[j, SETTLE]
-            v.rest_high[j] = m.q[j] + error + braked_way(r, j, m.v_high[j], v, m)
-            v.rest_low[j] = m.q[j] - error - braked_way(r, j, -m.v_low[j], v, m)
+            v.rest_high[j] = m.q[j] + error + way_to_rest(r, j, m.v_high[j], v, m)
+            v.rest_low[j] = m.q[j] - error - way_to_rest(r, j, -m.v_low[j], v, m)
 
 
 @kernel
-def braked_way(r: int, j: int, velocity: float, v: Watch, m: Motion) -> float:
-    """Farthest a joint gets in a direction if the brake holds as declared [rad]."""
-    figures = m.joint_figures[j]
+def way_to_rest(r: int, j: int, velocity: float, v: Watch, m: Motion) -> float:
+    """Farthest a joint gets in a direction if it stops or brakes as declared [rad].
+
+    For what was not planned: a brake, or the stop of a robot that was to rest.
+    """
+    figures, robot = m.joint_figures[j], m.robot_figures[r]
     delay = effect_time(r, v, m) - v.last_stamp[r]
     speed = max(velocity, 0.0)
     after = min(speed + figures[ACCELERATION] * delay, max(speed, figures[VELOCITY]))
-    return float(after * delay + 0.5 * after * after / figures[BRAKE_DECELERATION])
+    deceleration = figures[BRAKE_DECELERATION]
+    if v.phase[r] == STOPPING:
+        if figures[CURVE] != 0.0:
+            return inf
+        deceleration = figures[DECELERATION]
+        delay += robot[RAMP]
+    return float(after * delay + 0.5 * after * after / deceleration)
 
 
 @kernel

@@ -10,6 +10,7 @@ from armguard.ledger import (
     Ledger,
     ledger_at,
     matrix_f8,
+    matrix_i4,
     vector_f8,
     vector_i4,
     vector_i8,
@@ -48,6 +49,10 @@ STOPPING = 2  # a controlled stop was ordered
 BRAKING = 3  # the brake was ordered, since the stop was not what was declared
 LOST = 4  # the brake is not what was declared either
 
+# In a scene of so few primitives it takes less time to go through all pairs than to
+# look for those that are near.
+FEW = 128
+
 # Samples kept of each joint, from which velocities are estimated.
 HISTORY = 16
 
@@ -83,6 +88,10 @@ class Watch(NamedTuple):
         seen_at: When each of them was seen, shape (p,) or (0,) [s].
         robot_of: Robot of each moving primitive, shape (m,).
         movers: Primitives whose top speed is not 0, shape (k,).
+        pairs: Every checked pair of a small scene, see `all_pairs`, shape (c, 2) [-].
+        pair_need: What each of them must keep whatever its robots do, without the way
+            of an object since it was seen, shape (c,) [m].
+        look: Scratch for how far each primitive must look, shape (p,) [m].
     """
 
     stamps: Floats
@@ -112,6 +121,9 @@ class Watch(NamedTuple):
     seen_at: Floats
     robot_of: NDArray[np.int32]
     movers: NDArray[np.int32]
+    pairs: NDArray[np.int32]
+    pair_need: Floats
+    look: Floats
 
 
 def watch_ledger(watch: Watch) -> Ledger:
@@ -151,6 +163,9 @@ def open_watch(address: int) -> Watch:
         vector_f8(lines, 24),
         vector_i4(lines, 25),
         vector_i4(lines, 26),
+        matrix_i4(lines, 27),
+        vector_f8(lines, 28),
+        vector_f8(lines, 29),
     )
 
 
@@ -164,7 +179,10 @@ def watch_of(tables: SceneTables) -> Watch:
     last = np.zeros(LAST)
     last[LAST_NOW] = -np.inf
     figures = [part.stopping for part in tables.robots]
-    model = np.array([0.0 if f is None else f.model_error for f in figures])
+    by_robot = np.array([0.0 if f is None else f.model_error for f in figures])
+    model = by_robot[tables.robot_of_primitive] if m else np.zeros(0)
+    base = base_errors(tables)
+    pairs = all_pairs(tables)
     return Watch(
         stamps=np.zeros(robots),
         given=np.zeros(GIVEN),
@@ -187,13 +205,46 @@ def watch_of(tables: SceneTables) -> Watch:
         level=np.zeros(robots, dtype=np.int64),
         time_left=np.zeros(robots),
         disproved=np.zeros(n, dtype=np.int64),
-        model=model[tables.robot_of_primitive] if m else np.zeros(0),
-        base=base_errors(tables),
+        model=model,
+        base=base,
         top_speed=speeds,
         seen_at=np.full(len(speeds) and p, -np.inf),
         robot_of=tables.robot_of_primitive,
         movers=np.flatnonzero(speeds).astype(np.int32),
+        pairs=pairs,
+        pair_need=standing_needs(pairs, model, base, tables),
+        look=np.zeros(p),
     )
+
+
+def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
+    """Every checked pair in ascending order, where a scene has few primitives, (c, 2).
+
+    Such a scene is not asked of the index: it takes less time to go through its pairs.
+    """
+    p, m = len(tables.kinds), tables.moving_count
+    if p > FEW or tables.index.kind == "brute_force":
+        return np.zeros((0, 2), dtype=np.int32)
+    i, j = np.triu_indices(p, 1)
+    wanted = (i < m) & (tables.checked[tables.groups[i], tables.groups[j]] != 0)
+    return np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)
+
+
+def standing_needs(
+    pairs: NDArray[np.int32], model: Floats, base: Floats, tables: SceneTables
+) -> Floats:
+    """What each pair must keep whatever its robots do, shape (c,) [m].
+
+    Its buffer and the errors of the model; those of a base only between what does not
+    stand on it.
+    """
+    others = len(tables.kinds) - tables.moving_count
+    model, base = np.pad(model, (0, others)), np.pad(base, (0, others))
+    robot = np.pad(tables.robot_of_primitive, (0, others), constant_values=-1)
+    i, j = pairs.T
+    apart = np.where(robot[i] != robot[j], base[i] + base[j], 0.0)
+    buffers = tables.buffers[tables.groups[i], tables.groups[j]]
+    return np.asarray(buffers + model[i] + model[j] + apart)
 
 
 def base_errors(tables: SceneTables) -> NDArray[np.float64]:

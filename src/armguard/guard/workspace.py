@@ -63,7 +63,7 @@ class Workspace(NamedTuple):
         normals: Their normals, shape (n, 3).
         look: More than any pair must keep for other reasons than motion, (1,) [m].
         look_box: Scratch for a box, shape (6,).
-        parts: Addresses of the ledgers of what predicts stops, see MOTION, shape (3,).
+        parts: Addresses of ledgers and of kernels, see MOTION, shape (PARTS,).
         world: Primitives in the world.
         octree: State of the octree.
     """
@@ -116,7 +116,11 @@ SETTINGS = 3
 MOTION = 0
 WATCH = 1
 SELF = 2  # the ledger of the workspace itself
-PARTS = 3
+MEASURE = 3  # `measure_at`
+REBUILD = 4  # `rebuild_world`
+JUDGE = 5  # `judge_motions`
+PROVE = 6  # `prove_pair`
+PARTS = 7
 
 # Kinds of index.
 OCTREE = 0

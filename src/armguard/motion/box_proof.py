@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.pairs import measure
+from armguard.geometry.pairs import measure_by
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3, cross, dot, scaled, sub
+from armguard.geometry.vec3 import Vec3, dot, scaled
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
 from armguard.motion.gap_bound import curvature, joint_rows, side_reach
+from armguard.motion.nearest import joint_way, nearest_position
 from armguard.motion.pair_state import (
     BODY,
     KIND,
@@ -37,6 +38,7 @@ from armguard.motion.pair_state import (
 from armguard.motion.state import (
     BOX_LEVELS,
     BUDGET,
+    MEASURE,
     NODES,
     TESTS,
     Motion,
@@ -44,12 +46,12 @@ from armguard.motion.state import (
 )
 from armguard.motion.stop_path import write_axis
 from armguard.robot.kinematics import FIXED as NO_JOINT
-from armguard.robot.kinematics import PRISMATIC, forward_kinematics
+from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
 
 # A box costs about as much as this many spans, which share their kinematics [-].
-BOX_COST = 2
+BOX_COST = 3
 
 # Boxes one span of one pair may take before it is given up [-].
 MOST_BOXES = 32
@@ -81,7 +83,7 @@ def prove_by_boxes(
             return (SPENT, -inf)
         m.effort[TESTS] += BOX_COST
         boxes += 1
-        distance, gap, widest, nearer = box_gap(left, pair, motion)
+        distance, gap, widest, nearer = box_gap(left, node, pair, wanted, motion)
         if not distance >= wanted:
             return (NEEDED, distance - wanted)
         if gap >= wanted:
@@ -122,13 +124,15 @@ def begin(node: int, pair: int, m: Motion) -> None:
 
 
 @kernel(inline=False)
-def box_gap(box: int, pair: int, motion: int) -> tuple[float, float, int, float]:
+def box_gap(
+    box: int, node: int, pair: int, wanted: float, motion: int
+) -> tuple[float, float, int, float]:
     """Bound a pair's distance over a box from its middle.
 
     Returns:
-        Distance in the middle, least distance over the box [m], the body whose joint
-        it is worth most to halve, -1 if there is none, and the sign of the Δ of that
-        joint which brings the sides together.
+        Least distance that was measured, least distance over the box [m], the body
+        whose joint it is worth most to halve, -1 if there is none, and the sign of the
+        Δ of that joint which brings the sides together.
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
@@ -161,17 +165,33 @@ def box_gap(box: int, pair: int, motion: int) -> tuple[float, float, int, float]
                 rows[side, k] = local[k]
         else:
             place_row(int(p[at + KIND]), local, m.corner_T[body], rows[side])
-    measure(int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], witness)
+    measure_by(
+        m.calls[MEASURE], int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], witness
+    )
     distance = witness[0]
     if not distance >= 0.0:
         return (distance, distance, -1, 1.0)
     n = (witness[7], witness[8], witness[9])
+    gap = gap_over_box(box, pair, rows, n, m)
+    if gap < wanted:
+        there, n = nearest_position(
+            node, box, pair, rows.ctypes.data, witness.ctypes.data, motion
+        )
+        distance = min(distance, there)
+        if there >= wanted:
+            gap = max(gap, gap_over_box(box, pair, rows, n, m))
+    widest, nearer = widest_joint(box, pair, witness, m)
+    return (distance, gap, widest, nearer)
+
+
+@kernel
+def gap_over_box(box: int, pair: int, rows: Floats, n: Vec3, m: Motion) -> float:
+    """Least distance along a direction over a box [m]."""
     gap = 0.0
     for side in range(2):
         along = n if side == 0 else scaled(-1.0, n)
         gap -= box_side(box, side, pair, rows[side], along, m)
-    widest, nearer = widest_joint(box, pair, witness, m)
-    return (distance, gap, widest, nearer)
+    return gap
 
 
 @kernel(inline=False)
@@ -231,16 +251,6 @@ def widest_joint(box: int, pair: int, witness: Floats, m: Motion) -> tuple[int, 
             way = m.box_width[box, b] * levers[k]
             if way > most:
                 most, which = way, int(b)
-                g = joint_move(n, point, b, m.box_axes[b], m)
+                g = dot(n, joint_way(point, b, m.box_axes[b], m))
                 nearer = 1.0 if g >= 0.0 else -1.0
     return (which, nearer)
-
-
-@kernel
-def joint_move(n: Vec3, point: Vec3, b: int, axis: Floats, m: Motion) -> float:
-    """How far a body's joint moves a point along n, by its own unit [m]."""
-    direction = (axis[0], axis[1], axis[2])
-    if m.joint_kind[b] == PRISMATIC:
-        return float(dot(n, direction))
-    arm = sub(point, (axis[3], axis[4], axis[5]))
-    return float(dot(n, cross(direction, arm)))

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.pairs import measure
+from armguard.geometry.pairs import measure_by
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, scaled
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-from armguard.motion.box_proof import joint_move, prove_by_boxes
+from armguard.motion.box_proof import prove_by_boxes
 from armguard.motion.gap_bound import line_reach, range_reach
+from armguard.motion.nearest import nearest_position
 from armguard.motion.pair_state import (
     BODY,
     DRIFT,
@@ -39,6 +40,7 @@ from armguard.motion.pair_state import (
 from armguard.motion.state import (
     BUDGET,
     HORIZON,
+    MEASURE,
     NODE_LEVELS,
     NODES,
     SEGMENT,
@@ -48,7 +50,6 @@ from armguard.motion.state import (
     open_motion,
 )
 from armguard.motion.stop_path import make_node, span_of
-from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
 
@@ -118,7 +119,7 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
             # Until they have settled arms may still be met by what moves.
             end = m.span[SETTLED]
         wanted = p[NEED] + p[DRIFT] * end
-        second_order, bend, corner = span_gap(node, pair, wanted, motion)
+        second_order, bend, nearest = span_gap(node, pair, wanted, motion)
         spare = second_order - bend - wanted
         if spare >= 0.0:
             least = min(least, spare)
@@ -126,8 +127,8 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
         if not 2 * node < (1 << NODE_LEVELS):
             if spare != spare or m.span[SEGMENT] != 0.0:
                 return (NEEDED if not second_order >= wanted else UNSURE, spare)
-            if not corner >= wanted:
-                return (NEEDED, corner - wanted)
+            if not nearest >= wanted:
+                return (NEEDED, nearest - wanted)
             proof, spare = prove_by_boxes(node, pair, wanted, motion)
             if proof != PROVEN:
                 return (proof, spare)
@@ -154,7 +155,7 @@ def span_gap(
 
     Returns:
         The least distance, what the second order leaves out, and the distance where
-        the joints bring the sides together; infinite if nobody looked [m].
+        the joints bring the sides nearest; infinite if nobody looked [m].
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
@@ -171,30 +172,32 @@ def span_gap(
         make_node(plan, node, motion)
         T = m.node_T[(plan * NODES + node) * m.parent.shape[0] + body]
         place_row(int(p[at + KIND]), local, T, rows[side])
-    measure(int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], witness)
+    measure_by(
+        m.calls[MEASURE], int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], witness
+    )
     if not witness[0] >= 0.0:
         return (witness[0], 0.0, witness[0])
     n = (witness[7], witness[8], witness[9])
     address = rows[0].ctypes.data
-    gap, bend, end = gap_along(node, pair, address, n, motion)
+    gap, bend = gap_along(node, pair, address, n, motion)
     first_of_leaves = 1 << (NODE_LEVELS - 1)
     if gap - bend >= wanted or node < first_of_leaves or m.span[SEGMENT] != 0.0:
         return (gap, bend, np.inf)
     # Where the sides come nearest, the plane between them may stand at another angle
     # than in the middle of the span.
-    corner, n = nearest_corner(node, pair, end, witness, motion)
-    if not corner >= wanted:
-        return (gap, bend, corner)
-    other, bent, _ = gap_along(node, pair, address, n, motion)
+    there, n = nearest_position(node, -1, pair, address, witness.ctypes.data, motion)
+    if not there >= wanted:
+        return (gap, bend, there)
+    other, bent = gap_along(node, pair, address, n, motion)
     if other - bent > gap - bend:
-        return (other, bent, corner)
-    return (gap, bend, corner)
+        return (other, bent, there)
+    return (gap, bend, there)
 
 
 @kernel(inline=False)
 def gap_along(
     node: int, pair: int, rows: int, n: Vec3, motion: int
-) -> tuple[float, float, float]:
+) -> tuple[float, float]:
     """Least distance along a direction over a span, to the second order.
 
     Args:
@@ -205,8 +208,7 @@ def gap_along(
         motion: Address of the ledger of the prediction.
 
     Returns:
-        The least distance, what the second order leaves out [m], and at which end of
-        the line, -1 or 1, it is.
+        The least distance, and what the second order leaves out [m].
     """
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
     both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
@@ -230,62 +232,4 @@ def gap_along(
     # Both sides are at the same place of their lines; between the two ends the gap is
     # a concave function of it but for the bend along the line, which is taken in full
     # wherever it lessens the gap.
-    if gap_one < gap_other:
-        return (gap_one, bend, -1.0)
-    return (gap_other, bend, 1.0)
-
-
-@kernel(inline=False)
-def nearest_corner(
-    node: int, pair: int, end: float, witness: Floats, motion: int
-) -> tuple[float, Vec3]:
-    """Where a span's joints bring a pair's witness points together.
-
-    Returns:
-        The pair's distance there [m], and its normal from A to B.
-    """
-    m = open_motion(motion)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
-    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
-    bodies = m.parent.shape[0]
-    n = (witness[7], witness[8], witness[9])
-    for side in range(2):
-        at = side * SIDE
-        body, span = int(p[at + BODY]), int(p[at + PLAN]) * NODES + node
-        local = numba.carray(pointer(int(p[at + LOCAL])), (ROW_WIDTH,), np.float64)
-        if body < 0:
-            for k in range(ROW_WIDTH):
-                rows[side, k] = local[k]
-            continue
-        along = n if side == 0 else scaled(-1.0, n)
-        first = 1 + 3 * side
-        point = (witness[first], witness[first + 1], witness[first + 2])
-        place_span_joints(span, m)
-        for k in range(int(p[SHARED]), m.length[body]):
-            b = m.joints[body, k]
-            g = joint_move(along, point, b, m.node_axes[span * bodies + b], m)
-            size = m.node_width[span, b] if g >= 0.0 else -m.node_width[span, b]
-            gain = m.gain[b, 0]
-            if gain != 0.0:
-                m.q_node[m.q_index[b]] += (end * m.node_way[span, b] + size) / gain
-        forward_kinematics(
-            m.q_node,
-            m.parent,
-            m.joint_kind,
-            m.q_index,
-            m.gain,
-            m.T_parent_joint,
-            m.axis,
-            m.corner_T,
-        )
-        place_row(int(p[at + KIND]), local, m.corner_T[body], rows[side])
-    measure(int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], found)
-    return (found[0], (found[7], found[8], found[9]))
-
-
-@kernel
-def place_span_joints(span: int, m: Motion) -> None:
-    """Write the joint positions in the middle of a span once more."""
-    for j in range(m.q.shape[0]):
-        m.q_node[j] = m.node_q[span, j]
+    return (min(gap_one, gap_other), bend)

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import kernel_address
+from armguard.geometry.pairs import measure_at
 from armguard.motion import figures as place
 from armguard.motion.chains import (
     Chains,
@@ -12,6 +14,7 @@ from armguard.motion.chains import (
 )
 from armguard.motion.displacement import scene_chains
 from armguard.motion.joint_stop import JOINT_STOP
+from armguard.motion.nearest import COLUMN
 from armguard.motion.state import (
     BOX_LEVELS,
     BUDGET,
@@ -95,6 +98,8 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         q_box=np.zeros(n),
         no_way=np.zeros(b),
         corner_T=np.zeros((b, 12)),
+        columns=np.zeros((2 * depth + 1, COLUMN)),
+        calls=np.array([kernel_address(measure_at, 5)]),
         lever_rows=np.zeros((depth, LEVER_ROW + depth)),
     )
 

@@ -51,6 +51,10 @@ BUDGET = 1  # how many may be
 STAMP = 2  # of the nodes that were made for this cycle
 EFFORT = 3
 
+# Places in `Motion.calls`: addresses of kernels.
+MEASURE = 0  # `measure_at`
+CALLS = 1
+
 # Boxes of joint positions that wait while one is divided.
 BOX_LEVELS = 24
 
@@ -112,6 +116,8 @@ class Motion(NamedTuple):
         q_box: Scratch for positions, shape (n,).
         no_way: Zeros, shape (b,).
         corner_T: Scratch for poses at a corner of a span, shape (b, 12).
+        columns: Scratch for how joints move a pair, see `nearest`, (2 · depth + 1, 6).
+        calls: See MEASURE, shape (CALLS,).
         lever_rows: Scratch for one side, shape (depth, LEVER_ROW + depth).
     """
 
@@ -163,6 +169,8 @@ class Motion(NamedTuple):
     q_box: Floats
     no_way: Floats
     corner_T: Floats
+    columns: Floats
+    calls: Longs
     lever_rows: Floats
 
 
@@ -225,4 +233,6 @@ def open_motion(address: int) -> Motion:
         vector_f8(lines, 46),
         matrix_f8(lines, 47),
         matrix_f8(lines, 48),
+        vector_i8(lines, 49),
+        matrix_f8(lines, 50),
     )

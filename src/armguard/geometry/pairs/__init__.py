@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
+from armguard.address import call_for_nothing, pointer
 from armguard.geometry.pairs.box_box import box_box
 from armguard.geometry.pairs.capsule_box import capsule_box
 from armguard.geometry.pairs.capsule_capsule import capsule_capsule
@@ -58,13 +58,31 @@ def measure(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
         b: Its row, shape (16,); world [m].
         out: Witness row, shape (10,), overwritten.
     """
-    # `int`: whatever whole number a kind comes as, one kernel is compiled.
-    one, other = int(kind_a), int(kind_b)
+    # Whatever whole number a kind comes as, one kernel is compiled; `int` keeps its
+    # width.
+    one, other = int(np.int64(kind_a)), int(np.int64(kind_b))
     if one > other:
         measure_at(other, b.ctypes.data, one, a.ctypes.data, out.ctypes.data)
         turn_witness(out)
     else:
         measure_at(one, a.ctypes.data, other, b.ctypes.data, out.ctypes.data)
+
+
+@kernel
+def measure_by(
+    address: int, kind_a: int, a: Row, kind_b: int, b: Row, out: Row
+) -> None:
+    """The same, for kernels that know `measure_at` by its address."""
+    one, other = int(kind_a), int(kind_b)
+    if one > other:
+        call_for_nothing(
+            address, (other, b.ctypes.data, one, a.ctypes.data, out.ctypes.data)
+        )
+        turn_witness(out)
+    else:
+        call_for_nothing(
+            address, (one, a.ctypes.data, other, b.ctypes.data, out.ctypes.data)
+        )
 
 
 @kernel(inline=False)
