@@ -45,6 +45,11 @@ FEW = 8
 # Share of states whose measurements are as late and as wrong as declared [-].
 WRONG = 0.2
 
+# Motions from states that are about to touch: how near [m], steps to get there.
+CLOSE = 2000
+ABOUT = (3e-4, 4e-3)
+CLOSING = 6
+
 # Approaches of each way, their speed [m/s], and to how near they lead [m].
 APPROACHES = 100
 SPEED = 0.1
@@ -116,6 +121,17 @@ class Bay:
         self.guard.reset()
         verdict = self.guard.step(q, self.now - age, velocity=v, now=self.now)
         return sorted(self.told(verdict), key=lambda t: t.distance)
+
+    def ask_wrong(self, q: Floats, v: Floats, outward: Floats) -> list[Told]:
+        """The same where a pair is measured as far, slow and late as it may be.
+
+        Args:
+            q: True positions at the stamp.
+            v: True velocities at the stamp.
+            outward: Gradient of the pair's distance.
+        """
+        wrong = np.sign(outward)
+        return self.ask(q + wrong * self.q_error, v + wrong * self.v_error, self.age)
 
     def told(self, verdict: Any) -> list[Told]:
         """Pairs of a verdict that are apart."""
@@ -250,6 +266,7 @@ def contact_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]
         "age_ms": bay.age * 1e3,
         "wrong_from_stamp": summed_up(wrong),
         "wrong_from_cycle": summed_up(later),
+        "close": close_figures(bay, rng),
     }
 
 
@@ -263,12 +280,7 @@ def state_rows(bay: Bay, rng: np.random.Generator) -> list[Row]:
     if approaches:
         # An operator who goes there: joints that bring the two together, as they do.
         v = -rng.choice(SPEEDS) * bay.top * outward / np.abs(outward).max()
-    if exact:
-        told = bay.ask(q, v)
-    else:
-        # Farther and slower than it is, all that may be, of the nearest pair.
-        wrong = np.sign(outward)
-        told = bay.ask(q + wrong * bay.q_error, v + wrong * bay.v_error, bay.age)
+    told = bay.ask(q, v) if exact else bay.ask_wrong(q, v, outward)
     if not told:
         return []
     bay.judge.place(q)
@@ -287,6 +299,39 @@ def state_rows(bay: Bay, rng: np.random.Generator) -> list[Row]:
         close = approaches and pair == nearest
         rows.append(Row(exact, str(kind), close, followed, time, true))
     return rows
+
+
+def close_figures(bay: Bay, rng: np.random.Generator) -> dict[str, Any]:
+    """Figures of pairs that touch in a few cycles, at full speed."""
+    rows: list[Row] = []
+    while len(rows) < CLOSE:
+        q = bay.draw(rng)
+        nearest = int(bay.judge.gaps().argmin())
+        goal = rng.uniform(*ABOUT)
+        for _ in range(CLOSING):
+            bay.judge.place(q)
+            outward = bay.judge.gradient(nearest)
+            way = (bay.judge.gap(nearest) - goal) / float(outward @ outward)
+            q = q - way * outward
+        bay.judge.place(q)
+        gaps = bay.judge.gaps()
+        if int(gaps.argmin()) != nearest or not 0.0 < gaps.min() < 2.0 * ABOUT[1]:
+            continue
+        v = -bay.top * outward / np.abs(outward).max()
+        exact = len(rows) % 2 == 0
+        answers = bay.ask(q, v) if exact else bay.ask_wrong(q, v, outward)
+        for told in answers:
+            if told.pair == nearest:
+                motion = draw_motion("towards", q, v, outward, bay, rng)
+                true = bay.contact(motion, nearest, HORIZON)
+                rows.append(Row(exact, "towards", True, True, told.time, true))
+    wrong = [row for row in rows if not row.exact]
+    later = [row._replace(true=max(row.true - bay.age, 0.0)) for row in wrong]
+    return {
+        "exact": summed_up([row for row in rows if row.exact]),
+        "wrong_from_stamp": summed_up(wrong),
+        "wrong_from_cycle": summed_up(later),
+    }
 
 
 def summed_up(rows: list[Row]) -> dict[str, Any]:
