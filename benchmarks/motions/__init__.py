@@ -1,0 +1,1 @@
+"""Observables of motion: between samples, before contact, and what is watched."""
