@@ -17,8 +17,10 @@ Ints = NDArray[np.int64]
 # Time between two states of a future that is sampled [s].
 STEP = 0.002
 
-# Pairs that may be reached first and are attacked, and random corners tried beside.
+# Pairs that may be reached first and are attacked, in a hurry and thoroughly, and
+# random corners tried beside.
 ATTACKED = 8
+ATTACKED_THOROUGHLY = 40
 RANDOM = 4
 
 # An unknown greatest deceleration may be this many times the least: a stop at once [-].
@@ -42,7 +44,8 @@ class Future(NamedTuple):
 
     Attributes:
         wish: Desired velocities in shares of the top speeds, shape (n,).
-        strength: Strength of each joint's stop, 0 the least, 1 the most, shape (n,).
+        strength: Strength of each joint's stop, 0 the least, 1 the most, shape (n,);
+            the least one is late and swings as well.
         error: Errors of the measured state in shares of the largest, shape (n,).
     """
 
@@ -143,7 +146,9 @@ class Search:
         near = np.flatnonzero(gaps < close)
         if len(near) == 0:
             return None
-        order = near[np.argsort(gaps[near])][:ATTACKED]
+        # Not the nearest first, but those whose gap is least beside what moves can do.
+        order = near[np.argsort(gaps[near] / close[near])]
+        order = order[: ATTACKED_THOROUGHLY if sweeps else ATTACKED]
         for k in order:
             outward = self.world.gradient(int(k), q)
             for future in self._attacks(outward, v):
@@ -301,13 +306,12 @@ class Search:
         start = v + future.error * self._velocity_error
         plant.v[:] = np.clip(start, -self._velocity, self._velocity)
         strength = self._least * self._ratio**future.strength
+        # What is to get far brakes late and swings; what is to stay behind does not.
+        soft = (future.strength == 0.0).astype(float)
+        stop = strength, soft * self._ramp, soft * self._settle, self._settle_time
         for arm, age in enumerate(ages):
-            plants.order_stop(
-                plant,
-                arm,
-                float(age) + self.wait + float(self._command[arm]),
-                (strength, self._ramp, self._settle, self._settle_time),
-            )
+            at = float(age) + self.wait + float(self._command[arm])
+            plants.order_stop(plant, arm, at, stop)
         count = int(self._ways(plant.v, ages)[1] / STEP) + 2
         rows, speeds = np.zeros((2, count, len(q)))
         free = np.zeros((count, len(ages)), dtype=np.bool_)

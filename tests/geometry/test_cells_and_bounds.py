@@ -131,10 +131,11 @@ def test_no_point_moves_farther_than_the_displacement_says(kind):
 @pytest.mark.parametrize("kind", list(ShapeKind))
 def test_placing_a_row_is_placing_the_shape(kind):
     rng = np.random.default_rng(int(kind))
-    out = np.zeros(16)
     for _ in range(100):
         shape, A, B = random_shape(rng, kind, 0.5), random_pose(rng), random_pose(rng)
         T = np.ascontiguousarray(B[:3].reshape(12))
+        # Every place is written: on a stack there is anything before.
+        out = np.full(16, np.nan)
         place_row(int(kind), shape_row(shape, A), T, out)
         assert out == pytest.approx(shape_row(shape, B @ A), abs=1e-12)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
@@ -51,6 +52,10 @@ def place_row(kind: int, local: Row, T: Row, out: Row) -> None:
         T: Frame in the world, shape (12,).
         out: Row in the world, overwritten, shape (16,).
     """
+    if kind <= CAPSULE or kind == TRIANGLE or kind == HALF_SPACE:
+        # What a kind does not use is 0: whoever looks for a NaN looks at all of a row.
+        for k in range(4, ROW_WIDTH):
+            out[k] = 0.0
     out[0] = local[0]
     place_point(T, local, 1, out)
     if kind == SPHERE:

@@ -54,6 +54,8 @@ def compile_cycle(mode: Mode) -> None:
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.0, 1.0, 0.0)))
     guard = Guard(scene, self_test=False, compiling=True)
     guard.step(guard.home, 0.0)
+    if mode != "fixed":
+        guard.check_path([guard.home, guard.home])
 
 
 if __name__ == "__main__":

@@ -105,7 +105,7 @@ def go_through_pairs(lines: int) -> int:
         v.look[j] = way_of_object(j, v, m)
     count = filtered = 0
     for k in range(v.pairs.shape[0]):
-        i, j = v.pairs[k, 0], v.pairs[k, 1]
+        i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
         look = max(margin, v.pair_need[k] + v.look[i] + v.look[j])
         if boxes_apart(boxes, i, j, look):
             filtered += 1

@@ -34,6 +34,7 @@ from armguard.guard.workspace import (
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.figures import FIXED, MODE, SENSING, SPEED
+from armguard.motion.free_way import bound_free_way, grid_time, time_after
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import path_gap, prove_by_spans, shared_joints
 from armguard.motion.pair_state import (
@@ -53,7 +54,10 @@ from armguard.motion.pair_state import (
     SPENT,
 )
 from armguard.motion.state import (
+    AGE,
     BUDGET,
+    FREE,
+    GRID,
     NEXT,
     NOW,
     SEGMENT,
@@ -219,8 +223,7 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
         if speed > 0.0:
             left = spare / speed
     out[place + TIME_LEFT] = left
-    push = m.push[i] + (m.push[j] if robot_j >= 0 else 0.0)
-    out[place + TIME_TO_CONTACT] = time_to_contact(out[place + WITNESS], closing, push)
+    out[place + TIME_TO_CONTACT] = contact_time(i, j, place, closing, w, v, m)
     # It is short for those who come nearer: a parked robot is not in a hurry.
     for side in range(2):
         k, r = (i, robot_i) if side == 0 else (j, robot_j)
@@ -302,19 +305,7 @@ def prove_pair(
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
     m.effort[TESTS] += 1
     pair = numba.carray(stack(15), (PAIR,), np.float64)
-    for side in range(2):
-        k = i if side == 0 else j
-        at = side * SIDE
-        row = w.world.rows[k].ctypes.data
-        pair[at + KIND] = w.world.kinds[k]
-        pair[at + ROW] = row
-        pair[at + LOCAL] = w.local_rows[k].ctypes.data if k < moving else row
-        pair[at + BODY] = w.bodies[k]
-        pair[at + PLAN] = plan_i if side == 0 else plan_j
-        pair[at + LEVERS] = m.levers[min(k, moving - 1)].ctypes.data
-    pair[SHARED] = shared
-    pair[NEED] = need
-    pair[DRIFT] = drift
+    describe_pair(i, j, plan_i, plan_j, need, drift, pair, w, m)
     n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
     by_path = path_gap(pair.ctypes.data, n, w.parts[MOTION]) - whole
     spare = max(by_levers, by_path)
@@ -333,6 +324,35 @@ def prove_pair(
     if exact == PROVEN or by_exact > by_spans:
         return (exact, by_exact)
     return (proof, by_spans)
+
+
+@kernel
+def describe_pair(
+    i: int,
+    j: int,
+    plan_i: int,
+    plan_j: int,
+    need: float,
+    drift: float,
+    pair: Floats,
+    w: Workspace,
+    m: Motion,
+) -> None:
+    """Write the description of a pair, see `pair_state`."""
+    moving = m.rate.shape[0]
+    for side in range(2):
+        k = i if side == 0 else j
+        at = side * SIDE
+        row = w.world.rows[k].ctypes.data
+        pair[at + KIND] = w.world.kinds[k]
+        pair[at + ROW] = row
+        pair[at + LOCAL] = w.local_rows[k].ctypes.data if k < moving else row
+        pair[at + BODY] = w.bodies[k]
+        pair[at + PLAN] = plan_i if side == 0 else plan_j
+        pair[at + LEVERS] = m.levers[min(k, moving - 1)].ctypes.data
+    pair[SHARED] = shared_joints(w.bodies[i], w.bodies[j], m)
+    pair[NEED] = need
+    pair[DRIFT] = drift
 
 
 @kernel(inline=False)
@@ -381,6 +401,44 @@ def coarse(i: int, v: Watch, m: Motion) -> bool:
     if r < 0 or m.span[SEGMENT] != 0.0:
         return False
     return bool(m.robot_figures[r, MODE] == SPEED or v.phase[r] >= BRAKING)
+
+
+@kernel
+def contact_time(
+    i: int, j: int, place: int, closing: float, w: Workspace, v: Watch, m: Motion
+) -> float:
+    """Least time from now until a pair can touch, whatever its operators do [s].
+
+    By levers, which know no directions; and by how far the joints may get until each
+    time of a grid, which do. The errors of model and measurement count, and the time
+    that has passed since the older of two measurements.
+    """
+    out = w.out
+    moving, robot_j = m.rate.shape[0], robot_of(j, v)
+    unknown = standing_need(i, j, w, v, m) - w.buffers[w.groups[i], w.groups[j]]
+    sharp = out[place + WITNESS] - unknown
+    distance, push = sharp - m.blur[i], m.push[i]
+    age = m.clock[robot_of(i, v), AGE]
+    if robot_j >= 0:
+        distance -= m.blur[j]
+        push += m.push[j]
+        age = max(age, m.clock[robot_j, AGE])
+    time = time_to_contact(distance, closing, push)
+    if coarse(i, v, m) or coarse(j, v, m) or not sharp > 0.0:
+        return float(max(time - age, 0.0))
+    speed = object_speed(j, v) if j >= moving else 0.0
+    n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
+    pair = numba.carray(stack(15), (PAIR,), np.float64)
+    describe_pair(i, j, FREE, FREE, 0.0, 0.0, pair, w, m)
+    later = time_after(time)
+    # Seldom is it more than twice what levers say: the second time first.
+    for k in range(min(later + 1, GRID - 1), later - 1, -1):
+        bound_free_way(k, w.parts[MOTION])
+        pair[PLAN] = pair[SIDE + PLAN] = FREE + k
+        gap = path_gap(pair.ctypes.data, n, w.parts[MOTION])
+        if gap - unknown - speed * grid_time(k) > 0.0:
+            return float(max(grid_time(k) - age, 0.0))
+    return float(max(time - age, 0.0))
 
 
 @kernel

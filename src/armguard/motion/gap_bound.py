@@ -28,7 +28,7 @@ from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, sub
 from armguard.kernel import kernel
-from armguard.motion.state import open_motion
+from armguard.motion.state import WHOLE, Motion, open_motion
 from armguard.robot.kinematics import PRISMATIC
 
 Floats = NDArray[np.float64]
@@ -45,8 +45,9 @@ HULL = int(ShapeKind.HULL)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 # Places in a row that tells how a joint moves points, see LEVER_ROW: g(p) is
-# slope·p + level. Its Δ is `u · FROM ± TO`; u is 1 where each joint has a range of its
-# own, and over a span the same for all joints, anywhere in [-1, 1].
+# slope·p + level, and its Δ is `FROM ± TO`. Over a span of time all joints are at the
+# same place u of their lines, and both ends of these are looked at in turns; from the
+# middle to an end Δ changes by TURN, and its range by GROWTH.
 SLOPE = 0  # n x axis, 3 numbers; 0 for a sliding joint
 LEVEL = 3
 FROM = 4
@@ -57,7 +58,9 @@ TURNS = 12  # 1 for a turning joint, 0 for a sliding one
 GRADIENT = 13  # g of the vertex that is looked at
 ALONG = 14  # the same where the joints are on their line
 OPEN = 15  # 1 while the end of its range is not yet decided
-HESSIAN = 16  # h by each joint of the chain
+TURN = 16
+GROWTH = 17
+HESSIAN = 18  # h by each joint of the chain
 
 
 @kernel
@@ -67,72 +70,88 @@ def joint_rows(
     first: int,
     count: int,
     axes: Floats,
+    origin: int,
     joint_kind: Ints,
-    middle: Floats,
-    width: Floats,
     rows: Floats,
 ) -> None:
-    """Write how each joint of a chain moves points along n.
+    """Write how each joint of a chain moves points along n; not yet how far it goes.
 
     Args:
         n: Unit direction.
         chain: Bodies of the chain, shape (depth,).
         first: First of them that counts.
         count: Length of the chain.
-        axes: Axes in the world, shape (b, 6).
+        axes: Axes in the world, shape (k, 6).
+        origin: The row of `axes` that is body 0's.
         joint_kind: Joint kinds, shape (b,).
-        middle: Middle of the Δ of each body's joint, or half its way, shape (b,).
-        width: How far Δ may be off that, shape (b,).
-        rows: Overwritten, shape (depth, LEVER_ROW).
+        rows: Overwritten but for the Δ, shape (depth, LEVER_ROW + depth).
     """
     for k in range(first, count):
         b = chain[k]
-        row = rows[k]
-        direction = (axes[b, 0], axes[b, 1], axes[b, 2])
+        row, axis = rows[k], axes[origin + b]
+        direction = (axis[0], axis[1], axis[2])
         for x in range(3):
-            row[AXIS + x] = axes[b, x]
-            row[ORIGIN + x] = axes[b, x + 3]
+            row[AXIS + x] = axis[x]
+            row[ORIGIN + x] = axis[x + 3]
         if joint_kind[b] == PRISMATIC:
             row[0] = row[1] = row[2] = row[TURNS] = 0.0
             row[LEVEL] = dot(n, direction)
         else:
             slope = cross(n, direction)
             row[0], row[1], row[2] = slope
-            row[LEVEL] = -dot(slope, (axes[b, 3], axes[b, 4], axes[b, 5]))
+            row[LEVEL] = -dot(slope, (axis[3], axis[4], axis[5]))
             row[TURNS] = 1.0
-        row[FROM] = middle[b]
-        row[TO] = width[b]
 
 
 @kernel
-def point_reach(
-    n: Vec3, p: Vec3, u: float, first: int, count: int, rows: Floats
-) -> float:
+def joint_ranges(
+    chain: Ints, first: int, count: int, middle: Floats, width: Floats, rows: Floats
+) -> None:
+    """Write a range of Δ of each joint of a chain, of its own.
+
+    Args:
+        chain: Bodies of the chain, shape (depth,).
+        first: First of them that counts.
+        count: Length of the chain.
+        middle: Middle of the Δ of each body's joint, shape (b,).
+        width: How far Δ may be off that, shape (b,).
+        rows: Rows of `joint_rows`.
+    """
+    for k in range(first, count):
+        b = chain[k]
+        rows[k, FROM], rows[k, TO] = middle[b], width[b]
+        rows[k, TURN] = rows[k, GROWTH] = 0.0
+
+
+@kernel
+def point_reach(n: Vec3, p: Vec3, first: int, count: int, rows: Floats) -> float:
     """`n·p` and how far it can grow, to the second order [m].
 
     Args:
         n: Direction; 0 for the growth alone.
         p: A vertex of the core, in the world [m].
-        u: 0 where every joint has its own range, else the end of the line, -1 or 1.
         first: First joint of the chain that counts.
         count: Length of the chain.
-        rows: Written by `joint_rows`.
+        rows: Written by `joint_rows`, with ranges.
     """
     differentiate(p, first, count, rows)
     way = dot(n, p)
-    bend = 0.0
-    sign = 1.0 if u == 0.0 else u
+    bend = bow = grown = 0.0
     for k in range(first, count):
         own = rows[k]
-        way += sign * own[GRADIENT] * own[FROM]
-        turned = 0.0
+        way += own[GRADIENT] * own[FROM]
+        turned = curved = mixed = 0.0
         for j in range(first, count):
-            turned += own[HESSIAN + j] * rows[j, FROM]
+            h = own[HESSIAN + j]
+            turned += h * rows[j, FROM]
+            curved += h * rows[j, TURN]
+            mixed += abs(h) * rows[j, GROWTH]
         bend += 0.5 * own[FROM] * turned
-        own[ALONG] = own[GRADIENT] + sign * turned
-    # Between the two ends of a line a bend away from the other side would be less.
-    way += bend if u == 0.0 else max(bend, 0.0)
-    return way + widest(first, count, rows)
+        bow -= 0.5 * own[TURN] * curved
+        grown += (abs(own[TURN]) + 0.5 * own[GROWTH]) * mixed
+        own[ALONG] = own[GRADIENT] + turned
+    # Between the two ends of a line the way is above both by no more than it bows.
+    return way + bend + max(bow, 0.0) + grown + widest(first, count, rows)
 
 
 @kernel
@@ -196,7 +215,6 @@ def side_reach(
     kind: int,
     row: Floats,
     n: Vec3,
-    u: float,
     first: int,
     count: int,
     rows: Floats,
@@ -207,10 +225,9 @@ def side_reach(
         kind: ShapeKind.
         row: Its row in the world, shape (16,).
         n: Unit direction.
-        u: 0 for ranges, else the end of the line the joints are on.
         first: First joint of the chain that counts.
         count: Length of the chain; no more than `first` for what stands still.
-        rows: Written by `joint_rows`.
+        rows: Written by `joint_rows`, with ranges.
     """
     origin = (row[1], row[2], row[3])
     if count <= first:
@@ -221,10 +238,10 @@ def side_reach(
         reach = -inf
         for end in range(1, 5 if kind == CAPSULE else 2, 3):
             p = (row[end], row[end + 1], row[end + 2])
-            reach = max(reach, point_reach(n, p, u, first, count, rows))
+            reach = max(reach, point_reach(n, p, first, count, rows))
         return float(row[0] + reach)
     if kind == HULL:
-        return float(row[0] + hull_reach(row, n, u, first, count, rows))
+        return float(row[0] + hull_reach(row, n, first, count, rows))
     if kind == HALF_SPACE or kind == TRIANGLE:
         # Neither rides on a link.
         return inf
@@ -239,7 +256,7 @@ def side_reach(
     reach = move = -inf
     for c in range(8):
         p = corner(row, x, y, z, c)
-        way = point_reach((0.0, 0.0, 0.0), p, u, first, count, rows)
+        way = point_reach((0.0, 0.0, 0.0), p, first, count, rows)
         reach = max(reach, dot(n, p) + way)
         move = max(move, way)
     return float(row[0] + min(reach, still + move))
@@ -272,9 +289,7 @@ def corner(row: Floats, x: float, y: float, z: float, c: int) -> Vec3:
 
 
 @kernel
-def hull_reach(
-    row: Floats, n: Vec3, u: float, first: int, count: int, rows: Floats
-) -> float:
+def hull_reach(row: Floats, n: Vec3, first: int, count: int, rows: Floats) -> float:
     """Greatest reach of a hull's vertices.
 
     A vertex that could not be the one even if it moved as far as any does is passed
@@ -286,7 +301,7 @@ def hull_reach(
     most_move = turned = 0.0
     for k in range(first, count):
         own = rows[k]
-        size = abs(own[FROM]) + own[TO]
+        size = abs(own[FROM]) + own[TO] + abs(own[TURN]) + own[GROWTH]
         lever = 1.0
         if own[TURNS] != 0.0:
             arm = sub(origin, (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]))
@@ -308,7 +323,7 @@ def hull_reach(
             origin[1] + row[10] * a + row[11] * b + row[12] * c,
             origin[2] + row[13] * a + row[14] * b + row[15] * c,
         )
-        best = max(best, point_reach(n, p, u, first, count, rows))
+        best = max(best, point_reach(n, p, first, count, rows))
     return best
 
 
@@ -373,12 +388,11 @@ def range_reach(
     a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
     count = 0 if body < 0 else int(m.length[body])
     if count <= first:
-        return float(side_reach(kind, a, n, 0.0, first, first, m.lever_rows))
-    chain, middle, width = m.joints[body], m.middle[plan], m.width[plan]
-    joint_rows(
-        n, chain, first, count, m.axes, m.joint_kind, middle, width, m.lever_rows
-    )
-    reach = side_reach(kind, a, n, 0.0, first, count, m.lever_rows)
+        return float(side_reach(kind, a, n, first, first, m.lever_rows))
+    chain, rows = m.joints[body], m.lever_rows
+    joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, rows)
+    joint_ranges(chain, first, count, m.middle[plan], m.width[plan], rows)
+    reach = side_reach(kind, a, n, first, count, rows)
     own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
     return float(
         reach + curvature(chain, first, count, own, m.joint_kind, m.spread[plan])
@@ -391,18 +405,20 @@ def line_reach(
     row: int,
     body: int,
     at: int,
+    box: int,
     levers: int,
     first: int,
     n: Vec3,
     motion: int,
 ) -> Vec3:
-    """The same over one span, for the two ends of its line, and what that leaves out.
+    """The same over a box of a span, for the two ends of its line, and the rest.
 
     Args:
         kind: ShapeKind.
-        row: Address of its row in the world, in the middle of the span.
+        row: Address of its row in the world, in the middle of the box.
         body: Its body, -1 if it stands still.
         at: The span among those of all plans.
+        box: Box of the span, see `Motion.box_line`.
         levers: Address of its levers.
         first: First joint that does not move both sides alike.
         n: Unit direction.
@@ -414,17 +430,50 @@ def line_reach(
     m = open_motion(motion)
     a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
     count = 0 if body < 0 else int(m.length[body])
+    rows = m.lever_rows
     if count <= first:
-        still = side_reach(kind, a, n, 0.0, first, first, m.lever_rows)
+        still = side_reach(kind, a, n, first, first, rows)
         return (still, still, 0.0)
-    bodies = m.parent.shape[0]
-    axes = m.node_axes[at * bodies : (at + 1) * bodies]
-    chain, way, width = m.joints[body], m.node_way[at], m.node_width[at]
-    joint_rows(n, chain, first, count, axes, m.joint_kind, way, width, m.lever_rows)
+    chain = m.joints[body]
+    if box == WHOLE:
+        joint_rows(
+            n,
+            chain,
+            first,
+            count,
+            m.node_axes,
+            at * m.parent.shape[0],
+            m.joint_kind,
+            rows,
+        )
+    else:
+        joint_rows(n, chain, first, count, m.box_axes, 0, m.joint_kind, rows)
     one = other = 0.0
     for end in range(2):
-        u = 2.0 * end - 1.0
-        one, other = other, side_reach(kind, a, n, u, first, count, m.lever_rows)
+        sign = 2.0 * end - 1.0
+        line_ranges(chain, first, count, at, box, sign, m)
+        one, other = other, side_reach(kind, a, n, first, count, rows)
     own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
-    bend = curvature(chain, first, count, own, m.joint_kind, m.node_size[at])
+    bend = curvature(chain, first, count, own, m.joint_kind, m.sizes)
     return (one, other, bend)
+
+
+@kernel
+def line_ranges(
+    chain: Ints, first: int, count: int, at: int, box: int, sign: float, m: Motion
+) -> None:
+    """Write the Δ of each joint at one end of a box's line, and its greatest size.
+
+    A joint's position in a span is `u · way + s · (wide + u · grow)`, with one u for
+    all joints and an s of its own, each in [-1, 1]; in a box in a part of that.
+    """
+    u, half = m.box_line[box, 0], m.box_line[box, 1]
+    for k in range(first, count):
+        b = chain[k]
+        row, grow, part = m.lever_rows[k], m.node_grow[at, b], m.box_part[box, b]
+        width = m.node_wide[at, b] + u * grow
+        row[TURN] = half * (m.node_way[at, b] + m.box_place[box, b] * grow)
+        row[GROWTH] = part * half * abs(grow)
+        row[FROM] = sign * row[TURN]
+        row[TO] = part * (width + sign * half * grow)
+        m.sizes[b] = abs(row[TURN]) + part * (width + half * abs(grow))

@@ -1,11 +1,12 @@
-"""Where the joints of a span, or of a box, bring two primitives nearest.
+"""Where the joints of a span, or of a box of it, bring two primitives nearest.
 
 A guess: the pair's witness points are held, their way is taken for linear in the
-joints, and the length of their difference is made least, one joint after the other.
+joints, and the length of their difference is made least, one variable after the other.
 What is measured there is worth knowing either way. If it is nearer than it may be, the
-stop is needed. If not, its normal is the direction along which a bound of the distance
-over the whole span loses least: the distance of convex shapes over a box of shifts is
-bounded exactly by the plane where it is least, and by no other.
+stop is needed: all joints can be there at the same time. If not, its normal is the
+direction along which a bound of the distance over the whole span loses least: the
+distance of convex shapes over a box of shifts is bounded exactly by the plane where it
+is least, and by no other.
 """
 
 import numba
@@ -20,16 +21,21 @@ from armguard.geometry.vec3 import Vec3, add, cross, dot, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
 from armguard.motion.pair_state import BODY, KIND, LOCAL, PAIR, PLAN, SHARED, SIDE
-from armguard.motion.state import MEASURE, NODES, Motion, open_motion
+from armguard.motion.state import MEASURE, NODES, WHOLE, Motion, open_motion
+from armguard.motion.stop_path import write_axis
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
 
 Floats = NDArray[np.float64]
 
-# Places in a row of `Motion.columns`: how a variable moves the difference.
-COLUMN_BOUND = 3  # it lies between minus and plus this
-COLUMN_VALUE = 4
-COLUMN_BODY = 5  # the body whose joint it is, -1 for the place on the span's line
-COLUMN = 6
+# Places in a row of `Motion.columns`: how a joint moves the difference, 3 numbers; its
+# line and range, as in a node; its place in its range now, and between which it may be.
+WAY = 3
+WIDE = 4
+GROW = 5
+NOW = 6
+LEAST = 7
+MOST = 8
+COLUMN = 9
 
 # How often each variable is set anew.
 SWEEPS = 6
@@ -42,13 +48,13 @@ NO_MOVE = 1e-18
 def nearest_position(
     node: int, box: int, pair: int, rows: int, witness: int, motion: int
 ) -> tuple[float, Vec3]:
-    """Measure a pair where the joints of a span or a box bring it nearest.
+    """Measure a pair where the joints of a box bring it nearest.
 
     Args:
         node: The span.
-        box: A box of it, or -1 for the span itself.
+        box: The box of it.
         pair: Address of the pair's description.
-        rows: Address of both rows in the middle.
+        rows: Address of both rows in the middle of the box.
         witness: Address of the pair's witness there; apart.
         motion: Address of the ledger of the prediction.
 
@@ -57,10 +63,74 @@ def nearest_position(
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    there = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
+    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     count = write_columns(node, box, pair, rows, witness, m)
-    middles_of(node, box, p, m)
-    for c in range(count):
-        move_joint(node, c, p, m)
+    u = bring_together(box, count, pair, rows, witness, m)
+    start_positions(node, p, m)
+    count = 0
+    for side in range(2):
+        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        span = span * NODES + node
+        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
+            b = m.joints[body, k]
+            move_joint(b, span, u, m.columns[count, NOW], m)
+            count += 1
+    place_pair(pair, there.ctypes.data, motion)
+    kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
+    measure_by(m.calls[MEASURE], kind_a, there[0], kind_b, there[1], found)
+    return (found[0], (found[7], found[8], found[9]))
+
+
+@kernel(inline=False)
+def middle_position(node: int, box: int, pair: int, rows: int, motion: int) -> None:
+    """Place a pair in the middle of a box, and write the axes of all joints there.
+
+    Args:
+        node: The span.
+        box: The box of it.
+        pair: Address of the pair's description.
+        rows: Address of both rows in the world, overwritten.
+        motion: Address of the ledger of the prediction.
+    """
+    m = open_motion(motion)
+    p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    start_positions(node, p, m)
+    for side in range(2):
+        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        span = span * NODES + node
+        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
+            b = m.joints[body, k]
+            move_joint(b, span, m.box_line[box, 0], m.box_place[box, b], m)
+    place_pair(pair, rows, motion)
+    for b in range(m.parent.shape[0]):
+        write_axis(m.corner_T[b], m.axis[b], m.box_axes[b])
+
+
+@kernel
+def start_positions(node: int, p: Floats, m: Motion) -> None:
+    """Write the joint positions in the middle of a pair's span into `q_node`."""
+    for side in range(2):
+        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        for k in range(m.length[body] if body >= 0 else 0):
+            j = m.q_index[m.joints[body, k]]
+            m.q_node[j] = m.node_q[span * NODES + node, j]
+
+
+@kernel
+def move_joint(b: int, span: int, u: float, s: float, m: Motion) -> None:
+    """Move a body's joint in `q_node` along its line and within its range."""
+    if m.gain[b, 0] != 0.0:
+        width = m.node_wide[span, b] + u * m.node_grow[span, b]
+        m.q_node[m.q_index[b]] += (u * m.node_way[span, b] + s * width) / m.gain[b, 0]
+
+
+@kernel
+def place_pair(pair: int, rows: int, motion: int) -> None:
+    """Place both sides of a pair where `q_node` has their joints."""
+    m = open_motion(motion)
+    p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
     forward_kinematics(
         m.q_node,
         m.parent,
@@ -71,128 +141,87 @@ def nearest_position(
         m.axis,
         m.corner_T,
     )
-    there = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
-    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     for side in range(2):
         at = side * SIDE
         body = int(p[at + BODY])
         local = numba.carray(pointer(int(p[at + LOCAL])), (ROW_WIDTH,), np.float64)
         if body < 0:
             for k in range(ROW_WIDTH):
-                there[side, k] = local[k]
+                both[side, k] = local[k]
         else:
-            place_row(int(p[at + KIND]), local, m.corner_T[body], there[side])
-    measure_by(
-        m.calls[MEASURE], int(p[KIND]), there[0], int(p[SIDE + KIND]), there[1], found
-    )
-    return (found[0], (found[7], found[8], found[9]))
+            place_row(int(p[at + KIND]), local, m.corner_T[body], both[side])
 
 
 @kernel
 def write_columns(
     node: int, box: int, pair: int, rows: int, witness: int, m: Motion
 ) -> int:
-    """Write how each variable moves the difference of the witness points, and its best.
+    """Write how each joint moves the difference of the witness points.
 
     Returns:
-        How many variables there are.
+        How many joints there are.
     """
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
     seen = numba.carray(pointer(witness), (WITNESS_WIDTH,), np.float64)
-    # A radius moves with its centre: only cores come together.
-    least = seen[0] + both[0, 0] + both[1, 0]
-    r = scaled(least, (seen[7], seen[8], seen[9]))
-    line = (0.0, 0.0, 0.0)
     bodies = m.parent.shape[0]
     count = 0
     for side in range(2):
-        at = side * SIDE
-        body, span = int(p[at + BODY]), int(p[at + PLAN]) * NODES + node
-        if body < 0:
-            continue
+        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        span = span * NODES + node
         first = 1 + 3 * side
         point = (seen[first], seen[first + 1], seen[first + 2])
-        for k in range(int(p[SHARED]), m.length[body]):
+        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
-            axis = m.box_axes[b] if box >= 0 else m.node_axes[span * bodies + b]
+            own = m.columns[count]
+            axis = m.node_axes[span * bodies + b] if box == WHOLE else m.box_axes[b]
             way = joint_way(point, b, axis, m)
-            if side == 0:
-                way = scaled(-1.0, way)
-            width = m.box_width[box, b] if box >= 0 else m.node_width[span, b]
-            write_column(way, width, b, m.columns[count])
+            own[0], own[1], own[2] = way if side == 1 else scaled(-1.0, way)
+            own[WAY] = m.node_way[span, b]
+            own[WIDE], own[GROW] = m.node_wide[span, b], m.node_grow[span, b]
+            own[NOW] = m.box_place[box, b]
+            own[LEAST] = own[NOW] - m.box_part[box, b]
+            own[MOST] = own[NOW] + m.box_part[box, b]
             count += 1
-            if box < 0:
-                line = add(line, scaled(m.node_way[span, b], way))
-    if box < 0:
-        write_column(line, 1.0, -1, m.columns[count])
-        count += 1
-    bring_together(r, count, m.columns)
     return count
 
 
 @kernel
-def write_column(way: Vec3, bound: float, body: int, column: Floats) -> None:
-    """Write one variable."""
-    column[0], column[1], column[2] = way
-    column[COLUMN_BOUND] = bound
-    column[COLUMN_VALUE] = 0.0
-    column[COLUMN_BODY] = body
+def bring_together(
+    box: int, count: int, pair: int, rows: int, witness: int, m: Motion
+) -> float:
+    """Make the difference of the witness points short by the joints of a box.
 
-
-@kernel
-def bring_together(r: Vec3, count: int, columns: Floats) -> None:
-    """Make |r + Σ value · column| small, each value within its bound."""
+    Returns:
+        The place on the span's line; each joint's place in its range is in its column.
+    """
+    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
+    seen = numba.carray(pointer(witness), (WITNESS_WIDTH,), np.float64)
+    # A radius moves with its centre: only cores come together.
+    apart = seen[0] + both[0, 0] + both[1, 0]
+    r = scaled(apart, (seen[7], seen[8], seen[9]))
+    u, half = m.box_line[box, 0], m.box_line[box, 1]
+    first, last = u - half, u + half
     for _ in range(SWEEPS):
+        line = (0.0, 0.0, 0.0)
         for c in range(count):
-            own = columns[c]
-            way = (own[0], own[1], own[2])
+            own = m.columns[c]
+            step = own[WAY] + own[NOW] * own[GROW]
+            line = add(line, scaled(step, (own[0], own[1], own[2])))
+        square = dot(line, line)
+        if square > NO_MOVE:
+            to = min(max(u - dot(line, r) / square, first), last)
+            r = add(r, scaled(to - u, line))
+            u = to
+        for c in range(count):
+            own = m.columns[c]
+            way = scaled(own[WIDE] + u * own[GROW], (own[0], own[1], own[2]))
             square = dot(way, way)
-            if not square > NO_MOVE:
-                continue
-            bound, before = own[COLUMN_BOUND], own[COLUMN_VALUE]
-            value = min(max(before - dot(way, r) / square, -bound), bound)
-            own[COLUMN_VALUE] = value
-            r = add(r, scaled(value - before, way))
-
-
-@kernel
-def middles_of(node: int, box: int, p: Floats, m: Motion) -> None:
-    """Write the joint positions in the middle of a span or a box into `q_node`."""
-    if box >= 0:
-        for j in range(m.q.shape[0]):
-            m.q_node[j] = m.q_box[j]
-        for b in range(m.parent.shape[0]):
-            if m.gain[b, 0] != 0.0 and m.box_middle[box, b] != 0.0:
-                m.q_node[m.q_index[b]] += m.box_middle[box, b] / m.gain[b, 0]
-        return
-    for side in range(2):
-        body = int(p[side * SIDE + BODY])
-        if body < 0:
-            continue
-        span = int(p[side * SIDE + PLAN]) * NODES + node
-        for k in range(m.length[body]):
-            j = m.q_index[m.joints[body, k]]
-            m.q_node[j] = m.node_q[span, j]
-
-
-@kernel
-def move_joint(node: int, c: int, p: Floats, m: Motion) -> None:
-    """Move a joint in `q_node`, or for the place on the line all of them."""
-    value, b = m.columns[c, COLUMN_VALUE], int(m.columns[c, COLUMN_BODY])
-    if b >= 0:
-        if m.gain[b, 0] != 0.0:
-            m.q_node[m.q_index[b]] += value / m.gain[b, 0]
-        return
-    for side in range(2):
-        body = int(p[side * SIDE + BODY])
-        if body < 0:
-            continue
-        span = int(p[side * SIDE + PLAN]) * NODES + node
-        for k in range(int(p[SHARED]), m.length[body]):
-            b = m.joints[body, k]
-            if m.gain[b, 0] != 0.0:
-                m.q_node[m.q_index[b]] += value * m.node_way[span, b] / m.gain[b, 0]
+            if square > NO_MOVE:
+                before = own[NOW]
+                to = min(max(before - dot(way, r) / square, own[LEAST]), own[MOST])
+                own[NOW] = to
+                r = add(r, scaled(to - before, way))
+    return float(u)
 
 
 @kernel

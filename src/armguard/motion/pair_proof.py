@@ -17,9 +17,8 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, scaled
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-from armguard.motion.box_proof import prove_by_boxes
-from armguard.motion.gap_bound import line_reach, range_reach
-from armguard.motion.nearest import nearest_position
+from armguard.motion.box_proof import gap_along, prove_by_boxes
+from armguard.motion.gap_bound import range_reach
 from armguard.motion.pair_state import (
     BODY,
     DRIFT,
@@ -46,12 +45,16 @@ from armguard.motion.state import (
     SEGMENT,
     SETTLED,
     TESTS,
+    WHOLE,
     Motion,
     open_motion,
 )
 from armguard.motion.stop_path import make_node, span_of
 
 Floats = NDArray[np.float64]
+
+# A span is wide if what is not known of its joints is this many times their way [-].
+WIDE = 3.0
 
 
 @kernel
@@ -119,7 +122,7 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
             # Until they have settled arms may still be met by what moves.
             end = m.span[SETTLED]
         wanted = p[NEED] + p[DRIFT] * end
-        second_order, bend, nearest = span_gap(node, pair, wanted, motion)
+        second_order, bend = span_gap(node, pair, motion)
         spare = second_order - bend - wanted
         if spare >= 0.0:
             least = min(least, spare)
@@ -127,13 +130,19 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
         if not 2 * node < (1 << NODE_LEVELS):
             if spare != spare or m.span[SEGMENT] != 0.0:
                 return (NEEDED if not second_order >= wanted else UNSURE, spare)
-            if not nearest >= wanted:
-                return (NEEDED, nearest - wanted)
             proof, spare = prove_by_boxes(node, pair, wanted, motion)
             if proof != PROVEN:
                 return (proof, spare)
             least = min(least, spare)
             continue
+        if is_wide(node, pair, m):
+            # Halving time would leave as many problems as halves.
+            proof, spare = prove_by_boxes(node, pair, wanted, motion)
+            if proof == SPENT:
+                return (proof, spare)
+            if proof == PROVEN:
+                least = min(least, spare)
+                continue
         # The later half first: where a proof fails, it mostly fails there.
         waiting[left] = 2.0 * node
         waiting[left + 1] = 2.0 * node + 1.0
@@ -141,21 +150,32 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
     return (PROVEN, least)
 
 
+@kernel
+def is_wide(node: int, pair: int, m: Motion) -> bool:
+    """Whether a span's joints move a pair by their ranges more than by their lines."""
+    p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    line = wide = 0.0
+    for side in range(2):
+        at = side * SIDE
+        body, span = int(p[at + BODY]), int(p[at + PLAN]) * NODES + node
+        levers = numba.carray(
+            pointer(int(p[at + LEVERS])), (m.joints.shape[1],), np.float64
+        )
+        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
+            b = m.joints[body, k]
+            line += abs(m.node_way[span, b]) * levers[k]
+            wide += m.node_wide[span, b] * levers[k]
+    return wide > WIDE * line
+
+
 @kernel(inline=False)
-def span_gap(
-    node: int, pair: int, wanted: float, motion: int
-) -> tuple[float, float, float]:
+def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
     """Least distance over a span to the second order, and what that leaves out [m].
 
     Args:
         node: The span.
         pair: Address of the pair's description.
-        wanted: More than this need not be found [m].
         motion: Address of the ledger of the prediction.
-
-    Returns:
-        The least distance, what the second order leaves out, and the distance where
-        the joints bring the sides nearest; infinite if nobody looked [m].
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
@@ -172,64 +192,10 @@ def span_gap(
         make_node(plan, node, motion)
         T = m.node_T[(plan * NODES + node) * m.parent.shape[0] + body]
         place_row(int(p[at + KIND]), local, T, rows[side])
-    measure_by(
-        m.calls[MEASURE], int(p[KIND]), rows[0], int(p[SIDE + KIND]), rows[1], witness
-    )
+    kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
+    measure_by(m.calls[MEASURE], kind_a, rows[0], kind_b, rows[1], witness)
     if not witness[0] >= 0.0:
-        return (witness[0], 0.0, witness[0])
+        return (witness[0], 0.0)
     n = (witness[7], witness[8], witness[9])
-    address = rows[0].ctypes.data
-    gap, bend = gap_along(node, pair, address, n, motion)
-    first_of_leaves = 1 << (NODE_LEVELS - 1)
-    if gap - bend >= wanted or node < first_of_leaves or m.span[SEGMENT] != 0.0:
-        return (gap, bend, np.inf)
-    # Where the sides come nearest, the plane between them may stand at another angle
-    # than in the middle of the span.
-    there, n = nearest_position(node, -1, pair, address, witness.ctypes.data, motion)
-    if not there >= wanted:
-        return (gap, bend, there)
-    other, bent = gap_along(node, pair, address, n, motion)
-    if other - bent > gap - bend:
-        return (other, bent, there)
-    return (gap, bend, there)
-
-
-@kernel(inline=False)
-def gap_along(
-    node: int, pair: int, rows: int, n: Vec3, motion: int
-) -> tuple[float, float]:
-    """Least distance along a direction over a span, to the second order.
-
-    Args:
-        node: The span.
-        pair: Address of the pair's description.
-        rows: Address of both rows in the middle of the span.
-        n: Unit direction from A to B; any gives a lower bound of the distance.
-        motion: Address of the ledger of the prediction.
-
-    Returns:
-        The least distance, and what the second order leaves out [m].
-    """
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
-    gap_one = gap_other = bend = 0.0
-    for side in range(2):
-        at = side * SIDE
-        along = n if side == 0 else scaled(-1.0, n)
-        one, other, curved = line_reach(
-            int(p[at + KIND]),
-            both[side].ctypes.data,
-            int(p[at + BODY]),
-            int(p[at + PLAN]) * NODES + node,
-            int(p[at + LEVERS]),
-            int(p[SHARED]),
-            along,
-            motion,
-        )
-        gap_one -= one
-        gap_other -= other
-        bend += curved
-    # Both sides are at the same place of their lines; between the two ends the gap is
-    # a concave function of it but for the bend along the line, which is taken in full
-    # wherever it lessens the gap.
-    return (min(gap_one, gap_other), bend)
+    gap, bend, _ = gap_along(node, WHOLE, pair, rows.ctypes.data, n, motion)
+    return (gap, bend)

@@ -20,6 +20,7 @@ from armguard.motion.state import (
     BUDGET,
     CLOCK,
     EFFORT,
+    GRID,
     LEVER_ROW,
     NODES,
     PLANS,
@@ -73,32 +74,35 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         effort=effort,
         up=np.zeros((PLANS * n, JOINT_STOP)),
         down=np.zeros((PLANS * n, JOINT_STOP)),
-        middle=np.zeros((PLANS, b)),
-        width=np.zeros((PLANS, b)),
-        spread=np.zeros((PLANS, b)),
+        middle=np.zeros((PLANS + GRID, b)),
+        width=np.zeros((PLANS + GRID, b)),
+        spread=np.zeros((PLANS + GRID, b)),
+        grid_stamp=np.zeros(GRID, dtype=np.int64),
         axes=np.zeros((b, 6)),
         reach=np.zeros((PLANS, m)),
         speed=np.zeros(b),
         rate=np.zeros(m),
-        push=pushes(tables, found),
+        blur=by_levers(place.POSITION_ERROR, tables, found),
+        push=by_levers(place.ACCELERATION, tables, found),
         node_stamp=np.zeros(PLANS * NODES, dtype=np.int64),
         node_q=np.zeros((PLANS * NODES, n)),
         node_T=np.zeros((PLANS * NODES * b, 12)),
         node_axes=np.zeros((PLANS * NODES * b, 6)),
         node_way=np.zeros((PLANS * NODES, b)),
-        node_width=np.zeros((PLANS * NODES, b)),
-        node_size=np.zeros((PLANS * NODES, b)),
+        node_wide=np.zeros((PLANS * NODES, b)),
+        node_grow=np.zeros((PLANS * NODES, b)),
         q_half=np.zeros(n),
         q_node=np.zeros(n),
         q_way=np.zeros(n),
-        q_width=np.zeros(n),
-        box_middle=np.zeros((BOX_LEVELS, b)),
-        box_width=np.zeros((BOX_LEVELS, b)),
+        q_wide=np.zeros(n),
+        q_grow=np.zeros(n),
+        box_line=np.tile([0.0, 1.0], (BOX_LEVELS + 1, 1)),
+        box_place=np.zeros((BOX_LEVELS + 1, b)),
+        box_part=np.ones((BOX_LEVELS + 1, b)),
         box_axes=np.zeros((b, 6)),
-        q_box=np.zeros(n),
-        no_way=np.zeros(b),
+        sizes=np.zeros(b),
         corner_T=np.zeros((b, 12)),
-        columns=np.zeros((2 * depth + 1, COLUMN)),
+        columns=np.zeros((2 * depth, COLUMN)),
         calls=np.array([kernel_address(measure_at, 5)]),
         lever_rows=np.zeros((depth, LEVER_ROW + depth)),
     )
@@ -155,15 +159,18 @@ def joint_figures(tables: SceneTables) -> Floats:
     return rows
 
 
-def pushes(tables: SceneTables, found: Chains) -> Floats:
-    """Greatest acceleration operators can give each primitive's points, (m,) [m/s²]."""
-    acceleration = joint_figures(tables)[:, place.ACCELERATION]
-    body_push = np.abs(tables.gain[:, 0]) * acceleration[tables.q_index]
-    push = np.zeros(tables.moving_count)
+def by_levers(figure: int, tables: SceneTables, found: Chains) -> Floats:
+    """What a figure of all joints can do to each primitive's points at most, (m,).
+
+    An acceleration [m/s²], or an error of positions [m].
+    """
+    by_joint = joint_figures(tables)[:, figure]
+    by_body = np.abs(tables.gain[:, 0]) * by_joint[tables.q_index]
+    most = np.zeros(tables.moving_count)
     for i, body in enumerate(tables.bodies[: tables.moving_count]):
         count = found.length[body]
-        push[i] = found.levers[i, :count] @ body_push[found.joints[body, :count]]
-    return push
+        most[i] = found.levers[i, :count] @ by_body[found.joints[body, :count]]
+    return most
 
 
 def robot_row(part: RobotPart) -> Floats:

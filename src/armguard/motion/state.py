@@ -31,6 +31,10 @@ NEXT = 0
 NOW = 1
 PLANS = 2
 
+# Beside the plans: how far joints may get whatever their operators do, at GRID times.
+FREE = PLANS
+GRID = 16
+
 # Places in `Motion.clock`, a row for each plan and robot.
 AGE = 0  # time since the measurement [s]
 REACTION = 1  # from the measurement until a stop takes effect at the latest [s]
@@ -55,11 +59,13 @@ EFFORT = 3
 MEASURE = 0  # `measure_at`
 CALLS = 1
 
-# Boxes of joint positions that wait while one is divided.
+# Boxes of joint positions that wait while one is divided; and the one that is a whole
+# span.
 BOX_LEVELS = 24
+WHOLE = BOX_LEVELS
 
 # Numbers kept of each joint while a pair's gap is bounded, and one for each joint.
-LEVER_ROW = 16
+LEVER_ROW = 18
 
 
 class Motion(NamedTuple):
@@ -91,32 +97,38 @@ class Motion(NamedTuple):
         effort: See TESTS, shape (EFFORT,).
         up: Stop of each joint in its positive direction, (PLANS · n, JOINT_STOP).
         down: In its negative direction, shape (PLANS · n, JOINT_STOP).
-        middle: Middle displacement of each body's joint on the path, (PLANS, b).
-        width: How far it may be off that, shape (PLANS, b).
-        spread: The sum of their sizes, shape (PLANS, b).
+        middle: Middle displacement of each body's joint on the path of a plan, or
+            within a time of the grid, see `free_way`, shape (PLANS + GRID, b).
+        width: How far it may be off that, shape (PLANS + GRID, b).
+        spread: The sum of their sizes, shape (PLANS + GRID, b).
+        grid_stamp: Cycle a time of the grid was bounded in, shape (GRID,).
         axes: Direction and origin of each joint's axis in the world, shape (b, 6).
         reach: Bound on the way of each primitive's points, shape (PLANS, m) [m].
         speed: Bound on each body's joint speed as measured, shape (b,).
         rate: Bound on the speed of a primitive's points as measured, (m,) [m/s].
+        blur: How far errors of joint positions may move each, shape (m,) [m].
         push: Bound on what operators can add to that, shape (m,) [m/s²].
         node_stamp: Cycle a node was made in, shape (PLANS · NODES,).
         node_q: Joint positions in the middle of the node, shape (PLANS · NODES, n).
         node_T: Poses in the middle of the node, shape (PLANS · NODES · b, 12).
         node_axes: Axes there, shape (PLANS · NODES · b, 6).
         node_way: Half of each joint's way on a straight line, (PLANS · NODES, b).
-        node_width: How far it may be off that line, shape (PLANS · NODES, b).
-        node_size: The sum of both, shape (PLANS · NODES, b).
+        node_wide: How far it may be off that line, shape (PLANS · NODES, b).
+        node_grow: How much more at the end of the line, shape (PLANS · NODES, b).
         q_half: Half of a straight line of joint positions about `q`, shape (n,).
         q_node: Scratch for positions, shape (n,).
         q_way: Scratch for half ways, shape (n,).
-        q_width: Scratch for widths, shape (n,).
-        box_middle: Scratch for middles of boxes, shape (BOX_LEVELS, b).
-        box_width: Scratch for their half widths, shape (BOX_LEVELS, b).
+        q_wide: Scratch for widths, shape (n,).
+        q_grow: Scratch for how these grow, shape (n,).
+        box_line: Which part of a span's line a box has: middle and half of it in
+            [-1, 1], shape (BOX_LEVELS + 1, 2).
+        box_place: Middle of the part of each joint's range a box has, in [-1, 1],
+            shape (BOX_LEVELS + 1, b).
+        box_part: Half of that part, shape (BOX_LEVELS + 1, b).
         box_axes: Scratch for axes, shape (b, 6).
-        q_box: Scratch for positions, shape (n,).
-        no_way: Zeros, shape (b,).
+        sizes: Scratch for the greatest move of each body's joint, shape (b,).
         corner_T: Scratch for poses at a corner of a span, shape (b, 12).
-        columns: Scratch for how joints move a pair, see `nearest`, (2 · depth + 1, 6).
+        columns: Scratch for how joints move a pair, see `nearest`, (2 · depth, COLUMN).
         calls: See MEASURE, shape (CALLS,).
         lever_rows: Scratch for one side, shape (depth, LEVER_ROW + depth).
     """
@@ -147,27 +159,30 @@ class Motion(NamedTuple):
     middle: Floats
     width: Floats
     spread: Floats
+    grid_stamp: Longs
     axes: Floats
     reach: Floats
     speed: Floats
     rate: Floats
+    blur: Floats
     push: Floats
     node_stamp: Longs
     node_q: Floats
     node_T: Floats
     node_axes: Floats
     node_way: Floats
-    node_width: Floats
-    node_size: Floats
+    node_wide: Floats
+    node_grow: Floats
     q_half: Floats
     q_node: Floats
     q_way: Floats
-    q_width: Floats
-    box_middle: Floats
-    box_width: Floats
+    q_wide: Floats
+    q_grow: Floats
+    box_line: Floats
+    box_place: Floats
+    box_part: Floats
     box_axes: Floats
-    q_box: Floats
-    no_way: Floats
+    sizes: Floats
     corner_T: Floats
     columns: Floats
     calls: Longs
@@ -210,29 +225,32 @@ def open_motion(address: int) -> Motion:
         matrix_f8(lines, 23),
         matrix_f8(lines, 24),
         matrix_f8(lines, 25),
-        matrix_f8(lines, 26),
+        vector_i8(lines, 26),
         matrix_f8(lines, 27),
-        vector_f8(lines, 28),
+        matrix_f8(lines, 28),
         vector_f8(lines, 29),
         vector_f8(lines, 30),
-        vector_i8(lines, 31),
-        matrix_f8(lines, 32),
-        matrix_f8(lines, 33),
+        vector_f8(lines, 31),
+        vector_f8(lines, 32),
+        vector_i8(lines, 33),
         matrix_f8(lines, 34),
         matrix_f8(lines, 35),
         matrix_f8(lines, 36),
         matrix_f8(lines, 37),
-        vector_f8(lines, 38),
-        vector_f8(lines, 39),
+        matrix_f8(lines, 38),
+        matrix_f8(lines, 39),
         vector_f8(lines, 40),
         vector_f8(lines, 41),
-        matrix_f8(lines, 42),
-        matrix_f8(lines, 43),
-        matrix_f8(lines, 44),
-        vector_f8(lines, 45),
-        vector_f8(lines, 46),
+        vector_f8(lines, 42),
+        vector_f8(lines, 43),
+        vector_f8(lines, 44),
+        matrix_f8(lines, 45),
+        matrix_f8(lines, 46),
         matrix_f8(lines, 47),
         matrix_f8(lines, 48),
-        vector_i8(lines, 49),
+        vector_f8(lines, 49),
         matrix_f8(lines, 50),
+        matrix_f8(lines, 51),
+        vector_i8(lines, 52),
+        matrix_f8(lines, 53),
     )

@@ -234,8 +234,8 @@ def write_axis(T: Floats, axis: Floats, out: Floats) -> None:
 def make_node(plan: int, node: int, motion: int) -> None:
     """Write a span of the stop path, unless that was done in this cycle.
 
-    Within the span each joint's position is `middle + u · way ± width` for one u in
-    [-1, 1] that is the same for all joints.
+    Within the span each joint's position is `middle + u · way ± (wide + u · grow)` for
+    one u in [-1, 1] that is the same for all joints.
     """
     m = open_motion(motion)
     at = plan * NODES + node
@@ -244,23 +244,24 @@ def make_node(plan: int, node: int, motion: int) -> None:
     m.node_stamp[at] = m.effort[STAMP]
     start, end = span_of(node, m.span[HORIZON])
     bodies = m.parent.shape[0]
-    way, width, size = m.node_way[at], m.node_width[at], m.node_size[at]
+    way, wide, grow = m.node_way[at], m.node_wide[at], m.node_grow[at]
     if m.span[SEGMENT] != 0.0:
         start, end = span_of(node, 1.0)
     for j in range(m.q.shape[0]):
         if m.span[SEGMENT] != 0.0:
             middle = m.q_half[j] * (start + end - 1.0)
-            half, off = m.q_half[j] * (end - start), 0.0
+            half, first, last = m.q_half[j] * (end - start), 0.0, 0.0
         else:
-            middle, half, off = joint_span(plan, j, start, end, m)
+            middle, half, first, last = joint_span(plan, j, start, end, m)
         m.q_node[j] = m.node_q[at, j] = m.q[j] + middle
-        m.q_way[j], m.q_width[j] = half, off
+        m.q_way[j] = half
+        m.q_wide[j], m.q_grow[j] = 0.5 * (first + last), 0.5 * (last - first)
     for b in range(bodies):
-        way[b] = width[b] = 0.0
+        way[b] = wide[b] = grow[b] = 0.0
         if m.joint_kind[b] != NO_JOINT:
-            way[b] = m.gain[b, 0] * m.q_way[m.q_index[b]]
-            width[b] = abs(m.gain[b, 0]) * m.q_width[m.q_index[b]]
-        size[b] = abs(way[b]) + width[b]
+            j, gain = m.q_index[b], m.gain[b, 0]
+            way[b] = gain * m.q_way[j]
+            wide[b], grow[b] = abs(gain) * m.q_wide[j], abs(gain) * m.q_grow[j]
     T = m.node_T[at * bodies : (at + 1) * bodies]
     forward_kinematics(
         m.q_node,
@@ -289,7 +290,7 @@ def span_of(node: int, horizon: float) -> tuple[float, float]:
 @kernel
 def joint_span(
     plan: int, j: int, start: float, end: float, m: Motion
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """A joint's positions over a span of time, relative to the measured one.
 
     Args:
@@ -301,7 +302,8 @@ def joint_span(
 
     Returns:
         Middle of the straight line from the middle position at the start to that at
-        the end; half of its length, signed; how far a position may be off it [rad].
+        the end; half of its length, signed; how far a position may be off it at the
+        start, and at the end [rad].
     """
     n, robots = m.q.shape[0], m.robot_figures.shape[0]
     up, down = m.up[plan * n + j], m.down[plan * n + j]
@@ -319,8 +321,13 @@ def joint_span(
     below = swing_down + min(curve_bow(start, down) * eighth, abs(low_1 - low_0))
     first = 0.5 * (high_0 + low_0 + above - below)
     last = 0.5 * (high_1 + low_1 + above - below)
-    off = 0.5 * (max(high_0 - low_0, high_1 - low_1) + above + below)
-    return (0.5 * (first + last), 0.5 * (last - first), off + error_of(j, m))
+    more = 0.5 * (above + below) + error_of(j, m)
+    return (
+        0.5 * (first + last),
+        0.5 * (last - first),
+        0.5 * (high_0 - low_0) + more,
+        0.5 * (high_1 - low_1) + more,
+    )
 
 
 @kernel

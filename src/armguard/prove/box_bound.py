@@ -29,7 +29,7 @@ from armguard.geometry.place import place_point, place_row
 from armguard.geometry.vec3 import Vec3, cross, norm, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-from armguard.motion.gap_bound import curvature, joint_rows, side_reach
+from armguard.motion.gap_bound import curvature, joint_ranges, joint_rows, side_reach
 from armguard.prove.pair_proof import TOUCHING
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
 
@@ -165,13 +165,13 @@ def directed_gap(
         width: Half widths, shape (b,).
         lever_rows: Scratch, see `joint_rows`.
     """
-    joint_rows(n, chains[0], 0, lengths[0], axes, joint_kind, middle, width, lever_rows)
-    gap = -side_reach(kind_a, row_a, n, 0.0, 0, lengths[0], lever_rows)
+    joint_rows(n, chains[0], 0, lengths[0], axes, 0, joint_kind, lever_rows)
+    joint_ranges(chains[0], 0, lengths[0], middle, width, lever_rows)
+    gap = -side_reach(kind_a, row_a, n, 0, lengths[0], lever_rows)
     back = scaled(-1.0, n)
-    joint_rows(
-        back, chains[1], 0, lengths[1], axes, joint_kind, middle, width, lever_rows
-    )
-    gap -= side_reach(kind_b, row_b, back, 0.0, 0, lengths[1], lever_rows)
+    joint_rows(back, chains[1], 0, lengths[1], axes, 0, joint_kind, lever_rows)
+    joint_ranges(chains[1], 0, lengths[1], middle, width, lever_rows)
+    gap -= side_reach(kind_b, row_b, back, 0, lengths[1], lever_rows)
     return float(gap - bend)
 
 

@@ -91,6 +91,9 @@ def prove_pairs(
             settle(pair, not_looked_at(*pair))
         else:
             search = PairSearch(tables)
+            if not waiting:
+                # The first search may have had to compile what all of them use.
+                end = max(end, monotonic() + budget.seconds)
             if search.verdict == "sometimes":
                 finer = [s.joined(surface(s.link)) for s in sides]
                 if finer != sides:

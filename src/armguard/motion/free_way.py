@@ -1,0 +1,83 @@
+"""How far joints may get in a time whatever their operators do, for a few times.
+
+The times are those of a grid, so that all pairs of a cycle share them.
+"""
+
+from armguard.kernel import kernel
+from armguard.motion.figures import ACCELERATION, VELOCITY
+from armguard.motion.state import (
+    FREE,
+    GRID,
+    STAMP,
+    STILL,
+    Motion,
+    open_motion,
+)
+from armguard.motion.stop_path import error_of
+from armguard.robot.kinematics import FIXED as NO_JOINT
+
+# Times of the grid: the first [s], and each by the one before [-].
+FIRST_TIME = 0.004
+RATIO = 1.45
+
+
+@kernel
+def grid_time(k: int) -> float:
+    """A time of the grid [s]."""
+    return float(FIRST_TIME * RATIO**k)
+
+
+@kernel
+def time_after(t: float) -> int:
+    """The first time of the grid after a time; GRID if there is none."""
+    k = 0
+    while k < GRID and grid_time(k) <= t:
+        k += 1
+    return k
+
+
+@kernel(inline=False)
+def bound_free_way(k: int, motion: int) -> None:
+    """Bound where each body's joint may be until a time of the grid, from its stamp on.
+
+    Written as of a plan, in row FREE + k, unless that was done in this cycle.
+
+    Args:
+        k: Which time, less than GRID.
+        motion: Address of the ledger of the prediction.
+    """
+    m = open_motion(motion)
+    if m.grid_stamp[k] == m.effort[STAMP]:
+        return
+    m.grid_stamp[k] = m.effort[STAMP]
+    t = grid_time(k)
+    middle, width, spread = m.middle[FREE + k], m.width[FREE + k], m.spread[FREE + k]
+    for b in range(m.parent.shape[0]):
+        middle[b] = width[b] = spread[b] = 0.0
+        if m.joint_kind[b] == NO_JOINT:
+            continue
+        j = m.q_index[b]
+        if m.clock[m.robot_of_joint[j], STILL] != 0.0:
+            continue
+        error, gain = error_of(j, m), m.gain[b, 0]
+        up = gain * (error + free_way(j, m.v_high[j], t, m))
+        down = -gain * (error + free_way(j, -m.v_low[j], t, m))
+        middle[b] = 0.5 * (up + down)
+        width[b] = 0.5 * abs(up - down)
+        spread[b] = abs(middle[b]) + width[b]
+
+
+@kernel
+def free_way(j: int, velocity: float, t: float, m: Motion) -> float:
+    """Farthest a joint gets in a direction within a time [rad].
+
+    What moves the other way may stop at once: nothing bounds how hard an arm is
+    stopped.
+    """
+    figures = m.joint_figures[j]
+    a, speed = figures[ACCELERATION], max(velocity, 0.0)
+    gain = max(figures[VELOCITY] - speed, 0.0)
+    if a * t <= gain:
+        return float(t * (speed + 0.5 * a * t))
+    until = gain / a
+    return float(until * (speed + 0.5 * gain) + (t - until) * (speed + gain))
