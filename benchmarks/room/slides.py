@@ -16,7 +16,7 @@ from armguard.geometry import Box, Pose
 from armguard.guard import Level, Verdict
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.robot.stopping import StoppingFigures, stopping_figures
-from closed_loop.plant import HELD, Plant, advance, order_stop, plant_at
+from closed_loop.plant import FREE, HELD, Plant, advance, order_stop, plant_at
 
 Floats = NDArray[np.float64]
 
@@ -139,6 +139,7 @@ def run(
     plant, count = plant_of(figures, starts), len(starts)
     age = round(figures.sensing / PERIOD)
     q_rows, v_rows = np.zeros((2, SUBSTEPS, count))
+    free_rows = np.zeros((SUBSTEPS, count), dtype=np.bool_)
     # States at the beginning of each period; measurements look back into them.
     past = [(plant.q.copy(), plant.v.copy())]
     told: Run | None = None
@@ -148,7 +149,8 @@ def run(
             began = len(past) - 1
             pushes = push_at is not None and began * PERIOD >= push_at
             wish = np.where(pushes, figures.velocity, speed).repeat(count)
-            advance(plant, began * SUBSTEPS, SUBSTEP, wish, q_rows, v_rows)
+            tick = began * SUBSTEPS
+            advance(plant, tick, SUBSTEP, wish, q_rows, v_rows, free_rows)
             past.append((plant.q.copy(), plant.v.copy()))
             least = min(least, *(gap_of(q) for q in q_rows))
         true_q, true_v = past[k]
@@ -190,15 +192,17 @@ def stops(verdicts: Sequence[Verdict], count: int) -> list[bool]:
 
 
 def plant_of(figures: StoppingFigures, starts: Sequence[float]) -> Plant:
-    """Slides at rest, with the figures as they are declared."""
+    """Slides at rest that are their operators', with the figures as declared."""
     count = len(starts)
-    return plant_at(
+    plant = plant_at(
         np.array(starts, dtype=np.float64),
         np.arange(count + 1),
         np.repeat(figures.velocity, count),
         np.repeat(figures.acceleration, count),
         np.repeat(figures.brake_deceleration, count),
     )
+    plant.phase[:] = FREE
+    return plant
 
 
 def worst_stop(
