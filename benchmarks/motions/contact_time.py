@@ -313,6 +313,8 @@ def close_figures(bay: Bay, rng: np.random.Generator) -> dict[str, Any]:
             outward = bay.judge.gradient(nearest)
             way = (bay.judge.gap(nearest) - goal) / float(outward @ outward)
             q = q - way * outward
+        if not ((bay.lower <= q) & (q <= bay.upper)).all():
+            continue
         bay.judge.place(q)
         gaps = bay.judge.gaps()
         if int(gaps.argmin()) != nearest or not 0.0 < gaps.min() < 2.0 * ABOUT[1]:

@@ -208,11 +208,12 @@ def contact(r: Figures, straight: Figures) -> list[str]:
             body,
         ),
         "",
-        "The time counts from the stamp of the measurement: it is not reduced by the "
-        "measurement's age, nor the distance by the errors of positions. For an age of "
-        "a few ms that matters only where contact is a few ms away. The bound knows no "
-        "direction: it adds up all joints' speeds and all accelerations, each times "
-        "its longest lever; that is why it is short.",
+        "The time counts from the cycle: the age of the measurement is taken off, and "
+        "the errors of model and positions off the distance. It is the longer of two "
+        "bounds. One adds up all joints' speeds and accelerations, each times its "
+        "longest lever; the other knows directions, but only at the times of a grid, "
+        "each 1.45 times the one before: that, and that operators may always turn, is "
+        "why it is short.",
         "",
         *table(
             [
