@@ -53,6 +53,7 @@ from armguard.motion.state import (
     PASSED,
     REACTION,
     STILL,
+    SWINGS,
     Motion,
 )
 from armguard.motion.state import BRAKING as BY_BRAKE
@@ -102,8 +103,12 @@ def supervise_stops(v: Watch, m: Motion) -> None:
                 order(r, LOST, BRAKE_LAGS, now, v, m)
             continue
         v.rested[r] = v.rested[r] + 1 if is_at_rest(r, v, m) else 0
+        if v.rested[r] <= 1:
+            v.rest_began[r] = now
         done = now - v.ordered[r] > m.robot_figures[r, COMMAND]
         done &= v.rested[r] >= REST_CYCLES
+        # What looks like rest may be the moment before it swings.
+        done &= now - v.rest_began[r] >= m.robot_figures[r, SETTLE_TIME]
         if done and phase == STOPPING:
             v.phase[r] = RESTING
 
@@ -287,6 +292,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
                 clock[REACTION] = max(effect - v.stamps[r], 0.0)
                 clock[PASSED] = max(v.stamps[r] - effect, 0.0)
                 clock[BY_BRAKE] = 0.0 if phase == STOPPING else 1.0
+                clock[SWINGS] = 1.0
 
 
 @kernel

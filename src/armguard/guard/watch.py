@@ -78,6 +78,7 @@ class Watch(NamedTuple):
         fastest_at: Time that is for, shape (r,) [s].
         rest_low: Least position each joint of a stopping robot can get to, shape (n,).
         rest_high: Greatest, shape (n,).
+        rest_began: When it was last found at rest after moving, shape (r,) [s].
         rested: Cycles in a row in which each stopped robot was at rest, shape (r,).
         level: Level of each robot in the last cycle, shape (r,).
         time_left: Least time left of each robot's pairs, shape (r,) [s].
@@ -111,6 +112,7 @@ class Watch(NamedTuple):
     fastest_at: Floats
     rest_low: Floats
     rest_high: Floats
+    rest_began: Floats
     rested: Longs
     level: Longs
     time_left: Floats
@@ -153,19 +155,20 @@ def open_watch(address: int) -> Watch:
         vector_f8(lines, 14),
         vector_f8(lines, 15),
         vector_f8(lines, 16),
-        vector_i8(lines, 17),
+        vector_f8(lines, 17),
         vector_i8(lines, 18),
-        vector_f8(lines, 19),
-        vector_i8(lines, 20),
-        vector_f8(lines, 21),
+        vector_i8(lines, 19),
+        vector_f8(lines, 20),
+        vector_i8(lines, 21),
         vector_f8(lines, 22),
         vector_f8(lines, 23),
         vector_f8(lines, 24),
-        vector_i4(lines, 25),
+        vector_f8(lines, 25),
         vector_i4(lines, 26),
-        matrix_i4(lines, 27),
-        vector_f8(lines, 28),
+        vector_i4(lines, 27),
+        matrix_i4(lines, 28),
         vector_f8(lines, 29),
+        vector_f8(lines, 30),
     )
 
 
@@ -201,6 +204,7 @@ def watch_of(tables: SceneTables) -> Watch:
         fastest_at=np.zeros(robots),
         rest_low=np.zeros(n),
         rest_high=np.zeros(n),
+        rest_began=np.zeros(robots),
         rested=np.zeros(robots, dtype=np.int64),
         level=np.zeros(robots, dtype=np.int64),
         time_left=np.zeros(robots),

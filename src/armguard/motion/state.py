@@ -41,7 +41,8 @@ REACTION = 1  # from the measurement until a stop takes effect at the latest [s]
 PASSED = 2  # since a stop surely took effect [s]
 BRAKING = 3  # 1 where the brake is the stop
 STILL = 4  # 1 where the robot's own motion is left out: its buffer is fixed
-CLOCK = 5
+SWINGS = 5  # 1 where a stop under way may still end in a swing
+CLOCK = 6
 
 # Places in `Motion.span`.
 HORIZON = 0  # from now until everything rests [s]

@@ -38,6 +38,7 @@ from armguard.motion.joint_stop import (
     swing_within,
 )
 from armguard.motion.joint_stop import REACTION as REACTION_TIME
+from armguard.motion.joint_stop import SETTLED as SETTLED_TIME
 from armguard.motion.state import (
     AGE,
     BRAKING,
@@ -50,6 +51,7 @@ from armguard.motion.state import (
     SETTLED,
     STAMP,
     STILL,
+    SWINGS,
     TESTS,
     Motion,
     open_motion,
@@ -76,9 +78,9 @@ def plan_stops(plan: int, motion: int) -> None:
     for j in range(n):
         rest = plan_joint(plan, j, m)
         horizon = max(horizon, rest)
-        if rest > 0.0:
-            time = m.robot_figures[m.robot_of_joint[j], SETTLE_TIME]
-            settled = max(settled, rest + time)
+        r = m.robot_of_joint[j]
+        if rest > 0.0 or m.clock[plan * m.robot_figures.shape[0] + r, SWINGS] != 0.0:
+            settled = max(settled, max(rest, 0.0) + m.robot_figures[r, SETTLE_TIME])
     if plan == NEXT:
         m.effort[STAMP] += 1
         m.span[HORIZON] = horizon
@@ -134,6 +136,12 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
             m.curves[j, :points],
             up if side == 0 else down,
         )
+    if clock[SWINGS] != 0.0 and points == 0:
+        # How fast it was when its stop began is not seen any more.
+        for side in range(2):
+            stop = up if side == 0 else down
+            stop[SWING] = figures[SETTLE]
+            stop[SETTLED_TIME] = max(stop[REST], 0.0) + robot[SETTLE_TIME]
     return float(max(up[REST], down[REST]) - clock[AGE])
 
 
