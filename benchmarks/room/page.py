@@ -154,12 +154,12 @@ def warnings_section(rows: Rows, passed: Rows) -> list[str]:
         "![What the pair at the stop needs, by cause](images/room_needs.png)",
         "",
         f"The stop of mode speed holds {mm(coarse)} mm at {AT_SPEED} m/s for what "
-        "levers do not know: where the joints lead. The first slow is another matter: "
-        "time left is what is left by the closing speed that levers allow, in mode "
-        f"path as well. At {AT_SPEED} m/s that is {closing:.2f} m/s on average, "
-        "whichever way the tool goes. From its slow to its stop path lets the "
-        f"clearance fall by {mm(way)} mm, {way / float(AT_SPEED):.2f} s of the tool's "
-        "way, where 0.1 s is meant.",
+        "levers do not know: where the joints lead. Time left, by which arms are "
+        "slowed, goes by the closing speed that levers allow in mode speed, by the "
+        f"rate along the pair's normal in mode path: {closing:.2f} m/s on average at "
+        f"{AT_SPEED} m/s. From its slow to its stop path lets the "
+        f"clearance fall by {mm(way)} mm, "
+        f"{way / float(AT_SPEED):.2f} s of the tool's way.",
         "",
         "### Passing by",
         "",
