@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from armguard.cli.console import say
-from armguard.guard import Guard, Level, Reason
+from armguard.guard import Level, Reason
+from armguard.respond import Guard
 from armguard.scene import load_scene, load_trajectory
 from armguard.scene.trajectory import densify
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from armguard.geometry import Pose, Sphere
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene
 from arms import simple_arm
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard import Guard, Level, Reason
+from armguard.guard import Level, Reason
+from armguard.respond import Guard
 from closed_loop.plant import stopping_travel
 from closed_loop.scenes import build_scene
 from closed_loop.settings import Setting

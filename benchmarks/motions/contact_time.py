@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import bay_scene
 from motions.free_motion import Motion, safe_time, state_at
 from motions.judge import Judge

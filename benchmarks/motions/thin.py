@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armguard.geometry import Box, Capsule, Pose
-from armguard.guard import Guard
 from armguard.guard.continuous import RESOLUTION
+from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, bay_task
 from motions.judge import Judge
 

@@ -46,8 +46,9 @@ if TYPE_CHECKING:
         distances,
         register_shape,
     )
-    from armguard.guard import Counts, Guard, Level, NearPair, Reason, Verdict
+    from armguard.guard import Counts, Level, NearPair, Reason, Verdict
     from armguard.index import BruteForce, Octree
+    from armguard.respond import Action, Command, Guard
     from armguard.robot.stopping import StoppingFigures, StopTable, stopping_figures
     from armguard.scene import (
         Scene,
@@ -96,8 +97,9 @@ _ROOMS = {
         "distances",
         "register_shape",
     ),
-    "armguard.guard": ("Counts", "Guard", "Level", "NearPair", "Reason", "Verdict"),
+    "armguard.guard": ("Counts", "Level", "NearPair", "Reason", "Verdict"),
     "armguard.index": ("BruteForce", "Octree"),
+    "armguard.respond": ("Action", "Command", "Guard"),
     "armguard.robot.stopping": ("StopTable", "StoppingFigures", "stopping_figures"),
     "armguard.scene": (
         "Scene",
@@ -112,10 +114,12 @@ _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
     "SHAPES",
+    "Action",
     "ArmguardError",
     "Box",
     "BruteForce",
     "Capsule",
+    "Command",
     "Cone",
     "Counts",
     "Cylinder",

@@ -9,7 +9,7 @@ from armguard.benchmark.memory import drift
 from armguard.benchmark.peers import available_peers, checked_pairs
 from armguard.benchmark.timing import percentiles
 from armguard.errors import UnknownNameError
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import bay_scene, bay_task
 
 

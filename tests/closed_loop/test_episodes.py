@@ -5,7 +5,7 @@ import inspect
 import numpy as np
 import pytest
 
-from armguard.guard import Guard
+from armguard.respond import Guard
 from closed_loop.plan import Plan, work
 from closed_loop.summary import summed_up
 

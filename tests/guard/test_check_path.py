@@ -6,7 +6,7 @@ import pytest
 from armguard import bay_scene
 from armguard.errors import SceneError
 from armguard.geometry import Box, Pose
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
 

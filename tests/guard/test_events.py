@@ -3,7 +3,8 @@
 import numpy as np
 
 from armguard.geometry import Pose, Sphere
-from armguard.guard import EventLog, Guard, Level, Reason
+from armguard.guard import EventLog, Level, Reason
+from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
 

@@ -5,7 +5,8 @@ import pytest
 
 from armguard.errors import HomeContactError, SceneError, UnknownNameError
 from armguard.geometry import Box, Pose, Sphere
-from armguard.guard import SENTENCES, Guard, Level, Reason, level_of
+from armguard.guard import SENTENCES, Level, Reason, level_of
+from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, bay_task
 from armguard.scene.settings import IndexSettings
 from arms import simple_arm, wall_scene
@@ -240,7 +241,7 @@ def test_a_verdict_is_a_snapshot():
 
 
 def test_more_near_pairs_than_there_is_room_for_is_a_stop(monkeypatch):
-    import armguard.guard.guard as module
+    import armguard.guard.monitor as module
 
     monkeypatch.setattr(module, "NEAR_CAPACITY", 3)
     scene = Scene(mode="fixed")

@@ -5,7 +5,8 @@ import pytest
 
 from approach import FIGURES, PERIOD
 from armguard.geometry import Pose, Sphere
-from armguard.guard import Guard, Level, Reason
+from armguard.guard import Level, Reason
+from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armguard.guard import Guard
+from armguard.respond import Guard
 from closed_loop.scenes import build_scene
 from motions.clocks import FAULTS, SETTING, noticed
 from motions.contact_time import Bay, state_rows, summed_up

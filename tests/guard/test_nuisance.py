@@ -5,8 +5,9 @@ import pytest
 
 from approach import ball_guard, gap_of, moving
 from armguard.geometry import Pose
-from armguard.guard import Cause, Guard, Level, Reason
+from armguard.guard import Cause, Level, Reason
 from armguard.guard.nuisance import Delayed, Lack, by_length, classify
+from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
 

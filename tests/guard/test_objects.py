@@ -5,7 +5,8 @@ import pytest
 
 from armguard.errors import PoseError, SceneError, UnknownNameError
 from armguard.geometry import Box, Capsule, Cone, Hull, Pose, Sphere
-from armguard.guard import Guard, Level
+from armguard.guard import Level
+from armguard.respond import Guard
 from armguard.scene import Scene
 from armguard.scene.settings import IndexSettings
 from arms import simple_arm

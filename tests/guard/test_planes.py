@@ -3,7 +3,7 @@
 import numpy as np
 
 from armguard.geometry import Cone, Cylinder, Ellipsoid, Hull, Pose
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import Scene
 from armguard.scene.trajectory import densify
 from arms import simple_arm

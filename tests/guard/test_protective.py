@@ -7,7 +7,7 @@ import pytest
 
 from approach import FIGURES, ball_guard, moving
 from armguard.geometry import Pose
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
 

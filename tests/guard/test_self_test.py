@@ -6,8 +6,9 @@ import pytest
 from approach import PERIOD, ball_guard, ball_scene, moving_bay
 from armguard.errors import SelfTestError
 from armguard.geometry import Pose
-from armguard.guard import Guard, Level, Reason
+from armguard.guard import Level, Reason
 from armguard.guard.self_test import self_test
+from armguard.respond import Guard
 from arms import wall_scene
 
 

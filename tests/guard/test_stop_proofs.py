@@ -8,8 +8,9 @@ import pytest
 from armguard import bay_scene
 from armguard.errors import SceneError
 from armguard.geometry import Box, Pose, Sphere
-from armguard.guard import Guard, Level, Reason
+from armguard.guard import Level, Reason
 from armguard.guard.watch import RUNNING
+from armguard.respond import Guard
 from armguard.robot.stopping import stopping_figures
 from armguard.scene import Scene
 from armguard.scene.settings import IndexSettings

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from armguard.geometry import Hull, Pose
-from armguard.guard import Guard, Level
+from armguard.guard import Level
+from armguard.respond import Guard
 from armguard.robot.fitting import fit_robot
 from armguard.robot.fitting.exact import hull_faces
 from armguard.robot.fitting.proof import uncovered

@@ -17,7 +17,8 @@ from approach import (
     moving_bay,
 )
 from armguard.geometry import Capsule, Pose
-from armguard.guard import EventLog, Guard, Level, Reason
+from armguard.guard import EventLog, Level, Reason
+from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
 

@@ -10,7 +10,7 @@ import trimesh
 from armguard.errors import MeshError, SceneError
 from armguard.geometry import Pose, ShapeKind, Triangle
 from armguard.geometry.shapes import ROW_WIDTH, shape_row
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import Scene, compile_scene, load_scene
 from armguard.scene.bay import FOLDER
 from armguard.scene.meshes.stl import RECORD

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from armguard.errors import TrajectoryError
-from armguard.guard import EventLog, Guard, Level, Reason
+from armguard.guard import EventLog, Level, Reason
+from armguard.respond import Guard
 from armguard.robot.fitting.fit import placed_triangles
 from armguard.scene import bay_scene, load_scene, load_trajectory
 from armguard.scene.trajectory import densify

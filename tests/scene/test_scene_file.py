@@ -4,7 +4,8 @@ import pytest
 
 from armguard.errors import SceneError, UnknownNameError
 from armguard.geometry import Box, Capsule, Pose, Sphere
-from armguard.guard import Guard, Level
+from armguard.guard import Level
+from armguard.respond import Guard
 from armguard.scene import Scene, load_scene
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.bay import FOLDER

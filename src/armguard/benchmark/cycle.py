@@ -9,7 +9,7 @@ from armguard.benchmark.machine import describe_machine
 from armguard.benchmark.motion import sway
 from armguard.benchmark.peers import Pairs, Peer, available_peers
 from armguard.benchmark.timing import percentiles, quiet, time_in_turns
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import bay_scene
 
 Progress = Callable[[str], None]

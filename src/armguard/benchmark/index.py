@@ -11,7 +11,8 @@ from armguard.benchmark.fixtures import crowded_bay
 from armguard.benchmark.machine import describe_machine
 from armguard.benchmark.motion import only_last, sway
 from armguard.benchmark.timing import percentiles, quiet, time_in_turns
-from armguard.guard import Guard, Reason
+from armguard.guard import Reason
+from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene
 
 Floats = NDArray[np.float64]

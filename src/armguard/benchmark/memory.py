@@ -14,7 +14,7 @@ from numba.core.runtime import _nrt_python, rtsys
 from armguard.benchmark.machine import describe_machine
 from armguard.benchmark.motion import sway
 from armguard.benchmark.timing import percentiles, time_calls
-from armguard.guard import Guard
+from armguard.respond import Guard
 from armguard.scene import bay_scene
 
 Progress = Callable[[str], None]

@@ -13,12 +13,12 @@ from armguard.benchmark.machine import describe_machine
 from armguard.benchmark.motion import sway
 from armguard.benchmark.timing import percentiles, quiet, time_in_turns
 from armguard.geometry.bounds import row_bounds
-from armguard.guard import Guard
 from armguard.index import Octree, World
 from armguard.index.octree_query import octree_candidates
 from armguard.index.octree_state import OctreeState
 from armguard.index.octree_update import octree_update
 from armguard.kernel import kernel
+from armguard.respond import Guard
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import compile_scene
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from armguard.benchmark.machine import describe_machine
 from armguard.benchmark.motion import sway
 from armguard.benchmark.timing import percentiles, quiet, time_in_turns
-from armguard.guard import Guard, Level, Verdict
+from armguard.guard import Level, Verdict
+from armguard.respond import Guard
 from armguard.scene import bay_scene
 from armguard.scene.settings import MODES
 

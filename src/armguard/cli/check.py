@@ -33,9 +33,10 @@ from armguard.cli.stopping import (
     stopping_findings,
 )
 from armguard.errors import ArmguardError, HomeContactError, SelfTestError
-from armguard.guard import Guard, Level, self_test
+from armguard.guard import Level, self_test
 from armguard.guard.approach import has_stops
 from armguard.prove import RowAudit
+from armguard.respond import Guard
 from armguard.robot.model import FittedLink
 from armguard.scene import compile_scene, load_scene
 from armguard.scene.allowed import allowed_pairs

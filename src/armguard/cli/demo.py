@@ -11,8 +11,9 @@ from rich.text import Text
 
 from armguard.cli.console import STYLES, JsonOption, out, print_json, say
 from armguard.cli.summary import event_line, print_summary, summary
-from armguard.guard import EventLog, Guard, Verdict
+from armguard.guard import EventLog, Verdict
 from armguard.guard.verdict import Counts
+from armguard.respond import Guard
 from armguard.scene.bay import TASKS, bay_scene, bay_task
 
 # Redraws of the status line a second; the guard runs at its own rate.

@@ -7,9 +7,9 @@ import typer
 
 from armguard.cli.console import JsonOption, out, print_json, say, say_progress
 from armguard.errors import OctreeError
-from armguard.guard import Guard
 from armguard.index import Octree
 from armguard.index.picture import draw_octree
+from armguard.respond import Guard
 from armguard.scene import bay_path, load_scene
 
 

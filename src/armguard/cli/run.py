@@ -17,8 +17,9 @@ from armguard.cli.console import (
     say_progress,
 )
 from armguard.cli.summary import print_summary, summary
-from armguard.guard import EventLog, Guard
+from armguard.guard import EventLog
 from armguard.guard.verdict import Counts
+from armguard.respond import Guard
 from armguard.scene import load_scene, load_trajectory
 from armguard.scene.trajectory import densify
 

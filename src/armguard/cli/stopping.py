@@ -22,6 +22,7 @@ UNITS = {
     "brake_deceleration": "rad/s², m/s²",
     "position_error": "rad, m",
     "velocity_error": "rad/s, m/s",
+    "tracking_error": "rad/s, m/s",
     "sensing": "s",
     "command": "s",
     "stale": "s",

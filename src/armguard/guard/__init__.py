@@ -1,8 +1,8 @@
 """Decide: the cycle from joint angles to verdict."""
 
 from armguard.guard.events import Event, EventLog
-from armguard.guard.guard import Guard
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
+from armguard.guard.monitor import Monitor
 from armguard.guard.nuisance import Cause, Nuisance
 from armguard.guard.protective import ProtectiveDistance
 from armguard.guard.self_test import SelfTestLine, SelfTestReport, self_test
@@ -14,8 +14,8 @@ __all__ = [
     "Counts",
     "Event",
     "EventLog",
-    "Guard",
     "Level",
+    "Monitor",
     "NearPair",
     "Nuisance",
     "ProtectiveDistance",

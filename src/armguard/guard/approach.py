@@ -13,7 +13,7 @@ from armguard.robot.stopping.figures import StoppingFigures
 from armguard.scene.tables import RobotPart, SceneTables
 
 if TYPE_CHECKING:
-    from armguard.guard.guard import Guard
+    from armguard.guard.monitor import Monitor
 
 # Positions tried from home to each limit, and halvings of the step that binds.
 STEPS = 8
@@ -76,7 +76,7 @@ class Approach:
         return self.joint - self.robot.first_joint
 
 
-def find_approaches(guard: "Guard") -> Iterator[Approach]:
+def find_approaches(guard: "Monitor") -> Iterator[Approach]:
     """Ways that end nearer to something than its buffer, with room to get there."""
     tables = guard.tables
     if not is_clear(guard, 0, float(tables.home[0])):
@@ -114,7 +114,7 @@ def test_speed(figures: StoppingFigures, place: int) -> tuple[float, bool]:
     return speed, speed > ABOVE_SWING * settling + 2.0 * error
 
 
-def free_end(guard: "Guard", joint: int, side: int) -> tuple[float, bool]:
+def free_end(guard: "Monitor", joint: int, side: int) -> tuple[float, bool]:
     """How far a joint can go from home, and whether something binds there.
 
     Returns:
@@ -142,7 +142,7 @@ def free_end(guard: "Guard", joint: int, side: int) -> tuple[float, bool]:
     return clear, True
 
 
-def is_clear(guard: "Guard", joint: int, position: float) -> bool:
+def is_clear(guard: "Monitor", joint: int, position: float) -> bool:
     """Whether every pair keeps its buffer with one joint off home."""
     q = guard.home
     q[joint] = position

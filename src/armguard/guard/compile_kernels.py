@@ -9,7 +9,7 @@ import sys
 import numpy as np
 
 from armguard.geometry import Capsule, Pose, Sphere
-from armguard.guard.guard import Guard
+from armguard.guard.monitor import Monitor
 from armguard.index.small_tree import compile_octree
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.robot.stopping import stopping_figures
@@ -46,13 +46,13 @@ def one_joint() -> RobotModel:
 
 
 def compile_cycle(mode: Mode) -> None:
-    """Guard the smallest scene for a cycle."""
+    """Monitor the smallest scene for a cycle."""
     model = one_joint()
     scene = Scene(mode=mode)
     figures = stopping_figures(model, deceleration=4.0)
     scene.add_robot(model, name="rod", stopping=figures)
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.0, 1.0, 0.0)))
-    guard = Guard(scene, self_test=False, compiling=True)
+    guard = Monitor(scene, self_test=False, compiling=True)
     guard.step(guard.home, 0.0)
     if mode != "fixed":
         guard.check_path([guard.home, guard.home])

@@ -26,6 +26,7 @@ from armguard.guard.watch import (
     FORCED,
     HYSTERESIS,
     LOST,
+    RECOVERING,
     RESTING,
     SLOW_TIME,
     STOPPING,
@@ -97,7 +98,7 @@ def robot_level(r: int, w: Workspace, v: Watch, m: Motion) -> int:
         return BRAKE
     if phase == LOST:
         return HARDWARE_STOP
-    if phase == RESTING:
+    if phase == RESTING or phase == RECOVERING:
         return RECOVER
     limit = v.pace[SLOW_TIME]
     if v.level[r] == SLOW:

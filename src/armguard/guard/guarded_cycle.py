@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing
+from armguard.guard.commands import set_drives
 from armguard.guard.cycle import (
     clear_header,
     positions_are_finite,
@@ -26,7 +27,7 @@ from armguard.guard.stops import (
     stop_everything,
     supervise_stops,
 )
-from armguard.guard.watch import FORCED, open_watch
+from armguard.guard.watch import COMMANDED, FORCED, Watch, open_watch
 from armguard.guard.workspace import (
     JUDGE,
     MOTION,
@@ -37,7 +38,7 @@ from armguard.guard.workspace import (
 )
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
-from armguard.motion.state import NEXT, NOW, TESTS, open_motion
+from armguard.motion.state import NEXT, NOW, TESTS, Motion, open_motion
 from armguard.motion.stop_path import (
     bound_reaches,
     measured_speeds,
@@ -66,13 +67,32 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     """
     w = open_workspace(lines)
     out, parts = w.out, w.parts
+    open_watch(parts[WATCH]).given[COMMANDED] = 0.0
     rows = clear_header(w)
+    if not judge_now(q, lines):
+        return rows
+    conclude(parts[SELF])
+    report_limits(q, w.lower, w.upper, out)
+    if out[REASON] == OUT_OF_LIMITS:
+        refuse(parts[SELF])
+    return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
+
+
+@kernel
+def judge_now(q: Floats, lines: Longs) -> bool:
+    """Take over the input of a cycle, rebuild the world and judge every pair.
+
+    Returns:
+        Whether the input could be judged; if not, every robot is stopped.
+    """
+    w = open_workspace(lines)
+    out, parts = w.out, w.parts
     if not positions_are_finite(q, w.lower, out):
         refuse(parts[SELF])
-        return rows
+        return False
     if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
         refuse(parts[SELF])
-        return rows
+        return False
     begin(parts[WATCH], parts[MOTION])
     # Every pair is measured: one that stands still may need another distance now.
     w.memory[FORCE] = 1
@@ -81,11 +101,7 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     for plan in range(2):
         bound_reaches(plan, w.bodies.ctypes.data, parts[MOTION])
     call_for_nothing(parts[JUDGE], (parts[SELF],))
-    conclude(parts[SELF])
-    report_limits(q, w.lower, w.upper, out)
-    if out[REASON] == OUT_OF_LIMITS:
-        refuse(parts[SELF])
-    return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
+    return True
 
 
 @kernel(inline=False)
@@ -94,13 +110,21 @@ def begin(watch: int, motion: int) -> None:
     v, m = open_watch(watch), open_motion(motion)
     supervise_stops(v, m)
     set_clocks(v, m)
-    for r in range(v.must.shape[0]):
-        v.must[r] = 0
-        v.time_left[r] = np.inf
-    m.effort[TESTS] = 0
+    set_drives(v, m)
+    forget_demands(v, m)
     plan_stops(NEXT, motion)
     plan_stops(NOW, motion)
     measured_speeds(m)
+
+
+@kernel
+def forget_demands(v: Watch, m: Motion) -> None:
+    """Begin to judge pairs."""
+    for r in range(v.must.shape[0]):
+        v.must[r] = v.relieved[r] = 0
+        v.time_left[r] = np.inf
+        v.deficit[r] = 0.0
+    m.effort[TESTS] = 0
 
 
 @kernel(inline=False)

@@ -62,6 +62,9 @@ class Reason(IntEnum):
     TOO_FAST = 116
     NO_VELOCITY = 117
     OBJECT_UNSEEN = 118
+    NOT_FOLLOWED = 119
+    WRONG_COMMAND = 120
+    NO_WAY = 121
 
 
 SENTENCES: dict[Reason, str] = {
@@ -91,6 +94,9 @@ SENTENCES: dict[Reason, str] = {
     Reason.STATE_JUMPED: "a joint moved faster than it can",
     Reason.TOO_FAST: "a joint is faster than its declared top speed",
     Reason.OBJECT_UNSEEN: "an object that moves was never seen: place it, with a stamp",
+    Reason.WRONG_COMMAND: "what is wanted has the wrong length or holds no numbers",
+    Reason.NO_WAY: "no velocity was found that keeps all it must",
+    Reason.NOT_FOLLOWED: "a joint is faster than it was told to be",
     Reason.NO_VELOCITY: "the velocity is not known from one sample; give the next one",
 }
 

@@ -23,7 +23,16 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.observe import now_of
-from armguard.guard.watch import BRAKING, NOW_TIME, SLOW_TIME, Watch, open_watch
+from armguard.guard.watch import (
+    BRAKING,
+    LOST,
+    NOW_TIME,
+    RECOVERING,
+    RUNNING,
+    SLOW_TIME,
+    Watch,
+    open_watch,
+)
 from armguard.guard.workspace import (
     MOTION,
     PROVE,
@@ -76,6 +85,9 @@ BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 
 # A robot whose part of a closing speed is smaller than this has no part in it [-].
 OWN_SHARE = 0.25
+
+# What an arm that is led away from what is too near may miss its way by [m].
+SINK = 1e-3
 
 # Slack in time is told this much farther than where the arm is slowed [-].
 LOOK_AHEAD = 2.0
@@ -288,6 +300,9 @@ def prove_pair(
     distance = out[place + WITNESS]
     need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
+    relief = relief_of(i, j, distance - whole, v, m)
+    need -= relief
+    whole -= relief
     shared = shared_joints(w.bodies[i], w.bodies[j], m)
     by_levers = distance - whole
     if shared == 0:
@@ -299,7 +314,7 @@ def prove_pair(
         by_levers -= own_sum(j, w.bodies[j], shared, m.spread[plan_j], m)
     look = LOOK_AHEAD * v.pace[SLOW_TIME] * closing_speed(i, j, w, v, m)
     enough = by_levers >= look or not distance > 0.0
-    if enough or coarse(i, v, m) or coarse(j, v, m):
+    if relief == 0.0 and (enough or coarse(i, v, m) or coarse(j, v, m)):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
     if m.effort[TESTS] >= m.effort[BUDGET]:
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
@@ -324,6 +339,43 @@ def prove_pair(
     if exact == PROVEN or by_exact > by_spans:
         return (exact, by_exact)
     return (proof, by_spans)
+
+
+@kernel
+def relief_of(i: int, j: int, spare: float, v: Watch, m: Motion) -> float:
+    """What is taken off a pair's need while a robot leaves what is too near [m].
+
+    A pair that would be too near at rest as well need only not come nearer, but for
+    what an arm that is led away may miss its way by. The sum of that is bounded too,
+    by where the recovery began. Its other side must not be one that is driven nearer.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        spare: Distance beyond what the pair needs besides joints [m].
+        v: Watch; the deficits of resting robots are noted.
+        m: Motion.
+    """
+    if m.span[SEGMENT] != 0.0:
+        return 0.0
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+    spare -= m.blur[i]
+    if robot_j >= 0:
+        spare -= m.blur[j]
+    if not spare < 0.0:
+        return 0.0
+    most = 0.0
+    for side in range(2):
+        r = robot_i if side == 0 else robot_j
+        if r < 0:
+            continue
+        v.deficit[r] = max(v.deficit[r], -spare)
+        if v.phase[r] == RUNNING:
+            return 0.0
+        if v.phase[r] == RECOVERING:
+            v.relieved[r] = 1
+            most = max(most, v.relief[r] + SINK)
+    return float(min(SINK - spare, most))
 
 
 @kernel
@@ -400,7 +452,8 @@ def coarse(i: int, v: Watch, m: Motion) -> bool:
     r = robot_of(i, v)
     if r < 0 or m.span[SEGMENT] != 0.0:
         return False
-    return bool(m.robot_figures[r, MODE] == SPEED or v.phase[r] >= BRAKING)
+    brakes = v.phase[r] == BRAKING or v.phase[r] == LOST
+    return bool(m.robot_figures[r, MODE] == SPEED or brakes)
 
 
 @kernel

@@ -17,7 +17,7 @@ from armguard.guard.walk import LATE_CYCLES, Walk
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 
 if TYPE_CHECKING:
-    from armguard.guard.guard import Guard
+    from armguard.guard.monitor import Monitor
 
 # Ways that are tried until one has room to get up to speed before it must stop.
 TRIES = 6
@@ -54,7 +54,7 @@ class SelfTestReport:
     lines: tuple[SelfTestLine, ...]
 
 
-def self_test(guard: "Guard") -> SelfTestReport:
+def self_test(guard: "Monitor") -> SelfTestReport:
     """Lead a synthetic robot through every level, then give wrong inputs.
 
     Levels must rise in order to a stop that ends before contact; standstill must be
@@ -83,7 +83,7 @@ def self_test(guard: "Guard") -> SelfTestReport:
     return SelfTestReport(lines)
 
 
-def approach_lines(guard: "Guard") -> Iterator[SelfTestLine]:
+def approach_lines(guard: "Monitor") -> Iterator[SelfTestLine]:
     """Approach something, first as a robot that obeys, then as one that does not."""
     for k, approach in enumerate(find_approaches(guard)):
         if k == TRIES:
@@ -118,7 +118,7 @@ def walked_up_to(walk: Walk) -> bool:
     raise SelfTestError(f"self-test: {walk.words} came too near, and no stop was given")
 
 
-def obeyed(guard: "Guard", approach: Approach, walk: Walk) -> SelfTestLine:
+def obeyed(guard: "Monitor", approach: Approach, walk: Walk) -> SelfTestLine:
     """Let the robot of a walk stop as declared.
 
     Raises:
@@ -149,7 +149,7 @@ def obeyed(guard: "Guard", approach: Approach, walk: Walk) -> SelfTestLine:
     return SelfTestLine("PASS", f"levels: {walk.words}: {named(walk.levels)}")
 
 
-def ran_away(guard: "Guard", approach: Approach) -> SelfTestLine:
+def ran_away(guard: "Monitor", approach: Approach) -> SelfTestLine:
     """Let a robot go on as if nothing had been ordered.
 
     Raises:
@@ -173,7 +173,7 @@ def ran_away(guard: "Guard", approach: Approach) -> SelfTestLine:
     )
 
 
-def fault_line(guard: "Guard") -> SelfTestLine:
+def fault_line(guard: "Monitor") -> SelfTestLine:
     """Give wrong inputs after two good cycles.
 
     Raises:

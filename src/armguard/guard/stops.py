@@ -19,6 +19,7 @@ from armguard.guard.watch import (
     LOST,
     NOW_TIME,
     PERIOD,
+    RECOVERING,
     RESTING,
     RUNNING,
     STOPPING,
@@ -88,7 +89,8 @@ def supervise_stops(v: Watch, m: Motion) -> None:
     now = now_of(v)
     for r in range(v.phase.shape[0]):
         phase = v.phase[r]
-        if phase == RUNNING or m.robot_figures[r, MODE] == FIXED:
+        driven = phase == RUNNING or phase == RECOVERING
+        if driven or m.robot_figures[r, MODE] == FIXED:
             continue
         if phase == RESTING:
             if not is_at_rest(r, v, m):
@@ -280,11 +282,12 @@ def set_clocks(v: Watch, m: Motion) -> None:
                 continue
             clock[AGE] = now - v.stamps[r] + unknown_age(r, v, m)
             phase = v.phase[r]
-            if phase == RUNNING or (phase == RESTING and plan == NEXT):
+            driven = phase == RUNNING or phase == RECOVERING
+            if driven or (phase == RESTING and plan == NEXT):
                 clock[REACTION] = clock[AGE] + robot[COMMAND]
                 if plan == NEXT:
                     # A robot at rest is let go if it could go on for a cycle more.
-                    clock[REACTION] += cycle if phase == RUNNING else 2.0 * cycle
+                    clock[REACTION] += cycle if driven else 2.0 * cycle
             elif phase == RESTING:
                 clock[PASSED] = LONG_AGO
             else:
@@ -304,7 +307,8 @@ def order_stops(v: Watch, m: Motion) -> None:
         if m.robot_figures[r, MODE] == FIXED:
             continue
         must = v.must[r] != 0 or forced != OK
-        if v.phase[r] == RUNNING and must:
+        driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
+        if driven and must:
             order(r, STOPPING, forced if forced != OK else v.cause[r], now, v, m)
         elif v.phase[r] == RESTING and not must:
             v.phase[r] = RUNNING
@@ -314,7 +318,8 @@ def order_stops(v: Watch, m: Motion) -> None:
 def stop_everything(reason: int, v: Watch, m: Motion) -> None:
     """Order a stop of every running robot, for an input that cannot be believed."""
     for r in range(v.phase.shape[0]):
-        if m.robot_figures[r, MODE] != FIXED and v.phase[r] == RUNNING:
+        driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
+        if m.robot_figures[r, MODE] != FIXED and driven:
             order(r, STOPPING, reason, v.last[0], v, m)
             # How far it gets was not planned in this cycle.
             first = int(m.robot_figures[r, FIRST_JOINT])

@@ -12,7 +12,7 @@ from armguard.guard.verdict import Verdict
 from armguard.robot.stopping.distance import brake_way, stop_travel
 
 if TYPE_CHECKING:
-    from armguard.guard.guard import Guard
+    from armguard.guard.monitor import Monitor
 
 # Time allowed beyond what the figures say [s], and how many times that itself [-].
 GRACE = 0.1
@@ -38,7 +38,7 @@ class Walk:
         speed: Speed of the last sample [rad/s or m/s].
     """
 
-    def __init__(self, guard: "Guard", approach: Approach) -> None:
+    def __init__(self, guard: "Monitor", approach: Approach) -> None:
         guard.reset()
         self.levels: list[Level] = []
         self.level = Level.CLEAR

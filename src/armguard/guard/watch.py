@@ -29,7 +29,8 @@ HYSTERESIS = 1.25
 # Places in `Watch.given`: what a cycle was handed.
 NOW_TIME = 0  # time of the cycle [s]; NaN if nobody said
 HAS_VELOCITY = 1  # 1 if velocities came with the positions
-GIVEN = 2
+COMMANDED = 2  # 1 if what the arms are told goes through the guard
+GIVEN = 3
 
 # Places in `Watch.last`.
 LAST_NOW = 0  # time of the last cycle [s]
@@ -48,10 +49,14 @@ RUNNING = 1  # its operator moves it
 STOPPING = 2  # a controlled stop was ordered
 BRAKING = 3  # the brake was ordered, since the stop was not what was declared
 LOST = 4  # the brake is not what was declared either
+RECOVERING = 5  # it leaves what is too near, on ways that only lead away
 
 # In a scene of so few primitives it takes less time to go through all pairs than to
 # look for those that are near.
 FEW = 128
+
+# Commands kept beyond those that may be under way: cycles may come early.
+SPARE_COMMANDS = 8
 
 # Samples kept of each joint, from which velocities are estimated.
 HISTORY = 16
@@ -93,6 +98,16 @@ class Watch(NamedTuple):
         pair_need: What each of them must keep whatever its robots do, without the way
             of an object since it was seen, shape (c,) [m].
         look: Scratch for how far each primitive must look, shape (p,) [m].
+        wanted: Velocities to be told to the joints in this cycle, shape (n,).
+        sent: What they were told before, in turn, shape (c, n).
+        sent_at: When, shape (c,) [s].
+        sent_count: How often, shape (1,) [-].
+        band: Between which velocities each joint was or was driven to in the last
+            cycle, shape (n, 2).
+        deficit: How much nearer than it must be at rest any pair of each robot is,
+            shape (r,) [m].
+        relief: The same when its recovery began, shape (r,) [m].
+        relieved: 1 where a pair of each robot still is, shape (r,).
     """
 
     stamps: Floats
@@ -126,6 +141,14 @@ class Watch(NamedTuple):
     pairs: NDArray[np.int32]
     pair_need: Floats
     look: Floats
+    wanted: Floats
+    sent: Floats
+    sent_at: Floats
+    sent_count: Longs
+    band: Floats
+    deficit: Floats
+    relief: Floats
+    relieved: Longs
 
 
 def watch_ledger(watch: Watch) -> Ledger:
@@ -169,6 +192,14 @@ def open_watch(address: int) -> Watch:
         matrix_i4(lines, 28),
         vector_f8(lines, 29),
         vector_f8(lines, 30),
+        vector_f8(lines, 31),
+        matrix_f8(lines, 32),
+        vector_f8(lines, 33),
+        vector_i8(lines, 34),
+        matrix_f8(lines, 35),
+        vector_f8(lines, 36),
+        vector_f8(lines, 37),
+        vector_i8(lines, 38),
     )
 
 
@@ -218,7 +249,22 @@ def watch_of(tables: SceneTables) -> Watch:
         pairs=pairs,
         pair_need=standing_needs(pairs, model, base, tables),
         look=np.zeros(p),
+        wanted=np.zeros(n),
+        sent=np.zeros((commands := commands_under_way(tables), n)),
+        sent_at=np.full(commands, -np.inf),
+        sent_count=np.zeros(1, dtype=np.int64),
+        band=np.zeros((n, 2)),
+        deficit=np.zeros(robots),
+        relief=np.zeros(robots),
+        relieved=np.zeros(robots, dtype=np.int64),
     )
+
+
+def commands_under_way(tables: SceneTables) -> int:
+    """Room for the commands that may not have taken effect when one was measured."""
+    figures = [part.stopping for part in tables.robots if part.stopping is not None]
+    longest = max((f.command + f.stale + f.sensing for f in figures), default=0.0)
+    return int(np.ceil(longest / tables.period)) + SPARE_COMMANDS
 
 
 def all_pairs(tables: SceneTables) -> NDArray[np.int32]:

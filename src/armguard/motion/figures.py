@@ -10,7 +10,8 @@ BRAKE_DECELERATION = 5  # least of a brake
 POSITION_ERROR = 6  # [rad or m]
 VELOCITY_ERROR = 7  # [rad/s or m/s]
 CURVE = 8  # 1 where a table of measured stops takes the place of the formula
-JOINT_FIGURES = 9
+TRACKING = 9  # how far a velocity may miss the commanded ones [rad/s or m/s]
+JOINT_FIGURES = 10
 
 # A row for each robot.
 MODE = 0  # FIXED, SPEED or PATH

@@ -46,6 +46,7 @@ JOINT_STOP = 17
 def plan_stop(
     velocity: float,
     top: float,
+    driven: float,
     acceleration: float,
     reaction: float,
     ramp: float,
@@ -62,6 +63,8 @@ def plan_stop(
     Args:
         velocity: Greatest velocity it may have now, of either sign [rad/s].
         top: Top speed; a joint measured faster counts as it is [rad/s].
+        driven: Greatest velocity its operator may drive it to, of either sign
+            [rad/s].
         acceleration: Greatest acceleration until the stop takes effect [rad/s²].
         reaction: Until when it takes effect at the latest [s].
         ramp: Time in which deceleration rises to its full value [s].
@@ -73,13 +76,14 @@ def plan_stop(
         curve: Measured stops, times then ways, shape (2 · CURVE_POINTS,), or empty.
         out: Overwritten, shape (JOINT_STOP,).
     """
-    out[V_TOP] = max(top, velocity)
+    out[V_TOP] = max(driven, velocity, 0.0)
     out[REACTION] = reaction
     out[ACCELERATED] = acceleration
     out[LEAST] = least
     out[BACK] = max(acceleration, most)
     out[MOST] = most
-    backwards = velocity + acceleration * reaction <= 0.0 and velocity < 0.0
+    soonest = min(velocity + acceleration * reaction, max(driven, velocity))
+    backwards = soonest <= 0.0 and velocity < 0.0
     out[V_BACK] = -velocity if backwards else 0.0
     out[V0] = max(velocity, 0.0)
     if backwards:

@@ -69,6 +69,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         q=np.zeros(n),
         v_low=np.zeros(n),
         v_high=np.zeros(n),
+        driven=np.zeros((PLANS * n, 2)),
         clock=np.zeros((PLANS * len(tables.robots), CLOCK)),
         span=np.zeros(SPAN),
         effort=effort,
@@ -154,6 +155,7 @@ def joint_figures(tables: SceneTables) -> Floats:
         own[:, place.BRAKE_DECELERATION] = f.brake_deceleration
         own[:, place.POSITION_ERROR] = f.position_error
         own[:, place.VELOCITY_ERROR] = f.velocity_error
+        own[:, place.TRACKING] = f.tracking_error
         for k, name in enumerate(part.joints):
             own[k, place.CURVE] = float(name in f.tables)
     return rows

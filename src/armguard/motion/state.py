@@ -93,6 +93,9 @@ class Motion(NamedTuple):
         q: Measured positions, shape (n,).
         v_low: Least velocity a joint may have, shape (n,).
         v_high: Greatest, shape (n,).
+        driven: Greatest velocity its operator may drive each joint to until a stop
+            takes effect: in its positive direction, and in its negative one; each of
+            either sign, shape (PLANS · n, 2).
         clock: Delays of each plan and robot, shape (PLANS · r, CLOCK).
         span: See HORIZON, shape (SPAN,).
         effort: See TESTS, shape (EFFORT,).
@@ -152,6 +155,7 @@ class Motion(NamedTuple):
     q: Floats
     v_low: Floats
     v_high: Floats
+    driven: Floats
     clock: Floats
     span: Floats
     effort: Longs
@@ -219,39 +223,40 @@ def open_motion(address: int) -> Motion:
         vector_f8(lines, 16),
         vector_f8(lines, 17),
         matrix_f8(lines, 18),
-        vector_f8(lines, 19),
-        vector_i8(lines, 20),
-        matrix_f8(lines, 21),
+        matrix_f8(lines, 19),
+        vector_f8(lines, 20),
+        vector_i8(lines, 21),
         matrix_f8(lines, 22),
         matrix_f8(lines, 23),
         matrix_f8(lines, 24),
         matrix_f8(lines, 25),
-        vector_i8(lines, 26),
-        matrix_f8(lines, 27),
+        matrix_f8(lines, 26),
+        vector_i8(lines, 27),
         matrix_f8(lines, 28),
-        vector_f8(lines, 29),
+        matrix_f8(lines, 29),
         vector_f8(lines, 30),
         vector_f8(lines, 31),
         vector_f8(lines, 32),
-        vector_i8(lines, 33),
-        matrix_f8(lines, 34),
+        vector_f8(lines, 33),
+        vector_i8(lines, 34),
         matrix_f8(lines, 35),
         matrix_f8(lines, 36),
         matrix_f8(lines, 37),
         matrix_f8(lines, 38),
         matrix_f8(lines, 39),
-        vector_f8(lines, 40),
+        matrix_f8(lines, 40),
         vector_f8(lines, 41),
         vector_f8(lines, 42),
         vector_f8(lines, 43),
         vector_f8(lines, 44),
-        matrix_f8(lines, 45),
+        vector_f8(lines, 45),
         matrix_f8(lines, 46),
         matrix_f8(lines, 47),
         matrix_f8(lines, 48),
-        vector_f8(lines, 49),
-        matrix_f8(lines, 50),
+        matrix_f8(lines, 49),
+        vector_f8(lines, 50),
         matrix_f8(lines, 51),
-        vector_i8(lines, 52),
-        matrix_f8(lines, 53),
+        matrix_f8(lines, 52),
+        vector_i8(lines, 53),
+        matrix_f8(lines, 54),
     )

@@ -125,6 +125,7 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
         plan_stop(
             m.v_high[j] if side == 0 else -m.v_low[j],
             figures[VELOCITY],
+            m.driven[plan * n + j, side],
             figures[ACCELERATION],
             clock[REACTION],
             ramp,

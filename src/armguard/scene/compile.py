@@ -12,6 +12,7 @@ from armguard.robot.kinematics import (
     reach_bounds,
 )
 from armguard.robot.limits import joint_limits
+from armguard.robot.tool import tool_link
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.blocks import (
     Block,
@@ -26,7 +27,7 @@ from armguard.scene.rules import pair_rules
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.settings import CubeSettings
 from armguard.scene.standing import standing_objects
-from armguard.scene.tables import RobotPart, SceneTables
+from armguard.scene.tables import LinkFrame, RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -113,6 +114,7 @@ def compile_scene(scene: Scene) -> SceneTables:
         index=scene.index,
         notes=tuple(scene.notes),
         robots=robot_parts(scene),
+        links=link_frames(tables, first_body),
         robot_of_primitive=robots_of(bodies[:moving_count], first_body),
         base_reach=base_reaches(
             scene, tables, kinds[:moving_count], bodies[:moving_count], local_rows
@@ -138,10 +140,25 @@ def robot_parts(scene: Scene) -> tuple[RobotPart, ...]:
                 joints=joints,
                 mode=robot.mode,
                 stopping=robot.stopping,
+                response=robot.response,
+                tool=f"{name}/{tool_link(robot.model)}",
             )
         )
         first += len(joints)
     return tuple(parts)
+
+
+def link_frames(
+    tables: Mapping[str, KinematicTable], first_body: Mapping[str, int]
+) -> dict[str, LinkFrame]:
+    """Where each link is on its body, by 'robot/link'."""
+    return {
+        f"{name}/{link}": LinkFrame(
+            body=first_body[name] + body, T_body_link=table.T_body_link[link]
+        )
+        for name, table in tables.items()
+        for link, body in table.body_of_link.items()
+    }
 
 
 def robots_of(bodies: Ints, first_body: Mapping[str, int]) -> Ints:

@@ -14,7 +14,7 @@ from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
 from armguard.scene.scene import Scene, check_figures
-from armguard.scene.settings import CubeSettings, IndexSettings
+from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
 from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
 
 Keys = tuple[str | int, ...]
@@ -240,6 +240,9 @@ def add_robot(
         stopping=None
         if entry.stopping is None
         else stopping_arguments(entry.stopping, folder),
+        response=entry.response
+        if isinstance(entry.response, str)
+        else ResponseSettings(**entry.response.model_dump()),
         fit_target=entry.fit_target,
         max_primitives=entry.max_primitives,
         home=entry.home,

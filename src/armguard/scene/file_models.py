@@ -1,9 +1,9 @@
 """The scene file's grammar: what keys there are, and what they hold."""
 
 from math import pi
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from armguard.scene.file_numbers import (
     NotNegative,
@@ -15,7 +15,7 @@ from armguard.scene.file_numbers import (
 )
 from armguard.scene.file_shapes import SHAPE_KEYS, ShapeKeys
 from armguard.scene.file_stopping import StoppingModel
-from armguard.scene.settings import Mode
+from armguard.scene.settings import FarStart, Mode, ResponseName, Sharing
 
 # More than two turns is no orientation anyone writes in radians [rad].
 LOOKS_LIKE_DEGREES = 4 * pi
@@ -85,6 +85,31 @@ def check_one(model: BaseModel, kinds: tuple[str, ...]) -> None:
         raise ValueError(f"has {has}; give exactly one of {', '.join(kinds)}")
 
 
+class ResponseModel(Strict):
+    """What a robot does about what is near."""
+
+    kind: ResponseName = "deflect"
+    sharing: Sharing = "contribution"
+    priority: Number = 0.0
+    recover_speed: Positive = 0.1
+    resume_speed: Positive = 0.1
+    far: Positive = 0.05
+    far_start: FarStart = "ramp"
+
+
+def name_or_settings(value: Any) -> str:
+    """Which branch of `response` a value is meant for."""
+    settings = isinstance(value, dict | ResponseModel)
+    return "constrained-settings" if settings else "constrained-name"
+
+
+ResponseByKind = Annotated[
+    Annotated[ResponseName, Tag("constrained-name")]
+    | Annotated[ResponseModel, Tag("constrained-settings")],
+    Discriminator(name_or_settings),
+]
+
+
 class RobotEntry(Strict):
     """A robot of the scene."""
 
@@ -94,6 +119,7 @@ class RobotEntry(Strict):
     buffer: NotNegative | None = None
     mode: Mode | None = None
     stopping: StoppingModel | None = None
+    response: ResponseByKind = "deflect"
     fit_target: Positive = 0.030
     max_primitives: Annotated[int, Field(ge=1, le=64)] = 8
     home: dict[str, Number] = Field(default={})

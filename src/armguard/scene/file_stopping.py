@@ -55,6 +55,7 @@ class ErrorsModel(Strict):
 
     position: NotNegativeByJoint | None = None
     velocity: NotNegativeByJoint | None = None
+    tracking: NotNegativeByJoint | None = None
     model: NotNegative | None = None
     base: NotNegative | None = None
     base_turn: NotNegative | None = None
@@ -111,6 +112,7 @@ KEYS_OF: dict[str, Keys] = {
     "brake_deceleration": ("brake", "deceleration"),
     "position_error": ("errors", "position"),
     "velocity_error": ("errors", "velocity"),
+    "tracking_error": ("errors", "tracking"),
     "model_error": ("errors", "model"),
     "base_error": ("errors", "base"),
     "base_turn": ("errors", "base_turn"),

@@ -31,7 +31,14 @@ from armguard.scene.meshes import (
     Surface,
     mesh_parts,
 )
-from armguard.scene.settings import MODES, IndexSettings, Mode
+from armguard.scene.settings import (
+    CHOICES,
+    MODES,
+    IndexSettings,
+    Mode,
+    ResponseName,
+    ResponseSettings,
+)
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
 PAPER_BUFFER = 0.03048
@@ -61,6 +68,7 @@ class SceneRobot:
         fit_target: Overreach the fit was asked for [m].
         mode: How the distance it must keep is made.
         stopping: How it stops; None if nobody said, which only the mode "fixed" bears.
+        response: What it does about what is near.
     """
 
     name: str
@@ -72,6 +80,7 @@ class SceneRobot:
     fit_target: float
     mode: Mode
     stopping: StoppingFigures | None
+    response: ResponseSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,6 +251,7 @@ class Scene:
         buffer: float | None = None,
         mode: Mode | None = None,
         stopping: StoppingFigures | Mapping[str, Any] | None = None,
+        response: ResponseName | ResponseSettings = "deflect",
         fit_target: float = 0.030,
         max_primitives: int = 8,
         home: Mapping[str, float] | None = None,
@@ -260,6 +270,7 @@ class Scene:
             mode: How the distance it must keep is made; the scene's mode if None.
             stopping: How it stops: figures, or what `stopping_figures` takes. Of a
                 robot by name, what is not given is taken from its own figures.
+            response: What it does about what is near, see `Guard.filter`.
             fit_target: Overreach the fitted primitives should stay below [m].
             max_primitives: Primitives a link may be given for that.
             home: Home positions by joint name; see `home_configuration` for the rest.
@@ -303,6 +314,7 @@ class Scene:
             fit_target=fit_target,
             mode=self.mode if mode is None else mode,
             stopping=stopping,
+            response=response_settings(f"robot '{name}'", response),
         )
         self._robots[name] = robot
         self.notes += [f"robot '{name}': {note}" for note in model.notes]
@@ -702,6 +714,37 @@ def check_time(what: str, value: float) -> float:
     if not (isfinite(value) and value >= 0.0):
         raise SceneError(f"{what} is {value} s; it must be finite and >= 0")
     return float(value)
+
+
+def response_settings(
+    who: str, response: ResponseName | ResponseSettings
+) -> ResponseSettings:
+    """The settings, or those that a name stands for.
+
+    Raises:
+        SceneError: It is none, or a setting cannot be true.
+    """
+    if not isinstance(response, ResponseSettings):
+        response = ResponseSettings(kind=response)
+    for field, known in CHOICES.items():
+        chosen = getattr(response, field)
+        if chosen not in known:
+            raise SceneError(
+                f"{who}: response.{field} is {chosen!r}; {did_you_mean(chosen, known)}"
+            )
+    for field in ("recover_speed", "resume_speed"):
+        share = getattr(response, field)
+        if not (isfinite(share) and 0.0 < share <= 1.0):
+            raise SceneError(
+                f"{who}: response.{field} is {share}; it must be in (0, 1]"
+            )
+    if not (isfinite(response.far) and response.far > 0.0):
+        raise SceneError(f"{who}: response.far is {response.far}; it must be > 0")
+    if not isfinite(response.priority):
+        raise SceneError(
+            f"{who}: response.priority is {response.priority}; it must be finite"
+        )
+    return response
 
 
 def check_mode(what: str, mode: Mode) -> Mode:

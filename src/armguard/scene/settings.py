@@ -37,3 +37,45 @@ class IndexSettings:
     leaf_capacity: int = 5
     max_depth: int | None = None
     cube: CubeSettings | None = None
+
+
+# What a robot does about what is near; see `armguard.respond.RESPONSES`.
+ResponseName = Literal["stop", "slow", "deflect"]
+
+# How what a pair of two robots has left is shared between them.
+Sharing = Literal["contribution", "equal", "priority"]
+
+# What is done with a first position far from where the robot is.
+FarStart = Literal["ramp", "refuse"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResponseSettings:
+    """What a robot does about what is near, and how it is given back to its operator.
+
+    Attributes:
+        kind: The response.
+        sharing: How what a pair of two robots has left is shared.
+        priority: Under "priority" the robot of the higher one is yielded to [-].
+        recover_speed: Share of its top speeds on a way out of what is too near [-].
+        resume_speed: The same while it catches up with positions it is told [-].
+        far: Distance between a joint and the position it is told from which on it does
+            not simply follow [rad or m].
+        far_start: Whether it then catches up, or is refused.
+    """
+
+    kind: ResponseName = "deflect"
+    sharing: Sharing = "contribution"
+    priority: float = 0.0
+    recover_speed: float = 0.1
+    resume_speed: float = 0.1
+    far: float = 0.05
+    far_start: FarStart = "ramp"
+
+
+# What each of these may be.
+CHOICES: dict[str, tuple[str, ...]] = {
+    "kind": get_args(ResponseName),
+    "sharing": get_args(Sharing),
+    "far_start": get_args(FarStart),
+}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import Shape
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.exact import ExactTables
-from armguard.scene.settings import IndexSettings, Mode
+from armguard.scene.settings import IndexSettings, Mode, ResponseSettings
 from armguard.scene.standing import Standing
 
 Floats = NDArray[np.float64]
@@ -27,6 +27,8 @@ class RobotPart:
         joints: Their names in the URDF.
         mode: What its buffer follows.
         stopping: How it stops; None if nobody said, which mode "fixed" allows.
+        response: What it does about what is near.
+        tool: Its tool's link, 'robot/link'.
     """
 
     name: str
@@ -35,6 +37,21 @@ class RobotPart:
     joints: tuple[str, ...]
     mode: Mode
     stopping: StoppingFigures | None
+    response: ResponseSettings
+    tool: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkFrame:
+    """Where a link is on its body.
+
+    Attributes:
+        body: The body, in the order of the tables.
+        T_body_link: Its frame there, shape (4, 4).
+    """
+
+    body: int
+    T_body_link: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +95,7 @@ class SceneTables:
         index: How near pairs are found.
         notes: What the user should know, one sentence each.
         robots: Robots in the order of q.
+        links: Frame of each link, by 'robot/link'.
         robot_of_primitive: Robot each primitive rides on, -1 for none, shape (m,).
         base_reach: Radius about its robot's base that no point of a moving primitive
             leaves, shape (m,) [m].
@@ -120,6 +138,7 @@ class SceneTables:
     index: IndexSettings
     notes: tuple[str, ...]
     robots: tuple[RobotPart, ...]
+    links: Mapping[str, LinkFrame]
     robot_of_primitive: Ints
     base_reach: Floats
     top_speeds: Floats

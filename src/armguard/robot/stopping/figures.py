@@ -44,6 +44,8 @@ class StoppingFigures:
         brake_deceleration: Least deceleration of a brake [rad/s² or m/s²].
         position_error: Greatest error of a measured position [rad or m].
         velocity_error: Greatest error of a measured velocity [rad/s or m/s].
+        tracking_error: How far the velocity of a joint may miss the commanded ones
+            that are under way, beyond the delay `command` [rad/s or m/s].
         sensing: Longest time from the measured instant until the guard has it [s].
         command: Longest time from the guard's order until the drives obey [s].
         stale: Age from which on a measurement is refused [s].
@@ -67,6 +69,7 @@ class StoppingFigures:
     brake_deceleration: Floats
     position_error: Floats
     velocity_error: Floats
+    tracking_error: Floats
     sensing: float
     command: float
     stale: float
@@ -110,6 +113,7 @@ def stopping_figures(
     brake_deceleration: PerJoint | None = None,
     position_error: PerJoint = 1e-4,
     velocity_error: PerJoint = 0.01,
+    tracking_error: PerJoint = 0.02,
     sensing: float = 0.002,
     command: float = 0.004,
     stale: float = 0.010,
@@ -134,6 +138,7 @@ def stopping_figures(
         brake_deceleration: Least deceleration of a brake; that of a stop if None.
         position_error: Error of positions.
         velocity_error: Error of velocities.
+        tracking_error: Error of driven velocities.
         sensing: Delay of measurements.
         command: Delay of orders.
         stale: Greatest age.
@@ -152,6 +157,7 @@ def stopping_figures(
         "settle": per_joint("settle", settle, names),
         "position_error": per_joint("position_error", position_error, names),
         "velocity_error": per_joint("velocity_error", velocity_error, names),
+        "tracking_error": per_joint("tracking_error", tracking_error, names),
     }
     vector["velocity"] = (
         urdf_velocity(model)
@@ -170,7 +176,7 @@ def stopping_figures(
     )
     for key in ("velocity", "deceleration", "acceleration", "brake_deceleration"):
         check_all(key, vector[key], names, positive=True)
-    for key in ("settle", "position_error", "velocity_error"):
+    for key in ("settle", "position_error", "velocity_error", "tracking_error"):
         check_all(key, vector[key], names, positive=False)
     check_most(vector["deceleration"], vector["deceleration_most"], names)
     scalar: dict[str, Any] = {

@@ -89,6 +89,10 @@ def panda() -> dict[str, Row]:
             {**dict.fromkeys(PANDA_ARM, 0.01), PANDA_FINGER: 0.002},
             ASSUMPTION + "0.01 rad/s, fingers 2 mm/s",
         ),
+        "tracking_error": (
+            {**dict.fromkeys(PANDA_ARM, 0.02), PANDA_FINGER: 0.004},
+            ASSUMPTION + "0.02 rad/s, fingers 4 mm/s",
+        ),
         "sensing": (0.002, ASSUMPTION + "two cycles of the 1 kHz interface"),
         "command": (0.003, ASSUMPTION + "three cycles of the 1 kHz interface"),
         "stale": (0.010, ASSUMPTION + "ten cycles of the 1 kHz interface"),

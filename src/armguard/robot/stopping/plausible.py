@@ -17,6 +17,7 @@ JOINT_CEILINGS = {
     "brake_deceleration": 1000.0,
     "position_error": 0.2,
     "velocity_error": 2.0,
+    "tracking_error": 2.0,
 }
 CEILINGS = {
     "ramp": (1.0, "milliseconds", "seconds"),

@@ -1,0 +1,176 @@
+"""Commands that go through the guard: what they let a joint do, and what is sent.
+
+A joint that is told its velocity by the guard is not driven to whatever its operator
+could think of. Until an order takes effect its velocity stays between what it was when
+it was measured and the commands that are under way, with the declared error of
+tracking. Commands under way are those sent within the delay `command` before the
+measurement or later, and the one before them.
+"""
+
+from math import inf
+
+from armguard.guard.levels import Reason
+from armguard.guard.observe import now_of
+from armguard.guard.stops import GRAIN, unknown_age
+from armguard.guard.watch import (
+    COMMANDED,
+    LATE,
+    PERIOD,
+    RECOVERING,
+    RUNNING,
+    STOPPING,
+    Watch,
+)
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    COMMAND,
+    DECELERATION,
+    FIRST_JOINT,
+    FIXED,
+    JOINT_COUNT,
+    MODE,
+    TRACKING,
+    VELOCITY,
+)
+from armguard.motion.state import NEXT, NOW, Motion
+
+NOT_FOLLOWED = int(Reason.NOT_FOLLOWED)
+
+
+@kernel
+def under_way(j: int, v: Watch, m: Motion) -> tuple[float, float]:
+    """Least and greatest velocity a joint may have been told and not reached yet."""
+    r = int(m.robot_of_joint[j])
+    room, count = v.sent_at.shape[0], v.sent_count[0]
+    measured = v.stamps[r] - unknown_age(r, v, m)
+    since = measured - m.robot_figures[r, COMMAND]
+    low, high = inf, -inf
+    for back in range(min(room, count)):
+        k = (count - 1 - back) % room
+        low, high = min(low, v.sent[k, j]), max(high, v.sent[k, j])
+        if v.sent_at[k] <= since:
+            return (low, high)
+    if count == 0:
+        return (0.0, 0.0)
+    if count <= room:
+        # Before the first command it was told to stand still.
+        return (min(low, 0.0), max(high, 0.0))
+    # Cycles come so often that older commands are forgotten, and may be under way.
+    top = m.joint_figures[j, VELOCITY]
+    return (-top, top)
+
+
+@kernel
+def set_drives(v: Watch, m: Motion) -> None:
+    """Write to which velocities the joints may be driven until a stop takes effect.
+
+    Told to stop now, they are driven to what is under way; told a cycle later, to what
+    is wanted in this cycle as well. Where nobody filters commands, to their top speeds.
+    """
+    n = m.q.shape[0]
+    for j in range(n):
+        top, error = m.joint_figures[j, VELOCITY], m.joint_figures[j, TRACKING]
+        low, high = -top, top
+        if v.given[COMMANDED] != 0.0:
+            low, high = under_way(j, v, m)
+        for plan in range(2):
+            if plan == NEXT and v.given[COMMANDED] != 0.0:
+                low, high = min(low, v.wanted[j]), max(high, v.wanted[j])
+            m.driven[plan * n + j, 0] = min(high + error, top)
+            m.driven[plan * n + j, 1] = min(error - low, top)
+        if v.given[COMMANDED] == 0.0:
+            m.driven[NOW * n + j, 0] = m.driven[NOW * n + j, 1] = top
+            m.driven[NEXT * n + j, 0] = m.driven[NEXT * n + j, 1] = top
+
+
+@kernel
+def is_new(v: Watch, m: Motion) -> bool:
+    """Whether what is wanted lets any joint do more than what is under way."""
+    for j in range(v.wanted.shape[0]):
+        low, high = under_way(j, v, m)
+        if not low <= v.wanted[j] <= high:
+            return True
+    return False
+
+
+@kernel
+def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
+    """Take what a robot is to be told back towards what is under way.
+
+    Args:
+        r: The robot.
+        share: How much of what is new is left [-].
+        v: Watch; `wanted` is changed.
+        m: Motion.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        low, high = under_way(j, v, m)
+        known = min(max(v.wanted[j], low), high)
+        v.wanted[j] = known + share * (v.wanted[j] - known)
+
+
+@kernel
+def unfollowed_joint(v: Watch, m: Motion) -> int:
+    """A joint that is faster than it was, and than it was told to be; or -1."""
+    if v.sent_count[0] == 0:
+        return -1
+    for j in range(m.q.shape[0]):
+        r = int(m.robot_of_joint[j])
+        phase = v.phase[r]
+        if phase != RUNNING and phase != RECOVERING:
+            continue
+        if m.robot_figures[r, MODE] == FIXED:
+            continue
+        error = m.joint_figures[j, TRACKING] + GRAIN
+        above = m.v_low[j] > v.band[j, 1] + error
+        if above or m.v_high[j] < v.band[j, 0] - error:
+            return j
+    return -1
+
+
+@kernel
+def last_sent(j: int, v: Watch) -> float:
+    """What a joint was told last; nothing, if that was never."""
+    count = v.sent_count[0]
+    return 0.0 if count == 0 else float(v.sent[(count - 1) % v.sent_at.shape[0], j])
+
+
+@kernel
+def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
+    """Tell a robot to stand still: at once if it rests, else as its stop is declared.
+
+    Args:
+        r: The robot.
+        time: Since its last command [s].
+        v: Watch; `wanted` is written.
+        m: Motion.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        v.wanted[j] = 0.0
+        if v.phase[r] == STOPPING:
+            last = last_sent(j, v)
+            lost = m.joint_figures[j, DECELERATION] * time
+            v.wanted[j] = max(last - lost, 0.0) if last > 0.0 else min(last + lost, 0.0)
+
+
+@kernel
+def send(v: Watch, m: Motion) -> None:
+    """Settle what every joint is told in this cycle, and remember it."""
+    now, room = now_of(v), v.sent_at.shape[0]
+    count = v.sent_count[0]
+    time = v.pace[PERIOD]
+    if count > 0:
+        time = min(now - v.sent_at[(count - 1) % room], time + v.pace[LATE])
+    for r in range(v.phase.shape[0]):
+        if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
+            lead_to_rest(r, max(time, 0.0), v, m)
+    k = count % room
+    v.sent_at[k] = now
+    for j in range(v.wanted.shape[0]):
+        v.sent[k, j] = v.wanted[j]
+    v.sent_count[0] = count + 1
+    for j in range(v.wanted.shape[0]):
+        low, high = under_way(j, v, m)
+        v.band[j, 0], v.band[j, 1] = min(low, m.v_low[j]), max(high, m.v_high[j])

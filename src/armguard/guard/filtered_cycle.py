@@ -1,0 +1,196 @@
+"""The cycle of a guard that commands go through, in two halves.
+
+Joint angles -> believed? -> stops -> poses -> pairs, proven for what is under way
+-> (somebody chooses what to tell the joints) -> proven with that, or less -> sent.
+What cannot be proven is not sent. If not even what is under way can be proven any
+longer, the robot is stopped, which the last cycle has proven to be in time.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import call_for_nothing
+from armguard.guard.commands import (
+    NOT_FOLLOWED,
+    is_new,
+    keep_under_way,
+    last_sent,
+    send,
+    set_drives,
+    unfollowed_joint,
+)
+from armguard.guard.cycle import clear_header, report_limits
+from armguard.guard.layout import JOINT, NEAR_COUNT, NEAR_WIDTH, REASON, VALUE
+from armguard.guard.levels import Reason
+from armguard.guard.guarded_cycle import (
+    conclude,
+    forget_demands,
+    judge_now,
+    refuse,
+)
+from armguard.guard.stops import set_clocks
+from armguard.guard.watch import (
+    COMMANDED,
+    RECOVERING,
+    RESTING,
+    RUNNING,
+    Watch,
+    open_watch,
+)
+from armguard.guard.workspace import (
+    FIRST_ROW,
+    JUDGE,
+    MOTION,
+    SELF,
+    WATCH,
+    open_workspace,
+)
+from armguard.kernel import kernel
+from armguard.ledger import ledger_at
+from armguard.motion.state import NEXT, NOW, Motion, open_motion
+from armguard.motion.stop_path import bound_reaches, plan_stops
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
+
+# What is wanted is proven, else half of what is new in it, a quarter, and nothing new.
+SHARES = (0.5, 0.25, 0.0)
+
+
+@kernel(inline=False, entry=True)
+def open_cycle(q: Floats, lines: Longs) -> bool:
+    """First half: judge every pair for what is measured and what is under way.
+
+    Args:
+        q: Joint positions, shape (n,) [rad or m].
+        lines: Ledger of a workspace; its state, memory and `out` are updated.
+
+    Returns:
+        Whether the input could be judged.
+    """
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v.given[COMMANDED] = 1.0
+    for j in range(v.wanted.shape[0]):
+        v.wanted[j] = last_sent(j, v)
+    clear_header(w)
+    if not judge_now(q, lines):
+        return False
+    report_limits(q, w.lower, w.upper, w.out)
+    if w.out[REASON] == OUT_OF_LIMITS:
+        refuse(w.parts[SELF])
+        return False
+    joint = unfollowed_joint(v, m)
+    if joint >= 0:
+        w.out[REASON], w.out[JOINT] = NOT_FOLLOWED, joint
+        w.out[VALUE] = 0.5 * (m.v_low[joint] + m.v_high[joint])
+        refuse(w.parts[SELF])
+        return False
+    return True
+
+
+@kernel(inline=False, entry=True)
+def close_cycle(judged: bool, recover: Longs, yields: Longs, lines: Longs) -> int:
+    """Second half: prove what is wanted, or less of it; order stops; send.
+
+    Args:
+        judged: What `open_cycle` returned.
+        recover: 1 for a robot at rest that wants to leave what is too near, shape (r,).
+        yields: 1 for a robot of which less than it wants may be told before it is
+            stopped, shape (r,).
+        lines: Ledger of a workspace; `wanted` of its watch is what it is to prove, and
+            afterwards what is sent.
+
+    Returns:
+        How many places of the workspace's `out` were used.
+    """
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    rows = int(w.settings[FIRST_ROW])
+    if not judged:
+        send(v, m)
+        return rows
+    begin_recoveries(recover, v)
+    prove_wanted(recover, yields, w.parts[SELF])
+    end_recoveries(v)
+    conclude(w.parts[SELF])
+    send(v, m)
+    return rows + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
+
+
+@kernel
+def begin_recoveries(recover: Longs, v: Watch) -> None:
+    """Let robots at rest try to leave what is too near."""
+    for r in range(recover.shape[0]):
+        if recover[r] != 0 and v.phase[r] == RESTING and v.must[r] != 0:
+            v.phase[r] = RECOVERING
+            v.relief[r] = v.deficit[r]
+        else:
+            recover[r] = 0
+
+
+@kernel(inline=False)
+def prove_wanted(recover: Longs, yields: Longs, lines: int) -> None:
+    """Prove what is wanted, taking it back until that succeeds."""
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    begun = False
+    for r in range(recover.shape[0]):
+        begun |= recover[r] != 0
+        if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
+            keep_under_way(r, 0.0, v, m)
+    if not (begun or is_new(v, m)):
+        return
+    judge_again(lines)
+    for k in range(len(SHARES)):
+        if not take_back(SHARES[k], recover, yields, v, m):
+            return
+        judge_again(lines)
+
+
+@kernel
+def take_back(share: float, recover: Longs, yields: Longs, v: Watch, m: Motion) -> bool:
+    """Take back what robots want that must stop for it.
+
+    Returns:
+        Whether there was one.
+    """
+    found = False
+    for r in range(v.must.shape[0]):
+        if v.must[r] == 0:
+            continue
+        if recover[r] != 0 and share == 0.0:
+            # It does not lead away after all.
+            v.phase[r] = RESTING
+            recover[r] = 0
+            found = True
+        elif v.phase[r] == RECOVERING or (v.phase[r] == RUNNING and yields[r] != 0):
+            keep_under_way(r, share, v, m)
+            found = True
+    return found
+
+
+@kernel(inline=False)
+def judge_again(lines: int) -> None:
+    """Judge all pairs for what is wanted now."""
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    clear_header(w)
+    set_clocks(v, m)
+    set_drives(v, m)
+    forget_demands(v, m)
+    plan_stops(NEXT, w.parts[MOTION])
+    plan_stops(NOW, w.parts[MOTION])
+    for plan in range(2):
+        bound_reaches(plan, w.bodies.ctypes.data, w.parts[MOTION])
+    call_for_nothing(w.parts[JUDGE], (w.parts[SELF],))
+
+
+@kernel
+def end_recoveries(v: Watch) -> None:
+    """Give a robot back to its operator when nothing of it is too near any more."""
+    for r in range(v.phase.shape[0]):
+        if v.phase[r] == RECOVERING and v.relieved[r] == 0 and v.must[r] == 0:
+            v.phase[r] = RUNNING

@@ -1,0 +1,7 @@
+"""Act: what to tell the robots, so that what their operators ask for stays safe."""
+
+from armguard.respond.command import Action, Blocked, Command
+from armguard.respond.guard import Guard
+from armguard.respond.responses import RESPONSES, Response
+
+__all__ = ["RESPONSES", "Action", "Blocked", "Command", "Guard", "Response"]

@@ -1,0 +1,424 @@
+"""The nearest safe velocity: a small quadratic program, and what it is made of.
+
+For each near pair the guard has measured h, what the pair has left beyond all it needs
+if what is under way goes on. A joint that is told to close the pair faster by Δu costs
+
+    c · Δu · (T + (u + ½ a dt) / d)
+
+of it, c being what it moves the pair by, T the time until an order takes effect, d the
+deceleration of its stop; and the motion itself costs c · u in each second. What is told
+may use up a share of h in each cycle and no more, so a pair is approached ever more
+slowly and never reached (a control barrier; a velocity damper whose gain follows the
+stopping figures). The rows are linear in u. What they ask for is never harder than the
+stop that is declared, so standing still sooner or later satisfies all of them.
+
+These rows are wishes. Whether what they lead to is sent is decided by the proof.
+"""
+
+from math import exp, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.vec3 import dot
+from armguard.guard.commands import last_sent
+from armguard.guard.layout import (
+    CLEARANCE,
+    FIRST,
+    NEAR_COUNT,
+    SECOND,
+    WITNESS,
+)
+from armguard.guard.near_pairs import row_place
+from armguard.guard.proofs import robot_of, standing_need
+from armguard.guard.watch import PERIOD, Watch, open_watch
+from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    ACCELERATION,
+    DECELERATION,
+    FIRST_JOINT,
+    JOINT_COUNT,
+    POSITION_ERROR,
+    VELOCITY,
+)
+from armguard.motion.nearest import joint_way
+from armguard.motion.pair_proof import shared_joints
+from armguard.motion.state import NEXT, REACTION, STILL, Motion, open_motion
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+# Rows a robot's program has room for; those that no admissible velocity can break are
+# left out, which is most of them.
+ROWS = 96
+
+# Time in which a pair that is approached loses all but 1/e of what it has left [s].
+APPROACH_TIME = 0.06
+
+# What is left to the proof of a pair that is as near as it may be [m].
+SPARE = 2e-4
+
+# How far from its limit a joint is stopped, beyond the error of its position [rad].
+LIMIT_SPARE = 1e-3
+
+# A row shorter than this moves nothing [m/rad].
+NO_ROW = 1e-9
+
+# What a velocity may break a row by and still count as keeping it [m/s].
+GRAIN = 1e-9
+
+# Places in the settings of a robot.
+FOLLOWS = 0  # 1 if it follows its operator in this cycle
+SPEED_SHARE = 1  # of its top speeds it may use [-]
+SHARING = 2  # how pairs of two robots are shared, see below
+PRIORITY = 3  # the robot of the higher one is yielded to
+RETREATS = 4  # 1 if it wants to leave what is too near
+SETTINGS = 5
+
+# How what a pair of two robots has left is shared.
+BY_CONTRIBUTION = 0
+EQUALLY = 1
+BY_PRIORITY = 2
+
+# Places in what is found for a robot.
+ROW_COUNT = 0
+BREAKS = 1  # 1 if the target breaks a row
+CROWDED = 2  # 1 if there were more rows than room
+FOUND = 3
+
+
+@kernel(inline=False, entry=True)
+def frame_programs(
+    asked: Floats,
+    settings: Floats,
+    target: Floats,
+    low: Floats,
+    high: Floats,
+    brake: Floats,
+    rows: Floats,
+    limits: Floats,
+    found: Longs,
+    raw: Floats,
+    lines: Longs,
+) -> None:
+    """Write each robot's program: the target, between what, and the rows.
+
+    Args:
+        asked: Velocities the operators ask for, all finite, shape (n,).
+        settings: A row for each robot, shape (r, SETTINGS).
+        target: Overwritten: what may be told at once of what is asked, shape (n,).
+        low: Overwritten: least velocities, shape (n,).
+        high: Overwritten: greatest velocities, shape (n,).
+        brake: Overwritten: velocities that keep every row, shape (n,).
+        rows: Overwritten: unit rows, shape (r · ROWS, n).
+        limits: Overwritten: what they must not exceed, shape (r · ROWS,).
+        found: Overwritten, see ROW_COUNT, shape (r, FOUND).
+        raw: Scratch, shape (n,).
+        lines: Ledger of the workspace, after `open_cycle`.
+    """
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    for r in range(settings.shape[0]):
+        for k in range(FOUND):
+            found[r, k] = 0
+        frame_limits(r, asked, settings[r], target, low, high, brake, w, v, m)
+    for k in range(int(w.out[NEAR_COUNT])):
+        add_pair(
+            row_place(k, w),
+            settings,
+            target,
+            low,
+            high,
+            brake,
+            raw,
+            rows,
+            limits,
+            found,
+            w,
+            v,
+            m,
+        )
+    for r in range(settings.shape[0]):
+        robot = m.robot_figures[r]
+        first = int(robot[FIRST_JOINT])
+        end = first + int(robot[JOINT_COUNT])
+        for k in range(found[r, ROW_COUNT]):
+            at = r * ROWS + k
+            reached = 0.0
+            for j in range(first, end):
+                reached += rows[at, j] * target[j]
+            if not reached <= limits[at] + GRAIN:
+                found[r, BREAKS] = 1
+
+
+@kernel
+def frame_limits(
+    r: int,
+    asked: Floats,
+    settings: Floats,
+    target: Floats,
+    low: Floats,
+    high: Floats,
+    brake: Floats,
+    w: Workspace,
+    v: Watch,
+    m: Motion,
+) -> None:
+    """Write what a robot's joints can be told in this cycle, and what of it is wanted.
+
+    What is asked for keeps its direction while the robot speeds up to it.
+    """
+    robot, dt = m.robot_figures[r], v.pace[PERIOD]
+    first = int(robot[FIRST_JOINT])
+    end = first + int(robot[JOINT_COUNT])
+    follows, share = settings[FOLLOWS] != 0.0, settings[SPEED_SHARE]
+    slower = 1.0
+    for j in range(first, end):
+        top = share * m.joint_figures[j, VELOCITY]
+        if follows and abs(asked[j]) > top:
+            slower = min(slower, top / abs(asked[j]))
+    part = 1.0
+    for j in range(first, end):
+        last, gain = last_sent(j, v), m.joint_figures[j, ACCELERATION] * dt
+        target[j] = slower * asked[j] if follows else 0.0
+        change = abs(target[j] - last)
+        if change > gain:
+            part = min(part, gain / change)
+    for j in range(first, end):
+        figures = m.joint_figures[j]
+        last, gain = last_sent(j, v), figures[ACCELERATION] * dt
+        if part < 1.0:
+            target[j] = last + part * (target[j] - last)
+        lost = figures[DECELERATION] * dt
+        brake[j] = max(last - lost, 0.0) if last > 0.0 else min(last + lost, 0.0)
+        top = max(share * figures[VELOCITY], abs(brake[j]))
+        away = figures[POSITION_ERROR] + LIMIT_SPARE
+        up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
+        down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
+        high[j] = max(min(last + gain, top, up), brake[j])
+        low[j] = min(max(last - gain, -min(top, down)), brake[j])
+        target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def speed_within(way: float, j: int, r: int, m: Motion) -> float:
+    """Greatest speed from which a joint stops within a way [rad/s]."""
+    if not way > 0.0:
+        return 0.0
+    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
+    d = m.joint_figures[j, DECELERATION]
+    return float(d * (sqrt(time * time + 2.0 * way / d) - time))
+
+
+@kernel
+def add_pair(
+    place: int,
+    settings: Floats,
+    target: Floats,
+    low: Floats,
+    high: Floats,
+    brake: Floats,
+    raw: Floats,
+    rows: Floats,
+    limits: Floats,
+    found: Longs,
+    w: Workspace,
+    v: Watch,
+    m: Motion,
+) -> None:
+    """Add what a near pair asks of its robots to their programs."""
+    out = w.out
+    i, j = int(out[place + FIRST]), int(out[place + SECOND])
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+    pair_row(i, j, place, raw, w, v, m)
+    left = out[place + CLEARANCE]
+    distance = out[place + WITNESS]
+    resting = distance - standing_need(i, j, w, v, m) - m.blur[i]
+    if robot_j >= 0:
+        resting -= m.blur[j]
+    share = 1.0 - exp(-v.pace[PERIOD] / APPROACH_TIME)
+    allowed = share * (left - SPARE)
+    closing_i = closing_of(robot_i, raw, target, m)
+    closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
+    for side in range(2):
+        r = robot_i if side == 0 else robot_j
+        if r < 0 or (side == 1 and r == robot_i):
+            continue
+        if resting < 0.0 and settings[r, RETREATS] != 0.0:
+            only_away(r, raw, target, low, high, m)
+            continue
+        part = 1.0
+        if robot_j >= 0 and robot_i != robot_j:
+            other = robot_j if side == 0 else robot_i
+            own, its = (closing_i, closing_j) if side == 0 else (closing_j, closing_i)
+            part = part_of(r, other, own, its, settings)
+        add_row(
+            r, part, allowed, raw, target, low, high, brake, rows, limits, found, v, m
+        )
+
+
+@kernel
+def pair_row(
+    i: int, j: int, place: int, raw: Floats, w: Workspace, v: Watch, m: Motion
+) -> None:
+    """Write how fast each joint closes a pair at unit speed, shape (n,) [m/rad]."""
+    out = w.out
+    for q in range(raw.shape[0]):
+        raw[q] = 0.0
+    at = place + WITNESS
+    n = (out[at + 7], out[at + 8], out[at + 9])
+    moving = m.rate.shape[0]
+    body_j = w.bodies[j] if j < moving else -1
+    first = shared_joints(w.bodies[i], body_j, m)
+    for side in range(2):
+        k, body = (i, w.bodies[i]) if side == 0 else (j, body_j)
+        if k >= moving:
+            continue
+        point = (
+            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
+        )  # fmt: skip
+        for c in range(first, m.length[body]):
+            b = m.joints[body, c]
+            q = m.q_index[b]
+            if m.clock[m.robot_of_joint[q], STILL] != 0.0:
+                continue
+            g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
+            raw[q] += g if side == 0 else -g
+
+
+@kernel
+def closing_of(r: int, raw: Floats, target: Floats, m: Motion) -> float:
+    """How fast a robot's own part of what is wanted closes a pair [m/s]."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    total = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        total += raw[j] * target[j]
+    return total
+
+
+@kernel
+def part_of(r: int, other: int, own: float, its: float, settings: Floats) -> float:
+    """Share of what a pair of two robots has left that goes to one of them.
+
+    Nobody is given credit for what the other one does to open the pair: it may stop.
+    """
+    if settings[r, SHARING] == EQUALLY:
+        return 0.5
+    own, its = max(own, 0.0), max(its, 0.0)
+    if settings[r, SHARING] == BY_PRIORITY:
+        if settings[r, PRIORITY] > settings[other, PRIORITY]:
+            return 1.0
+        if settings[r, PRIORITY] < settings[other, PRIORITY]:
+            return 0.0 if its > 0.0 else 1.0
+    return own / (own + its) if own + its > 0.0 else 0.5
+
+
+@kernel
+def only_away(
+    r: int, raw: Floats, target: Floats, low: Floats, high: Floats, m: Motion
+) -> None:
+    """Let each joint of a robot move only as it leads away, whatever the others do."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if raw[j] > NO_ROW:
+            high[j] = min(high[j], 0.0)
+        elif raw[j] < -NO_ROW:
+            low[j] = max(low[j], 0.0)
+        if low[j] > high[j]:
+            low[j] = high[j] = 0.0
+        target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def add_row(
+    r: int,
+    part: float,
+    allowed: float,
+    raw: Floats,
+    target: Floats,
+    low: Floats,
+    high: Floats,
+    brake: Floats,
+    rows: Floats,
+    limits: Floats,
+    found: Longs,
+    v: Watch,
+    m: Motion,
+) -> None:
+    """Add a pair's row to a robot's program, unless nothing in reach can break it."""
+    dt = v.pace[PERIOD]
+    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    at = r * ROWS + found[r, ROW_COUNT]
+    if found[r, ROW_COUNT] == ROWS:
+        found[r, CROWDED] = 1
+        return
+    limit = part * allowed
+    length = most = least = 0.0
+    for j in range(first, end):
+        figures = m.joint_figures[j]
+        last, gain = last_sent(j, v), figures[ACCELERATION] * dt
+        cost = dt
+        # Who opens the pair is given no credit, so slowing that down costs nothing.
+        opens = -raw[j] * last if raw[j] != 0.0 else 0.0
+        near_rest = 1.0
+        if opens > 0.0:
+            near_rest = max(1.0 - abs(last) / gain, 0.0)
+        speed = abs(last) if opens <= 0.0 else 0.0
+        cost += near_rest * (time + (speed + 0.5 * gain) / figures[DECELERATION])
+        limit += raw[j] * (cost - dt) * last
+        rows[at, j] = raw[j] * cost
+        length += rows[at, j] * rows[at, j]
+    length = sqrt(length)
+    if not length > NO_ROW * dt:
+        return
+    for j in range(first, end):
+        rows[at, j] /= length
+        least += rows[at, j] * brake[j]
+        most += rows[at, j] * (high[j] if rows[at, j] > 0.0 else low[j])
+    limits[at] = max(limit / length, least)
+    if most > limits[at]:
+        found[r, ROW_COUNT] += 1
+
+
+@kernel(inline=False, entry=True)
+def scale_back(
+    r: int,
+    target: Floats,
+    brake: Floats,
+    rows: Floats,
+    limits: Floats,
+    found: Longs,
+    lines: Longs,
+) -> float:
+    """Take as much of a robot's target as its rows allow, along its own direction.
+
+    Args:
+        r: The robot.
+        target: See `frame_programs`; the robot's part is replaced.
+        brake: The same.
+        rows: The same.
+        limits: The same.
+        found: The same.
+        lines: Ledger of the workspace.
+
+    Returns:
+        How much of the target is left, the rest being the declared stop [-].
+    """
+    m = open_motion(open_workspace(lines).parts[MOTION])
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    part = 1.0
+    for k in range(found[r, ROW_COUNT]):
+        at = r * ROWS + k
+        from_brake = to_target = 0.0
+        for j in range(first, end):
+            from_brake += rows[at, j] * brake[j]
+            to_target += rows[at, j] * (target[j] - brake[j])
+        if to_target > 0.0:
+            part = min(part, max(limits[at] - from_brake, 0.0) / to_target)
+    for j in range(first, end):
+        target[j] = brake[j] + part * (target[j] - brake[j])
+    return part

@@ -1,0 +1,104 @@
+"""How a tool follows the joints of its robot."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.robot.kinematics import FIXED, PRISMATIC
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+
+# Damping of the inverse where the tool is near a singular pose [m], [rad].
+DAMPING = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tool:
+    """A link whose velocity somebody asks for.
+
+    Attributes:
+        link: Its name, 'robot/link'.
+        own: Its robot's part of q.
+        body: Its body.
+        p_body: Its origin in the body's frame, shape (3,) [m].
+        chain: Bodies with a joint, from the root to it.
+        tables: The scene.
+    """
+
+    link: str
+    own: slice
+    body: int
+    p_body: Floats
+    chain: tuple[int, ...]
+    tables: SceneTables
+
+    def point(self, T_world: Floats) -> Floats:
+        """Its origin in the world, shape (3,) [m].
+
+        Args:
+            T_world: Poses of all bodies, rows of [R | p], shape (b, 12).
+        """
+        T = T_world[self.body].reshape(3, 4)
+        p: Floats = T[:, :3] @ self.p_body + T[:, 3]
+        return p
+
+    def jacobian(self, T_world: Floats) -> Floats:
+        """Velocity of its origin, then its angular velocity, by joint, shape (6, n)."""
+        t = self.tables
+        point = self.point(T_world)
+        J = np.zeros((6, self.own.stop - self.own.start))
+        for b in self.chain:
+            j = t.q_index[b] - self.own.start
+            T = T_world[b].reshape(3, 4)
+            axis, g = T[:, :3] @ t.axis[b], t.gain[b, 0]
+            if t.joint_kind[b] == PRISMATIC:
+                J[:3, j] += g * axis
+            else:
+                J[:3, j] += g * np.cross(axis, point - T[:, 3])
+                J[3:, j] += g * axis
+        return J
+
+
+def tool_of(tables: SceneTables, name: str) -> Tool:
+    """The tool of a robot, or a link of one.
+
+    Args:
+        tables: The scene.
+        name: A robot's name, or 'robot/link'.
+    """
+    robot = name.split("/", 1)[0]
+    part = next(p for p in tables.robots if p.name == robot)
+    link = part.tool if name == robot else name
+    frame = tables.links[link]
+    chain, body = [], frame.body
+    while body >= 0:
+        if tables.joint_kind[body] != FIXED:
+            chain.append(body)
+        body = int(tables.parent[body])
+    return Tool(
+        link=link,
+        own=slice(part.first_joint, part.first_joint + part.joint_count),
+        body=frame.body,
+        p_body=frame.T_body_link[:3, 3],
+        chain=tuple(reversed(chain)),
+        tables=tables,
+    )
+
+
+def joint_velocity(J: Floats, twist: Floats) -> Floats:
+    """Joint velocities for a twist of a tool, damped least squares, shape (n,).
+
+    Args:
+        J: Jacobian, of several tools one above the other, shape (6k, n).
+        twist: Velocity of the tool's origin, then its angular velocity, both in the
+            world, shape (6k,) [m/s], [rad/s].
+
+    References:
+        Wampler, Manipulator inverse kinematic solutions based on vector formulations
+        and damped least-squares methods, 1986.
+    """
+    damped = J @ J.T + DAMPING**2 * np.eye(len(J))
+    v: Floats = J.T @ np.linalg.solve(damped, twist)
+    return v
