@@ -20,14 +20,14 @@ from armguard.guard.commands import (
     unfollowed_joint,
 )
 from armguard.guard.cycle import clear_header, report_limits
-from armguard.guard.layout import JOINT, NEAR_COUNT, NEAR_WIDTH, REASON, VALUE
-from armguard.guard.levels import Reason
 from armguard.guard.guarded_cycle import (
     conclude,
     forget_demands,
     judge_now,
     refuse,
 )
+from armguard.guard.layout import JOINT, NEAR_COUNT, NEAR_WIDTH, REASON, VALUE
+from armguard.guard.levels import Reason
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     COMMANDED,
@@ -91,8 +91,8 @@ def open_cycle(q: Floats, lines: Longs) -> bool:
     return True
 
 
-@kernel(inline=False, entry=True)
-def close_cycle(judged: bool, recover: Longs, yields: Longs, lines: Longs) -> int:
+@kernel(inline=False)
+def close_cycle(judged: bool, recover: Longs, yields: Longs, lines: int) -> int:
     """Second half: prove what is wanted, or less of it; order stops; send.
 
     Args:
@@ -100,13 +100,13 @@ def close_cycle(judged: bool, recover: Longs, yields: Longs, lines: Longs) -> in
         recover: 1 for a robot at rest that wants to leave what is too near, shape (r,).
         yields: 1 for a robot of which less than it wants may be told before it is
             stopped, shape (r,).
-        lines: Ledger of a workspace; `wanted` of its watch is what it is to prove, and
-            afterwards what is sent.
+        lines: Address of the ledger of a workspace; `wanted` of its watch is what is to
+            be proven, and afterwards what is sent.
 
     Returns:
         How many places of the workspace's `out` were used.
     """
-    w = open_workspace(lines)
+    w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     rows = int(w.settings[FIRST_ROW])
     if not judged:

@@ -20,9 +20,9 @@ from armguard.guard import layout
 from armguard.guard.compiling import compile_ahead
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.cycle import rebuild_world, run_cycle
+from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
-from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.objects import stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT

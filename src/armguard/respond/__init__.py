@@ -2,6 +2,6 @@
 
 from armguard.respond.command import Action, Blocked, Command
 from armguard.respond.guard import Guard
-from armguard.respond.responses import RESPONSES, Response
+from armguard.respond.responses import RESPONSES, ResponseKind
 
-__all__ = ["RESPONSES", "Action", "Blocked", "Command", "Guard", "Response"]
+__all__ = ["RESPONSES", "Action", "Blocked", "Command", "Guard", "ResponseKind"]

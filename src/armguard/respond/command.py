@@ -1,13 +1,14 @@
 """What a cycle of the filter gives back: what to tell the robots, and why."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard import Level, Verdict
+from armguard.guard.levels import Level
+from armguard.guard.verdict import Verdict
+from armguard.scene.tables import RobotPart
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +37,8 @@ class Blocked(IntEnum):
     """It follows."""
 
     STOPPED = 10
-    """It was stopped; its operator has to let go of it first, or to engage it."""
+    """It was stopped; its operator has to let go of it first, or to lead it away from
+    all that is near, or to engage it."""
 
     TOO_NEAR = 11
     """It rests where it may only move away."""
@@ -61,32 +63,77 @@ ACTIONS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
 class Command:
-    """What to tell the robots in this cycle.
+    """What to tell the robots in this cycle; immutable, safe to keep.
 
     Attributes:
         velocity: Velocity of each joint, in the order of `q_names`, shape (n,)
             [rad/s or m/s]. Always to be sent, also while a robot stops.
         position: The same for robots that are told positions: where the velocities
             lead until the next cycle, shape (n,) [rad or m].
-        actions: What to have each robot do.
-        blocked: Why each robot does not simply follow its operator.
-        far_joints: Joints that are told positions far from where they are.
-        passed: How much of what its operator asked for each robot was told: 1 if all
-            of it, 0 if nothing of it [-].
         verdict: What was measured, what was proven, and why.
     """
 
-    velocity: Floats
-    position: Floats
-    actions: Mapping[str, Action]
-    blocked: Mapping[str, Blocked]
-    far_joints: tuple[str, ...]
-    passed: Mapping[str, float]
-    verdict: Verdict
+    __slots__ = ("_asked", "_blocked", "_far", "_robots", "position", "velocity",
+                 "verdict")  # fmt: skip
+
+    def __init__(
+        self, told: Floats, robots: Sequence[RobotPart], verdict: Verdict
+    ) -> None:
+        n = (len(told) - len(robots)) // 4
+        self.velocity = told[:n]
+        self.position = told[n : 2 * n]
+        self._asked = told[2 * n : 3 * n]
+        self._far = told[3 * n : 4 * n]
+        self._blocked = told[4 * n :]
+        self._robots = robots
+        self.verdict = verdict
+
+    @property
+    def actions(self) -> Mapping[str, Action]:
+        """What to have each robot do."""
+        levels = self.verdict.levels
+        return {
+            part.name: ACTIONS.get(levels[part.name], Action.FOLLOW)
+            for part in self._robots
+        }
 
     @property
     def action(self) -> Action:
         """The highest of `actions`."""
         return max(self.actions.values())
+
+    @property
+    def blocked(self) -> Mapping[str, Blocked]:
+        """Why each robot does not simply follow its operator."""
+        return {
+            part.name: Blocked(int(why))
+            for part, why in zip(self._robots, self._blocked, strict=True)
+        }
+
+    @property
+    def far_joints(self) -> tuple[str, ...]:
+        """Joints that are told positions far from where they are."""
+        return tuple(
+            f"{part.name}/{joint}"
+            for part in self._robots
+            for k, joint in enumerate(part.joints)
+            if self._far[part.first_joint + k] > part.response.far
+        )
+
+    @property
+    def passed(self) -> Mapping[str, float]:
+        """How much of what its operator asked for each robot was told, in [0, 1]."""
+        return {
+            part.name: share_passed(self.velocity[own], self._asked[own])
+            for part in self._robots
+            for own in (slice(part.first_joint, part.first_joint + part.joint_count),)
+        }
+
+
+def share_passed(told: Floats, asked: Floats) -> float:
+    """How much of what was asked for was told: along it, in [0, 1]."""
+    size = float(asked @ asked)
+    if size == 0.0:
+        return 1.0
+    return min(max(float(told @ asked) / size, 0.0), 1.0)

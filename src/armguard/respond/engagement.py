@@ -1,22 +1,40 @@
 """Who follows its operator: one machine for start, stop, resume and catching up.
 
 A robot that was stopped is not given back to a command that never let go of it: its
-operator first asks for nothing, or engages it. Where positions are told, it is given
-back when they are near it; if they are not it catches up slowly, or is refused, with
-the joints named. Nothing is summed up while it is blocked, so nothing is caught up with
-at speed.
+operator first asks for nothing, or for a way that leads away from all that is near, or
+engages it. Where positions are told, it is given back when they are near it; if they
+are not it catches up slowly, or is refused, with the joints named. Nothing is summed up
+while it is blocked, so nothing is caught up with at speed.
 """
 
 from enum import IntEnum
 
-from armguard.guard.watch import BRAKING, LOST, RECOVERING, STOPPING
+from armguard.guard.watch import BRAKING, LOST, RECOVERING, RESTING, STOPPING, Watch
+from armguard.kernel import kernel
+from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
+from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
-from armguard.scene.settings import ResponseSettings
+from armguard.respond.state import (
+    BLOCKED,
+    FAR,
+    FAR_START,
+    FORM,
+    LEADS_AWAY,
+    POSITIONS,
+    RECOVER_SPEED,
+    REFUSED,
+    RESUME_SPEED,
+    RETREATS,
+    STATE,
+    TOLD_POSITIONS,
+    Response,
+)
 
-STOPS = (STOPPING, BRAKING, LOST)
+# Below this no joint counts as asked to move [rad/s or m/s].
+NOTHING_ASKED = 1e-6
 
 
-class State(IntEnum):
+class Standing(IntEnum):
     """How a robot stands to its operator."""
 
     FOLLOWING = 0
@@ -24,89 +42,77 @@ class State(IntEnum):
     WAITING = 2
 
 
-class Engagement:
-    """How one robot stands to its operator, from cycle to cycle.
+FOLLOWING = int(Standing.FOLLOWING)
+CATCHING_UP = int(Standing.CATCHING_UP)
+WAITING = int(Standing.WAITING)
 
-    Attributes:
-        state: That.
-        blocked: Why it does not simply follow.
+FOLLOWS = int(Blocked.NOT)
+STOPPED = int(Blocked.STOPPED)
+TOO_NEAR = int(Blocked.TOO_NEAR)
+CATCHES_UP = int(Blocked.CATCHING_UP)
+STARTS_FAR = int(Blocked.FAR_START)
 
-    Args:
-        settings: Settings of the robot's response.
+
+@kernel
+def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
+    """Go on by a cycle: say whether a robot follows, and how fast it may.
+
+    Returns:
+        Whether it is told anything of what is asked for.
     """
+    notes, phase = a.notes[r], v.phase[r]
+    a.speed[r] = 1.0
+    notes[RETREATS] = 0
+    if phase == STOPPING or phase == BRAKING or phase == LOST:
+        notes[STATE], notes[BLOCKED] = WAITING, STOPPED
+        notes[TOLD_POSITIONS] = notes[REFUSED] = 0
+        return False
+    if a.asking[FORM] == POSITIONS:
+        stand_to_positions(r, a, m)
+    else:
+        stand_to_velocities(r, a, m)
+    stuck = phase == RESTING and v.must[r] != 0
+    if stuck or phase == RECOVERING:
+        # Who asks for a way out is given it, whatever else he has to do first.
+        notes[BLOCKED], notes[RETREATS] = TOO_NEAR, 1
+        a.speed[r] = a.settings[r, RECOVER_SPEED]
+        return True
+    if notes[STATE] == CATCHING_UP:
+        a.speed[r] = a.settings[r, RESUME_SPEED]
+    return bool(notes[STATE] != WAITING)
 
-    def __init__(self, settings: ResponseSettings) -> None:
-        self._settings = settings
-        self.reset()
 
-    def reset(self) -> None:
-        """As at the start: whoever asks for velocities is followed."""
-        self.state = State.FOLLOWING
-        self.blocked = Blocked.NOT
-        self._asked_positions = self._refused = False
+@kernel
+def stand_to_velocities(r: int, a: Response, m: Motion) -> None:
+    """Velocities: let go once, or led away, and it follows again."""
+    notes = a.notes[r]
+    notes[TOLD_POSITIONS] = 0
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    rests = True
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        rests &= abs(a.asked[j]) <= NOTHING_ASKED
+    if notes[STATE] == CATCHING_UP or rests or notes[LEADS_AWAY] != 0:
+        notes[STATE] = FOLLOWING
+    notes[BLOCKED] = STOPPED if notes[STATE] == WAITING else FOLLOWS
 
-    def engage(self) -> None:
-        """The operator wants to go on, though what is asked for was never let go."""
-        if self.state is State.WAITING:
-            self.state = State.CATCHING_UP
 
-    def look(
-        self, phase: int, too_near: bool, resting: bool, far: float | None
-    ) -> None:
-        """Go on by a cycle.
-
-        Args:
-            phase: The robot's phase.
-            too_near: Whether it rests where not even standing still can be proven.
-            resting: Whether nothing is asked of it.
-            far: Distance between a joint and the position it is told, the largest; None
-                if velocities are told [rad or m].
-        """
-        if phase in STOPS:
-            self.state, self.blocked = State.WAITING, Blocked.STOPPED
-            self._asked_positions = self._refused = False
-            return
-        if far is None:
-            self._velocities(resting)
-        else:
-            self._positions(far)
-        if too_near or phase == RECOVERING:
-            self.blocked = Blocked.TOO_NEAR
-
-    def _velocities(self, resting: bool) -> None:
-        """Velocities: let go once, and it follows again."""
-        self._asked_positions = False
-        if self.state is State.CATCHING_UP or resting:
-            self.state = State.FOLLOWING
-        waits = self.state is State.WAITING
-        self.blocked = Blocked.STOPPED if waits else Blocked.NOT
-
-    def _positions(self, far: float) -> None:
-        """Positions: it follows those that are near it."""
-        near = far <= self._settings.far
-        if near:
-            self.state = State.FOLLOWING
-        elif not self._asked_positions and self.state is State.FOLLOWING:
-            # The first position it is told, and it is not there.
-            self._refused = self._settings.far_start == "refuse"
-            self.state = State.WAITING if self._refused else State.CATCHING_UP
-        self._asked_positions = True
-        if self.state is State.FOLLOWING:
-            self.blocked = Blocked.NOT
-        elif self.state is State.CATCHING_UP:
-            self.blocked = Blocked.CATCHING_UP
-        else:
-            self.blocked = Blocked.FAR_START if self._refused else Blocked.STOPPED
-
-    @property
-    def follows(self) -> bool:
-        """Whether it is told anything of what is asked for."""
-        return self.state is not State.WAITING
-
-    def speed_share(self, recovering: bool) -> float:
-        """Share of its top speeds it may use [-]."""
-        if recovering:
-            return self._settings.recover_speed
-        if self.state is State.CATCHING_UP:
-            return self._settings.resume_speed
-        return 1.0
+@kernel
+def stand_to_positions(r: int, a: Response, m: Motion) -> None:
+    """Positions: it follows those that are near it."""
+    notes, settings = a.notes[r], a.settings[r]
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    near = True
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        near &= a.far[j] <= settings[FAR]
+    if near:
+        notes[STATE] = FOLLOWING
+    elif notes[TOLD_POSITIONS] == 0 and notes[STATE] == FOLLOWING:
+        # The first position it is told, and it is not there.
+        notes[REFUSED] = int(settings[FAR_START])
+        notes[STATE] = WAITING if notes[REFUSED] != 0 else CATCHING_UP
+    notes[TOLD_POSITIONS] = 1
+    notes[BLOCKED] = FOLLOWS
+    if notes[STATE] == CATCHING_UP:
+        notes[BLOCKED] = CATCHES_UP
+    elif notes[STATE] == WAITING:
+        notes[BLOCKED] = STARTS_FAR if notes[REFUSED] != 0 else STOPPED

@@ -31,8 +31,8 @@ from armguard.guard.layout import (
 )
 from armguard.guard.near_pairs import row_place
 from armguard.guard.proofs import robot_of, standing_need
-from armguard.guard.watch import PERIOD, Watch, open_watch
-from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.watch import PERIOD, Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     ACCELERATION,
@@ -44,14 +44,22 @@ from armguard.motion.figures import (
 )
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import NEXT, REACTION, STILL, Motion, open_motion
+from armguard.motion.state import NEXT, REACTION, STILL, Motion
+from armguard.respond.state import (
+    BREAKS,
+    BY_PRIORITY,
+    CROWDED,
+    EQUALLY,
+    LEADS_AWAY,
+    PRIORITY,
+    RETREATS,
+    ROW_COUNT,
+    ROWS,
+    SHARING,
+    Response,
+)
 
 Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
-
-# Rows a robot's program has room for; those that no admissible velocity can break are
-# left out, which is most of them.
-ROWS = 96
 
 # Time in which a pair that is approached loses all but 1/e of what it has left [s].
 APPROACH_TIME = 0.06
@@ -68,111 +76,55 @@ NO_ROW = 1e-9
 # What a velocity may break a row by and still count as keeping it [m/s].
 GRAIN = 1e-9
 
-# Places in the settings of a robot.
-FOLLOWS = 0  # 1 if it follows its operator in this cycle
-SPEED_SHARE = 1  # of its top speeds it may use [-]
-SHARING = 2  # how pairs of two robots are shared, see below
-PRIORITY = 3  # the robot of the higher one is yielded to
-RETREATS = 4  # 1 if it wants to leave what is too near
-SETTINGS = 5
 
-# How what a pair of two robots has left is shared.
-BY_CONTRIBUTION = 0
-EQUALLY = 1
-BY_PRIORITY = 2
-
-# Places in what is found for a robot.
-ROW_COUNT = 0
-BREAKS = 1  # 1 if the target breaks a row
-CROWDED = 2  # 1 if there were more rows than room
-FOUND = 3
-
-
-@kernel(inline=False, entry=True)
-def frame_programs(
-    asked: Floats,
-    settings: Floats,
-    target: Floats,
-    low: Floats,
-    high: Floats,
-    brake: Floats,
-    rows: Floats,
-    limits: Floats,
-    found: Longs,
-    raw: Floats,
-    lines: Longs,
-) -> None:
-    """Write each robot's program: the target, between what, and the rows.
+@kernel
+def add_pairs(a: Response, w: Workspace, v: Watch, m: Motion) -> None:
+    """Add every near pair to the programs of its robots; note who leads away.
 
     Args:
-        asked: Velocities the operators ask for, all finite, shape (n,).
-        settings: A row for each robot, shape (r, SETTINGS).
-        target: Overwritten: what may be told at once of what is asked, shape (n,).
-        low: Overwritten: least velocities, shape (n,).
-        high: Overwritten: greatest velocities, shape (n,).
-        brake: Overwritten: velocities that keep every row, shape (n,).
-        rows: Overwritten: unit rows, shape (r · ROWS, n).
-        limits: Overwritten: what they must not exceed, shape (r · ROWS,).
-        found: Overwritten, see ROW_COUNT, shape (r, FOUND).
-        raw: Scratch, shape (n,).
-        lines: Ledger of the workspace, after `open_cycle`.
+        a: Responses; `target`, `low`, `high` and `brake` are written already.
+        w: Workspace, after a cycle was opened.
+        v: Watch.
+        m: Motion.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    for r in range(settings.shape[0]):
-        for k in range(FOUND):
-            found[r, k] = 0
-        frame_limits(r, asked, settings[r], target, low, high, brake, w, v, m)
+    for r in range(a.notes.shape[0]):
+        a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
+        a.notes[r, LEADS_AWAY] = 1
     for k in range(int(w.out[NEAR_COUNT])):
-        add_pair(
-            row_place(k, w),
-            settings,
-            target,
-            low,
-            high,
-            brake,
-            raw,
-            rows,
-            limits,
-            found,
-            w,
-            v,
-            m,
-        )
-    for r in range(settings.shape[0]):
-        robot = m.robot_figures[r]
-        first = int(robot[FIRST_JOINT])
-        end = first + int(robot[JOINT_COUNT])
-        for k in range(found[r, ROW_COUNT]):
+        add_pair(row_place(k, w), a, w, v, m)
+    for r in range(a.notes.shape[0]):
+        first = int(m.robot_figures[r, FIRST_JOINT])
+        end = first + int(m.robot_figures[r, JOINT_COUNT])
+        for k in range(a.notes[r, ROW_COUNT]):
             at = r * ROWS + k
             reached = 0.0
             for j in range(first, end):
-                reached += rows[at, j] * target[j]
-            if not reached <= limits[at] + GRAIN:
-                found[r, BREAKS] = 1
+                reached += a.rows[at, j] * a.target[j]
+            if not reached <= a.limits[at] + GRAIN:
+                a.notes[r, BREAKS] = 1
 
 
 @kernel
 def frame_limits(
-    r: int,
-    asked: Floats,
-    settings: Floats,
-    target: Floats,
-    low: Floats,
-    high: Floats,
-    brake: Floats,
-    w: Workspace,
-    v: Watch,
-    m: Motion,
+    r: int, follows: bool, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Write what a robot's joints can be told in this cycle, and what of it is wanted.
 
     What is asked for keeps its direction while the robot speeds up to it.
+
+    Args:
+        r: The robot.
+        follows: Whether anything of what is asked for is wanted.
+        a: Responses; `target`, `low`, `high` and `brake` are written.
+        w: Workspace.
+        v: Watch.
+        m: Motion.
     """
+    asked, target, low, high, brake = a.asked, a.target, a.low, a.high, a.brake
     robot, dt = m.robot_figures[r], v.pace[PERIOD]
     first = int(robot[FIRST_JOINT])
     end = first + int(robot[JOINT_COUNT])
-    follows, share = settings[FOLLOWS] != 0.0, settings[SPEED_SHARE]
+    share = a.speed[r]
     slower = 1.0
     for j in range(first, end):
         top = share * m.joint_figures[j, VELOCITY]
@@ -212,22 +164,9 @@ def speed_within(way: float, j: int, r: int, m: Motion) -> float:
 
 
 @kernel
-def add_pair(
-    place: int,
-    settings: Floats,
-    target: Floats,
-    low: Floats,
-    high: Floats,
-    brake: Floats,
-    raw: Floats,
-    rows: Floats,
-    limits: Floats,
-    found: Longs,
-    w: Workspace,
-    v: Watch,
-    m: Motion,
-) -> None:
+def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None:
     """Add what a near pair asks of its robots to their programs."""
+    raw, target = a.raw, a.target
     out = w.out
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
@@ -245,17 +184,17 @@ def add_pair(
         r = robot_i if side == 0 else robot_j
         if r < 0 or (side == 1 and r == robot_i):
             continue
-        if resting < 0.0 and settings[r, RETREATS] != 0.0:
-            only_away(r, raw, target, low, high, m)
+        if closing_of(r, raw, a.asked, m) > GRAIN:
+            a.notes[r, LEADS_AWAY] = 0
+        if resting < 0.0 and a.notes[r, RETREATS] != 0:
+            only_away(r, a, m)
             continue
         part = 1.0
         if robot_j >= 0 and robot_i != robot_j:
             other = robot_j if side == 0 else robot_i
             own, its = (closing_i, closing_j) if side == 0 else (closing_j, closing_i)
-            part = part_of(r, other, own, its, settings)
-        add_row(
-            r, part, allowed, raw, target, low, high, brake, rows, limits, found, v, m
-        )
+            part = part_of(r, other, own, its, a.settings)
+        add_row(r, part * allowed, a, v, m)
 
 
 @kernel
@@ -315,10 +254,9 @@ def part_of(r: int, other: int, own: float, its: float, settings: Floats) -> flo
 
 
 @kernel
-def only_away(
-    r: int, raw: Floats, target: Floats, low: Floats, high: Floats, m: Motion
-) -> None:
+def only_away(r: int, a: Response, m: Motion) -> None:
     """Let each joint of a robot move only as it leads away, whatever the others do."""
+    raw, target, low, high = a.raw, a.target, a.low, a.high
     first = int(m.robot_figures[r, FIRST_JOINT])
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         if raw[j] > NO_ROW:
@@ -331,31 +269,25 @@ def only_away(
 
 
 @kernel
-def add_row(
-    r: int,
-    part: float,
-    allowed: float,
-    raw: Floats,
-    target: Floats,
-    low: Floats,
-    high: Floats,
-    brake: Floats,
-    rows: Floats,
-    limits: Floats,
-    found: Longs,
-    v: Watch,
-    m: Motion,
-) -> None:
-    """Add a pair's row to a robot's program, unless nothing in reach can break it."""
+def add_row(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+    """Add a pair's row to a robot's program, unless nothing in reach can break it.
+
+    Args:
+        r: The robot.
+        limit: Its share of what the pair may lose in this cycle [m].
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        v: Watch.
+        m: Motion.
+    """
+    raw, rows, limits = a.raw, a.rows, a.limits
     dt = v.pace[PERIOD]
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
-    at = r * ROWS + found[r, ROW_COUNT]
-    if found[r, ROW_COUNT] == ROWS:
-        found[r, CROWDED] = 1
+    at = r * ROWS + a.notes[r, ROW_COUNT]
+    if a.notes[r, ROW_COUNT] == ROWS:
+        a.notes[r, CROWDED] = 1
         return
-    limit = part * allowed
     length = most = least = 0.0
     for j in range(first, end):
         figures = m.joint_figures[j]
@@ -376,49 +308,32 @@ def add_row(
         return
     for j in range(first, end):
         rows[at, j] /= length
-        least += rows[at, j] * brake[j]
-        most += rows[at, j] * (high[j] if rows[at, j] > 0.0 else low[j])
+        least += rows[at, j] * a.brake[j]
+        most += rows[at, j] * (a.high[j] if rows[at, j] > 0.0 else a.low[j])
     limits[at] = max(limit / length, least)
     if most > limits[at]:
-        found[r, ROW_COUNT] += 1
+        a.notes[r, ROW_COUNT] += 1
 
 
-@kernel(inline=False, entry=True)
-def scale_back(
-    r: int,
-    target: Floats,
-    brake: Floats,
-    rows: Floats,
-    limits: Floats,
-    found: Longs,
-    lines: Longs,
-) -> float:
+@kernel
+def scale_back(r: int, a: Response, m: Motion) -> float:
     """Take as much of a robot's target as its rows allow, along its own direction.
-
-    Args:
-        r: The robot.
-        target: See `frame_programs`; the robot's part is replaced.
-        brake: The same.
-        rows: The same.
-        limits: The same.
-        found: The same.
-        lines: Ledger of the workspace.
 
     Returns:
         How much of the target is left, the rest being the declared stop [-].
     """
-    m = open_motion(open_workspace(lines).parts[MOTION])
+    target, brake = a.target, a.brake
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     part = 1.0
-    for k in range(found[r, ROW_COUNT]):
+    for k in range(a.notes[r, ROW_COUNT]):
         at = r * ROWS + k
         from_brake = to_target = 0.0
         for j in range(first, end):
-            from_brake += rows[at, j] * brake[j]
-            to_target += rows[at, j] * (target[j] - brake[j])
+            from_brake += a.rows[at, j] * brake[j]
+            to_target += a.rows[at, j] * (target[j] - brake[j])
         if to_target > 0.0:
-            part = min(part, max(limits[at] - from_brake, 0.0) / to_target)
+            part = min(part, max(a.limits[at] - from_brake, 0.0) / to_target)
     for j in range(first, end):
         target[j] = brake[j] + part * (target[j] - brake[j])
     return part

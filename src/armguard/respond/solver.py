@@ -35,6 +35,7 @@ def nearest_velocity(
     Returns:
         The velocity, shape (n,); None if there is none, or none was found.
     """
+    rows = np.ascontiguousarray(rows)
     finite = np.isfinite(target).all() and np.isfinite(rows).all()
     if not (finite and np.isfinite(limits).all()):
         return None

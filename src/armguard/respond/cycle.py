@@ -1,0 +1,182 @@
+"""Between the halves of a filtered cycle: from what is asked for to what is told.
+
+What is asked for -> who follows -> limits -> rows -> the target, or a program to be
+solved -> (proof) -> what is told, and what is held.
+"""
+
+from math import isfinite, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.filtered_cycle import close_cycle
+from armguard.guard.levels import Reason
+from armguard.guard.watch import FORCED, PERIOD, RESTING, Watch, open_watch
+from armguard.guard.workspace import MOTION, SELF, WATCH, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    DECELERATION,
+    FIRST_JOINT,
+    JOINT_COUNT,
+    POSITION_ERROR,
+)
+from armguard.motion.state import Motion, open_motion
+from armguard.respond.command import Blocked
+from armguard.respond.engagement import NOTHING_ASKED, engage
+from armguard.respond.program import add_pairs, frame_limits, scale_back
+from armguard.respond.state import (
+    BLOCKED,
+    BREAKS,
+    DEFLECT,
+    FORM,
+    KIND,
+    POSITIONS,
+    RETREATS,
+    SLOW,
+    Response,
+    open_response,
+)
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+WRONG_COMMAND = int(Reason.WRONG_COMMAND)
+NO_WAY = int(Reason.NO_WAY)
+BLOCKED_NO_WAY = int(Blocked.NO_WAY)
+PINCHED = int(Blocked.PINCHED)
+
+# Share of the least deceleration with which a joint goes to a position [-].
+GENTLE = 0.5
+
+# How far what was told may lead the measured positions before it is drawn back [s].
+LEAD_TIME = 0.1
+
+
+@kernel(inline=False, entry=True)
+def respond(response: Longs, lines: Longs) -> int:
+    """Turn what is asked for into a target that is to be proven.
+
+    Args:
+        response: Ledger of the responses; `asked` or `goal` is written already.
+        lines: Ledger of the workspace, after `open_cycle`.
+
+    Returns:
+        Robots whose program is to be solved, a bit for each.
+    """
+    a, w = open_response(response), open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    if v.sent_count[0] == 0:
+        for j in range(a.held.shape[0]):
+            a.held[j] = m.q[j]
+    take_asked(a, v, m)
+    for r in range(a.notes.shape[0]):
+        follows = engage(r, a, v, m)
+        frame_limits(r, follows, a, w, v, m)
+    add_pairs(a, w, v, m)
+    open_programs = 0
+    for r in range(a.notes.shape[0]):
+        if a.notes[r, BREAKS] != 0:
+            if a.settings[r, KIND] == SLOW:
+                scale_back(r, a, m)
+            elif a.settings[r, KIND] == DEFLECT:
+                open_programs |= 1 << r
+    return open_programs
+
+
+@kernel
+def take_asked(a: Response, v: Watch, m: Motion) -> None:
+    """Check what is asked for; where positions are, turn them into velocities."""
+    positions = a.asking[FORM] == POSITIONS
+    wrong = False
+    for j in range(a.asked.shape[0]):
+        wrong |= not isfinite(a.goal[j] if positions else a.asked[j])
+    for j in range(a.asked.shape[0]):
+        a.far[j] = 0.0
+        if wrong:
+            a.asked[j] = 0.0
+        elif positions:
+            way = a.goal[j] - a.held[j]
+            a.far[j] = abs(way)
+            speed = speed_to(a.far[j], m.joint_figures[j, DECELERATION], v.pace[PERIOD])
+            a.asked[j] = speed if way > 0.0 else -speed
+    if wrong:
+        v.last[FORCED] = WRONG_COMMAND
+
+
+@kernel
+def speed_to(way: float, deceleration: float, period: float) -> float:
+    """Speed that leads a way far and stops there, a cycle at that speed included."""
+    d = GENTLE * deceleration
+    speed = d * (sqrt(period * period + 2.0 * way / d) - period)
+    return float(min(way / period, speed))
+
+
+@kernel(inline=False, entry=True)
+def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
+    """Prove the target, order stops, and write what the robots are told.
+
+    Args:
+        judged: What `open_cycle` returned.
+        unsolved: Robots whose program has no solution, a bit for each.
+        response: Ledger of the responses.
+        lines: Ledger of the workspace.
+
+    Returns:
+        How many places of the workspace's `out` were used.
+    """
+    a, w = open_response(response), open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    for r in range(a.notes.shape[0]):
+        a.recover[r] = 0
+        if judged:
+            settle_target(r, (unsolved >> r) & 1, a, v, m)
+    for j in range(a.target.shape[0]):
+        v.wanted[j] = a.target[j]
+    used = close_cycle(judged, a.recover, a.yields, w.parts[SELF])
+    hold(judged, a, v, m)
+    tell(a, v)
+    return int(used)
+
+
+@kernel
+def settle_target(r: int, unsolved: int, a: Response, v: Watch, m: Motion) -> None:
+    """Take the declared stop where nothing was found; say who leaves what is near."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    moves, room = False, False
+    for j in range(first, end):
+        if unsolved != 0:
+            a.target[j] = a.brake[j]
+        moves |= abs(a.target[j]) > NOTHING_ASKED
+        room |= a.low[j] < 0.0 or a.high[j] > 0.0
+    if unsolved != 0:
+        v.last[FORCED] = NO_WAY
+        a.notes[r, BLOCKED] = BLOCKED_NO_WAY
+    if v.phase[r] == RESTING and a.notes[r, RETREATS] != 0:
+        a.recover[r] = 1 if moves else 0
+        if not room:
+            a.notes[r, BLOCKED] = PINCHED
+
+
+@kernel
+def hold(judged: bool, a: Response, v: Watch, m: Motion) -> None:
+    """Sum up where the joints were told to be; never far from where they are."""
+    for j in range(a.held.shape[0]):
+        a.held[j] += v.wanted[j] * v.pace[PERIOD]
+        if judged:
+            fastest = max(abs(v.wanted[j]), -m.v_low[j], m.v_high[j])
+            room = LEAD_TIME * fastest + 2.0 * m.joint_figures[j, POSITION_ERROR]
+            a.held[j] = min(max(a.held[j], m.q[j] - room), m.q[j] + room)
+
+
+@kernel
+def tell(a: Response, v: Watch) -> None:
+    """Write what is handed out, see `Command`."""
+    n = a.held.shape[0]
+    for j in range(n):
+        a.told[j] = v.wanted[j]
+        a.told[n + j] = a.held[j]
+        a.told[2 * n + j] = a.asked[j]
+        a.told[3 * n + j] = a.far[j]
+    for r in range(a.notes.shape[0]):
+        a.told[4 * n + r] = a.notes[r, BLOCKED]

@@ -1,0 +1,181 @@
+"""What responding needs and remembers: arrays made once, written every cycle."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.kernel import kernel
+from armguard.ledger import (
+    Ledger,
+    matrix_f8,
+    matrix_i8,
+    vector_f8,
+    vector_i8,
+)
+from armguard.scene.settings import FarStart, ResponseName, Sharing
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+# Rows a robot's program has room for; those that no admissible velocity can break are
+# left out, which is most of them.
+ROWS = 96
+
+# Places in the settings of a robot.
+KIND = 0  # its response, see KINDS
+SHARING = 1  # how pairs of two robots are shared, see SHARINGS
+PRIORITY = 2  # the robot of the higher one is yielded to
+RECOVER_SPEED = 3  # shares of top speeds [-]
+RESUME_SPEED = 4
+FAR = 5  # [rad or m]
+FAR_START = 6  # 1 if a first position far away is refused
+SETTINGS = 7
+
+# Responses by number.
+STOP = 0
+SLOW = 1
+DEFLECT = 2
+KINDS: dict[ResponseName, int] = {"stop": STOP, "slow": SLOW, "deflect": DEFLECT}
+
+# How what a pair of two robots has left is shared.
+BY_CONTRIBUTION = 0
+EQUALLY = 1
+BY_PRIORITY = 2
+SHARINGS: dict[Sharing, int] = {
+    "contribution": BY_CONTRIBUTION,
+    "equal": EQUALLY,
+    "priority": BY_PRIORITY,
+}
+FAR_STARTS: dict[FarStart, int] = {"ramp": 0, "refuse": 1}
+
+# Places in what is remembered and found of a robot.
+STATE = 0  # how it stands to its operator, see `engagement`
+BLOCKED = 1  # why it does not simply follow, see `Blocked`
+TOLD_POSITIONS = 2  # 1 if its operator told it positions in the last cycle
+REFUSED = 3  # 1 if it waits since a first position was far away
+RETREATS = 4  # 1 if it is to leave what is too near
+ROW_COUNT = 5
+BREAKS = 6  # 1 if its target breaks a row
+CROWDED = 7  # 1 if there were more rows than room
+LEADS_AWAY = 8  # 1 if what is asked for closes no near pair of it
+NOTES = 9
+
+# What operators tell, in `asking`.
+FORM = 0
+VELOCITIES = 0
+POSITIONS = 1
+ASKING = 1
+
+
+class Response(NamedTuple):
+    """Arrays of one guard's responses.
+
+    Attributes:
+        settings: Settings of each robot, shape (r, SETTINGS).
+        notes: What is remembered and found of each, shape (r, NOTES).
+        asking: See FORM, shape (ASKING,).
+        asked: Velocities the operators ask for, shape (n,).
+        goal: Positions they ask for, shape (n,).
+        far: How far the joints are from these, shape (n,).
+        held: Where the joints were told to be by now, shape (n,).
+        target: What may be told at once of what is asked, shape (n,).
+        low: Least velocities, shape (n,).
+        high: Greatest velocities, shape (n,).
+        brake: Velocities that keep every row, shape (n,).
+        raw: Scratch for a row, shape (n,).
+        rows: Unit rows of each robot's program, shape (r · ROWS, n).
+        limits: What they must not exceed, shape (r · ROWS,).
+        speed: Share of its top speeds each robot may use, shape (r,) [-].
+        recover: 1 for a robot that is to leave what is too near, shape (r,).
+        yields: 1 for one of which less than it wants may be told before it is stopped,
+            shape (r,).
+        told: What is handed out, see `Command`, shape (4 n + r,).
+    """
+
+    settings: Floats
+    notes: Longs
+    asking: Longs
+    asked: Floats
+    goal: Floats
+    far: Floats
+    held: Floats
+    target: Floats
+    low: Floats
+    high: Floats
+    brake: Floats
+    raw: Floats
+    rows: Floats
+    limits: Floats
+    speed: Floats
+    recover: Longs
+    yields: Longs
+    told: Floats
+
+
+def response_ledger(response: Response) -> Ledger:
+    """The arrays in the order `open_response` expects."""
+    return Ledger(response)
+
+
+@kernel
+def open_response(lines: Longs) -> Response:
+    """The responses a ledger leads to."""
+    return Response(
+        matrix_f8(lines, 0),
+        matrix_i8(lines, 1),
+        vector_i8(lines, 2),
+        vector_f8(lines, 3),
+        vector_f8(lines, 4),
+        vector_f8(lines, 5),
+        vector_f8(lines, 6),
+        vector_f8(lines, 7),
+        vector_f8(lines, 8),
+        vector_f8(lines, 9),
+        vector_f8(lines, 10),
+        vector_f8(lines, 11),
+        matrix_f8(lines, 12),
+        vector_f8(lines, 13),
+        vector_f8(lines, 14),
+        vector_i8(lines, 15),
+        vector_i8(lines, 16),
+        vector_f8(lines, 17),
+    )
+
+
+def response_of(tables: SceneTables) -> Response:
+    """Arrays for the responses of a scene."""
+    n, robots = len(tables.q_names), len(tables.robots)
+    settings = np.zeros((robots, SETTINGS))
+    for row, part in zip(settings, tables.robots, strict=True):
+        chosen = part.response
+        row[KIND] = KINDS[chosen.kind]
+        row[SHARING] = SHARINGS[chosen.sharing]
+        row[PRIORITY] = chosen.priority
+        row[RECOVER_SPEED] = chosen.recover_speed
+        row[RESUME_SPEED] = chosen.resume_speed
+        row[FAR] = chosen.far
+        row[FAR_START] = FAR_STARTS[chosen.far_start]
+    return Response(
+        settings=settings,
+        notes=np.zeros((robots, NOTES), dtype=np.int64),
+        asking=np.zeros(ASKING, dtype=np.int64),
+        asked=np.zeros(n),
+        goal=np.zeros(n),
+        far=np.zeros(n),
+        held=np.zeros(n),
+        target=np.zeros(n),
+        low=np.zeros(n),
+        high=np.zeros(n),
+        brake=np.zeros(n),
+        raw=np.zeros(n),
+        rows=np.zeros((robots * ROWS, n)),
+        limits=np.zeros(robots * ROWS),
+        speed=np.zeros(robots),
+        recover=np.zeros(robots, dtype=np.int64),
+        yields=np.array(
+            [part.response.kind != "stop" for part in tables.robots], np.int64
+        ),
+        told=np.zeros(4 * n + robots),
+    )
