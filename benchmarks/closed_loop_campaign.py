@@ -123,7 +123,7 @@ def main() -> int:
         told(figures)
         kept = not plan.zero and plan.weak_brake == 1.0
         broken |= kept and figures["contacts"] > 0
-        if plan.guard in ("armguard", "reference"):
+        if plan.guard in ("armguard", "filter", "reference"):
             keep(plan.name, figures)
     return int(broken)
 

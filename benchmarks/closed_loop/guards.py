@@ -90,6 +90,7 @@ def reference(scene: Scene, setting: Setting) -> Guarding:
 
 GUARDS: Mapping[str, Callable[[Scene, Setting], Guarding]] = {
     "armguard": lambda scene, setting: Guard(scene, self_test=False),
+    "filter": lambda scene, setting: Guard(scene, self_test=False),
     "threshold": lambda scene, setting: Threshold(setting),
     "keeper": lambda scene, setting: Keeper(scene),
     "stopper": lambda scene, setting: Stopper(scene),

@@ -6,6 +6,7 @@ from typing import Any
 
 from closed_loop.arena import Arena
 from closed_loop.episode import Episode
+from closed_loop.filtered import FilteredEpisode
 from closed_loop.settings import Setting, setting_of
 from closed_loop.zeroing import enlarged, told
 
@@ -87,7 +88,8 @@ def work(task: tuple[Plan, int]) -> Mapping[str, Any]:
     term = plan.zero or plan.large
     # Who breaks his word does so in every way at once.
     attack = term is not None or plan.weak_brake != 1.0
-    episode = Episode(
+    kind = FilteredEpisode if plan.guard == "filter" else Episode
+    episode = kind(
         arena_of(plan, seed),
         seed,
         duration=plan.duration,

@@ -300,7 +300,8 @@ def prove_pair(
     distance = out[place + WITNESS]
     need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
-    relief = relief_of(i, j, distance - whole, v, m)
+    floor = w.buffers[w.groups[i], w.groups[j]]
+    relief = relief_of(i, j, distance - whole, floor, v, m)
     need -= relief
     whole -= relief
     shared = shared_joints(w.bodies[i], w.bodies[j], m)
@@ -342,7 +343,7 @@ def prove_pair(
 
 
 @kernel
-def relief_of(i: int, j: int, spare: float, v: Watch, m: Motion) -> float:
+def relief_of(i: int, j: int, spare: float, floor: float, v: Watch, m: Motion) -> float:
     """What is taken off a pair's need while a robot leaves what is too near [m].
 
     A pair that would be too near at rest as well need only not come nearer, but for
@@ -353,6 +354,7 @@ def relief_of(i: int, j: int, spare: float, v: Watch, m: Motion) -> float:
         i: Lower primitive.
         j: Higher primitive.
         spare: Distance beyond what the pair needs besides joints [m].
+        floor: What of that need is no error, but asked for [m].
         v: Watch; the deficits of resting robots are noted.
         m: Motion.
     """
@@ -375,7 +377,9 @@ def relief_of(i: int, j: int, spare: float, v: Watch, m: Motion) -> float:
         if v.phase[r] == RECOVERING:
             v.relieved[r] = 1
             most = max(most, v.relief[r] + SINK)
-    return float(min(SINK - spare, most))
+    relief = min(SINK - spare, most)
+    # What surely does not touch has to stay so.
+    return float(min(relief, floor) if spare + floor >= 0.0 else relief)
 
 
 @kernel

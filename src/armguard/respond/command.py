@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.levels import Level
 from armguard.guard.verdict import Verdict
+from armguard.guard.watch import RECOVERING, RUNNING
 from armguard.scene.tables import RobotPart
 
 Floats = NDArray[np.float64]
@@ -20,8 +21,8 @@ class Action(IntEnum):
     """Send it the velocities."""
 
     STOP = 10
-    """A controlled stop, power stays (IEC 60204-1 category 2): the velocities lead to
-    it as the figures declare it, or the robot's own stop does."""
+    """A controlled stop, power stays, standstill is held (IEC 60204-1 category 2): the
+    velocities lead to it as the figures declare it, or the robot's own stop does."""
 
     BRAKE = 20
     """Remove power at once (category 0): the stop is not what was declared."""
@@ -56,8 +57,11 @@ class Blocked(IntEnum):
     """No velocity was found that keeps all it must; it is stopped."""
 
 
+# Phases in which a robot moves as it is told. One that rests until it may go on is to
+# be held where it is, as after any stop.
+DRIVEN = (RUNNING, RECOVERING)
+
 ACTIONS = {
-    Level.STOP: Action.STOP,
     Level.BRAKE: Action.BRAKE,
     Level.HARDWARE_STOP: Action.HARDWARE_STOP,
 }
@@ -74,18 +78,20 @@ class Command:
         verdict: What was measured, what was proven, and why.
     """
 
-    __slots__ = ("_asked", "_blocked", "_far", "_robots", "position", "velocity",
-                 "verdict")  # fmt: skip
+    __slots__ = ("_asked", "_blocked", "_far", "_phases", "_robots", "position",
+                 "velocity", "verdict")  # fmt: skip
 
     def __init__(
         self, told: Floats, robots: Sequence[RobotPart], verdict: Verdict
     ) -> None:
-        n = (len(told) - len(robots)) // 4
+        r = len(robots)
+        n = (len(told) - 2 * r) // 4
         self.velocity = told[:n]
         self.position = told[n : 2 * n]
         self._asked = told[2 * n : 3 * n]
         self._far = told[3 * n : 4 * n]
-        self._blocked = told[4 * n :]
+        self._blocked = told[len(told) - 2 * r : len(told) - r]
+        self._phases = told[len(told) - r :]
         self._robots = robots
         self.verdict = verdict
 
@@ -94,8 +100,10 @@ class Command:
         """What to have each robot do."""
         levels = self.verdict.levels
         return {
-            part.name: ACTIONS.get(levels[part.name], Action.FOLLOW)
-            for part in self._robots
+            part.name: Action.FOLLOW
+            if phase in DRIVEN
+            else ACTIONS.get(levels[part.name], Action.STOP)
+            for part, phase in zip(self._robots, self._phases, strict=True)
         }
 
     @property

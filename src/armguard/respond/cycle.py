@@ -180,3 +180,4 @@ def tell(a: Response, v: Watch) -> None:
         a.told[3 * n + j] = a.far[j]
     for r in range(a.notes.shape[0]):
         a.told[4 * n + r] = a.notes[r, BLOCKED]
+        a.told[4 * n + a.notes.shape[0] + r] = v.phase[r]

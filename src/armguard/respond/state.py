@@ -91,7 +91,7 @@ class Response(NamedTuple):
         recover: 1 for a robot that is to leave what is too near, shape (r,).
         yields: 1 for one of which less than it wants may be told before it is stopped,
             shape (r,).
-        told: What is handed out, see `Command`, shape (4 n + r,).
+        told: What is handed out, see `Command`, shape (4 n + 2 r,).
     """
 
     settings: Floats
@@ -177,5 +177,5 @@ def response_of(tables: SceneTables) -> Response:
         yields=np.array(
             [part.response.kind != "stop" for part in tables.robots], np.int64
         ),
-        told=np.zeros(4 * n + robots),
+        told=np.zeros(4 * n + 2 * robots),
     )
