@@ -38,26 +38,31 @@ NOT_FOLLOWED = int(Reason.NOT_FOLLOWED)
 
 
 @kernel
-def under_way(j: int, v: Watch, m: Motion) -> tuple[float, float]:
-    """Least and greatest velocity a joint may have been told and not reached yet."""
-    r = int(m.robot_of_joint[j])
+def look_under_way(v: Watch, m: Motion) -> None:
+    """Write between which velocities joints were told to be and may not be yet."""
     room, count = v.sent_at.shape[0], v.sent_count[0]
-    measured = v.stamps[r] - unknown_age(r, v, m)
-    since = measured - m.robot_figures[r, COMMAND]
-    low, high = inf, -inf
-    for back in range(min(room, count)):
-        k = (count - 1 - back) % room
-        low, high = min(low, v.sent[k, j]), max(high, v.sent[k, j])
-        if v.sent_at[k] <= since:
-            return (low, high)
-    if count == 0:
-        return (0.0, 0.0)
-    if count <= room:
+    for j in range(m.q.shape[0]):
+        r = int(m.robot_of_joint[j])
+        measured = v.stamps[r] - unknown_age(r, v, m)
+        since = measured - m.robot_figures[r, COMMAND]
         # Before the first command it was told to stand still.
-        return (min(low, 0.0), max(high, 0.0))
-    # Cycles come so often that older commands are forgotten, and may be under way.
-    top = m.joint_figures[j, VELOCITY]
-    return (-top, top)
+        low, high = (0.0, 0.0) if count <= room else (inf, -inf)
+        known = count <= room
+        for back in range(min(room, count)):
+            k = (count - 1 - back) % room
+            if back == 0:
+                low = high = v.sent[k, j]
+            low, high = min(low, v.sent[k, j]), max(high, v.sent[k, j])
+            if v.sent_at[k] <= since:
+                known = True
+                break
+            if back == count - 1:
+                low, high = min(low, 0.0), max(high, 0.0)
+        if not known:
+            # Cycles come so often that older ones are forgotten, and may be under way.
+            high = m.joint_figures[j, VELOCITY]
+            low = -high
+        v.under_way[j, 0], v.under_way[j, 1] = low, high
 
 
 @kernel
@@ -72,7 +77,7 @@ def set_drives(v: Watch, m: Motion) -> None:
         top, error = m.joint_figures[j, VELOCITY], m.joint_figures[j, TRACKING]
         low, high = -top, top
         if v.given[COMMANDED] != 0.0:
-            low, high = under_way(j, v, m)
+            low, high = v.under_way[j, 0], v.under_way[j, 1]
         for plan in range(2):
             if plan == NEXT and v.given[COMMANDED] != 0.0:
                 low, high = min(low, v.wanted[j]), max(high, v.wanted[j])
@@ -84,11 +89,10 @@ def set_drives(v: Watch, m: Motion) -> None:
 
 
 @kernel
-def is_new(v: Watch, m: Motion) -> bool:
+def is_new(v: Watch) -> bool:
     """Whether what is wanted lets any joint do more than what is under way."""
     for j in range(v.wanted.shape[0]):
-        low, high = under_way(j, v, m)
-        if not low <= v.wanted[j] <= high:
+        if not v.under_way[j, 0] <= v.wanted[j] <= v.under_way[j, 1]:
             return True
     return False
 
@@ -105,8 +109,7 @@ def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
     """
     first = int(m.robot_figures[r, FIRST_JOINT])
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        low, high = under_way(j, v, m)
-        known = min(max(v.wanted[j], low), high)
+        known = min(max(v.wanted[j], v.under_way[j, 0]), v.under_way[j, 1])
         v.wanted[j] = known + share * (v.wanted[j] - known)
 
 
@@ -171,6 +174,7 @@ def send(v: Watch, m: Motion) -> None:
     for j in range(v.wanted.shape[0]):
         v.sent[k, j] = v.wanted[j]
     v.sent_count[0] = count + 1
+    look_under_way(v, m)
     for j in range(v.wanted.shape[0]):
-        low, high = under_way(j, v, m)
-        v.band[j, 0], v.band[j, 1] = min(low, m.v_low[j]), max(high, m.v_high[j])
+        v.band[j, 0] = min(v.under_way[j, 0], m.v_low[j])
+        v.band[j, 1] = max(v.under_way[j, 1], m.v_high[j])

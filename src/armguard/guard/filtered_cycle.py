@@ -21,12 +21,10 @@ from armguard.guard.commands import (
 )
 from armguard.guard.cycle import clear_header, report_limits
 from armguard.guard.guarded_cycle import (
-    conclude,
     forget_demands,
-    judge_now,
-    refuse,
+    judge_input,
 )
-from armguard.guard.layout import JOINT, NEAR_COUNT, NEAR_WIDTH, REASON, VALUE
+from armguard.guard.layout import JOINT, REASON, VALUE
 from armguard.guard.levels import Reason
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
@@ -38,9 +36,10 @@ from armguard.guard.watch import (
     open_watch,
 )
 from armguard.guard.workspace import (
-    FIRST_ROW,
+    CONCLUDE,
     JUDGE,
     MOTION,
+    REFUSE,
     SELF,
     WATCH,
     open_workspace,
@@ -76,53 +75,44 @@ def open_cycle(q: Floats, lines: Longs) -> bool:
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = last_sent(j, v)
     clear_header(w)
-    if not judge_now(q, lines):
+    if not judge_input(q, w):
         return False
     report_limits(q, w.lower, w.upper, w.out)
     if w.out[REASON] == OUT_OF_LIMITS:
-        refuse(w.parts[SELF])
+        call_for_nothing(w.parts[REFUSE], (w.parts[SELF],))
         return False
     joint = unfollowed_joint(v, m)
     if joint >= 0:
         w.out[REASON], w.out[JOINT] = NOT_FOLLOWED, joint
         w.out[VALUE] = 0.5 * (m.v_low[joint] + m.v_high[joint])
-        refuse(w.parts[SELF])
+        call_for_nothing(w.parts[REFUSE], (w.parts[SELF],))
         return False
     return True
 
 
 @kernel(inline=False)
-def close_cycle(judged: bool, recover: Longs, yields: Longs, lines: int) -> int:
+def close_cycle(judged: int, lines: int) -> None:
     """Second half: prove what is wanted, or less of it; order stops; send.
 
     Args:
         judged: What `open_cycle` returned.
-        recover: 1 for a robot at rest that wants to leave what is too near, shape (r,).
-        yields: 1 for a robot of which less than it wants may be told before it is
-            stopped, shape (r,).
         lines: Address of the ledger of a workspace; `wanted` of its watch is what is to
             be proven, and afterwards what is sent.
-
-    Returns:
-        How many places of the workspace's `out` were used.
     """
     w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    rows = int(w.settings[FIRST_ROW])
-    if not judged:
-        send(v, m)
-        return rows
-    begin_recoveries(recover, v)
-    prove_wanted(recover, yields, w.parts[SELF])
-    end_recoveries(v)
-    conclude(w.parts[SELF])
+    if judged != 0:
+        begin_recoveries(v)
+        prove_wanted(w.parts[SELF])
+        end_recoveries(v)
+        call_for_nothing(w.parts[CONCLUDE], (w.parts[SELF],))
     send(v, m)
-    return rows + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
 
 
 @kernel
-def begin_recoveries(recover: Longs, v: Watch) -> None:
+def begin_recoveries(v: Watch) -> None:
     """Let robots at rest try to leave what is too near."""
+    recover = v.recover
     for r in range(recover.shape[0]):
         if recover[r] != 0 and v.phase[r] == RESTING and v.must[r] != 0:
             v.phase[r] = RECOVERING
@@ -132,26 +122,26 @@ def begin_recoveries(recover: Longs, v: Watch) -> None:
 
 
 @kernel(inline=False)
-def prove_wanted(recover: Longs, yields: Longs, lines: int) -> None:
+def prove_wanted(lines: int) -> None:
     """Prove what is wanted, taking it back until that succeeds."""
     w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     begun = False
-    for r in range(recover.shape[0]):
-        begun |= recover[r] != 0
+    for r in range(v.recover.shape[0]):
+        begun |= v.recover[r] != 0
         if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
             keep_under_way(r, 0.0, v, m)
-    if not (begun or is_new(v, m)):
+    if not (begun or is_new(v)):
         return
     judge_again(lines)
     for k in range(len(SHARES)):
-        if not take_back(SHARES[k], recover, yields, v, m):
+        if not take_back(SHARES[k], v, m):
             return
         judge_again(lines)
 
 
 @kernel
-def take_back(share: float, recover: Longs, yields: Longs, v: Watch, m: Motion) -> bool:
+def take_back(share: float, v: Watch, m: Motion) -> bool:
     """Take back what robots want that must stop for it.
 
     Returns:
@@ -161,12 +151,12 @@ def take_back(share: float, recover: Longs, yields: Longs, v: Watch, m: Motion) 
     for r in range(v.must.shape[0]):
         if v.must[r] == 0:
             continue
-        if recover[r] != 0 and share == 0.0:
+        if v.recover[r] != 0 and share == 0.0:
             # It does not lead away after all.
             v.phase[r] = RESTING
-            recover[r] = 0
+            v.recover[r] = 0
             found = True
-        elif v.phase[r] == RECOVERING or (v.phase[r] == RUNNING and yields[r] != 0):
+        elif v.phase[r] == RECOVERING or (v.phase[r] == RUNNING and v.yields[r] != 0):
             keep_under_way(r, share, v, m)
             found = True
     return found

@@ -4,11 +4,12 @@ Joint angles -> are they to be believed? -> stops that may come -> poses -> inde
 pairs, each proven -> orders -> levels.
 """
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_nothing
-from armguard.guard.commands import set_drives
+from armguard.address import call_for_nothing, pointer
+from armguard.guard.commands import look_under_way, set_drives
 from armguard.guard.cycle import (
     clear_header,
     positions_are_finite,
@@ -27,13 +28,17 @@ from armguard.guard.stops import (
     stop_everything,
     supervise_stops,
 )
-from armguard.guard.watch import COMMANDED, FORCED, Watch, open_watch
+from armguard.guard.watch import COMMANDED, FORCED, JUDGED, Watch, open_watch
 from armguard.guard.workspace import (
+    CONCLUDE,
     JUDGE,
     MOTION,
     REBUILD,
+    REFUSE,
     SELF,
+    TAKE,
     WATCH,
+    Workspace,
     open_workspace,
 )
 from armguard.kernel import kernel
@@ -69,30 +74,49 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     out, parts = w.out, w.parts
     open_watch(parts[WATCH]).given[COMMANDED] = 0.0
     rows = clear_header(w)
-    if not judge_now(q, lines):
+    if not judge_input(q, w):
         return rows
-    conclude(parts[SELF])
+    call_for_nothing(parts[CONCLUDE], (parts[SELF],))
     report_limits(q, w.lower, w.upper, out)
     if out[REASON] == OUT_OF_LIMITS:
-        refuse(parts[SELF])
+        call_for_nothing(parts[REFUSE], (parts[SELF],))
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
 
 
 @kernel
-def judge_now(q: Floats, lines: Longs) -> bool:
+def judge_input(q: Floats, w: Workspace) -> bool:
     """Take over the input of a cycle, rebuild the world and judge every pair.
 
     Returns:
         Whether the input could be judged; if not, every robot is stopped.
     """
-    w = open_workspace(lines)
+    parts = w.parts
+    call_for_nothing(parts[TAKE], (q.ctypes.data, q.shape[0], parts[SELF]))
+    return bool(open_watch(parts[WATCH]).given[JUDGED] != 0.0)
+
+
+@kernel(inline=False)
+def take_input(positions: int, count: int, lines: int) -> None:
+    """Judge every pair, or stop everything for an input that cannot be believed.
+
+    Args:
+        positions: Address of the joint positions.
+        count: How many there are.
+        lines: Address of the ledger; whether the input could be judged is written to
+            its watch.
+    """
+    w = open_workspace(ledger_at(lines))
     out, parts = w.out, w.parts
+    q = numba.carray(pointer(positions), (count,), np.float64)
+    given = open_watch(parts[WATCH]).given
+    given[JUDGED] = 0.0
     if not positions_are_finite(q, w.lower, out):
-        refuse(parts[SELF])
-        return False
+        call_for_nothing(parts[REFUSE], (parts[SELF],))
+        return
     if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
-        refuse(parts[SELF])
-        return False
+        call_for_nothing(parts[REFUSE], (parts[SELF],))
+        return
+    given[JUDGED] = 1.0
     begin(parts[WATCH], parts[MOTION])
     # Every pair is measured: one that stands still may need another distance now.
     w.memory[FORCE] = 1
@@ -101,7 +125,6 @@ def judge_now(q: Floats, lines: Longs) -> bool:
     for plan in range(2):
         bound_reaches(plan, w.bodies.ctypes.data, parts[MOTION])
     call_for_nothing(parts[JUDGE], (parts[SELF],))
-    return True
 
 
 @kernel(inline=False)
@@ -110,6 +133,7 @@ def begin(watch: int, motion: int) -> None:
     v, m = open_watch(watch), open_motion(motion)
     supervise_stops(v, m)
     set_clocks(v, m)
+    look_under_way(v, m)
     set_drives(v, m)
     forget_demands(v, m)
     plan_stops(NEXT, motion)

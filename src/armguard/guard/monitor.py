@@ -20,7 +20,12 @@ from armguard.guard import layout
 from armguard.guard.compiling import compile_ahead
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.cycle import rebuild_world, run_cycle
-from armguard.guard.guarded_cycle import run_guarded_cycle
+from armguard.guard.guarded_cycle import (
+    conclude,
+    refuse,
+    run_guarded_cycle,
+    take_input,
+)
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.motion_pairs import judge_motions
@@ -35,6 +40,7 @@ from armguard.guard.verdict import Names, NearPair, Verdict
 from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, watch_ledger, watch_of
 from armguard.guard.workspace import (
     BRUTE_FORCE,
+    CONCLUDE,
     FIRST_ROW,
     INDEX_KIND,
     JUDGE,
@@ -45,8 +51,10 @@ from armguard.guard.workspace import (
     PARTS,
     PROVE,
     REBUILD,
+    REFUSE,
     SELF,
     SETTINGS,
+    TAKE,
     WATCH,
     Workspace,
     ledger_of,
@@ -511,6 +519,9 @@ class Monitor:
         """Compile, or load, what judges motions, and tell the loop where it lies."""
         self._addresses[PROVE] = kernel_address(prove_pair, 6)
         self._addresses[JUDGE] = kernel_address(judge_motions, 1)
+        self._addresses[CONCLUDE] = kernel_address(conclude, 1)
+        self._addresses[REFUSE] = kernel_address(refuse, 1)
+        self._addresses[TAKE] = kernel_address(take_input, 3)
 
     def _seen(self, thing: Standing, stamp: float) -> None:
         """Note when an object was seen; infinite for one that is not there."""

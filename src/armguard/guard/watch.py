@@ -30,7 +30,8 @@ HYSTERESIS = 1.25
 NOW_TIME = 0  # time of the cycle [s]; NaN if nobody said
 HAS_VELOCITY = 1  # 1 if velocities came with the positions
 COMMANDED = 2  # 1 if what the arms are told goes through the guard
-GIVEN = 3
+JUDGED = 3  # 1 if the input could be judged
+GIVEN = 4
 
 # Places in `Watch.last`.
 LAST_NOW = 0  # time of the last cycle [s]
@@ -102,12 +103,17 @@ class Watch(NamedTuple):
         sent: What they were told before, in turn, shape (c, n).
         sent_at: When, shape (c,) [s].
         sent_count: How often, shape (1,) [-].
+        under_way: Least and greatest velocity each joint may have been told and not
+            reached yet, shape (n, 2).
         band: Between which velocities each joint was or was driven to in the last
             cycle, shape (n, 2).
         deficit: How much nearer than it must be at rest any pair of each robot is,
             shape (r,) [m].
         relief: The same when its recovery began, shape (r,) [m].
         relieved: 1 where a pair of each robot still is, shape (r,).
+        recover: 1 for a robot at rest that is to leave what is too near, shape (r,).
+        yields: 1 for one of which less than it wants may be told before it is stopped,
+            shape (r,).
     """
 
     stamps: Floats
@@ -145,10 +151,13 @@ class Watch(NamedTuple):
     sent: Floats
     sent_at: Floats
     sent_count: Longs
+    under_way: Floats
     band: Floats
     deficit: Floats
     relief: Floats
     relieved: Longs
+    recover: Longs
+    yields: Longs
 
 
 def watch_ledger(watch: Watch) -> Ledger:
@@ -197,9 +206,12 @@ def open_watch(address: int) -> Watch:
         vector_f8(lines, 33),
         vector_i8(lines, 34),
         matrix_f8(lines, 35),
-        vector_f8(lines, 36),
+        matrix_f8(lines, 36),
         vector_f8(lines, 37),
-        vector_i8(lines, 38),
+        vector_f8(lines, 38),
+        vector_i8(lines, 39),
+        vector_i8(lines, 40),
+        vector_i8(lines, 41),
     )
 
 
@@ -253,10 +265,13 @@ def watch_of(tables: SceneTables) -> Watch:
         sent=np.zeros((commands := commands_under_way(tables), n)),
         sent_at=np.full(commands, -np.inf),
         sent_count=np.zeros(1, dtype=np.int64),
+        under_way=np.zeros((n, 2)),
         band=np.zeros((n, 2)),
         deficit=np.zeros(robots),
         relief=np.zeros(robots),
         relieved=np.zeros(robots, dtype=np.int64),
+        recover=np.zeros(robots, dtype=np.int64),
+        yields=np.ones(robots, dtype=np.int64),
     )
 
 

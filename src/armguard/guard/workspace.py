@@ -120,7 +120,12 @@ MEASURE = 3  # `measure_at`
 REBUILD = 4  # `rebuild_world`
 JUDGE = 5  # `judge_motions`
 PROVE = 6  # `prove_pair`
-PARTS = 7
+TAKE = 7  # `take_input`
+CONCLUDE = 8  # `conclude`
+REFUSE = 9  # `refuse`
+CLOSE = 10  # `close_cycle`
+ADD_PAIRS = 11  # what adds near pairs to the programs of a response
+PARTS = 12
 
 # Kinds of index.
 OCTREE = 0

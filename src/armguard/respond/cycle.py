@@ -9,10 +9,19 @@ from math import isfinite, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.filtered_cycle import close_cycle
+from armguard.address import call_for_nothing
+from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.watch import FORCED, PERIOD, RESTING, Watch, open_watch
-from armguard.guard.workspace import MOTION, SELF, WATCH, open_workspace
+from armguard.guard.workspace import (
+    ADD_PAIRS,
+    CLOSE,
+    FIRST_ROW,
+    MOTION,
+    SELF,
+    WATCH,
+    open_workspace,
+)
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     DECELERATION,
@@ -23,7 +32,7 @@ from armguard.motion.figures import (
 from armguard.motion.state import Motion, open_motion
 from armguard.respond.command import Blocked
 from armguard.respond.engagement import NOTHING_ASKED, engage
-from armguard.respond.program import add_pairs, frame_limits, scale_back
+from armguard.respond.program import frame_limits, scale_back
 from armguard.respond.state import (
     BLOCKED,
     BREAKS,
@@ -33,6 +42,7 @@ from armguard.respond.state import (
     POSITIONS,
     RETREATS,
     SLOW,
+    STOP,
     Response,
     open_response,
 )
@@ -72,7 +82,7 @@ def respond(response: Longs, lines: Longs) -> int:
     for r in range(a.notes.shape[0]):
         follows = engage(r, a, v, m)
         frame_limits(r, follows, a, w, v, m)
-    add_pairs(a, w, v, m)
+    call_for_nothing(w.parts[ADD_PAIRS], (response.ctypes.data, w.parts[SELF]))
     open_programs = 0
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
@@ -127,15 +137,16 @@ def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
     a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
-        a.recover[r] = 0
+        v.recover[r] = 0
+        v.yields[r] = 1 if a.settings[r, KIND] != STOP else 0
         if judged:
             settle_target(r, (unsolved >> r) & 1, a, v, m)
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
-    used = close_cycle(judged, a.recover, a.yields, w.parts[SELF])
+    call_for_nothing(w.parts[CLOSE], (int(judged), w.parts[SELF]))
     hold(judged, a, v, m)
     tell(a, v)
-    return int(used)
+    return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
 
 
 @kernel
@@ -153,7 +164,7 @@ def settle_target(r: int, unsolved: int, a: Response, v: Watch, m: Motion) -> No
         v.last[FORCED] = NO_WAY
         a.notes[r, BLOCKED] = BLOCKED_NO_WAY
     if v.phase[r] == RESTING and a.notes[r, RETREATS] != 0:
-        a.recover[r] = 1 if moves else 0
+        v.recover[r] = 1 if moves else 0
         if not room:
             a.notes[r, BLOCKED] = PINCHED
 

@@ -7,16 +7,19 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armguard.address import kernel_address
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.guard import layout
-from armguard.guard.filtered_cycle import open_cycle
+from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.monitor import FLOAT64, Monitor
 from armguard.guard.verdict import Verdict
+from armguard.guard.workspace import ADD_PAIRS, CLOSE
 from armguard.respond.asked import as_vector, named_vector
 from armguard.respond.command import Command
 from armguard.respond.cycle import finish, respond
 from armguard.respond.engagement import Standing
+from armguard.respond.program import add_pairs
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
     CROWDED,
@@ -299,6 +302,8 @@ class Guard(Monitor):
                     f"robot '{part.name}' has the mode 'fixed', which predicts no "
                     "stops; to filter commands it needs 'path' or 'speed'"
                 )
+        self._addresses[CLOSE] = kernel_address(close_cycle, 2)
+        self._addresses[ADD_PAIRS] = kernel_address(add_pairs, 2)
         response = response_of(self.tables)
         self._response_ledger = response_ledger(response)
         self._response_lines = self._response_ledger.lines

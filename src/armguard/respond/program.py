@@ -31,9 +31,10 @@ from armguard.guard.layout import (
 )
 from armguard.guard.near_pairs import row_place
 from armguard.guard.proofs import robot_of, standing_need
-from armguard.guard.watch import PERIOD, Watch
-from armguard.guard.workspace import Workspace
+from armguard.guard.watch import PERIOD, Watch, open_watch
+from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
+from armguard.ledger import ledger_at
 from armguard.motion.figures import (
     ACCELERATION,
     DECELERATION,
@@ -44,7 +45,7 @@ from armguard.motion.figures import (
 )
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import NEXT, REACTION, STILL, Motion
+from armguard.motion.state import NEXT, REACTION, STILL, Motion, open_motion
 from armguard.respond.state import (
     BREAKS,
     BY_PRIORITY,
@@ -57,6 +58,7 @@ from armguard.respond.state import (
     ROWS,
     SHARING,
     Response,
+    open_response,
 )
 
 Floats = NDArray[np.float64]
@@ -77,16 +79,17 @@ NO_ROW = 1e-9
 GRAIN = 1e-9
 
 
-@kernel
-def add_pairs(a: Response, w: Workspace, v: Watch, m: Motion) -> None:
+@kernel(inline=False)
+def add_pairs(response: int, lines: int) -> None:
     """Add every near pair to the programs of its robots; note who leads away.
 
     Args:
-        a: Responses; `target`, `low`, `high` and `brake` are written already.
-        w: Workspace, after a cycle was opened.
-        v: Watch.
-        m: Motion.
+        response: Address of the ledger of the responses; `target`, `low`, `high` and
+            `brake` are written already.
+        lines: Address of the ledger of the workspace, after a cycle was opened.
     """
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
         a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
         a.notes[r, LEADS_AWAY] = 1

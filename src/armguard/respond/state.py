@@ -88,9 +88,6 @@ class Response(NamedTuple):
         rows: Unit rows of each robot's program, shape (r · ROWS, n).
         limits: What they must not exceed, shape (r · ROWS,).
         speed: Share of its top speeds each robot may use, shape (r,) [-].
-        recover: 1 for a robot that is to leave what is too near, shape (r,).
-        yields: 1 for one of which less than it wants may be told before it is stopped,
-            shape (r,).
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
     """
 
@@ -109,8 +106,6 @@ class Response(NamedTuple):
     rows: Floats
     limits: Floats
     speed: Floats
-    recover: Longs
-    yields: Longs
     told: Floats
 
 
@@ -138,9 +133,7 @@ def open_response(lines: Longs) -> Response:
         matrix_f8(lines, 12),
         vector_f8(lines, 13),
         vector_f8(lines, 14),
-        vector_i8(lines, 15),
-        vector_i8(lines, 16),
-        vector_f8(lines, 17),
+        vector_f8(lines, 15),
     )
 
 
@@ -173,9 +166,5 @@ def response_of(tables: SceneTables) -> Response:
         rows=np.zeros((robots * ROWS, n)),
         limits=np.zeros(robots * ROWS),
         speed=np.zeros(robots),
-        recover=np.zeros(robots, dtype=np.int64),
-        yields=np.array(
-            [part.response.kind != "stop" for part in tables.robots], np.int64
-        ),
         told=np.zeros(4 * n + 2 * robots),
     )
