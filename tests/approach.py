@@ -27,13 +27,14 @@ CENTRE = np.sqrt(0.5)
 BALL, ARM = 0.1, 0.04
 
 
-def ball_scene(*, ball=None, settings=None, **figures):
+def ball_scene(*, ball=None, settings=None, response="deflect", **figures):
     """One joint, one metre of arm and a ball of radius 0.1 m."""
     scene = Scene(**{"mode": "path", "margin": 0.6, **(settings or {})})
     scene.add_robot(
         simple_arm(joints=1, length=1.0),
         name="arm",
         stopping={**FIGURES, **figures},
+        response=response,
         home={"joint1": -1.0},
     )
     scene.add(

@@ -3,8 +3,8 @@
 A robot that was stopped is not given back to a command that never let go of it: its
 operator first asks for nothing, or for a way that leads away from all that is near, or
 engages it. Where positions are told, it is given back when they are near it; if they
-are not it catches up slowly, or is refused, with the joints named. Nothing is summed up
-while it is blocked, so nothing is caught up with at speed.
+are not it catches up slowly, or is refused at the start, with the joints named. So it
+does when it was held back so long that they are far: nothing is caught up with at speed.
 """
 
 from enum import IntEnum
@@ -32,6 +32,10 @@ from armguard.respond.state import (
 
 # Below this no joint counts as asked to move [rad/s or m/s].
 NOTHING_ASKED = 1e-6
+
+
+# Share of the distance that counts as far, from which on it is near again [-].
+NEAR_AGAIN = 0.5
 
 
 class Standing(IntEnum):
@@ -101,15 +105,16 @@ def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     """Positions: it follows those that are near it."""
     notes, settings = a.notes[r], a.settings[r]
     first = int(m.robot_figures[r, FIRST_JOINT])
-    near = True
+    farthest = 0.0
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        near &= a.far[j] <= settings[FAR]
-    if near:
+        farthest = max(farthest, a.far[j])
+    if farthest <= NEAR_AGAIN * settings[FAR]:
         notes[STATE] = FOLLOWING
-    elif notes[TOLD_POSITIONS] == 0 and notes[STATE] == FOLLOWING:
-        # The first position it is told, and it is not there.
-        notes[REFUSED] = int(settings[FAR_START])
-        notes[STATE] = WAITING if notes[REFUSED] != 0 else CATCHING_UP
+    elif farthest > settings[FAR] and notes[STATE] == FOLLOWING:
+        # It was held back, or the master jumped; or it starts elsewhere.
+        notes[STATE] = CATCHING_UP
+        if notes[TOLD_POSITIONS] == 0 and settings[FAR_START] != 0.0:
+            notes[STATE], notes[REFUSED] = WAITING, 1
     notes[TOLD_POSITIONS] = 1
     notes[BLOCKED] = FOLLOWS
     if notes[STATE] == CATCHING_UP:

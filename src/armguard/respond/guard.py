@@ -276,14 +276,15 @@ class Guard(Monitor):
             first = r * ROWS
             last = first + response.notes[r, ROW_COUNT]
             found = None
-            if not response.notes[r, CROWDED]:
-                found = nearest_velocity(
-                    response.target[own],
-                    response.low[own],
-                    response.high[own],
-                    response.rows[first:last, own],
-                    response.limits[first:last],
-                )
+            for limits in (response.limits, response.eased):
+                if found is None and not response.notes[r, CROWDED]:
+                    found = nearest_velocity(
+                        response.target[own],
+                        response.low[own],
+                        response.high[own],
+                        response.rows[first:last, own],
+                        limits[first:last],
+                    )
             if found is None:
                 unsolved |= 1 << r
             else:

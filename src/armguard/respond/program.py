@@ -1,16 +1,20 @@
 """The nearest safe velocity: a small quadratic program, and what it is made of.
 
 For each near pair the guard has measured h, what the pair has left beyond all it needs
-if what is under way goes on. A joint that is told to close the pair faster by Δu costs
+if what is under way goes on. Closing the pair faster by Δv costs
 
-    c · Δu · (T + (u + ½ a dt) / d)
+    Δv · (T + t)
 
-of it, c being what it moves the pair by, T the time until an order takes effect, d the
-deceleration of its stop; and the motion itself costs c · u in each second. What is told
-may use up a share of h in each cycle and no more, so a pair is approached ever more
-slowly and never reached (a control barrier; a velocity damper whose gain follows the
-stopping figures). The rows are linear in u. What they ask for is never harder than the
-stop that is declared, so standing still sooner or later satisfies all of them.
+of it, T being the time until an order takes effect and t the time in which the slowest
+of its joints stops; and closing it at v costs v in each second. What is told may use up
+a share of h in each cycle and no more, so a pair is approached ever more slowly and
+never reached (a control barrier; a velocity damper whose gain follows the
+stopping figures). A second row takes care that h itself does not become negative: it
+gives no joint that closes the pair credit for one that opens it, since that one may stop
+sooner. So what slides along something keeps as far from it as its speed asks for. A pair
+that has too little left, since an arm does not quite do what it is told, is opened
+again. Where that cannot be had of all
+pairs at once, rows are eased to what the declared stop satisfies, which all of them do.
 
 These rows are wishes. Whether what they lead to is sent is decided by the proof.
 """
@@ -51,12 +55,14 @@ from armguard.respond.state import (
     BY_PRIORITY,
     CROWDED,
     EQUALLY,
+    KIND,
     LEADS_AWAY,
     PRIORITY,
     RETREATS,
     ROW_COUNT,
     ROWS,
     SHARING,
+    SLOW,
     Response,
     open_response,
 )
@@ -66,13 +72,18 @@ Floats = NDArray[np.float64]
 # Time in which a pair that is approached loses all but 1/e of what it has left [s].
 APPROACH_TIME = 0.06
 
-# What is left to the proof of a pair that is as near as it may be [m].
-SPARE = 2e-4
+# What is left to the proof of a pair that is as near as it may be; and what is never
+# given away at once [m].
+SPARE = 6e-4
+LEAST_SPARE = 2e-4
+
+# Share of what can be had in a cycle that a pair which is to be opened asks for [-].
+OPENING = 0.5
 
 # How far from its limit a joint is stopped, beyond the error of its position [rad].
 LIMIT_SPARE = 1e-3
 
-# A row shorter than this moves nothing [m/rad].
+# A row shorter than this moves nothing [m s/rad].
 NO_ROW = 1e-9
 
 # What a velocity may break a row by and still count as keeping it [m/s].
@@ -140,13 +151,20 @@ def frame_limits(
         change = abs(target[j] - last)
         if change > gain:
             part = min(part, gain / change)
+    lost = 1.0
+    for j in range(first, end):
+        last = abs(last_sent(j, v))
+        if last > 0.0:
+            lost = min(lost, m.joint_figures[j, DECELERATION] * dt / last)
+    straight = a.settings[r, KIND] == SLOW
     for j in range(first, end):
         figures = m.joint_figures[j]
         last, gain = last_sent(j, v), figures[ACCELERATION] * dt
         if part < 1.0:
             target[j] = last + part * (target[j] - last)
-        lost = figures[DECELERATION] * dt
-        brake[j] = max(last - lost, 0.0) if last > 0.0 else min(last + lost, 0.0)
+        # Who keeps his direction slows down all joints in proportion.
+        less = lost * abs(last) if straight else figures[DECELERATION] * dt
+        brake[j] = max(last - less, 0.0) if last > 0.0 else min(last + less, 0.0)
         top = max(share * figures[VELOCITY], abs(brake[j]))
         away = figures[POSITION_ERROR] + LIMIT_SPARE
         up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
@@ -197,7 +215,11 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
             other = robot_j if side == 0 else robot_i
             own, its = (closing_i, closing_j) if side == 0 else (closing_j, closing_i)
             part = part_of(r, other, own, its, a.settings)
-        add_row(r, part * allowed, a, v, m)
+        if a.notes[r, ROW_COUNT] > ROWS - 2:
+            a.notes[r, CROWDED] = 1
+            continue
+        add_approach(r, part * allowed, a, v, m)
+        add_holding(r, part * (left - LEAST_SPARE), a, v, m)
 
 
 @kernel
@@ -272,8 +294,8 @@ def only_away(r: int, a: Response, m: Motion) -> None:
 
 
 @kernel
-def add_row(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
-    """Add a pair's row to a robot's program, unless nothing in reach can break it.
+def add_approach(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+    """Add the row that lets a robot approach a pair, or has it open one.
 
     Args:
         r: The robot.
@@ -282,39 +304,74 @@ def add_row(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
         v: Watch.
         m: Motion.
     """
-    raw, rows, limits = a.raw, a.rows, a.limits
+    dt = v.pace[PERIOD]
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    at = r * ROWS + a.notes[r, ROW_COUNT]
+    slowest = 0.0
+    for j in range(first, end):
+        if a.raw[j] != 0.0:
+            figures = m.joint_figures[j]
+            speed = abs(last_sent(j, v)) + 0.5 * figures[ACCELERATION] * dt
+            slowest = max(slowest, speed / figures[DECELERATION])
+    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION] + slowest
+    for j in range(first, end):
+        limit += a.raw[j] * time * last_sent(j, v)
+        a.rows[at, j] = a.raw[j] * (dt + time)
+    keep_row(r, first, end, at, limit, a)
+
+
+@kernel
+def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+    """Add the row that keeps a pair provable, whichever joint stops first.
+
+    A joint that closes the pair is given no credit for one that opens it: that one may
+    stop sooner.
+
+    Args:
+        r: The robot.
+        limit: Its share of what the pair may lose at all [m].
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        v: Watch.
+        m: Motion.
+    """
     dt = v.pace[PERIOD]
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
-    if a.notes[r, ROW_COUNT] == ROWS:
-        a.notes[r, CROWDED] = 1
-        return
-    length = most = least = 0.0
     for j in range(first, end):
-        figures = m.joint_figures[j]
-        last, gain = last_sent(j, v), figures[ACCELERATION] * dt
-        cost = dt
-        # Who opens the pair is given no credit, so slowing that down costs nothing.
-        opens = -raw[j] * last if raw[j] != 0.0 else 0.0
-        near_rest = 1.0
-        if opens > 0.0:
-            near_rest = max(1.0 - abs(last) / gain, 0.0)
-        speed = abs(last) if opens <= 0.0 else 0.0
-        cost += near_rest * (time + (speed + 0.5 * gain) / figures[DECELERATION])
-        limit += raw[j] * (cost - dt) * last
-        rows[at, j] = raw[j] * cost
+        figures, last = m.joint_figures[j], last_sent(j, v)
+        gain = figures[ACCELERATION] * dt
+        opens = a.raw[j] * last < 0.0
+        # One that opens the pair now can close it only after it has come to rest.
+        part = max(1.0 - abs(last) / gain, 0.0) if opens else 1.0
+        speed = 0.0 if opens else abs(last)
+        cost = part * (time + (speed + 0.5 * gain) / figures[DECELERATION])
+        limit += a.raw[j] * cost * last
+        a.rows[at, j] = a.raw[j] * (dt + cost)
+    keep_row(r, first, end, at, limit, a)
+
+
+@kernel
+def keep_row(r: int, first: int, end: int, at: int, limit: float, a: Response) -> None:
+    """Scale a row to length 1, and keep it if a velocity in reach can break it."""
+    rows = a.rows
+    length = most = least = lowest = 0.0
+    for j in range(first, end):
         length += rows[at, j] * rows[at, j]
     length = sqrt(length)
-    if not length > NO_ROW * dt:
+    if not length > NO_ROW:
         return
     for j in range(first, end):
         rows[at, j] /= length
         least += rows[at, j] * a.brake[j]
-        most += rows[at, j] * (a.high[j] if rows[at, j] > 0.0 else a.low[j])
-    limits[at] = max(limit / length, least)
-    if most > limits[at]:
+        up, down = rows[at, j] * a.high[j], rows[at, j] * a.low[j]
+        most += max(up, down)
+        lowest += min(up, down)
+    a.eased[at] = max(limit / length, least)
+    a.limits[at] = max(limit / length, least - OPENING * (least - lowest))
+    if not most <= a.limits[at]:
         a.notes[r, ROW_COUNT] += 1
 
 
@@ -336,7 +393,7 @@ def scale_back(r: int, a: Response, m: Motion) -> float:
             from_brake += a.rows[at, j] * brake[j]
             to_target += a.rows[at, j] * (target[j] - brake[j])
         if to_target > 0.0:
-            part = min(part, max(a.limits[at] - from_brake, 0.0) / to_target)
+            part = min(part, max(a.eased[at] - from_brake, 0.0) / to_target)
     for j in range(first, end):
         target[j] = brake[j] + part * (target[j] - brake[j])
     return part

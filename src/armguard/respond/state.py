@@ -87,6 +87,7 @@ class Response(NamedTuple):
         raw: Scratch for a row, shape (n,).
         rows: Unit rows of each robot's program, shape (r · ROWS, n).
         limits: What they must not exceed, shape (r · ROWS,).
+        eased: The same where the declared stop is to keep all of them, (r · ROWS,).
         speed: Share of its top speeds each robot may use, shape (r,) [-].
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
     """
@@ -105,6 +106,7 @@ class Response(NamedTuple):
     raw: Floats
     rows: Floats
     limits: Floats
+    eased: Floats
     speed: Floats
     told: Floats
 
@@ -134,6 +136,7 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 13),
         vector_f8(lines, 14),
         vector_f8(lines, 15),
+        vector_f8(lines, 16),
     )
 
 
@@ -165,6 +168,7 @@ def response_of(tables: SceneTables) -> Response:
         raw=np.zeros(n),
         rows=np.zeros((robots * ROWS, n)),
         limits=np.zeros(robots * ROWS),
+        eased=np.zeros(robots * ROWS),
         speed=np.zeros(robots),
         told=np.zeros(4 * n + 2 * robots),
     )

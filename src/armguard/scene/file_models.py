@@ -93,7 +93,7 @@ class ResponseModel(Strict):
     priority: Number = 0.0
     recover_speed: Positive = 0.1
     resume_speed: Positive = 0.1
-    far: Positive = 0.05
+    far: Positive = 0.2
     far_start: FarStart = "ramp"
 
 

@@ -60,8 +60,9 @@ class ResponseSettings:
         recover_speed: Share of its top speeds on a way out of what is too near [-].
         resume_speed: The same while it catches up with positions it is told [-].
         far: Distance between a joint and the position it is told from which on it does
-            not simply follow [rad or m].
-        far_start: Whether it then catches up, or is refused.
+            not simply follow, until it is half as far [rad or m].
+        far_start: Whether it catches up with a first position so far away, or is
+            refused.
     """
 
     kind: ResponseName = "deflect"
@@ -69,7 +70,7 @@ class ResponseSettings:
     priority: float = 0.0
     recover_speed: float = 0.1
     resume_speed: float = 0.1
-    far: float = 0.05
+    far: float = 0.2
     far_start: FarStart = "ramp"
 
 

@@ -1,0 +1,171 @@
+"""Start, stop, resume, re-sync: one machine, and nothing is wound up meanwhile."""
+
+import numpy as np
+import pytest
+
+from approach import ball_scene
+from armguard.errors import UnknownNameError
+from armguard.geometry import Pose, Sphere
+from armguard.respond import Action, Blocked, Guard
+from armguard.scene.settings import ResponseSettings
+from driven import Driven, ball_guard
+
+
+def stopped(form="filter", wish=0.5, **response):
+    """A loop whose arm was stopped by a wish that was none, and now rests."""
+    guard = Guard(ball_scene(response=ResponseSettings(**response)), self_test=False)
+    loop = Driven(guard)
+    loop.run([wish], 150, form)
+    loop.cycle([np.nan], form)
+    while loop.cycle([wish], form).action is not Action.FOLLOW:
+        assert len(loop.commands) < 1000
+    return loop
+
+
+def test_after_a_stop_a_wish_that_was_never_let_go_is_not_followed():
+    loop = stopped()
+    command = loop.run([0.5], 200)
+    assert command.action is Action.FOLLOW
+    assert command.blocked == {"arm": Blocked.STOPPED}
+    assert command.velocity[0] == 0.0
+
+
+def test_letting_go_once_is_enough():
+    loop = stopped()
+    loop.run([0.5], 20)
+    loop.cycle([0.0])
+    command = loop.run([0.5], 120)
+    assert command.blocked == {"arm": Blocked.NOT}
+    assert command.velocity[0] == 0.5
+
+
+def test_so_is_asking_for_a_way_that_leads_away():
+    loop = stopped()
+    loop.run([0.5], 20)
+    command = loop.run([-0.5], 120)
+    assert command.velocity[0] == -0.5
+
+
+def test_so_is_a_call():
+    loop = stopped()
+    loop.run([0.5], 20)
+    loop.guard.engage("arm")
+    assert loop.run([0.5], 120).velocity[0] == 0.5
+    with pytest.raises(UnknownNameError, match="did you mean 'arm'"):
+        loop.guard.engage("amr")
+
+
+def test_positions_are_followed_where_they_are_near():
+    loop = Driven(ball_guard())
+    goal = loop.guard.home + 0.04
+    command = loop.run(goal, 600, "filter_positions")
+    assert loop.q == pytest.approx(goal, abs=1e-5)
+    assert command.position == pytest.approx(goal, abs=1e-5)
+    assert command.blocked == {"arm": Blocked.NOT}
+
+
+def test_a_first_position_far_away_is_gone_to_slowly():
+    loop = Driven(ball_guard())
+    goal = loop.guard.home + 0.5
+    first = loop.cycle(goal, "filter_positions")
+    assert first.blocked == {"arm": Blocked.CATCHING_UP}
+    assert first.far_joints == ("arm/joint1",)
+    loop.run(goal, 3000, "filter_positions")
+    limit = 0.1 * 2.0
+    assert any(not c.far_joints for c in loop.commands)
+    slow = [c for c in loop.commands if c.blocked["arm"] is Blocked.CATCHING_UP]
+    assert max(c.velocity[0] for c in slow) <= limit + 1e-12
+    assert loop.q == pytest.approx(goal, abs=1e-4)
+
+
+def test_or_it_is_refused_with_the_joints_named():
+    guard = Guard(
+        ball_scene(response=ResponseSettings(far_start="refuse")), self_test=False
+    )
+    loop = Driven(guard)
+    command = loop.run(guard.home + 0.5, 100, "filter_positions")
+    assert command.blocked == {"arm": Blocked.FAR_START}
+    assert command.far_joints == ("arm/joint1",)
+    assert (loop.q == guard.home).all()
+    # The master comes to where the arm is, and has it.
+    loop.run(guard.home + 0.02, 5, "filter_positions")
+    assert loop.commands[-1].blocked == {"arm": Blocked.NOT}
+
+
+def test_a_master_moved_half_a_radian_during_a_stop_is_caught_up_with_slowly():
+    loop = Driven(ball_guard())
+    loop.run(lambda loop: loop.guard.home + 0.5 * loop.t, 400, "filter_positions")
+    loop.cycle([np.nan], "filter_positions")
+    master = loop.q + 0.5
+    command = loop.run(master, 600, "filter_positions")
+    assert command.blocked == {"arm": Blocked.STOPPED}
+    assert command.far_joints == ("arm/joint1",)
+    assert (np.diff(loop.q_rows[-300:], axis=0) == 0.0).all()
+    loop.guard.engage()
+    begin = len(loop.v_rows)
+    command = loop.run(master, 100, "filter_positions")
+    assert command.blocked == {"arm": Blocked.CATCHING_UP}
+    loop.run(master, 4000, "filter_positions")
+    speeds = np.abs(np.array(loop.v_rows[begin:]))[:, 0]
+    far = np.abs(np.array(loop.q_rows[begin:]) - master)[:, 0] > 0.101
+    assert far.sum() > 1000
+    assert speeds[: far.sum()].max() <= 0.1 * 2.0 + 1e-12
+    assert loop.q == pytest.approx(master, abs=1e-4)
+
+
+def test_nothing_winds_up_while_the_ball_is_in_the_way():
+    loop = Driven(ball_guard(), q=[0.3])
+    for k in range(4000):
+        loop.cycle([min(0.3 + 2e-4 * k, 1.2)], "filter_positions")
+    held = loop.commands[-1].position[0]
+    assert held == pytest.approx(loop.q[0], abs=2e-3)
+    # The master turns round: the arm follows at once, not after what was summed up.
+    turned = loop.run([held - 0.02], 150, "filter_positions")
+    assert turned.velocity[0] < -0.01
+
+
+def test_an_arm_too_near_to_what_came_may_leave_it_at_the_speed_of_recovery():
+    scene = ball_scene()
+    scene.add(Sphere(radius=0.1), name="cart", present=False)
+    guard = Guard(scene, self_test=False)
+    loop = Driven(guard)
+    loop.run([0.5], 200)
+    angle = loop.q[0] + 0.21
+    guard.place("cart", Pose(xyz=(0.7 * np.cos(angle), 0.7 * np.sin(angle), 0.2)))
+    stop = loop.cycle([0.5])
+    assert stop.action is Action.STOP
+    loop.run([0.5], 400)
+    pressed = loop.q.copy()
+    # Pushing on does nothing.
+    command = loop.run([0.5], 100)
+    assert command.blocked == {"arm": Blocked.TOO_NEAR}
+    assert command.action is Action.STOP
+    assert (loop.q == pressed).all()
+    begin = len(loop.v_rows)
+    out = loop.run([-0.5], 300)
+    assert loop.q[0] < pressed[0] - 0.02
+    slow = [
+        abs(v[0])
+        for v, c in zip(loop.v_rows[begin:], loop.commands[-300:], strict=True)
+        if c.blocked["arm"] is Blocked.TOO_NEAR
+    ]
+    assert 0.15 < max(slow) <= 0.1 * 2.0 + 1e-12
+    # Out of it, and led away: it has followed ever since.
+    assert out.blocked == {"arm": Blocked.NOT}
+    assert out.velocity[0] == -0.5
+
+
+def test_between_two_things_too_near_it_says_that_it_is_pinched():
+    scene = ball_scene()
+    for name in ("one", "other"):
+        scene.add(Sphere(radius=0.1), name=name, present=False)
+    guard = Guard(scene, self_test=False)
+    loop = Driven(guard)
+    loop.run([0.0], 20)
+    for name, side in (("one", 0.19), ("other", -0.19)):
+        angle = loop.q[0] + side
+        guard.place(name, Pose(xyz=(0.7 * np.cos(angle), 0.7 * np.sin(angle), 0.2)))
+    loop.run([0.0], 400)
+    command = loop.run([0.5], 10)
+    assert command.blocked == {"arm": Blocked.PINCHED}
+    assert command.velocity[0] == 0.0
