@@ -1,5 +1,4 @@
-"""What is told to robots: all of it where that is proven, else something near, else
-a stop."""
+"""What robots are told: what is wanted, or something near it, or a stop."""
 
 import numpy as np
 import pytest
@@ -81,7 +80,7 @@ def test_deflect_slides_along_a_wall_where_slow_stands_still():
     ways = {}
     for response in ("slow", "deflect"):
         loop = Driven(wall_guard(response), q=start)
-        loop.run(wish, 1500)
+        loop.run(wish, 2500)
         assert loop.stops == []
         ways[response] = np.abs(loop.q - start).max()
         nearest = loop.commands[-1].verdict.nearest

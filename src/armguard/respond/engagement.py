@@ -4,7 +4,7 @@ A robot that was stopped is not given back to a command that never let go of it:
 operator first asks for nothing, or for a way that leads away from all that is near, or
 engages it. Where positions are told, it is given back when they are near it; if they
 are not it catches up slowly, or is refused at the start, with the joints named. So it
-does when it was held back so long that they are far: nothing is caught up with at speed.
+does when it was held back until they are far: nothing is caught up with at speed.
 """
 
 from enum import IntEnum

@@ -8,13 +8,14 @@ if what is under way goes on. Closing the pair faster by Δv costs
 of it, T being the time until an order takes effect and t the time in which the slowest
 of its joints stops; and closing it at v costs v in each second. What is told may use up
 a share of h in each cycle and no more, so a pair is approached ever more slowly and
-never reached (a control barrier; a velocity damper whose gain follows the
-stopping figures). A second row takes care that h itself does not become negative: it
-gives no joint that closes the pair credit for one that opens it, since that one may stop
-sooner. So what slides along something keeps as far from it as its speed asks for. A pair
-that has too little left, since an arm does not quite do what it is told, is opened
-again. Where that cannot be had of all
-pairs at once, rows are eased to what the declared stop satisfies, which all of them do.
+never reached (a control barrier; a velocity damper whose gain follows the stopping
+figures). A second row takes care that h itself does not become negative: it gives no
+joint that closes the pair credit for one that opens it, since that one may stop sooner.
+So what slides along something keeps as far from it as its speed asks for.
+
+The rows are linear in u. A pair that has too little left, since an arm does not quite
+do what it is told, is opened again. Where that cannot be had of all pairs at once, rows
+are eased to what the declared stop satisfies, which all of them do.
 
 These rows are wishes. Whether what they lead to is sent is decided by the proof.
 """
@@ -71,6 +72,9 @@ Floats = NDArray[np.float64]
 
 # Time in which a pair that is approached loses all but 1/e of what it has left [s].
 APPROACH_TIME = 0.06
+
+# The same of all it has left besides, joint by joint: enough to meet it softly [s].
+HOLDING_TIME = 0.008
 
 # What is left to the proof of a pair that is as near as it may be; and what is never
 # given away at once [m].
@@ -197,8 +201,9 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     resting = distance - standing_need(i, j, w, v, m) - m.blur[i]
     if robot_j >= 0:
         resting -= m.blur[j]
-    share = 1.0 - exp(-v.pace[PERIOD] / APPROACH_TIME)
-    allowed = share * (left - SPARE)
+    dt = v.pace[PERIOD]
+    approach = (1.0 - exp(-dt / APPROACH_TIME)) * (left - SPARE)
+    holding = (1.0 - exp(-dt / HOLDING_TIME)) * (left - LEAST_SPARE)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
     for side in range(2):
@@ -218,8 +223,8 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 2:
             a.notes[r, CROWDED] = 1
             continue
-        add_approach(r, part * allowed, a, v, m)
-        add_holding(r, part * (left - LEAST_SPARE), a, v, m)
+        add_approach(r, part * approach, a, v, m)
+        add_holding(r, part * holding, a, v, m)
 
 
 @kernel
@@ -330,7 +335,7 @@ def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
 
     Args:
         r: The robot.
-        limit: Its share of what the pair may lose at all [m].
+        limit: Its share of what the pair may lose in this cycle [m].
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.

@@ -8,6 +8,7 @@ from approach import FIGURES, PERIOD, ball_scene
 from armguard.geometry import Box, Pose
 from armguard.respond import Guard
 from armguard.scene import Scene
+from armguard.scene.settings import ResponseSettings
 from arms import simple_arm
 
 
@@ -79,20 +80,27 @@ def wall_guard(response="deflect", joints=3, wall=0.6, **options):
     return Guard(scene, self_test=False)
 
 
-def two_arms(sharing="contribution", priorities=(0.0, 0.0)):
-    """Two arms of one joint each that turn in one plane, their tips able to meet."""
-    from armguard.scene.settings import ResponseSettings
+def two_arms(sharing="contribution", priorities=(0.0, 0.0), parked=1.4):
+    """Two arms of one joint each, 1.2 m apart, that turn towards each other.
 
+    The left one comes nearer with a negative velocity, the right one with a positive
+    one; `parked` is how far the right one has turned away at home.
+    """
     scene = Scene(mode="path", margin=0.6)
-    for name, x, home, priority in zip(
-        ("left", "right"), (0.0, 1.5), (0.9, np.pi - 0.9), priorities, strict=True
+    for name, x, turn, home, priority in zip(
+        ("left", "right"),
+        (0.0, 1.2),
+        (0.0, np.pi),
+        (1.4, -parked),
+        priorities,
+        strict=True,
     ):
         scene.add_robot(
             simple_arm(joints=1, length=0.9),
             name=name,
-            base=Pose(xyz=(x, 0.0, 0.0), rpy=(0.0, 0.0, 0.0 if x == 0.0 else np.pi)),
+            base=Pose(xyz=(x, 0.0, 0.0), rpy=(0.0, 0.0, turn)),
             stopping=FIGURES,
             response=ResponseSettings(sharing=sharing, priority=priority),
-            home={"joint1": home if x == 0.0 else home - np.pi},
+            home={"joint1": home},
         )
     return Guard(scene, self_test=False)
