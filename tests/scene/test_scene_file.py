@@ -9,6 +9,7 @@ from armguard.respond import Guard
 from armguard.scene import Scene, load_scene
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.bay import FOLDER
+from armguard.scene.settings import ResponseSettings
 from armguard.scene.yaml_source import SceneFileError
 
 TWO_PANDAS = """robots:
@@ -73,6 +74,23 @@ index: {kind: brute_force, leaf_capacity: 3, cube: {centre: [0, 0, 0], edge: 9}}
     assert (scene.buffer, scene.margin) == (0.02, 0.04)
     assert scene.index.kind == "brute_force"
     assert scene.allowances[0].reason == "held"
+
+
+def test_responses_are_read_by_name_or_with_settings(tmp_path):
+    robots = "\n".join(
+        f"  {name}: {{urdf: {FOLDER / 'bay_arm.urdf'}, stopping: {{deceleration: 4}}, "
+        f"base: {{xyz: [{x}, 0, 0]}}{response}}}"
+        for name, x, response in (
+            ("one", 0, ""),
+            ("two", 5, ", response: slow"),
+            ("three", 10, ", response: {kind: stop, sharing: priority, priority: 2}"),
+        )
+    )
+    scene = load_scene(write(tmp_path, f"robots:\n{robots}\n"))
+    found = [robot.response for robot in scene.robots.values()]
+    assert found[0] == ResponseSettings()
+    assert found[1] == ResponseSettings(kind="slow")
+    assert found[2] == ResponseSettings(kind="stop", sharing="priority", priority=2.0)
 
 
 WRONG = {
@@ -163,6 +181,18 @@ WRONG = {
     "wrong index": (
         ARM + "index: {kind: bvh}\n",
         ":3: index.kind: is 'bvh'; it must be 'octree' or 'brute_force'",
+    ),
+    "unknown response": (
+        "robots:\n  arm: {urdf: panda, response: deflct}\n",
+        ":2: robots.arm.response: is 'deflct'; it must be",
+    ),
+    "unknown sharing": (
+        "robots:\n  arm:\n    urdf: panda\n    response: {sharing: fair}\n",
+        ":4: robots.arm.response.sharing: is 'fair'; it must be",
+    ),
+    "share of speed above 1": (
+        "robots:\n  arm:\n    urdf: panda\n    response: {resume_speed: 10}\n",
+        "resume_speed is 10.0; it must be in (0, 1]",
     ),
     "home outside": (
         f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}, home: {{joint2: 9}}}}\n",

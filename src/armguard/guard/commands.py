@@ -140,6 +140,17 @@ def last_sent(j: int, v: Watch) -> float:
 
 
 @kernel
+def time_passed(v: Watch) -> float:
+    """Time since commands were sent last, no longer than a cycle may take [s]."""
+    count, room = v.sent_count[0], v.sent_at.shape[0]
+    longest = v.pace[PERIOD] + v.pace[LATE]
+    if count == 0:
+        return float(v.pace[PERIOD])
+    passed = now_of(v) - v.sent_at[(count - 1) % room]
+    return float(min(max(passed, 0.0), longest))
+
+
+@kernel
 def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
     """Tell a robot to stand still: at once if it rests, else as its stop is declared.
 
@@ -161,16 +172,12 @@ def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
 @kernel
 def send(v: Watch, m: Motion) -> None:
     """Settle what every joint is told in this cycle, and remember it."""
-    now, room = now_of(v), v.sent_at.shape[0]
-    count = v.sent_count[0]
-    time = v.pace[PERIOD]
-    if count > 0:
-        time = min(now - v.sent_at[(count - 1) % room], time + v.pace[LATE])
+    count, time = v.sent_count[0], time_passed(v)
     for r in range(v.phase.shape[0]):
         if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
-            lead_to_rest(r, max(time, 0.0), v, m)
-    k = count % room
-    v.sent_at[k] = now
+            lead_to_rest(r, time, v, m)
+    k = count % v.sent_at.shape[0]
+    v.sent_at[k] = now_of(v)
     for j in range(v.wanted.shape[0]):
         v.sent[k, j] = v.wanted[j]
     v.sent_count[0] = count + 1

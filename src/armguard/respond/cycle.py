@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing
+from armguard.guard.commands import last_sent, time_passed
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.watch import FORCED, PERIOD, RESTING, Watch, open_watch
@@ -75,9 +76,7 @@ def respond(response: Longs, lines: Longs) -> int:
     """
     a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    if v.sent_count[0] == 0:
-        for j in range(a.held.shape[0]):
-            a.held[j] = m.q[j]
+    hold(a, v, m)
     take_asked(a, v, m)
     for r in range(a.notes.shape[0]):
         follows = engage(r, a, v, m)
@@ -144,7 +143,6 @@ def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
     call_for_nothing(w.parts[CLOSE], (int(judged), w.parts[SELF]))
-    hold(judged, a, v, m)
     tell(a, v)
     return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
 
@@ -170,14 +168,17 @@ def settle_target(r: int, unsolved: int, a: Response, v: Watch, m: Motion) -> No
 
 
 @kernel
-def hold(judged: bool, a: Response, v: Watch, m: Motion) -> None:
-    """Sum up where the joints were told to be; never far from where they are."""
+def hold(a: Response, v: Watch, m: Motion) -> None:
+    """Sum up where the joints were told to be by now; never far from where they are."""
+    time = time_passed(v)
     for j in range(a.held.shape[0]):
-        a.held[j] += v.wanted[j] * v.pace[PERIOD]
-        if judged:
-            fastest = max(abs(v.wanted[j]), -m.v_low[j], m.v_high[j])
-            room = LEAD_TIME * fastest + 2.0 * m.joint_figures[j, POSITION_ERROR]
-            a.held[j] = min(max(a.held[j], m.q[j] - room), m.q[j] + room)
+        if v.sent_count[0] == 0:
+            a.held[j] = m.q[j]
+        last = last_sent(j, v)
+        a.held[j] += last * time
+        fastest = max(abs(last), -m.v_low[j], m.v_high[j])
+        room = LEAD_TIME * fastest + 2.0 * m.joint_figures[j, POSITION_ERROR]
+        a.held[j] = min(max(a.held[j], m.q[j] - room), m.q[j] + room)
 
 
 @kernel
@@ -186,7 +187,7 @@ def tell(a: Response, v: Watch) -> None:
     n = a.held.shape[0]
     for j in range(n):
         a.told[j] = v.wanted[j]
-        a.told[n + j] = a.held[j]
+        a.told[n + j] = a.held[j] + v.wanted[j] * v.pace[PERIOD]
         a.told[2 * n + j] = a.asked[j]
         a.told[3 * n + j] = a.far[j]
     for r in range(a.notes.shape[0]):

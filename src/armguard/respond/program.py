@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import dot
-from armguard.guard.commands import last_sent
+from armguard.guard.commands import last_sent, time_passed
 from armguard.guard.layout import (
     CLEARANCE,
     FIRST,
@@ -36,7 +36,7 @@ from armguard.guard.layout import (
 )
 from armguard.guard.near_pairs import row_place
 from armguard.guard.proofs import robot_of, standing_need
-from armguard.guard.watch import PERIOD, Watch, open_watch
+from armguard.guard.watch import Watch, open_watch
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
@@ -139,7 +139,7 @@ def frame_limits(
         m: Motion.
     """
     asked, target, low, high, brake = a.asked, a.target, a.low, a.high, a.brake
-    robot, dt = m.robot_figures[r], v.pace[PERIOD]
+    robot, dt = m.robot_figures[r], time_passed(v)
     first = int(robot[FIRST_JOINT])
     end = first + int(robot[JOINT_COUNT])
     share = a.speed[r]
@@ -201,7 +201,7 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     resting = distance - standing_need(i, j, w, v, m) - m.blur[i]
     if robot_j >= 0:
         resting -= m.blur[j]
-    dt = v.pace[PERIOD]
+    dt = time_passed(v)
     approach = (1.0 - exp(-dt / APPROACH_TIME)) * (left - SPARE)
     holding = (1.0 - exp(-dt / HOLDING_TIME)) * (left - LEAST_SPARE)
     closing_i = closing_of(robot_i, raw, target, m)
@@ -309,7 +309,7 @@ def add_approach(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None
         v: Watch.
         m: Motion.
     """
-    dt = v.pace[PERIOD]
+    dt = time_passed(v)
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
@@ -340,7 +340,7 @@ def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
         v: Watch.
         m: Motion.
     """
-    dt = v.pace[PERIOD]
+    dt = time_passed(v)
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
