@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing, pointer
 from armguard.guard.commands import look_under_way, set_drives
+from armguard.guard.cues import write_cues
 from armguard.guard.cycle import (
     clear_header,
     positions_are_finite,
@@ -162,6 +163,7 @@ def conclude(lines: int) -> None:
     w.out[SPANS_TESTED] = m.effort[TESTS]
     grade_robots(w, v, m)
     explain_nearest(w, v, m)
+    write_cues(w, v, m)
 
 
 @kernel(inline=False)

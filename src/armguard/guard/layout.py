@@ -49,7 +49,14 @@ ROBOT_PHASE = 1
 ROBOT_SCALE = 2  # speed scale in [0, 1]
 ROBOT_AGE = 3  # [s]
 ROBOT_CAUSE = 4  # Reason of its last order to stop
-ROBOT_WIDTH = 5
+ROBOT_URGENCY = 5  # of its cues, in [0, 1]
+ROBOT_TIME = 6  # least time to contact of its near pairs [s]
+ROBOT_FORCE = 7  # on its tool, away from what is near, 3 numbers [N]
+ROBOT_TORQUE = 10  # the same about its tool's origin, 3 numbers [N m]
+ROBOT_TOOL = 13  # where its tool goes on the way out, 3 numbers [m/rad]
+ROBOT_WIDTH = 16
+
+# Then the joint motion that leads away, a unit vector for each robot, n numbers.
 
 # Places in the row of a near pair.
 FIRST = 0  # primitive index of A

@@ -438,7 +438,7 @@ class Monitor:
         guarded = any(part.mode != "fixed" for part in tables.robots)
         first_row = layout.HEADER
         if guarded:
-            first_row += len(tables.robots) * layout.ROBOT_WIDTH
+            first_row += len(tables.robots) * layout.ROBOT_WIDTH + len(tables.q_names)
         self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
         self._nowhere = np.zeros(0)
         self._robot_places = {part.name: r for r, part in enumerate(tables.robots)}

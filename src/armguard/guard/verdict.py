@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.budget import Budget
+from armguard.guard.cue import Cue
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
 from armguard.guard.nuisance import Delayed, Lack, Nuisance, classify
 from armguard.guard.protective import ProtectiveDistance, protective_distance
@@ -340,6 +341,28 @@ class Verdict:
         return protective_distance(robots[a], nearest.b if b < 0 else robots[b], budget)
 
     @property
+    def cues(self) -> dict[str, Cue]:
+        """What to tell each robot's operator: eye, ear and hand."""
+        tables, robots = self._names.tables, self._names.robots
+        if tables is None or not robots:
+            return {}
+        escape = self._names.first_row - len(tables.q_names)
+        found = {}
+        for r, part in enumerate(tables.robots):
+            at = layout.HEADER + r * layout.ROBOT_WIDTH
+            row = self._data[at : at + layout.ROBOT_WIDTH]
+            first = escape + part.first_joint
+            found[part.name] = Cue(
+                urgency=float(row[layout.ROBOT_URGENCY]),
+                time_to_contact=float(row[layout.ROBOT_TIME]),
+                escape=self._data[first : first + part.joint_count].copy(),
+                tool_escape=row[layout.ROBOT_TOOL :][:3].copy(),
+                force=row[layout.ROBOT_FORCE :][:3].copy(),
+                torque=row[layout.ROBOT_TORQUE :][:3].copy(),
+            )
+        return found
+
+    @property
     def disproved(self) -> tuple[str, ...]:
         """Joints that have not stopped as declared, so that no proof is worth much."""
         return tuple(
@@ -436,6 +459,7 @@ class Verdict:
             "ages": self.ages,
             "causes": {name: cause.name for name, cause in self.causes.items()},
             "disproved": list(self.disproved),
+            "cues": {name: cue.to_dict() for name, cue in self.cues.items()},
             "nuisance": nuisance
             and {**asdict(nuisance), "cause": nuisance.cause.value},
             "protective_distance": kept and {**asdict(kept), "total": kept.total},

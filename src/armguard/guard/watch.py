@@ -111,6 +111,9 @@ class Watch(NamedTuple):
             shape (r,) [m].
         relief: The same when its recovery began, shape (r,) [m].
         relieved: 1 where a pair of each robot still is, shape (r,).
+        tool_body: Body of each robot's tool, shape (r,).
+        tool_point: Its origin there, shape (r, 3) [m].
+        row: Scratch for a number of each joint, shape (n,).
         recover: 1 for a robot at rest that is to leave what is too near, shape (r,).
         yields: 1 for one of which less than it wants may be told before it is stopped,
             shape (r,).
@@ -156,6 +159,9 @@ class Watch(NamedTuple):
     deficit: Floats
     relief: Floats
     relieved: Longs
+    tool_body: Longs
+    tool_point: Floats
+    row: Floats
     recover: Longs
     yields: Longs
 
@@ -211,7 +217,10 @@ def open_watch(address: int) -> Watch:
         vector_f8(lines, 38),
         vector_i8(lines, 39),
         vector_i8(lines, 40),
-        vector_i8(lines, 41),
+        matrix_f8(lines, 41),
+        vector_f8(lines, 42),
+        vector_i8(lines, 43),
+        vector_i8(lines, 44),
     )
 
 
@@ -229,6 +238,7 @@ def watch_of(tables: SceneTables) -> Watch:
     model = by_robot[tables.robot_of_primitive] if m else np.zeros(0)
     base = base_errors(tables)
     pairs = all_pairs(tables)
+    tools = [tables.links[part.tool] for part in tables.robots]
     return Watch(
         stamps=np.zeros(robots),
         given=np.zeros(GIVEN),
@@ -270,6 +280,9 @@ def watch_of(tables: SceneTables) -> Watch:
         deficit=np.zeros(robots),
         relief=np.zeros(robots),
         relieved=np.zeros(robots, dtype=np.int64),
+        tool_body=np.array([frame.body for frame in tools], dtype=np.int64),
+        tool_point=np.array([frame.T_body_link[:3, 3] for frame in tools]),
+        row=np.zeros(n),
         recover=np.zeros(robots, dtype=np.int64),
         yields=np.ones(robots, dtype=np.int64),
     )

@@ -25,7 +25,6 @@ from math import exp, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.vec3 import dot
 from armguard.guard.commands import last_sent, time_passed
 from armguard.guard.layout import (
     CLEARANCE,
@@ -35,6 +34,7 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.near_pairs import row_place
+from armguard.guard.pair_row import pair_row
 from armguard.guard.proofs import robot_of, standing_need
 from armguard.guard.watch import Watch, open_watch
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
@@ -48,9 +48,7 @@ from armguard.motion.figures import (
     POSITION_ERROR,
     VELOCITY,
 )
-from armguard.motion.nearest import joint_way
-from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import NEXT, REACTION, STILL, Motion, open_motion
+from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.state import (
     BREAKS,
     BY_PRIORITY,
@@ -195,7 +193,7 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     out = w.out
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    pair_row(i, j, place, raw, w, v, m)
+    pair_row(i, j, place, raw, w, m)
     left = out[place + CLEARANCE]
     distance = out[place + WITNESS]
     resting = distance - standing_need(i, j, w, v, m) - m.blur[i]
@@ -225,35 +223,6 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
             continue
         add_approach(r, part * approach, a, v, m)
         add_holding(r, part * holding, a, v, m)
-
-
-@kernel
-def pair_row(
-    i: int, j: int, place: int, raw: Floats, w: Workspace, v: Watch, m: Motion
-) -> None:
-    """Write how fast each joint closes a pair at unit speed, shape (n,) [m/rad]."""
-    out = w.out
-    for q in range(raw.shape[0]):
-        raw[q] = 0.0
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
-    moving = m.rate.shape[0]
-    body_j = w.bodies[j] if j < moving else -1
-    first = shared_joints(w.bodies[i], body_j, m)
-    for side in range(2):
-        k, body = (i, w.bodies[i]) if side == 0 else (j, body_j)
-        if k >= moving:
-            continue
-        point = (
-            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
-        )  # fmt: skip
-        for c in range(first, m.length[body]):
-            b = m.joints[body, c]
-            q = m.q_index[b]
-            if m.clock[m.robot_of_joint[q], STILL] != 0.0:
-                continue
-            g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
-            raw[q] += g if side == 0 else -g
 
 
 @kernel
