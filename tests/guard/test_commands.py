@@ -92,6 +92,25 @@ def test_what_is_sent_by_an_arm_that_stops_is_the_declared_stop():
     assert guard._watch.disproved.sum() == 0
 
 
+@pytest.mark.parametrize("stamp", [np.nan, None, -5.0, "soon", {}])
+def test_a_stamp_that_cannot_be_told_leads_to_rest_as_well(stamp):
+    guard = fresh()
+    q, v = -1.0, 0.0
+    for k in range(100):
+        command = guard.filter([q], [0.4], k * PERIOD, velocity=[v])
+        v = command.velocity[0]
+        q += v * PERIOD
+    assert v == pytest.approx(0.4)
+    for _ in range(120):
+        command = guard.filter([q], [0.4], stamp, velocity=[v])
+        assert command.action > 0
+        assert 0.0 <= command.velocity[0] <= v
+        v = command.velocity[0]
+        q += v * PERIOD
+    # Nobody knows how much time has passed: a cycle's worth in each.
+    assert v == 0.0
+
+
 def test_a_step_in_between_counts_with_every_operator_again():
     guard = fresh()
     filtered = guard.filter([-1.0], [0.0], 0.0, velocity=[0.0]).verdict

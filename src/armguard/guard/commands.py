@@ -7,7 +7,7 @@ tracking. Commands under way are those sent within the delay `command` before th
 measurement or later, and the one before them.
 """
 
-from math import inf
+from math import inf, isfinite
 
 from armguard.guard.levels import Reason
 from armguard.guard.observe import now_of
@@ -142,12 +142,30 @@ def last_sent(j: int, v: Watch) -> float:
 @kernel
 def time_passed(v: Watch) -> float:
     """Time since commands were sent last, no longer than a cycle may take [s]."""
-    count, room = v.sent_count[0], v.sent_at.shape[0]
     longest = v.pace[PERIOD] + v.pace[LATE]
-    if count == 0:
+    if v.sent_count[0] == 0:
         return float(v.pace[PERIOD])
-    passed = now_of(v) - v.sent_at[(count - 1) % room]
-    return float(min(max(passed, 0.0), longest))
+    return float(min(moment(v) - last_moment(v), longest))
+
+
+@kernel
+def last_moment(v: Watch) -> float:
+    """When commands were sent last; long ago if never [s]."""
+    count = v.sent_count[0]
+    return -inf if count == 0 else float(v.sent_at[(count - 1) % v.sent_at.shape[0]])
+
+
+@kernel
+def moment(v: Watch) -> float:
+    """Time of this cycle [s].
+
+    Where nobody can tell, or it is not after the last commands, it is thought to be a
+    cycle after them: an arm that is led to rest has to get there.
+    """
+    now, last = now_of(v), last_moment(v)
+    if isfinite(now) and now > last:
+        return float(now)
+    return last + v.pace[PERIOD] if isfinite(last) else 0.0
 
 
 @kernel
@@ -177,7 +195,7 @@ def send(v: Watch, m: Motion) -> None:
         if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
             lead_to_rest(r, time, v, m)
     k = count % v.sent_at.shape[0]
-    v.sent_at[k] = now_of(v)
+    v.sent_at[k] = moment(v)
     for j in range(v.wanted.shape[0]):
         v.sent[k, j] = v.wanted[j]
     v.sent_count[0] = count + 1

@@ -17,7 +17,6 @@ from armguard.errors import (
 from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
-from armguard.guard.compiling import compile_ahead
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.cycle import rebuild_world, run_cycle
 from armguard.guard.guarded_cycle import (
@@ -113,7 +112,6 @@ class Monitor:
             half a microsecond each; when they are used up, the arms stop.
         self_test: Whether a synthetic robot is led through every level first; for
             scenes in which stops are predicted.
-        compiling: Set where kernels are compiled ahead, which itself needs a guard.
         progress: Called with one sentence before anything that takes long.
         clock: Clock in nanoseconds that measures `Verdict.cycle_time`; no decision
             depends on it.
@@ -136,7 +134,6 @@ class Monitor:
         *,
         budget: int = 1024,
         self_test: bool = True,
-        compiling: bool = False,
         progress: Callable[[str], None] | None = None,
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
@@ -145,9 +142,8 @@ class Monitor:
         self._last_stamp = -np.inf
         self._clock = clock
         self._budget = budget
-        if not compiling:
-            modes = {part.mode for part in self.tables.robots}
-            compile_ahead(progress, guarded=modes != {"fixed"})
+        self._guarded = any(part.mode != "fixed" for part in self.tables.robots)
+        self._compile_ahead(progress)
         self._prepare(self.tables)
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.
@@ -158,6 +154,9 @@ class Monitor:
             raise HomeContactError(home_sentence(contacts), contacts)
         self.reset()
         self.self_test = run_self_test(self) if self_test else NOT_TESTED
+
+    def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
+        """Compile what the loop needs, if there is a quicker way than on the way."""
 
     @property
     def q_names(self) -> tuple[str, ...]:
@@ -435,7 +434,7 @@ class Monitor:
                 take_out(self.index, thing)
         self._shape = (len(tables.q_names),)
         self._memory[FORCE] = 1
-        guarded = any(part.mode != "fixed" for part in tables.robots)
+        guarded = self._guarded
         first_row = layout.HEADER
         if guarded:
             first_row += len(tables.robots) * layout.ROBOT_WIDTH + len(tables.q_names)
@@ -448,7 +447,6 @@ class Monitor:
                 self._seen(thing, np.inf)
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
         settings[FIRST_ROW] = first_row
-        self._guarded = guarded
         self._motion = motion_of(tables, self._budget)
         self._parts = motion_ledger(self._motion), watch_ledger(self._watch)
         self._addresses = np.full(PARTS, NOWHERE, dtype=np.int64)

@@ -17,6 +17,7 @@ from armguard.guard.verdict import Verdict
 from armguard.guard.workspace import ADD_PAIRS, CLOSE
 from armguard.respond.asked import as_vector, named_vector
 from armguard.respond.command import Command
+from armguard.respond.compiling import compile_ahead
 from armguard.respond.cycle import finish, respond
 from armguard.respond.engagement import Standing
 from armguard.respond.program import add_pairs
@@ -51,7 +52,7 @@ class Guard(Monitor):
         budget: See `Monitor`, from here to `clock`. A filtered cycle judges up to five
             times, and may use it as often.
         self_test: Whether to test itself.
-        compiling: Set where kernels are compiled ahead.
+        compiling: Set where kernels are compiled ahead, which itself needs a guard.
         progress: Told before anything that takes long.
         clock: Clock in nanoseconds.
 
@@ -81,14 +82,16 @@ class Guard(Monitor):
     ) -> None:
         self._response: Response | None = None
         self._tools: dict[str, Tool] = {}
+        self._compiling = compiling
         super().__init__(
-            scene,
-            budget=budget,
-            self_test=self_test,
-            compiling=compiling,
-            progress=progress,
-            clock=clock,
+            scene, budget=budget, self_test=self_test, progress=progress, clock=clock
         )
+        modes = {part.mode for part in self.tables.robots}
+        if "fixed" not in modes and not compiling:
+            # Compiles or loads what a filtered cycle needs, before the loop.
+            still = np.zeros(len(self.q_names))
+            self.filter(self.home, still, 0.0, velocity=still)
+            self.reset()
 
     def filter(
         self,
@@ -213,6 +216,11 @@ class Guard(Monitor):
         super().reset()
         if self._response is not None:
             self._response.notes.fill(0)
+
+    def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
+        """See `compile_ahead`."""
+        if not self._compiling:
+            compile_ahead(progress, self._guarded)
 
     def _filter(
         self,

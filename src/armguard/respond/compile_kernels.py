@@ -1,16 +1,22 @@
 """Compile a part of the kernels into the cache.
 
-python -m armguard.guard.compile_kernels [guarded]
+python -m armguard.respond.compile_kernels [guarded]
 Started by a guard that finds nothing compiled, so that two processes share the work.
 """
 
 import sys
+from typing import Any
 
+import numba
 import numpy as np
 
+from armguard.address import kernel_address
 from armguard.geometry import Capsule, Pose, Sphere
-from armguard.guard.monitor import Monitor
+from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.index.small_tree import compile_octree
+from armguard.respond.cycle import finish, respond
+from armguard.respond.guard import Guard
+from armguard.respond.program import add_pairs
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.robot.stopping import stopping_figures
 from armguard.scene.scene import Scene
@@ -52,10 +58,24 @@ def compile_cycle(mode: Mode) -> None:
     figures = stopping_figures(model, deceleration=4.0)
     scene.add_robot(model, name="rod", stopping=figures)
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.0, 1.0, 0.0)))
-    guard = Monitor(scene, self_test=False, compiling=True)
+    guard = Guard(scene, self_test=False, compiling=True)
     guard.step(guard.home, 0.0)
     if mode != "fixed":
         guard.check_path([guard.home, guard.home])
+
+
+def compile_filter() -> None:
+    """Compile what a filtered cycle has beside the others."""
+    kernel_address(close_cycle, 2)
+    kernel_address(add_pairs, 2)
+    lines, numbers = numba.int64[::1], numba.float64[::1]
+    entries: tuple[tuple[Any, tuple[Any, ...]], ...] = (
+        (open_cycle, (numbers, lines)),
+        (respond, (lines, lines)),
+        (finish, (numba.boolean, numba.int64, lines, lines)),
+    )
+    for kernel, arguments in entries:
+        kernel.compile(arguments)
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
 
     Numba compiles one kernel at a time. Two processes share the cache on disk: what the
     other one has compiled is loaded when this one comes to it. Here go the distances
-    and the cycle with fixed buffers, there the octree and the prediction of stops.
+    and the cycle with fixed buffers and what a filter needs, there the octree and the prediction of stops.
 
     Args:
         progress: Told before, since it takes a minute or more.
@@ -43,7 +43,7 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
     if is_compiled(CYCLE) and (is_compiled(GUARDED_CYCLE) or not guarded):
         return
     if progress is not None:
-        minutes = "two or three minutes" if guarded else "over a minute"
+        minutes = "three or four minutes" if guarded else "over a minute"
         progress(f"compiling kernels for this machine; first start only, {minutes}")
     if (os.cpu_count() or 1) < 2:
         return
@@ -51,7 +51,7 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
         [
             sys.executable,
             "-m",
-            "armguard.guard.compile_kernels",
+            "armguard.respond.compile_kernels",
             *(["guarded"] if guarded else []),
         ],
         stdin=subprocess.DEVNULL,
@@ -60,11 +60,13 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
     )
     try:
         # Imported here: it makes a guard itself.
-        from armguard.guard.compile_kernels import compile_cycle
+        from armguard.respond.compile_kernels import compile_cycle, compile_filter
 
         row, out = np.zeros(ROW_WIDTH), np.zeros(WITNESS_WIDTH)
         measure(int(ShapeKind.SPHERE), row, int(ShapeKind.SPHERE), row, out)
         compile_cycle("fixed")
+        if guarded:
+            compile_filter()
         other.wait(timeout=PATIENCE)
     except subprocess.TimeoutExpired:
         pass
