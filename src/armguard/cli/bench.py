@@ -11,7 +11,10 @@ from armguard.cli.console import JsonOption, jsonable, out, print_json, say
 
 def bench(
     name: Annotated[
-        str, typer.Argument(help="cycle, index, memory, distance, scale, or all.")
+        str,
+        typer.Argument(
+            help="cycle, stop, filter, index, memory, distance, scale, or all."
+        ),
     ] = "all",
     cycles: Annotated[
         int | None, typer.Option(min=1, help="Cycles to measure.")
