@@ -25,6 +25,7 @@ from closed_loop.plan import Plan, work
 from closed_loop.runs import finished, run_plan
 from closed_loop.settings import SCENES
 from closed_loop.summary import summed_up
+from closed_loop.zeroing import FILTERED as FILTERED_TERMS
 from closed_loop.zeroing import TERMS
 
 ROOT = Path(__file__).parents[1]
@@ -39,6 +40,7 @@ TEETH = 0.05
 WEAK = 0.1
 NEEDLESS = 0.05
 REFERENCE = 0.02
+FILTERED = 0.2
 
 
 def arguments() -> argparse.Namespace:
@@ -85,10 +87,12 @@ def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
         return found
     for term in TERMS:
         scene = "movers" if term == "top_speed" else "bay"
+        guard = "filter" if term in FILTERED_TERMS else chosen.guard
         for key in ("zero", "large"):
-            plan = Plan(scene, "path", **{**asked, key: term})
+            plan = Plan(scene, "path", **{**asked, "guard": guard, key: term})
             found.append((plan, max(int(TEETH * count), 1)))
     more = [({"weak_brake": 0.7}, WEAK), ({"needless": True}, NEEDLESS)]
+    more.append(({"guard": "filter"}, FILTERED))
     more.append(({"guard": "reference"}, REFERENCE))
     for change, share in more:
         for scene in scenes if "guard" in change else ["bay"]:

@@ -57,7 +57,10 @@ def page(results: Results) -> str:
         "",
         "*least*: least distance of any pair of which an arm moved. *share of the "
         "wish*: way the joints made under their operator, by what they would have made "
-        "had the operator had his way.",
+        "had the operator had his way. *filtered*: what the arms are told goes through "
+        "`Guard.filter`, response `deflect`; they follow as late as `command`, and miss "
+        "it by as much as `tracking_error` allows, towards what is near. Such an arm is "
+        "stopped for what it does on its own; operators engage it again at once.",
         "",
         *(line for r in kept for line in detail(r)),
     ]
@@ -73,14 +76,19 @@ def page(results: Results) -> str:
 def promise(plan: dict[str, Any]) -> bool:
     """Whether the plant keeps its word and the guard was told the truth."""
     honest = not plan["zero"] and not plan["large"] and plan["weak_brake"] == 1.0
-    return honest and plan["guard"] == "armguard"
+    return honest and plan["guard"] in ("armguard", "filter")
+
+
+def where(plan: dict[str, Any]) -> str:
+    """The scene, and whether commands go through the guard."""
+    return plan["scene"] + (", filtered" if plan["guard"] == "filter" else "")
 
 
 def kept_row(r: dict[str, Any]) -> list[str]:
     """A row of the first table."""
     limit = r["contacts_below_at_95_percent"]
     return [
-        r["plan"]["scene"],
+        where(r["plan"]),
         r["plan"]["mode"],
         f"{r['episodes']:,}",
         str(r["contacts"]),
@@ -99,7 +107,7 @@ def detail(r: dict[str, Any]) -> list[str]:
     levels = sum(r["levels"].values()) or 1
     shares = ", ".join(f"{k} {n / levels:.1%}" for k, n in r["levels"].items())
     lines = [
-        f"### {plan['scene']}, mode {plan['mode']}",
+        f"### {where(plan)}, mode {plan['mode']}",
         "",
         f"- {r['worst_corner']:,} of {r['episodes']:,} episodes at the worst corner; "
         f"{r['seconds_of_motion']:,.0f} s of motion, {r['cycles']:,} cycles, "

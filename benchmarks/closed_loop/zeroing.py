@@ -24,7 +24,11 @@ ENLARGED: Mapping[str, Mapping[str, Any]] = {
     "model_error": {"model_error": 0.015},
     "base_error": {"base_error": 0.015},
     "top_speed": {},
+    "tracking_error": {"tracking_error": 0.25},
 }
+
+# Terms that only matter where commands go through the guard.
+FILTERED = ("tracking_error",)
 
 TERMS = tuple(ENLARGED)
 

@@ -1,0 +1,213 @@
+"""From every stopped state at the limit there is a way out, or the pinch is named.
+
+make ways-out                          10,000 states of the bay, 2,000 of two Pandas
+make ways-out ARGS="--states 500"      some of them
+
+States lie on straight lines between random configurations, where the nearest pair is
+about as near as it may be: up to 4 mm nearer, or up to 2 mm farther. The arms rest
+there. Asked for are the way out that the cues tell, and then each joint alone, both
+ways. A way counts as out if what is told moves, and no pair that was too near comes
+nearer by it; that is measured anew, at rest. Where none is told, `PINCHED` has to be,
+and the pinch is looked for in the same independent way: every joint, both ways, brings
+some pair nearer that is too near.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from armguard.cli.console import say
+from armguard.respond import Blocked, Guard
+from armguard.scene import Scene, bay_scene
+from closed_loop.scenes import build_scene
+from closed_loop.settings import setting_of
+
+Floats = NDArray[np.float64]
+
+RESULTS = Path(__file__).parents[1] / "docs" / "ways_out.json"
+
+# How much nearer, or less near, than its buffer the nearest pair is [m].
+NEARER, FARTHER = 0.004, 0.002
+
+# Samples of a line on which the limit is looked for, and halvings after that.
+SAMPLES, HALVINGS = 40, 30
+
+# Cycles in which an arm is seen to rest, and in which a way is asked for.
+REST, ASK = 8, 3
+
+# Share of the top speeds that is asked for [-].
+SPEED = 0.1
+
+# Motion by which it is seen whether a way leads out [rad], and what no way may bring a
+# pair nearer by on it, which is what it bends [m].
+STEP = 1e-3
+GRAIN = 2e-6
+
+
+@dataclass
+class Count:
+    """What came of some states."""
+
+    states: int = 0
+    too_near: int = 0
+    out_by_cue: int = 0
+    out_by_joint: int = 0
+    pinched: int = 0
+    pinched_in_truth: int = 0
+    neither: int = 0
+
+
+def states(guard: Guard, rng: np.random.Generator) -> Iterator[Floats]:
+    """Configurations in which the nearest pair is about as near as it may be."""
+    low = np.maximum(guard.tables.lower, -np.pi)
+    high = np.minimum(guard.tables.upper, np.pi)
+    while True:
+        wanted = rng.uniform(-NEARER, FARTHER)
+        a, b = rng.uniform(low, high, (2, len(low)))
+        if least(guard, a) < wanted:
+            continue
+        shares = np.linspace(0.0, 1.0, SAMPLES)
+        hit = next((s for s in shares if least(guard, a + s * (b - a)) < wanted), None)
+        if hit is None:
+            continue
+        far, near = hit - shares[1], hit
+        for _ in range(HALVINGS):
+            middle = 0.5 * (far + near)
+            if least(guard, a + middle * (b - a)) < wanted:
+                near = middle
+            else:
+                far = middle
+        yield a + far * (b - a)
+
+
+def least(guard: Guard, q: Floats) -> float:
+    """Least clearance at rest, as far as it is told [m]."""
+    nearest = guard.judge_at_rest(q).nearest
+    return np.inf if nearest is None else nearest.clearance
+
+
+def clearances(guard: Guard, q: Floats) -> dict[tuple[str, str], float]:
+    """Clearance at rest of each near pair [m]."""
+    return {
+        (pair.primitive_a, pair.primitive_b): pair.clearance
+        for pair in guard.judge_at_rest(q).near
+    }
+
+
+def told(guard: Guard, q: Floats, wish: Floats) -> tuple[Floats, tuple[Blocked, ...]]:
+    """What arms that rest at q are told that are asked to move."""
+    guard.reset()
+    still = np.zeros_like(q)
+    time = 0.0
+    for k in range(REST + ASK):
+        asked = still if k < REST else wish
+        command = guard.filter(q, asked, time, velocity=still, now=time)
+        time += guard.tables.period
+    return command.velocity, tuple(command.blocked.values())
+
+
+def leads_out(guard: Guard, q: Floats, velocity: Floats) -> bool:
+    """Whether a motion brings nothing nearer that is too near."""
+    size = float(np.abs(velocity).max())
+    if size < 1e-9:
+        return False
+    before = clearances(guard, q)
+    after = clearances(guard, q + STEP * velocity / size)
+    return all(
+        after.get(pair, np.inf) >= clearance - GRAIN
+        for pair, clearance in before.items()
+        if clearance < 0.0
+    )
+
+
+def judge(guard: Guard, q: Floats, count: Count) -> None:
+    """Look for a way out of a state."""
+    count.states += 1
+    top = np.concatenate([p.stopping.velocity for p in guard.tables.robots])
+    before = clearances(guard, q)
+    count.too_near += any(c < 0.0 for c in before.values())
+    guard.reset()
+    still = np.zeros_like(q)
+    cues = guard.step(q, 0.0, velocity=still, now=0.0).cues
+    wish = SPEED * top * np.concatenate([cue.escape for cue in cues.values()])
+    velocity, blocked = told(guard, q, wish)
+    if leads_out(guard, q, velocity):
+        count.out_by_cue += 1
+        return
+    for j in range(len(q)):
+        for sign in (1.0, -1.0):
+            wish = np.zeros_like(q)
+            wish[j] = sign * SPEED * top[j]
+            velocity, _ = told(guard, q, wish)
+            if leads_out(guard, q, velocity):
+                count.out_by_joint += 1
+                return
+    if Blocked.PINCHED in blocked:
+        count.pinched += 1
+        count.pinched_in_truth += is_pinched(guard, q)
+    else:
+        count.neither += 1
+
+
+def is_pinched(guard: Guard, q: Floats) -> bool:
+    """Whether every joint, both ways, brings nearer what is too near."""
+    for j in range(len(q)):
+        for sign in (1.0, -1.0):
+            way = np.zeros_like(q)
+            way[j] = sign
+            if moves_any(guard, q, way) and leads_out(guard, q, way):
+                return False
+    return True
+
+
+def moves_any(guard: Guard, q: Floats, way: Floats) -> bool:
+    """Whether a motion changes the distance of a pair that is too near."""
+    before, after = clearances(guard, q), clearances(guard, q + STEP * way)
+    return any(
+        abs(after.get(pair, np.inf) - clearance) > GRAIN
+        for pair, clearance in before.items()
+        if clearance < 0.0
+    )
+
+
+def run(scene: Scene, number: int, seed: int = 0) -> Count:
+    """Look for ways out of some states of a scene."""
+    guard = Guard(scene, self_test=False)
+    found = Count()
+    for q in states(guard, np.random.default_rng(seed)):
+        judge(guard, q, found)
+        if found.states == number:
+            return found
+    return found
+
+
+def main() -> int:
+    """Run; write docs/ways_out.json; 1 if a state had neither way nor pinch."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--states", type=int, default=10_000)
+    chosen = parser.parse_args()
+    scenes = {
+        "bay": (bay_scene("path"), chosen.states),
+        "pandas": (build_scene(setting_of("pandas", "path", 0)), chosen.states // 5),
+    }
+    results = {}
+    for name, (scene, number) in scenes.items():
+        say(f"{name}: {number} states")
+        results[name] = asdict(run(scene, number))
+        print(name, results[name])
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    return int(any(result["neither"] > 0 for result in results.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
