@@ -57,10 +57,10 @@ def page(results: Results) -> str:
         "",
         "*least*: least distance of any pair of which an arm moved. *share of the "
         "wish*: way the joints made under their operator, by what they would have made "
-        "had the operator had his way. *filtered*: what the arms are told goes through "
-        "`Guard.filter`, response `deflect`; they follow as late as `command`, and miss "
-        "it by as much as `tracking_error` allows, towards what is near. Such an arm is "
-        "stopped for what it does on its own; operators engage it again at once.",
+        "had the operator had his way. *filtered*: what arms are told goes through "
+        "`Guard.filter`, response `deflect`. They follow as late as `command` and miss "
+        "it by as much as `tracking_error` allow, towards what is near; one that is "
+        "stopped for that is engaged again at once.",
         "",
         *(line for r in kept for line in detail(r)),
     ]

@@ -13,6 +13,7 @@ from armguard.guard import layout
 from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.monitor import FLOAT64, Monitor
+from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
 from armguard.guard.workspace import ADD_PAIRS, CLOSE
 from armguard.respond.asked import as_vector, named_vector
@@ -21,6 +22,7 @@ from armguard.respond.compiling import compile_ahead
 from armguard.respond.cycle import finish, respond
 from armguard.respond.engagement import Standing
 from armguard.respond.program import add_pairs
+from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
     CROWDED,
@@ -92,6 +94,9 @@ class Guard(Monitor):
             still = np.zeros(len(self.q_names))
             self.filter(self.home, still, 0.0, velocity=still)
             self.reset()
+            if self_test:
+                lines = (*self.self_test.lines, filter_line(self))
+                self.self_test = SelfTestReport(lines)
 
     def filter(
         self,

@@ -1,0 +1,93 @@
+"""The filter's test of itself: an operator who pushes on is held off, and let out."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armguard.errors import SelfTestError
+from armguard.guard.approach import Approach, find_approaches
+from armguard.guard.self_test import SEEN, SelfTestLine, touches
+from armguard.guard.walk import GRACE, PATIENCE
+from armguard.respond.command import Action
+from armguard.robot.stopping.distance import stop_travel
+
+if TYPE_CHECKING:
+    from armguard.respond.guard import Guard
+
+# Cycles in which a way out must have begun, beyond the time a stop takes.
+OUT_CYCLES = 100
+
+
+def filter_line(guard: "Guard") -> SelfTestLine:
+    """Push a synthetic robot at something through the filter, then lead it away.
+
+    It must be told no more than can be proven, never touch, and be let out. The guard
+    is reset afterwards.
+
+    Raises:
+        SelfTestError: It is not.
+    """
+    watch = guard._watch
+    seen = watch.seen_at.copy()
+    if len(seen):
+        watch.seen_at[watch.movers] = SEEN
+    try:
+        for approach in find_approaches(guard):
+            return pushed(guard, approach)
+        why = "no pair can be approached from home"
+        return SelfTestLine("SKIP", f"filter: {why}")
+    finally:
+        guard.reset()
+        watch.seen_at[:] = seen
+
+
+def pushed(guard: "Guard", approach: Approach) -> SelfTestLine:
+    """One joint that is pushed at something, and then led away from it.
+
+    Raises:
+        SelfTestError: It touches, it is not held off, or it is not let out.
+    """
+    guard.reset()
+    name, robot = guard.q_names[approach.joint], approach.robot.name
+    tables = guard.tables
+    stop = stop_travel(
+        approach.figures, approach.place, approach.speed, tables.period, tables.late
+    )
+    q, v = guard.home, np.zeros(len(guard.q_names))
+    q[approach.joint] = approach.start
+    wish = np.zeros_like(v)
+    wish[approach.joint] = approach.direction * approach.speed
+    time, fastest = 0.0, 0.0
+    cycles = PATIENCE * (stop.travel / approach.speed + stop.time + GRACE)
+    for _ in range(int(cycles / tables.period) + OUT_CYCLES):
+        command = guard.filter(q, wish, time, velocity=v)
+        if touches(command.verdict):
+            raise SelfTestError(
+                f"self-test: joint '{name}' was pushed through the filter until it "
+                f"touched: {command.verdict.why}"
+            )
+        v = command.velocity
+        q = q + v * tables.period
+        time += tables.period
+        fastest = max(fastest, abs(float(v[approach.joint])))
+    if fastest == 0.0:
+        raise SelfTestError(
+            f"self-test: joint '{name}' was pushed through the filter, and was told to "
+            f"stay from the beginning: {command.verdict.why}"
+        )
+    guard.engage(robot)
+    for k in range(int(stop.time / tables.period) + OUT_CYCLES):
+        command = guard.filter(q, -wish, time, velocity=v)
+        v = command.velocity
+        q = q + v * tables.period
+        time += tables.period
+        if command.actions[robot] is Action.FOLLOW and float(wish @ v) < 0.0:
+            return SelfTestLine(
+                "PASS",
+                f"filter: joint '{name}' pushed on at {approach.speed:.2f} a second: "
+                f"did not touch, and was let out after {1e3 * (k + 1) * tables.period:.0f} ms",
+            )
+    raise SelfTestError(
+        f"self-test: joint '{name}' was to be led out through the filter, and was told "
+        f"to stay: {command.verdict.why}"
+    )
