@@ -82,10 +82,11 @@ def pushed(guard: "Guard", approach: Approach) -> SelfTestLine:
         q = q + v * tables.period
         time += tables.period
         if command.actions[robot] is Action.FOLLOW and float(wish @ v) < 0.0:
+            after = 1e3 * (k + 1) * tables.period
             return SelfTestLine(
                 "PASS",
                 f"filter: joint '{name}' pushed on at {approach.speed:.2f} a second: "
-                f"did not touch, and was let out after {1e3 * (k + 1) * tables.period:.0f} ms",
+                f"did not touch, and was let out after {after:.0f} ms",
             )
     raise SelfTestError(
         f"self-test: joint '{name}' was to be led out through the filter, and was told "
