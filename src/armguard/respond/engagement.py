@@ -15,6 +15,7 @@ from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
 from armguard.respond.state import (
+    ASKS,
     BLOCKED,
     FAR,
     FAR_START,
@@ -66,7 +67,11 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     """
     notes, phase = a.notes[r], v.phase[r]
     a.speed[r] = 1.0
-    notes[RETREATS] = 0
+    notes[RETREATS] = notes[ASKS] = 0
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if abs(a.asked[j]) > NOTHING_ASKED:
+            notes[ASKS] = 1
     if phase == STOPPING or phase == BRAKING or phase == LOST:
         notes[STATE], notes[BLOCKED] = WAITING, STOPPED
         notes[TOLD_POSITIONS] = notes[REFUSED] = 0
@@ -74,7 +79,7 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     if a.asking[FORM] == POSITIONS:
         stand_to_positions(r, a, m)
     else:
-        stand_to_velocities(r, a, m)
+        stand_to_velocities(r, a)
     stuck = phase == RESTING and v.must[r] != 0
     if stuck or phase == RECOVERING:
         # Who asks for a way out is given it, whatever else he has to do first.
@@ -87,15 +92,12 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
 
 
 @kernel
-def stand_to_velocities(r: int, a: Response, m: Motion) -> None:
+def stand_to_velocities(r: int, a: Response) -> None:
     """Velocities: let go once, or led away, and it follows again."""
     notes = a.notes[r]
     notes[TOLD_POSITIONS] = 0
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    rests = True
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        rests &= abs(a.asked[j]) <= NOTHING_ASKED
-    if notes[STATE] == CATCHING_UP or rests or notes[LEADS_AWAY] != 0:
+    asks = notes[ASKS] != 0
+    if notes[STATE] == CATCHING_UP or not asks or notes[LEADS_AWAY] != 0:
         notes[STATE] = FOLLOWING
     notes[BLOCKED] = STOPPED if notes[STATE] == WAITING else FOLLOWS
 

@@ -50,6 +50,7 @@ from armguard.motion.figures import (
 )
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.state import (
+    ASKS,
     BREAKS,
     BY_PRIORITY,
     CROWDED,
@@ -344,7 +345,10 @@ def keep_row(r: int, first: int, end: int, at: int, limit: float, a: Response) -
         most += max(up, down)
         lowest += min(up, down)
     a.eased[at] = max(limit / length, least)
-    a.limits[at] = max(limit / length, least - OPENING * (least - lowest))
+    a.limits[at] = a.eased[at]
+    if a.notes[r, ASKS] != 0:
+        # Nobody is moved who is to stand still.
+        a.limits[at] = max(limit / length, least - OPENING * (least - lowest))
     if not most <= a.limits[at]:
         a.notes[r, ROW_COUNT] += 1
 

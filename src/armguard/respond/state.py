@@ -60,7 +60,8 @@ ROW_COUNT = 5
 BREAKS = 6  # 1 if its target breaks a row
 CROWDED = 7  # 1 if there were more rows than room
 LEADS_AWAY = 8  # 1 if what is asked for closes no near pair of it
-NOTES = 9
+ASKS = 9  # 1 if anything is asked of it
+NOTES = 10
 
 # What operators tell, in `asking`.
 FORM = 0
