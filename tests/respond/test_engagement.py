@@ -30,6 +30,17 @@ def test_after_a_stop_a_wish_that_was_never_let_go_is_not_followed():
     assert command.velocity[0] == 0.0
 
 
+def test_nor_where_nothing_is_near_that_it_could_lead_away_from():
+    guard = ball_guard(settings={"margin": 0.01})
+    loop = Driven(guard)
+    loop.run([-0.2], 100)
+    loop.cycle([np.nan])
+    command = loop.run([-0.2], 400)
+    assert command.action is Action.FOLLOW
+    assert command.velocity[0] == 0.0
+    assert command.blocked == {"arm": Blocked.STOPPED}
+
+
 def test_letting_go_once_is_enough():
     loop = stopped()
     loop.run([0.5], 20)

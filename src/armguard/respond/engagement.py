@@ -97,7 +97,7 @@ def stand_to_velocities(r: int, a: Response) -> None:
     notes = a.notes[r]
     notes[TOLD_POSITIONS] = 0
     asks = notes[ASKS] != 0
-    if notes[STATE] == CATCHING_UP or not asks or notes[LEADS_AWAY] != 0:
+    if notes[STATE] == CATCHING_UP or not asks or notes[LEADS_AWAY] > 0:
         notes[STATE] = FOLLOWING
     notes[BLOCKED] = STOPPED if notes[STATE] == WAITING else FOLLOWS
 

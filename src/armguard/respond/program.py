@@ -106,7 +106,7 @@ def add_pairs(response: int, lines: int) -> None:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
         a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
-        a.notes[r, LEADS_AWAY] = 1
+        a.notes[r, LEADS_AWAY] = 0
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), a, w, v, m)
     for r in range(a.notes.shape[0]):
@@ -209,8 +209,11 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         r = robot_i if side == 0 else robot_j
         if r < 0 or (side == 1 and r == robot_i):
             continue
-        if closing_of(r, raw, a.asked, m) > GRAIN:
-            a.notes[r, LEADS_AWAY] = 0
+        asked = closing_of(r, raw, a.asked, m)
+        if asked > GRAIN:
+            a.notes[r, LEADS_AWAY] = -1
+        elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
+            a.notes[r, LEADS_AWAY] = 1
         if resting < 0.0 and a.notes[r, RETREATS] != 0:
             only_away(r, a, m)
             continue

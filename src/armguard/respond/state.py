@@ -59,7 +59,7 @@ RETREATS = 4  # 1 if it is to leave what is too near
 ROW_COUNT = 5
 BREAKS = 6  # 1 if its target breaks a row
 CROWDED = 7  # 1 if there were more rows than room
-LEADS_AWAY = 8  # 1 if what is asked for closes no near pair of it
+LEADS_AWAY = 8  # 1 if what is asked for opens near pairs of it, -1 if it closes any
 ASKS = 9  # 1 if anything is asked of it
 NOTES = 10
 
