@@ -9,8 +9,11 @@ measurement or later, and the one before them.
 
 from math import inf, isfinite
 
+import numpy as np
+from numpy.typing import NDArray
+
 from armguard.guard.levels import Reason
-from armguard.guard.observe import now_of
+from armguard.guard.observe import blame_joint, now_of
 from armguard.guard.stops import GRAIN, unknown_age
 from armguard.guard.watch import (
     COMMANDED,
@@ -33,6 +36,8 @@ from armguard.motion.figures import (
     VELOCITY,
 )
 from armguard.motion.state import NEXT, NOW, Motion
+
+Floats = NDArray[np.float64]
 
 NOT_FOLLOWED = int(Reason.NOT_FOLLOWED)
 
@@ -114,22 +119,28 @@ def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
 
 
 @kernel
-def unfollowed_joint(v: Watch, m: Motion) -> int:
-    """A joint that is faster than it was, and than it was told to be; or -1."""
+def is_as_told(v: Watch, m: Motion, out: Floats) -> bool:
+    """Whether joints move as they did or were told; narrows what they may do to that.
+
+    Args:
+        v: Watch.
+        m: Motion; the bounds of measured velocities come nearer each other.
+        out: Answer; a joint that is faster is named in it.
+    """
     if v.sent_count[0] == 0:
-        return -1
+        return True
     for j in range(m.q.shape[0]):
         r = int(m.robot_of_joint[j])
-        phase = v.phase[r]
-        if phase != RUNNING and phase != RECOVERING:
+        driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
+        if not driven or m.robot_figures[r, MODE] == FIXED:
             continue
-        if m.robot_figures[r, MODE] == FIXED:
-            continue
-        error = m.joint_figures[j, TRACKING] + GRAIN
-        above = m.v_low[j] > v.band[j, 1] + error
-        if above or m.v_high[j] < v.band[j, 0] - error:
-            return j
-    return -1
+        error = m.joint_figures[j, TRACKING]
+        low, high = v.band[j, 0] - error, v.band[j, 1] + error
+        if m.v_low[j] > high + GRAIN or m.v_high[j] < low - GRAIN:
+            speed = 0.5 * (m.v_low[j] + m.v_high[j])
+            return bool(blame_joint(NOT_FOLLOWED, j, speed, out))
+        m.v_low[j], m.v_high[j] = max(m.v_low[j], low), min(m.v_high[j], high)
+    return True
 
 
 @kernel

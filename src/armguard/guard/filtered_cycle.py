@@ -11,20 +11,18 @@ from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing
 from armguard.guard.commands import (
-    NOT_FOLLOWED,
     is_new,
     keep_under_way,
     last_sent,
     send,
     set_drives,
-    unfollowed_joint,
 )
 from armguard.guard.cycle import clear_header, report_limits
 from armguard.guard.guarded_cycle import (
     forget_demands,
     judge_input,
 )
-from armguard.guard.layout import JOINT, REASON, VALUE
+from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
@@ -70,7 +68,7 @@ def open_cycle(q: Floats, lines: Longs) -> bool:
         Whether the input could be judged.
     """
     w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v = open_watch(w.parts[WATCH])
     v.given[COMMANDED] = 1.0
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = last_sent(j, v)
@@ -79,12 +77,6 @@ def open_cycle(q: Floats, lines: Longs) -> bool:
         return False
     report_limits(q, w.lower, w.upper, w.out)
     if w.out[REASON] == OUT_OF_LIMITS:
-        call_for_nothing(w.parts[REFUSE], (w.parts[SELF],))
-        return False
-    joint = unfollowed_joint(v, m)
-    if joint >= 0:
-        w.out[REASON], w.out[JOINT] = NOT_FOLLOWED, joint
-        w.out[VALUE] = 0.5 * (m.v_low[joint] + m.v_high[joint])
         call_for_nothing(w.parts[REFUSE], (w.parts[SELF],))
         return False
     return True

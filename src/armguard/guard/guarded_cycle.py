@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing, pointer
-from armguard.guard.commands import look_under_way, set_drives
+from armguard.guard.commands import is_as_told, look_under_way, set_drives
 from armguard.guard.cues import write_cues
 from armguard.guard.cycle import (
     clear_header,
@@ -109,15 +109,18 @@ def take_input(positions: int, count: int, lines: int) -> None:
     w = open_workspace(ledger_at(lines))
     out, parts = w.out, w.parts
     q = numba.carray(pointer(positions), (count,), np.float64)
-    given = open_watch(parts[WATCH]).given
-    given[JUDGED] = 0.0
+    v, m = open_watch(parts[WATCH]), open_motion(parts[MOTION])
+    v.given[JUDGED] = 0.0
     if not positions_are_finite(q, w.lower, out):
         call_for_nothing(parts[REFUSE], (parts[SELF],))
         return
     if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
         call_for_nothing(parts[REFUSE], (parts[SELF],))
         return
-    given[JUDGED] = 1.0
+    if v.given[COMMANDED] != 0.0 and not is_as_told(v, m, out):
+        call_for_nothing(parts[REFUSE], (parts[SELF],))
+        return
+    v.given[JUDGED] = 1.0
     begin(parts[WATCH], parts[MOTION])
     # Every pair is measured: one that stands still may need another distance now.
     w.memory[FORCE] = 1
