@@ -11,7 +11,8 @@ def test_the_code_of_the_readme_runs(capsys):
     assert 15 <= len(code.splitlines()) <= 22
     exec(compile(code, "README.md", "exec"), {})
     told = capsys.readouterr().out
-    assert "Level.STOP" in told
+    # Both are held off: they follow, but are told next to nothing of their wish.
+    assert told.count("Action.FOLLOW") == 2
     assert "needs" in told
 
 
