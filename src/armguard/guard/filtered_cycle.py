@@ -26,7 +26,10 @@ from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
+    AT_REST,
+    AT_WORK,
     COMMANDED,
+    LEAVES,
     RECOVERING,
     RESTING,
     RUNNING,
@@ -106,7 +109,11 @@ def begin_recoveries(v: Watch) -> None:
     """Let robots at rest try to leave what is too near."""
     recover = v.recover
     for r in range(recover.shape[0]):
-        if recover[r] != 0 and v.phase[r] == RESTING and v.must[r] != 0:
+        phase = v.phase[r]
+        may = recover[r] == LEAVES and phase == RESTING and v.must[r] != 0
+        may |= recover[r] == AT_REST and phase == RESTING
+        may |= recover[r] == AT_WORK and phase == RUNNING
+        if may:
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
         else:
@@ -145,8 +152,9 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
             continue
         if v.recover[r] != 0 and share == 0.0:
             # It does not lead away after all.
-            v.phase[r] = RESTING
+            v.phase[r] = RUNNING if v.recover[r] == AT_WORK else RESTING
             v.recover[r] = 0
+            keep_under_way(r, 0.0, v, m)
             found = True
         elif v.phase[r] == RECOVERING or (v.phase[r] == RUNNING and v.yields[r] != 0):
             keep_under_way(r, share, v, m)

@@ -86,6 +86,7 @@ KEPT = (
     "base",
     "top_speed",
     "seen_at",
+    "object_velocity",
     "robot_of",
     "movers",
     "pairs",
@@ -319,7 +320,12 @@ class Monitor:
         return ""
 
     def place(
-        self, name: str, pose: Pose | ArrayLike, stamp: float | None = None
+        self,
+        name: str,
+        pose: Pose | ArrayLike,
+        stamp: float | None = None,
+        *,
+        velocity: ArrayLike | None = None,
     ) -> None:
         """Put an object where it stands from now on, whether it was there or not.
 
@@ -331,11 +337,14 @@ class Monitor:
             pose: Its frame in the world, a `Pose` or a transform of shape (4, 4).
             stamp: When it was seen there, on the clock of `step` [s]; needed for an
                 object that has a `top_speed`, which may be elsewhere since.
+            velocity: How fast it was seen to move, in the world, shape (3,) [m/s];
+                robots that evade look where it is going.
 
         Raises:
             UnknownNameError: There is no such object.
             PoseError: The transform is not rigid, or a number is not finite.
-            SceneError: The object moves and there is no stamp.
+            SceneError: The object moves and there is no stamp, or it was seen to move
+                faster than its `top_speed`.
 
         Example:
             >>> from armguard import Guard, Pose, Sphere, bay_scene
@@ -353,7 +362,14 @@ class Monitor:
                 raise SceneError(
                     f"object '{name}' moves: say when it was seen, not {stamp}"
                 )
+            moves = check_velocity(name, velocity, float(speeds[thing.first]))
+            own = slice(thing.first, thing.first + thing.count)
+            self._watch.object_velocity[own] = moves
             self._seen(thing, stamp)
+        elif velocity is not None:
+            raise SceneError(
+                f"object '{name}' has no top_speed; one that moves needs it"
+            )
         stand_at(self.index, thing, T)
         self._world_changed()
 
@@ -581,6 +597,25 @@ class Monitor:
         data[layout.REASON] = reason
         data[[layout.JOINT, layout.NEAREST, layout.ROBOT]] = -1.0
         return data
+
+
+def check_velocity(name: str, velocity: ArrayLike | None, top: float) -> Floats:
+    """A velocity an object was seen with, shape (3,); nothing if nobody said.
+
+    Raises:
+        SceneError: It is none, or faster than the object can be.
+    """
+    if velocity is None:
+        return np.zeros(3)
+    found = np.asarray(velocity, dtype=np.float64)
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise SceneError(f"object '{name}': velocity must be 3 finite numbers [m/s]")
+    speed = float(np.linalg.norm(found))
+    if speed > top:
+        raise SceneError(
+            f"object '{name}' was seen at {speed:.3f} m/s; its top_speed is {top} m/s"
+        )
+    return found
 
 
 def largest_standing_need(tables: SceneTables, watch: Watch) -> float:

@@ -376,6 +376,9 @@ def relief_of(i: int, j: int, spare: float, floor: float, v: Watch, m: Motion) -
             return 0.0
         if v.phase[r] == RECOVERING:
             v.relieved[r] = 1
+            if v.evades[r] != 0 and object_speed(j, v) > 0.0:
+                # It comes, whatever the robot does; getting away is better than not.
+                return float(SINK - spare)
             most = max(most, v.relief[r] + SINK)
     relief = min(SINK - spare, most)
     # What surely does not touch has to stay so.

@@ -52,6 +52,11 @@ BRAKING = 3  # the brake was ordered, since the stop was not what was declared
 LOST = 4  # the brake is not what was declared either
 RECOVERING = 5  # it leaves what is too near, on ways that only lead away
 
+# Ways into a recovery, in `Watch.recover`.
+LEAVES = 1
+AT_REST = 2
+AT_WORK = 3
+
 # In a scene of so few primitives it takes less time to go through all pairs than to
 # look for those that are near.
 FEW = 128
@@ -114,7 +119,12 @@ class Watch(NamedTuple):
         tool_body: Body of each robot's tool, shape (r,).
         tool_point: Its origin there, shape (r, 3) [m].
         row: Scratch for a number of each joint, shape (n,).
-        recover: 1 for a robot at rest that is to leave what is too near, shape (r,).
+        recover: LEAVES for a robot at rest that is to leave what is too near; AT_REST
+            or AT_WORK for one that is to evade what comes, by where it was; else 0,
+            shape (r,).
+        evades: 1 for a robot that gets out of the way of what comes, shape (r,).
+        object_velocity: Velocity each of them was seen with, shape (p, 3) or (0, 3)
+            [m/s].
         yields: 1 for one of which less than it wants may be told before it is stopped,
             shape (r,).
     """
@@ -163,6 +173,8 @@ class Watch(NamedTuple):
     tool_point: Floats
     row: Floats
     recover: Longs
+    evades: Longs
+    object_velocity: Floats
     yields: Longs
 
 
@@ -221,6 +233,8 @@ def open_watch(address: int) -> Watch:
         vector_f8(lines, 42),
         vector_i8(lines, 43),
         vector_i8(lines, 44),
+        matrix_f8(lines, 45),
+        vector_i8(lines, 46),
     )
 
 
@@ -284,6 +298,8 @@ def watch_of(tables: SceneTables) -> Watch:
         tool_point=np.array([frame.T_body_link[:3, 3] for frame in tools]),
         row=np.zeros(n),
         recover=np.zeros(robots, dtype=np.int64),
+        evades=np.zeros(robots, dtype=np.int64),
+        object_velocity=np.zeros((len(speeds), 3)),
         yields=np.ones(robots, dtype=np.int64),
     )
 

@@ -53,6 +53,9 @@ class Blocked(IntEnum):
     CATCHING_UP = 21
     """It is told a position far from where it is, and goes there slowly."""
 
+    EVADING = 23
+    """It gets out of the way of something that comes at it."""
+
     NO_WAY = 30
     """No velocity was found that keeps all it must; it is stopped."""
 

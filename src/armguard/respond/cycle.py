@@ -13,7 +13,17 @@ from armguard.address import call_for_nothing
 from armguard.guard.commands import last_sent, time_passed
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
 from armguard.guard.levels import Reason
-from armguard.guard.watch import FORCED, PERIOD, RESTING, Watch, open_watch
+from armguard.guard.watch import (
+    AT_REST,
+    AT_WORK,
+    FORCED,
+    LEAVES,
+    PERIOD,
+    RESTING,
+    RUNNING,
+    Watch,
+    open_watch,
+)
 from armguard.guard.workspace import (
     ADD_PAIRS,
     CLOSE,
@@ -33,6 +43,7 @@ from armguard.motion.figures import (
 from armguard.motion.state import Motion, open_motion
 from armguard.respond.command import Blocked
 from armguard.respond.engagement import NOTHING_ASKED, engage
+from armguard.respond.evasion import look_for_threats
 from armguard.respond.program import frame_limits, scale_back
 from armguard.respond.state import (
     BLOCKED,
@@ -78,6 +89,7 @@ def respond(response: Longs, lines: Longs) -> int:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     hold(a, v, m)
     take_asked(a, v, m)
+    look_for_threats(a, w, v, m)
     for r in range(a.notes.shape[0]):
         follows = engage(r, a, v, m)
         frame_limits(r, follows, a, w, v, m)
@@ -161,10 +173,14 @@ def settle_target(r: int, unsolved: int, a: Response, v: Watch, m: Motion) -> No
     if unsolved != 0:
         v.last[FORCED] = NO_WAY
         a.notes[r, BLOCKED] = BLOCKED_NO_WAY
-    if v.phase[r] == RESTING and a.notes[r, RETREATS] != 0:
-        v.recover[r] = 1 if moves else 0
-        if not room:
-            a.notes[r, BLOCKED] = PINCHED
+    if a.notes[r, RETREATS] == 0:
+        return
+    if moves and v.evades[r] != 0:
+        v.recover[r] = AT_WORK if v.phase[r] == RUNNING else AT_REST
+    elif moves and v.phase[r] == RESTING:
+        v.recover[r] = LEAVES
+    if not room and v.phase[r] == RESTING:
+        a.notes[r, BLOCKED] = PINCHED
 
 
 @kernel

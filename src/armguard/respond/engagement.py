@@ -17,6 +17,7 @@ from armguard.respond.command import Blocked
 from armguard.respond.state import (
     ASKS,
     BLOCKED,
+    EVADE_SPEED,
     FAR,
     FAR_START,
     FORM,
@@ -56,6 +57,7 @@ STOPPED = int(Blocked.STOPPED)
 TOO_NEAR = int(Blocked.TOO_NEAR)
 CATCHES_UP = int(Blocked.CATCHING_UP)
 STARTS_FAR = int(Blocked.FAR_START)
+EVADES = int(Blocked.EVADING)
 
 
 @kernel
@@ -80,6 +82,10 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
         stand_to_positions(r, a, m)
     else:
         stand_to_velocities(r, a)
+    if v.evades[r] != 0:
+        notes[BLOCKED], notes[RETREATS], notes[ASKS] = EVADES, 1, 1
+        a.speed[r] = a.settings[r, EVADE_SPEED]
+        return True
     stuck = phase == RESTING and v.must[r] != 0
     if stuck or phase == RECOVERING:
         # Who asks for a way out is given it, whatever else he has to do first.

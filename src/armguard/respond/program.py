@@ -20,7 +20,7 @@ are eased to what the declared stop satisfies, which all of them do.
 These rows are wishes. Whether what they lead to is sent is decided by the proof.
 """
 
-from math import exp, sqrt
+from math import exp, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ from armguard.motion.figures import (
     VELOCITY,
 )
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
+from armguard.respond.evasion import time_until
 from armguard.respond.state import (
     ASKS,
     BREAKS,
@@ -214,7 +215,9 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
             a.notes[r, LEADS_AWAY] = -1
         elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
-        if resting < 0.0 and a.notes[r, RETREATS] != 0:
+        leads_away = resting < 0.0 and a.notes[r, RETREATS] != 0
+        leads_away |= v.evades[r] != 0 and time_until(i, j, place, a, w, v, m) < inf
+        if leads_away:
             only_away(r, a, m)
             continue
         part = 1.0

@@ -31,7 +31,9 @@ RECOVER_SPEED = 3  # shares of top speeds [-]
 RESUME_SPEED = 4
 FAR = 5  # [rad or m]
 FAR_START = 6  # 1 if a first position far away is refused
-SETTINGS = 7
+EVADE_TIME = 7  # 0 if it does not evade [s]
+EVADE_SPEED = 8  # share of top speeds [-]
+SETTINGS = 9
 
 # Responses by number.
 STOP = 0
@@ -89,6 +91,7 @@ class Response(NamedTuple):
         rows: Unit rows of each robot's program, shape (r · ROWS, n).
         limits: What they must not exceed, shape (r · ROWS,).
         eased: The same where the declared stop is to keep all of them, (r · ROWS,).
+        away: Joint motion that leads away from what comes, shape (n,).
         speed: Share of its top speeds each robot may use, shape (r,) [-].
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
     """
@@ -108,6 +111,7 @@ class Response(NamedTuple):
     rows: Floats
     limits: Floats
     eased: Floats
+    away: Floats
     speed: Floats
     told: Floats
 
@@ -138,6 +142,7 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 14),
         vector_f8(lines, 15),
         vector_f8(lines, 16),
+        vector_f8(lines, 17),
     )
 
 
@@ -154,6 +159,8 @@ def response_of(tables: SceneTables) -> Response:
         row[RESUME_SPEED] = chosen.resume_speed
         row[FAR] = chosen.far
         row[FAR_START] = FAR_STARTS[chosen.far_start]
+        row[EVADE_TIME] = chosen.evade_time if chosen.evade else 0.0
+        row[EVADE_SPEED] = chosen.evade_speed
     return Response(
         settings=settings,
         notes=np.zeros((robots, NOTES), dtype=np.int64),
@@ -170,6 +177,7 @@ def response_of(tables: SceneTables) -> Response:
         rows=np.zeros((robots * ROWS, n)),
         limits=np.zeros(robots * ROWS),
         eased=np.zeros(robots * ROWS),
+        away=np.zeros(n),
         speed=np.zeros(robots),
         told=np.zeros(4 * n + 2 * robots),
     )

@@ -95,6 +95,9 @@ class ResponseModel(Strict):
     resume_speed: Positive = 0.1
     far: Positive = 0.2
     far_start: FarStart = "ramp"
+    evade: bool = False
+    evade_speed: Positive = 0.5
+    evade_time: Positive = 0.4
 
 
 def name_or_settings(value: Any) -> str:

@@ -208,7 +208,13 @@ class Scene:
         """Signed distance up to which pairs are reported [m]."""
         if self._margin is not None:
             return self._margin
-        return self.largest_buffer + MARGIN_BEYOND_BUFFER
+        # What is to be evaded has to be seen before it is near.
+        longest = max(
+            (r.response.evade_time for r in self._robots.values() if r.response.evade),
+            default=0.0,
+        )
+        fastest = max((t.top_speed for t in self._objects.values()), default=0.0)
+        return self.largest_buffer + max(MARGIN_BEYOND_BUFFER, longest * fastest)
 
     @property
     def q_names(self) -> tuple[str, ...]:
@@ -732,14 +738,16 @@ def response_settings(
             raise SceneError(
                 f"{who}: response.{field} is {chosen!r}; {did_you_mean(chosen, known)}"
             )
-    for field in ("recover_speed", "resume_speed"):
+    for field in ("recover_speed", "resume_speed", "evade_speed"):
         share = getattr(response, field)
         if not (isfinite(share) and 0.0 < share <= 1.0):
             raise SceneError(
                 f"{who}: response.{field} is {share}; it must be in (0, 1]"
             )
-    if not (isfinite(response.far) and response.far > 0.0):
-        raise SceneError(f"{who}: response.far is {response.far}; it must be > 0")
+    for field in ("far", "evade_time"):
+        value = getattr(response, field)
+        if not (isfinite(value) and value > 0.0):
+            raise SceneError(f"{who}: response.{field} is {value}; it must be > 0")
     if not isfinite(response.priority):
         raise SceneError(
             f"{who}: response.priority is {response.priority}; it must be finite"

@@ -63,6 +63,10 @@ class ResponseSettings:
             not simply follow, until it is half as far [rad or m].
         far_start: Whether it catches up with a first position so far away, or is
             refused.
+        evade: Whether it moves out of the way of objects that come at it, whatever its
+            operator wants.
+        evade_speed: Share of its top speeds it then uses at most [-].
+        evade_time: It begins when an object would be too near in this time [s].
     """
 
     kind: ResponseName = "deflect"
@@ -72,6 +76,9 @@ class ResponseSettings:
     resume_speed: float = 0.1
     far: float = 0.2
     far_start: FarStart = "ramp"
+    evade: bool = False
+    evade_speed: float = 0.5
+    evade_time: float = 0.4
 
 
 # What each of these may be.
