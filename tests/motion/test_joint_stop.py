@@ -19,8 +19,10 @@ NO_CURVE = np.zeros(0)
 
 
 @numba.njit
-def planned(v, top, a, reaction, ramp, least, most, settle, curve, out):
-    plan_stop(v, top, a, reaction, ramp, 0.0, least, most, settle, 0.0, curve, out)
+def planned(v, top, driven, a, reaction, ramp, least, most, settle, curve, out):
+    plan_stop(
+        v, top, driven, a, reaction, ramp, 0.0, least, most, settle, 0.0, curve, out
+    )
 
 
 @numba.njit
@@ -28,21 +30,29 @@ def curve(times, stop):
     return np.array([farthest(t, stop) for t in times])
 
 
-def stop_of(velocity, top, a, reaction, ramp, least, most, settle=0.0, table=NO_CURVE):
+def stop_of(
+    velocity, top, a, reaction, ramp, least, most, settle=0.0, table=NO_CURVE,
+    driven=None,
+):  # fmt: skip
     out = np.zeros(JOINT_STOP)
-    planned(velocity, top, a, reaction, ramp, least, most, settle, table, out)
+    driven = top if driven is None else driven
+    planned(velocity, top, driven, a, reaction, ramp, least, most, settle, table, out)
     return out
 
 
-def plant(rng, v, top, a, effect, ramp, brake, times):
-    """Positions of one joint: an operator at will, then a stop, by small steps."""
+def plant(rng, v, low, high, a, effect, ramp, brake, times):
+    """Positions of one joint: an operator at will, then a stop, by small steps.
+
+    He drives it no farther out of [low, high] than it is.
+    """
     x = np.zeros(len(times))
+    low, high = min(low, v), max(high, v)
     free = rng.choice([-a, a, 0.0], 20)
     for k in range(1, len(times)):
         dt = times[k] - times[k - 1]
         before = v
         if times[k - 1] < effect:
-            v = np.clip(v + dt * free[int(20 * times[k - 1] / effect) % 20], -top, top)
+            v = np.clip(v + dt * free[int(20 * times[k - 1] / effect) % 20], low, high)
         else:
             since = times[k] - effect
             now = brake * min(since / ramp, 1.0) if ramp > 0.0 else brake
@@ -53,22 +63,24 @@ def plant(rng, v, top, a, effect, ramp, brake, times):
 
 @pytest.mark.parametrize("most", [1.0, 1.5, inf])
 @pytest.mark.parametrize("ramp", [0.0, 0.03])
-def test_no_admissible_joint_leaves_the_curves(most, ramp):
+@pytest.mark.parametrize("filtered", [False, True])
+def test_no_admissible_joint_leaves_the_curves(most, ramp, filtered):
     rng = np.random.default_rng(7)
     for _ in range(60):
         top, a, least = rng.uniform(0.5, 2), rng.uniform(1, 20), rng.uniform(0.5, 10)
         hardest = most * least
         reaction = rng.uniform(0.001, 0.06)
         v = rng.uniform(-top, top)
-        up = stop_of(v, top, a, reaction, ramp, least, hardest)
-        down = stop_of(-v, top, a, reaction, ramp, least, hardest)
+        low_v, high_v = np.sort(rng.uniform(-top, top, 2)) if filtered else (-top, top)
+        up = stop_of(v, top, a, reaction, ramp, least, hardest, driven=high_v)
+        down = stop_of(-v, top, a, reaction, ramp, least, hardest, driven=-low_v)
         times = np.linspace(0.0, max(up[REST], down[REST]) + 0.05, 4000)
         high, low = curve(times, up), -curve(times, down)
         for _ in range(6):
             brake = rng.uniform(least, min(hardest, 5 * least))
             x = plant(
-                rng, v, top, a, rng.uniform(0, reaction), rng.uniform(0, ramp), brake,
-                times,
+                rng, v, low_v, high_v, a, rng.uniform(0, reaction),
+                rng.uniform(0, ramp), brake, times,
             )  # fmt: skip
             # Small steps are off by their square.
             slack = 2.0 * (a + brake) * (times[1] - times[0]) ** 2 * len(times) ** 0.5

@@ -46,18 +46,20 @@ class Tool:
 
     def jacobian(self, T_world: Floats) -> Floats:
         """Velocity of its origin, then its angular velocity, by joint, shape (6, n)."""
+        own = np.fromiter(self.chain, dtype=np.intp)
         t = self.tables
-        point = self.point(T_world)
+        T = T_world[own].reshape(-1, 3, 4)
+        g = t.gain[own, 0]
+        axis = g[:, None] * np.einsum("kij,kj->ki", T[:, :, :3], t.axis[own])
+        x, y, z = (self.point(T_world) - T[:, :, 3]).T
+        a, b, c = axis.T
+        columns = np.stack([b * z - c * y, c * x - a * z, a * y - b * x, a, b, c])
+        slides = t.joint_kind[own] == PRISMATIC
+        columns[:3, slides] = axis[slides].T
+        columns[3:, slides] = 0.0
         J = np.zeros((6, self.own.stop - self.own.start))
-        for b in self.chain:
-            j = t.q_index[b] - self.own.start
-            T = T_world[b].reshape(3, 4)
-            axis, g = T[:, :3] @ t.axis[b], t.gain[b, 0]
-            if t.joint_kind[b] == PRISMATIC:
-                J[:3, j] += g * axis
-            else:
-                J[:3, j] += g * np.cross(axis, point - T[:, 3])
-                J[3:, j] += g * axis
+        # One joint may move several bodies of a chain.
+        np.add.at(J.T, t.q_index[own] - self.own.start, columns.T)
         return J
 
 
