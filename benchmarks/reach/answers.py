@@ -43,7 +43,12 @@ class Answering(Protocol):
     """Turns what is asked for into what is told."""
 
     def answer(
-        self, q: Floats, v: Floats, stamps: Mapping[str, float], now: float, asked: Asked
+        self,
+        q: Floats,
+        v: Floats,
+        stamps: Mapping[str, float],
+        now: float,
+        asked: Asked,
     ) -> Told:
         """What to tell, from what was measured."""
 
@@ -58,7 +63,12 @@ class Guarded:
         self.guard = guard
 
     def answer(
-        self, q: Floats, v: Floats, stamps: Mapping[str, float], now: float, asked: Asked
+        self,
+        q: Floats,
+        v: Floats,
+        stamps: Mapping[str, float],
+        now: float,
+        asked: Asked,
     ) -> Told:
         """See `Answering`."""
         if asked.twists is None:
@@ -89,7 +99,12 @@ class Peer:
         self._follow = dict.fromkeys(arena.robots, Action.FOLLOW)
 
     def answer(
-        self, q: Floats, v: Floats, stamps: Mapping[str, float], now: float, asked: Asked
+        self,
+        q: Floats,
+        v: Floats,
+        stamps: Mapping[str, float],
+        now: float,
+        asked: Asked,
     ) -> Told:
         """See `Answering`."""
         found = self._peer.velocity(q, asked.joints)

@@ -105,9 +105,7 @@ class Arena:
         linear, angular = np.zeros((2, 3, judge.model.nv))
         for k, T in enumerate(poses):
             point = np.ascontiguousarray(T[:3, 3])
-            mujoco.mj_jac(
-                judge.model, data, linear, angular, point, self._bodies[k]
-            )
+            mujoco.mj_jac(judge.model, data, linear, angular, point, self._bodies[k])
             J = np.zeros((6, len(q)))
             both = np.vstack([linear, angular])
             for dof, place, gain in zip(

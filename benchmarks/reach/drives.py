@@ -95,8 +95,8 @@ class Drives:
                     stopped.append(name)
                     at = self.now + self._late[r] * SUBSTEP
                     plants.order_stop(plant, r, at, self.truth.stop(self._nowhere))
-            elif plants.release(plant, r):
-                pass
+            else:
+                plants.release(plant, r)
             if actions[name] >= Action.BRAKE:
                 delay = self.truth.brake_delay(r)
                 plants.order_brake(plant, r, self.now + delay)

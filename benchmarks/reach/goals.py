@@ -23,6 +23,9 @@ SHARES = (0.2, 0.6)
 # Goals in turns: of joints, of joints, of tools.
 TURNS = ("joints", "joints", "tools")
 
+# Tools are sent no farther than this from where they are, by each joint [rad].
+NEARBY = 1.0
+
 # Step in which an unobstructed tool is followed [s], and where its way is judged.
 STEP = 0.01
 SAMPLE = 5
@@ -71,7 +74,11 @@ def draw_goal(arena: Arena, seed: int) -> Goal:
     """The goal of a trial; the same number is the same goal."""
     rng = np.random.default_rng([seed, 2026])
     kind = TURNS[seed % len(TURNS)]
-    start, q = free_state(arena, rng), free_state(arena, rng)
+    start = free_state(arena, rng, arena.lower, arena.upper)
+    low, high = arena.lower, arena.upper
+    if kind == "tools":
+        low, high = np.maximum(low, start - NEARBY), np.minimum(high, start + NEARBY)
+    q = free_state(arena, rng, low, high)
     share = float(rng.uniform(*SHARES))
     goal = Goal(seed, kind, start, q, share, "none", ())
     if kind == "tools":
@@ -95,15 +102,23 @@ def with_road(goal: Goal, road: str, way: list[Floats]) -> Goal:
     return Goal(goal.seed, goal.kind, goal.start, goal.q, goal.share, road, tuple(way))
 
 
-def free_state(arena: Arena, rng: np.random.Generator) -> Floats:
+def free_state(
+    arena: Arena, rng: np.random.Generator, low: Floats, high: Floats
+) -> Floats:
     """A random configuration that keeps every buffer, shape (n,).
+
+    Args:
+        arena: Where.
+        rng: Where it comes from.
+        low: Least positions, shape (n,).
+        high: Greatest positions, shape (n,).
 
     Raises:
         RuntimeError: None was found.
     """
     for _ in range(TRIES):
         q = arena.home.copy()
-        drawn = rng.uniform(arena.lower, arena.upper)
+        drawn = rng.uniform(low, high)
         q[arena.driven] = drawn[arena.driven]
         if arena.checker.check_path([q]).clear:
             return q

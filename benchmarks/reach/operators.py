@@ -1,6 +1,7 @@
 """Operators who steer straight at what they want, and plan nothing."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -93,7 +94,7 @@ class Joints:
     def start(self, q: Floats) -> "Joints":
         """Note how long it takes from a configuration."""
         corners = [q, *self._way]
-        for a, b in zip(corners[:-1], corners[1:], strict=True):
+        for a, b in pairwise(corners):
             self.nominal += self._time(b - a) / self._share
             self.nominal += self._share / self._rate + ARRIVAL
         return self
@@ -127,7 +128,7 @@ class Joints:
         """See `Operator`; places that are still to be passed count as well."""
         far = float(np.abs(self._way[self._at] - q).max())
         corners = self._way[self._at :]
-        for a, b in zip(corners[:-1], corners[1:], strict=True):
+        for a, b in pairwise(corners):
             far += float(np.abs(b - a).max())
         return far / JOINT_THERE
 
@@ -209,12 +210,16 @@ class Push:
 
     Args:
         arena: Where.
-        twist: Velocity that all tools are asked for, shape (6,).
+        tools: Tools he pushes.
+        twist: Velocity that each of them is asked for, shape (6,).
         duration: How long [s].
     """
 
-    def __init__(self, arena: Arena, twist: Floats, duration: float) -> None:
+    def __init__(
+        self, arena: Arena, tools: Sequence[str], twist: Floats, duration: float
+    ) -> None:
         self._arena = arena
+        self._tools = tools
         self._twist = twist
         self._speed = 0.0
         self.nominal = duration
@@ -223,7 +228,7 @@ class Push:
         """See `Operator`."""
         _, jacobians = self._arena.tool_state(q)
         self._speed = min(1.0, self._speed + 2.0 * dt)
-        twists = {name: self._twist * self._speed for name in self._arena.tools}
+        twists = dict.fromkeys(self._tools, self._twist * self._speed)
         return Asked(joints_for(self._arena, twists, jacobians), twists)
 
     def let_go(self) -> None:
@@ -251,7 +256,7 @@ def joints_for(
         wanted = [
             (J[:, own], twists[name])
             for name, J in zip(arena.tools, jacobians, strict=True)
-            if name.split("/", 1)[0] == arena.robots[r]
+            if name in twists and name.split("/", 1)[0] == arena.robots[r]
         ]
         if wanted:
             J = np.concatenate([J for J, _ in wanted])

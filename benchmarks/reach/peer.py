@@ -20,13 +20,20 @@ Floats = NDArray[np.float64]
 # Settings of its limit. The first are its defaults: a pair may lose 85 % of what it has
 # left in one cycle. The second is the same limit told to begin far away, and to let a
 # pair lose all but 1/e in the time ours does.
+EARLY = 1.0 - exp(-PERIOD / 0.06)
 PEERS: Mapping[str, Mapping[str, float]] = {
     "mink": {},
     "mink_early": {
-        "gain": 1.0 - exp(-PERIOD / 0.06),
+        "gain": EARLY,
         "minimum_distance_from_collisions": 0.005,
         "collision_detection_distance": 0.10,
     },
+}
+
+# The same of its limit of positions: gain [-] and distance from the limits [rad].
+POSITIONS: Mapping[str, tuple[float, float]] = {
+    "mink": (0.95, 0.0),
+    "mink_early": (EARLY, 0.002),
 }
 
 
@@ -68,7 +75,7 @@ class MinkPeer:
         self._task = mink.PostureTask(model, cost=1.0)
         pairs = [([a], [b]) for a, b in judge.pairs]
         self._limits: list[Any] = [
-            mink.ConfigurationLimit(model),
+            mink.ConfigurationLimit(model, *POSITIONS[name]),
             mink.VelocityLimit(model, velocities),
             mink.CollisionAvoidanceLimit(model, pairs, **PEERS[name]),
         ]

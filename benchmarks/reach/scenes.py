@@ -1,7 +1,6 @@
 """Scenes in which operators have goals, with a response for all their robots."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 

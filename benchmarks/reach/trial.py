@@ -1,7 +1,6 @@
 """One trial: operator, filter, drives, judge, cycle by cycle."""
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from time import perf_counter
 from typing import Any
@@ -35,9 +34,6 @@ MORE = 4.0
 # How long an operator lets go after a stop, and how often he begins again [s].
 PAUSE = 0.3
 STOPS = 3
-
-# Velocities of which the figures of smoothness are kept, at most this many cycles apart.
-Draw = Callable[[Floats, Floats, Floats], None]
 
 
 @dataclass(kw_only=True)
@@ -151,7 +147,9 @@ class Trial:
         while cycle < self._cycles:
             told = self._cycle(cycle)
             rows = self.drives.move()
-            self._watch.look(rows.start - 1, self.drives.q_rows[rows], self._still[rows])
+            self._watch.look(
+                rows.start - 1, self.drives.q_rows[rows], self._still[rows]
+            )
             cycle += 1
             if self._is_over():
                 break
@@ -227,6 +225,9 @@ class Trial:
             outcome.end = "contact"
         outcome.jerk_told = jerk(self.told[:, used], PERIOD)
         outcome.jerk_true = jerk(v_true[:, used], PERIOD)
+        # Faster than the robots can go is asked for in vain, but in that direction.
+        excess = np.abs(self.asked) / arena.velocity
+        self.asked /= np.maximum(excess.max(axis=1, keepdims=True), 1.0)
         where = held_back(self.told[:, used], self.asked[:, used])
         outcome.held_back = float(where.mean())
         outcome.chatter = chatter(

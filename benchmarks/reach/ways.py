@@ -95,7 +95,7 @@ def extend(
     """Grow a tree towards a configuration by an edge; the new node, if it is clear."""
     near = tree.nearest(aim, room)
     step = aim - tree.nodes[near]
-    length = float(np.sqrt((((step / room) ** 2).mean())))
+    length = float(np.sqrt(((step / room) ** 2).mean()))
     q = aim if length <= EDGE else tree.nodes[near] + step * EDGE / length
     return tree.add(q, near) if is_clear(tree.nodes[near], q) else None
 
