@@ -1,5 +1,6 @@
 """A scene with its judge and its guards, built once for many trials."""
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import mujoco
@@ -90,6 +91,12 @@ class Arena:
     def is_clear(self, a: Floats, b: Floats) -> bool:
         """Whether the straight line between two configurations is certified."""
         return self.checker.check_path([a, b]).clear
+
+    def moved_by(self, tools: Sequence[str]) -> NDArray[np.bool_]:
+        """Which joints belong to the robots of some tools, shape (n,)."""
+        robots = {tool.split("/", 1)[0] for tool in tools}
+        owners = [q.split("/", 1)[0] in robots for q in self.tables.q_names]
+        return np.array(owners)
 
     def tool_poses(self, q: Floats) -> list[Floats]:
         """Frames of the tools, each shape (4, 4)."""
