@@ -45,6 +45,14 @@ is our own. It knows of no accelerations, delays or errors, and stops nothing. P
 scenes: cylinders are the boxes round them.
 """
 
+LIMITS = """
+The counts in the tables are what was run, not what was planned: where they are small
+so is what they tell. Goals whose way bends are a hard test of who steers straight: in a
+local minimum nobody gets there without planning, so `led` is what a filter can be held
+to, and `bends` what it does to somebody who does not look. Operators pause all robots
+after a stop of one. Times of calls are those of a machine that did other work.
+"""
+
 
 def write_page(results: Results, docs: Path) -> None:
     """Write the page and its plots."""
@@ -67,6 +75,9 @@ def write_page(results: Results, docs: Path) -> None:
             "",
             "## What is measured",
             MEASURED.format(left_out=left_out(goals)).rstrip(),
+            "",
+            "## Limits",
+            LIMITS.rstrip(),
             "",
         ]
     )
