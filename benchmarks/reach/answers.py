@@ -1,0 +1,123 @@
+"""Who stands between an operator and the robots: guards by response, and peers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard import Guard
+from armguard.respond.command import Action
+from armguard.scene.settings import ResponseName
+from reach.arena import Arena
+from reach.operators import Asked
+from reach.peer import PEERS, MinkPeer
+
+Floats = NDArray[np.float64]
+
+RESPONSES: tuple[ResponseName, ...] = ("deflect", "slow", "stop")
+ANSWERS = (*RESPONSES, *PEERS)
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What the robots are told.
+
+    Attributes:
+        velocity: Joint velocities, shape (n,).
+        actions: What each robot is to do.
+        blocked: Why each does not follow, in a word.
+        why: Reason of the cycle, in a word.
+        near: The nearest pair beyond what it needs, in words, if one is known.
+    """
+
+    velocity: Floats
+    actions: Mapping[str, Action]
+    blocked: Mapping[str, str] = field(default_factory=dict)
+    why: str = ""
+    near: Any = None
+
+
+class Answering(Protocol):
+    """Turns what is asked for into what is told."""
+
+    def answer(
+        self,
+        q: Floats,
+        v: Floats,
+        stamps: Mapping[str, float],
+        now: float,
+        asked: Asked,
+    ) -> Told:
+        """What to tell, from what was measured."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+
+class Guarded:
+    """A guard of ours."""
+
+    def __init__(self, guard: Guard) -> None:
+        self.guard = guard
+
+    def answer(
+        self,
+        q: Floats,
+        v: Floats,
+        stamps: Mapping[str, float],
+        now: float,
+        asked: Asked,
+    ) -> Told:
+        """See `Answering`."""
+        if asked.twists is None:
+            command = self.guard.filter(q, asked.joints, stamps, velocity=v, now=now)
+        else:
+            command = self.guard.filter_twists(
+                q, asked.twists, stamps, velocity=v, now=now
+            )
+        verdict = command.verdict
+        return Told(
+            command.velocity,
+            command.actions,
+            {name: why.name for name, why in command.blocked.items()},
+            verdict.reason.name,
+            verdict,
+        )
+
+    def reset(self) -> None:
+        """See `Answering`."""
+        self.guard.reset()
+
+
+class Peer:
+    """A peer; it never stops a robot, and tells nothing where it finds no solution."""
+
+    def __init__(self, arena: Arena, peer: MinkPeer) -> None:
+        self._peer = peer
+        self._follow = dict.fromkeys(arena.robots, Action.FOLLOW)
+
+    def answer(
+        self,
+        q: Floats,
+        v: Floats,
+        stamps: Mapping[str, float],
+        now: float,
+        asked: Asked,
+    ) -> Told:
+        """See `Answering`."""
+        found = self._peer.velocity(q, asked.joints)
+        if found is None:
+            return Told(np.zeros(len(q)), self._follow, why="NO_SOLUTION")
+        return Told(found, self._follow)
+
+    def reset(self) -> None:
+        """See `Answering`."""
+
+
+def answering(arena: Arena, name: str) -> Answering:
+    """Who answers, by name."""
+    if name in PEERS:
+        return Peer(arena, MinkPeer(arena, name))
+    return Guarded(arena.guard(name))  # type: ignore[arg-type]

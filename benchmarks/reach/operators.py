@@ -1,0 +1,264 @@
+"""Operators who steer straight at what they want, and plan nothing."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from armguard.respond.tool import joint_velocity
+from reach.arena import Arena
+
+Floats = NDArray[np.float64]
+
+# Share of their accelerations operators use, the top speed reached after a while [-].
+GENTLE = 0.3
+
+# Time in which an operator takes back what is left of the way, near its end [s].
+ARRIVAL = 0.15
+
+# A place on the way is passed when it is this near, in time at top speed [s].
+PASSED = 0.02
+
+# Speeds of tools at full share [m/s], [rad/s], and how fast these are reached [1/s].
+TOOL_SPEED = 1.0
+TOOL_TURN = 2.5
+TOOL_RISE = 1.5
+
+# What counts as there [rad or m]; of tools [m], [rad].
+JOINT_THERE = 0.02
+TOOL_THERE = 0.010
+TURN_THERE = np.radians(3.0)
+
+
+class Asked:
+    """What an operator asks for.
+
+    Attributes:
+        joints: Joint velocities, shape (n,) [rad/s or m/s].
+        twists: Twists of tools, where it is these that are asked for, each (6,).
+    """
+
+    __slots__ = ("joints", "twists")
+
+    def __init__(
+        self, joints: Floats, twists: Mapping[str, Floats] | None = None
+    ) -> None:
+        self.joints = joints
+        self.twists = twists
+
+
+class Operator(Protocol):
+    """Asks for velocities that lead to a goal, seeing the truth.
+
+    Attributes:
+        nominal: Time an unobstructed robot needs at least [s].
+    """
+
+    nominal: float
+
+    def ask(self, q: Floats, dt: float) -> Asked:
+        """What is asked for after a time dt, at a true configuration."""
+
+    def let_go(self) -> None:
+        """Begin from standstill."""
+
+    def left(self, q: Floats) -> float:
+        """What is left to do, in units of what counts as there [-]."""
+
+
+class Joints:
+    """Steers all joints along straight lines, all at the same place of each.
+
+    Args:
+        arena: Where.
+        way: Configurations to pass, the last one the goal, each shape (n,).
+        share: Share of the top speeds [-].
+    """
+
+    def __init__(self, arena: Arena, way: Sequence[Floats], share: float) -> None:
+        self._velocity = arena.velocity
+        self._way = list(way)
+        self._share = share
+        self._at = 0
+        self._speed = 0.0
+        # Share of top speed by which all joints can speed up in a second [1/s].
+        used = arena.driven
+        rate = (arena.acceleration / arena.velocity)[used].min()
+        self._rate = GENTLE * float(rate)
+        self._nowhere = np.zeros(len(arena.velocity))
+        self.nominal = 0.0
+
+    def start(self, q: Floats) -> "Joints":
+        """Note how long it takes from a configuration."""
+        corners = [q, *self._way]
+        for a, b in pairwise(corners):
+            self.nominal += self._time(b - a) / self._share
+            self.nominal += self._share / self._rate + ARRIVAL
+        return self
+
+    def ask(self, q: Floats, dt: float) -> Asked:
+        """See `Operator`."""
+        way = self._way[self._at] - q
+        time = self._time(way)
+        if time < PASSED and self._at + 1 < len(self._way):
+            self._at += 1
+            way = self._way[self._at] - q
+            time = self._time(way)
+        if time == 0.0:
+            return Asked(self._nowhere.copy())
+        last = self._at + 1 == len(self._way)
+        speed = min(
+            self._share,
+            self._speed + self._rate * dt,
+            max(np.sqrt(self._rate * time), 0.0 if last else 0.1 * self._share),
+        )
+        if last:
+            speed = min(speed, time / ARRIVAL)
+        self._speed = speed
+        return Asked(way * (speed / time))
+
+    def let_go(self) -> None:
+        """See `Operator`."""
+        self._speed = 0.0
+
+    def left(self, q: Floats) -> float:
+        """See `Operator`; places that are still to be passed count as well."""
+        far = float(np.abs(self._way[self._at] - q).max())
+        corners = self._way[self._at :]
+        for a, b in pairwise(corners):
+            far += float(np.abs(b - a).max())
+        return far / JOINT_THERE
+
+    def _time(self, way: Floats) -> float:
+        """Time a way takes at top speed [s]."""
+        return float((np.abs(way) / self._velocity).max())
+
+
+class Tools:
+    """Steers tools straight to poses.
+
+    Args:
+        arena: Where.
+        goals: Poses of the arena's tools, each shape (4, 4).
+        share: Share of the tools' speeds [-].
+    """
+
+    def __init__(self, arena: Arena, goals: Sequence[Floats], share: float) -> None:
+        self._arena = arena
+        self._goals = goals
+        self._share = share
+        self._speed = 0.0
+        self.nominal = 0.0
+
+    def start(self, q: Floats) -> "Tools":
+        """Note how long it takes from a configuration."""
+        slowest = 0.0
+        for way in self._ways(self._arena.tool_poses(q)):
+            slowest = max(slowest, time_of(way))
+        self.nominal = slowest / self._share + self._share / TOOL_RISE + ARRIVAL
+        return self
+
+    def ask(self, q: Floats, dt: float) -> Asked:
+        """See `Operator`."""
+        poses, jacobians = self._arena.tool_state(q)
+        twists = {}
+        ways = self._ways(poses)
+        time = max(time_of(way) for way in ways)
+        if time > 0.0:
+            self._speed = min(
+                self._share,
+                self._speed + TOOL_RISE * dt,
+                np.sqrt(TOOL_RISE * time),
+                time / ARRIVAL,
+            )
+        for name, way in zip(self._arena.tools, ways, strict=True):
+            twists[name] = way * (self._speed / max(time, 1e-9))
+        return Asked(joints_for(self._arena, twists, jacobians), twists)
+
+    def let_go(self) -> None:
+        """See `Operator`."""
+        self._speed = 0.0
+
+    def left(self, q: Floats) -> float:
+        """See `Operator`."""
+        return max(
+            max(
+                float(np.linalg.norm(way[:3])) / TOOL_THERE,
+                float(np.linalg.norm(way[3:])) / TURN_THERE,
+            )
+            for way in self._ways(self._arena.tool_poses(q))
+        )
+
+    def _ways(self, poses: Sequence[Floats]) -> list[Floats]:
+        """What is left for each tool: a shift [m] and a turn [rad], shape (6,)."""
+        return [
+            np.concatenate(
+                [
+                    goal[:3, 3] - T[:3, 3],
+                    Rotation.from_matrix(goal[:3, :3] @ T[:3, :3].T).as_rotvec(),
+                ]
+            )
+            for goal, T in zip(self._goals, poses, strict=True)
+        ]
+
+
+class Push:
+    """Pushes tools one way, without end: what a slide is made of.
+
+    Args:
+        arena: Where.
+        tools: Tools he pushes.
+        twist: Velocity that each of them is asked for, shape (6,).
+        duration: How long [s].
+    """
+
+    def __init__(
+        self, arena: Arena, tools: Sequence[str], twist: Floats, duration: float
+    ) -> None:
+        self._arena = arena
+        self._tools = tools
+        self._twist = twist
+        self._speed = 0.0
+        self.nominal = duration
+
+    def ask(self, q: Floats, dt: float) -> Asked:
+        """See `Operator`."""
+        _, jacobians = self._arena.tool_state(q)
+        self._speed = min(1.0, self._speed + 2.0 * dt)
+        twists = dict.fromkeys(self._tools, self._twist * self._speed)
+        return Asked(joints_for(self._arena, twists, jacobians), twists)
+
+    def let_go(self) -> None:
+        """See `Operator`."""
+        self._speed = 0.0
+
+    def left(self, q: Floats) -> float:
+        """See `Operator`; it is never there."""
+        return np.inf
+
+
+def time_of(way: Floats) -> float:
+    """Time a tool's way takes at full share [s]."""
+    shift, turn = np.linalg.norm(way[:3]), np.linalg.norm(way[3:])
+    return float(max(shift / TOOL_SPEED, turn / TOOL_TURN))
+
+
+def joints_for(
+    arena: Arena, twists: Mapping[str, Floats], jacobians: Sequence[Floats]
+) -> Floats:
+    """Joint velocities for twists of tools, as a guard makes them, shape (n,)."""
+    v = np.zeros(len(arena.velocity))
+    for r in range(len(arena.robots)):
+        own = slice(int(arena.first[r]), int(arena.first[r + 1]))
+        wanted = [
+            (J[:, own], twists[name])
+            for name, J in zip(arena.tools, jacobians, strict=True)
+            if name in twists and name.split("/", 1)[0] == arena.robots[r]
+        ]
+        if wanted:
+            J = np.concatenate([J for J, _ in wanted])
+            v[own] = joint_velocity(J, np.concatenate([t for _, t in wanted]))
+    return v

@@ -1,0 +1,89 @@
+"""Plots of docs/reach.md."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from reach.answers import ANSWERS
+from reach.scenes import SCENES
+from reach.summary import ROADS
+
+Results = Mapping[str, Mapping[str, Mapping[str, Any]]]
+
+COLOURS = dict(
+    zip(ANSWERS, ("#0072B2", "#009E73", "#E69F00", "#D55E00", "#CC79A7"), strict=True)
+)
+TITLES = {
+    "straight": "its own way is certified",
+    "bends": "only a bent way is; steers straight",
+    "led": "the same, led along that way",
+}
+
+
+def sheet(width: float, height: float) -> Figure:
+    """An empty figure [in]."""
+    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def draw_goals(goals: Results, path: Path) -> None:
+    """Goals reached without a stop, and those with one, in shares of the goals."""
+    figure = sheet(10.0, 3.6)
+    places = figure.subplots(1, len(ROADS), sharey=True)
+    scenes = [s for s in SCENES if s in goals]
+    wide = 0.8 / len(ANSWERS)
+    for axes, road in zip(places, ROADS, strict=True):
+        for k, answer in enumerate(ANSWERS):
+            at, clean, after = [], [], []
+            for i, scene in enumerate(scenes):
+                row = (goals[scene].get(answer) or {}).get(road)
+                if row:
+                    at.append(i + (k - 0.5 * (len(ANSWERS) - 1)) * wide)
+                    clean.append(100.0 * row["reached_without_stop"] / row["goals"])
+                    after.append(100.0 * row["reached"] / row["goals"])
+            axes.bar(at, after, wide, color=COLOURS[answer], alpha=0.3)
+            axes.bar(at, clean, wide, color=COLOURS[answer], label=answer)
+        axes.set_title(TITLES[road], fontsize=10)
+        axes.set_xticks(np.arange(len(scenes)), scenes, rotation=20, fontsize=8)
+        axes.axhline(95.0, color="black", linewidth=0.7, linestyle=":")
+        axes.spines[["top", "right"]].set_visible(False)
+    places[0].set_ylabel("goals reached [%]\n(pale: after a stop)")
+    figure.legend(
+        *places[0].get_legend_handles_labels(),
+        ncols=len(ANSWERS),
+        loc="outside upper center",
+        fontsize=8,
+    )
+    figure.savefig(path)
+
+
+def draw_slides(slides: Results, path: Path) -> None:
+    """How far tools get along, over time; the first slide of each scene."""
+    scenes = [s for s in SCENES if any((slides.get(s) or {}).values())]
+    figure = sheet(2.6 * max(len(scenes), 1), 3.4)
+    places = np.atleast_1d(figure.subplots(1, max(len(scenes), 1)))
+    for axes, scene in zip(places, scenes, strict=False):
+        for answer in ANSWERS:
+            row = slides[scene].get(answer)
+            if not row:
+                continue
+            first = row["first"]
+            for k, way in enumerate(first["along_m"]):
+                axes.plot(
+                    np.arange(len(way)) * first["step_s"],
+                    [1e3 * x for x in way],
+                    color=COLOURS[answer],
+                    label=answer if k == 0 else None,
+                )
+        axes.set_title(scene, fontsize=10)
+        axes.set_xlabel("time [s]")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.3)
+    places[0].set_ylabel("way along the surface [mm]")
+    places[0].legend(fontsize=7)
+    figure.savefig(path)
