@@ -56,6 +56,9 @@ class Episode:
         needless: Whether to search, for every stop, for a future that asked for it.
     """
 
+    # Whether arms may leave what comes at them.
+    leaving = False
+
     def __init__(
         self,
         arena: Arena,
@@ -93,7 +96,7 @@ class Episode:
         self.speed = 1.0 if attack else float(drawn(rng, SPEEDS))
         self.obedient = not attack and rng.random() < OBEDIENT
         places = dict(zip(self.movers.names, self.movers.p, strict=True))
-        self.watch = Watch(judge, arena.first, q, outer, places)
+        self.watch = Watch(judge, arena.first, q, outer, places, leaving=self.leaving)
         self.ticks = round(duration / SUBSTEP)
         self.q_rows = np.tile(q, (self.ticks + 1, 1))
         self.v_rows = np.zeros_like(self.q_rows)

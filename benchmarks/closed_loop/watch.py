@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 SHARE = 0.1
 NEAR = 0.02
 
+# Pairs nearer than this are asked who closes them [m].
+CLOSE = 0.01
+
 
 class Contact(NamedTuple):
     """A contact that counts.
@@ -105,7 +108,10 @@ class Watch:
     """Judges as many states of an episode as their motion asks for.
 
     A pair counts at a moment if an arm of it moved in the substep before: an object
-    that runs into an arm at standstill is not the guard's doing.
+    that runs into an arm at standstill is not the guard's doing. Where arms may leave
+    what comes at them, neither is one that catches up with an arm that moves away from
+    it: of such a pair only an arm counts that would be farther away had it stayed where
+    it rested, and none that the object has run into until they are apart again.
 
     Attributes:
         least: Least distance of a pair that counted, `SIGHT` if none was in sight [m].
@@ -120,6 +126,7 @@ class Watch:
             shape (g,) [m].
         movers: Where each moving object is at the start, from where the scene has it,
             shape (3,) [m].
+        leaving: Whether arms may leave what comes at them.
     """
 
     def __init__(
@@ -129,6 +136,8 @@ class Watch:
         q: Floats,
         outer: Floats,
         movers: Mapping[str, Floats],
+        *,
+        leaving: bool = False,
     ) -> None:
         self.least = SIGHT
         self.contact: Contact | None = None
@@ -137,8 +146,12 @@ class Watch:
         self._first = first
         self._outer = outer
         self._sight = SIGHT - 2.0 * float(outer.max(initial=0.0))
-        self._names = tuple(movers)
+        self._names = frozenset(movers)
+        self._movers = tuple(movers)
+        self._partners: set[tuple[int | str, ...]] = set()
+        self._leaving = leaving
         self._q = q.copy()
+        self._rest = q.copy()
         self._p = np.array([*movers.values()]).reshape(-1, 3)
         self._moving = np.zeros(len(first) - 1, dtype=np.bool_)
         self._room = 0.0
@@ -167,26 +180,41 @@ class Watch:
         self._moving = moving[-1]
         if self._moved + total < self._room:
             self._moved += total
+            self._rest_before(q_rows, moving)
             return
         for k, way in enumerate(ways.tolist()):
             self._moved += way
             if way > 0.0 and not self._moved < self._room:
-                for i, name in enumerate(self._names):
+                for i, name in enumerate(self._movers):
                     self._judge.stand_at(name, p_rows[k, i])
+                self._rest_before(q_rows[: k + 1], moving[: k + 1])
                 self._see((tick + 1 + k) * SUBSTEP, q_rows[k], moving[k])
+        self._rest_before(q_rows, moving)
 
     def see_last(self, tick: int) -> None:
         """Judge the last state, its objects being where the judge has them."""
         self._see(tick * SUBSTEP, self._q, self._moving)
+
+    def _rest_before(self, q_rows: Floats, moving: NDArray[np.bool_]) -> None:
+        """Note where each arm rested last, for what may leave."""
+        if not self._leaving:
+            return
+        for arm in range(moving.shape[1]):
+            rests = np.flatnonzero(~moving[:, arm])
+            if len(rests):
+                own = slice(self._first[arm], self._first[arm + 1])
+                self._rest[own] = q_rows[rests[-1], own]
 
     def _see(self, time: float, q: Floats, moving: NDArray[np.bool_]) -> None:
         """Judge one state."""
         self.judged += 1
         self._moved = 0.0
         distances, geoms = self._judge.measure(q)
-        least, counting, k = nearest_of(
-            distances, geoms, self._outer, self._judge.arm_of, moving
-        )
+        arm_of = self._judge.arm_of
+        least, counting, k = nearest_of(distances, geoms, self._outer, arm_of, moving)
+        if self._leaving and (least < CLOSE or self._partners):
+            distances, geoms = self._closed_by_arms(distances, geoms, q)
+            _, counting, k = nearest_of(distances, geoms, self._outer, arm_of, moving)
         clear = min(least, self._sight)
         self._room = max(SHARE * clear, clear - NEAR)
         if not counting < self.least:
@@ -199,3 +227,34 @@ class Watch:
             self.contact = Contact(time, a, b, 0.0)
         depth = max(self.contact.depth, -counting)
         self.contact = self.contact._replace(depth=depth)
+
+    def _closed_by_arms(
+        self, distances: Floats, geoms: NDArray[np.int32], q: Floats
+    ) -> tuple[Floats, NDArray[np.int32]]:
+        """The pairs without those that moving objects close, and arms do not.
+
+        An object that has run into an arm is its partner until they are apart again.
+        """
+        judge = self._judge
+        met, touching, kept = [], set(), np.ones(len(geoms), dtype=np.bool_)
+        for k, (a, b) in enumerate(geoms.tolist()):
+            names = {judge.owners[a], judge.owners[b]} & self._names
+            if not names or not distances[k] < CLOSE:
+                continue
+            arm = int(max(judge.arm_of[a], judge.arm_of[b]))
+            meeting = (arm, *names)
+            if distances[k] < self._outer[a] + self._outer[b]:
+                touching.add(meeting)
+            met.append((k, (a, b), arm, meeting))
+        for k, pair, arm, meeting in met:
+            # Had it stayed where it rested, would they be farther apart?
+            own = slice(self._first[arm], self._first[arm + 1])
+            elsewhere = q.copy()
+            elsewhere[own] = self._rest[own]
+            judge.place(elsewhere)
+            kept[k] = judge.gap(pair) > distances[k] and meeting not in self._partners
+        judge.place(q)
+        self._partners &= touching
+        closed = {meeting for k, _, _, meeting in met if kept[k]}
+        self._partners |= touching - closed
+        return distances[kept], geoms[kept]

@@ -127,7 +127,8 @@ def prove_wanted(lines: int) -> None:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     begun = False
     for r in range(v.recover.shape[0]):
-        begun |= v.recover[r] != 0
+        # Whether what it is told still opens what is too near is known only now.
+        begun |= v.phase[r] == RECOVERING
         if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
             keep_under_way(r, 0.0, v, m)
     if not (begun or is_new(v)):
@@ -150,8 +151,9 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
     for r in range(v.must.shape[0]):
         if v.must[r] == 0:
             continue
-        if v.recover[r] != 0 and share == 0.0:
-            # It does not lead away after all.
+        evades = v.recover[r] == AT_REST or v.recover[r] == AT_WORK
+        if v.recover[r] == LEAVES or (evades and share == 0.0):
+            # It does not lead away after all; half of it would do so less surely.
             v.phase[r] = RUNNING if v.recover[r] == AT_WORK else RESTING
             v.recover[r] = 0
             keep_under_way(r, 0.0, v, m)

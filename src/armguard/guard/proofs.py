@@ -23,8 +23,10 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.observe import now_of
+from armguard.guard.pair_row import pair_row
 from armguard.guard.watch import (
     BRAKING,
+    COMMANDED,
     LOST,
     NOW_TIME,
     RECOVERING,
@@ -42,7 +44,15 @@ from armguard.guard.workspace import (
 )
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
-from armguard.motion.figures import FIXED, MODE, SENSING, SPEED
+from armguard.motion.figures import (
+    FIRST_JOINT,
+    FIXED,
+    JOINT_COUNT,
+    MODE,
+    SENSING,
+    SPEED,
+    TRACKING,
+)
 from armguard.motion.free_way import bound_free_way, grid_time, time_after
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import path_gap, prove_by_spans, shared_joints
@@ -86,7 +96,7 @@ BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 # A robot whose part of a closing speed is smaller than this has no part in it [-].
 OWN_SHARE = 0.25
 
-# What an arm that is led away from what is too near may miss its way by [m].
+# What the bounds of the path of an arm that leaves what is too near may add to it [m].
 SINK = 1e-3
 
 # Slack in time is told this much farther than where the arm is slowed [-].
@@ -301,7 +311,7 @@ def prove_pair(
     need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
     floor = w.buffers[w.groups[i], w.groups[j]]
-    relief = relief_of(i, j, distance - whole, floor, v, m)
+    relief = relief_of(i, j, place, distance - whole, floor, lines, v, m)
     need -= relief
     whole -= relief
     shared = shared_joints(w.bodies[i], w.bodies[j], m)
@@ -343,18 +353,30 @@ def prove_pair(
 
 
 @kernel
-def relief_of(i: int, j: int, spare: float, floor: float, v: Watch, m: Motion) -> float:
+def relief_of(
+    i: int,
+    j: int,
+    place: int,
+    spare: float,
+    floor: float,
+    lines: int,
+    v: Watch,
+    m: Motion,
+) -> float:
     """What is taken off a pair's need while a robot leaves what is too near [m].
 
-    A pair that would be too near at rest as well need only not come nearer, but for
-    what an arm that is led away may miss its way by. The sum of that is bounded too,
-    by where the recovery began. Its other side must not be one that is driven nearer.
+    A pair that would be too near at rest as well need not be farther than it is, as
+    long as what the robot is told surely opens it. What the bounds of its path may add
+    to that is bounded too, by where the recovery began. The pair's other side must not
+    be one that is driven nearer.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
+        place: Where the pair's row starts.
         spare: Distance beyond what the pair needs besides joints [m].
         floor: What of that need is no error, but asked for [m].
+        lines: Address of the ledger of the workspace.
         v: Watch; the deficits of resting robots are noted.
         m: Motion.
     """
@@ -379,10 +401,36 @@ def relief_of(i: int, j: int, spare: float, floor: float, v: Watch, m: Motion) -
             if v.evades[r] != 0 and object_speed(j, v) > 0.0:
                 # It comes, whatever the robot does; getting away is better than not.
                 return float(SINK - spare)
+            if not surely_opens(r, i, j, place, lines):
+                return 0.0
             most = max(most, v.relief[r] + SINK)
     relief = min(SINK - spare, most)
     # What surely does not touch has to stay so.
     return float(min(relief, floor) if spare + floor >= 0.0 else relief)
+
+
+@kernel(inline=False)
+def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
+    """Whether what a robot is told opens a pair, wherever in its error each joint is.
+
+    Args:
+        r: The robot.
+        i: Lower primitive.
+        j: Higher primitive.
+        place: Where the pair's row starts.
+        lines: Address of the ledger of the workspace.
+    """
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    if v.given[COMMANDED] == 0.0:
+        return False
+    pair_row(i, j, place, v.row, w, m)
+    closing = 0.0
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        closing += v.row[q] * v.wanted[q]
+        closing += abs(v.row[q]) * m.joint_figures[q, TRACKING]
+    return closing < 0.0
 
 
 @kernel

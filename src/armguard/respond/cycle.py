@@ -31,6 +31,7 @@ from armguard.guard.workspace import (
     MOTION,
     SELF,
     WATCH,
+    Workspace,
     open_workspace,
 )
 from armguard.kernel import kernel
@@ -45,6 +46,7 @@ from armguard.respond.command import Blocked
 from armguard.respond.engagement import NOTHING_ASKED, engage
 from armguard.respond.evasion import look_for_threats
 from armguard.respond.program import frame_limits, scale_back
+from armguard.respond.retreat import lead_away
 from armguard.respond.state import (
     BLOCKED,
     BREAKS,
@@ -151,7 +153,7 @@ def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
         v.recover[r] = 0
         v.yields[r] = 1 if a.settings[r, KIND] != STOP else 0
         if judged:
-            settle_target(r, (unsolved >> r) & 1, a, v, m)
+            settle_target(r, (unsolved >> r) & 1, a, w, v, m)
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
     call_for_nothing(w.parts[CLOSE], (int(judged), w.parts[SELF]))
@@ -160,7 +162,9 @@ def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
 
 
 @kernel
-def settle_target(r: int, unsolved: int, a: Response, v: Watch, m: Motion) -> None:
+def settle_target(
+    r: int, unsolved: int, a: Response, w: Workspace, v: Watch, m: Motion
+) -> None:
     """Take the declared stop where nothing was found; say who leaves what is near."""
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
@@ -177,7 +181,7 @@ def settle_target(r: int, unsolved: int, a: Response, v: Watch, m: Motion) -> No
         return
     if moves and v.evades[r] != 0:
         v.recover[r] = AT_WORK if v.phase[r] == RUNNING else AT_REST
-    elif moves and v.phase[r] == RESTING:
+    elif moves and lead_away(r, a, w, v, m) and v.phase[r] == RESTING:
         v.recover[r] = LEAVES
     if not room and v.phase[r] == RESTING:
         a.notes[r, BLOCKED] = PINCHED

@@ -31,12 +31,11 @@ from armguard.guard.layout import (
     FIRST,
     NEAR_COUNT,
     SECOND,
-    WITNESS,
 )
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import robot_of, standing_need
-from armguard.guard.watch import Watch, open_watch
+from armguard.guard.proofs import robot_of
+from armguard.guard.watch import RESTING, Watch, open_watch
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
@@ -50,6 +49,7 @@ from armguard.motion.figures import (
 )
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
+from armguard.respond.retreat import spare_at_rest
 from armguard.respond.state import (
     ASKS,
     BREAKS,
@@ -143,6 +143,8 @@ def frame_limits(
     first = int(robot[FIRST_JOINT])
     end = first + int(robot[JOINT_COUNT])
     share = a.speed[r]
+    # A way out of what is too near begins at a speed that surely leads away.
+    begins = a.notes[r, RETREATS] != 0 and v.phase[r] == RESTING and v.evades[r] == 0
     slower = 1.0
     for j in range(first, end):
         top = share * m.joint_figures[j, VELOCITY]
@@ -153,7 +155,7 @@ def frame_limits(
         last, gain = last_sent(j, v), m.joint_figures[j, ACCELERATION] * dt
         target[j] = slower * asked[j] if follows else 0.0
         change = abs(target[j] - last)
-        if change > gain:
+        if change > gain and not begins:
             part = min(part, gain / change)
     lost = 1.0
     for j in range(first, end):
@@ -164,6 +166,7 @@ def frame_limits(
     for j in range(first, end):
         figures = m.joint_figures[j]
         last, gain = last_sent(j, v), figures[ACCELERATION] * dt
+        gain = inf if begins else gain
         if part < 1.0:
             target[j] = last + part * (target[j] - last)
         # Who keeps his direction slows down all joints in proportion.
@@ -197,10 +200,7 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     pair_row(i, j, place, raw, w, m)
     left = out[place + CLEARANCE]
-    distance = out[place + WITNESS]
-    resting = distance - standing_need(i, j, w, v, m) - m.blur[i]
-    if robot_j >= 0:
-        resting -= m.blur[j]
+    resting = spare_at_rest(i, j, place, w, v, m)
     dt = time_passed(v)
     approach = (1.0 - exp(-dt / APPROACH_TIME)) * (left - SPARE)
     holding = (1.0 - exp(-dt / HOLDING_TIME)) * (left - LEAST_SPARE)

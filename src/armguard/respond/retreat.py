@@ -1,0 +1,99 @@
+"""Ways out of what is too near: how fast a robot has to go to surely get away.
+
+A joint misses what it is told by its tracking error. What is told to a robot that
+leaves has to open each pair that is too near even so: it begins at a speed at which it
+does, and is held again when its operator asks for less.
+"""
+
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.commands import time_passed
+from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
+from armguard.guard.near_pairs import row_place
+from armguard.guard.pair_row import pair_row
+from armguard.guard.proofs import object_speed, robot_of, standing_need
+from armguard.guard.watch import RESTING, Watch
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import ACCELERATION, FIRST_JOINT, JOINT_COUNT, TRACKING
+from armguard.motion.state import SETTLED, Motion
+from armguard.respond.state import ASKS, Response
+
+Floats = NDArray[np.float64]
+
+# How much faster it goes than what just leads away, as the way bends [-].
+SURELY = 1.25
+
+
+@kernel
+def spare_at_rest(
+    i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
+) -> float:
+    """What a near pair would have left if its robots rested where they are [m]."""
+    spare = w.out[place + WITNESS] - standing_need(i, j, w, v, m) - m.blur[i]
+    if robot_of(j, v) >= 0:
+        return float(spare - m.blur[j])
+    return float(spare - object_speed(j, v) * m.span[SETTLED])
+
+
+@kernel
+def lead_away(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> bool:
+    """Make what a robot is to be told surely lead away from all that is too near.
+
+    At its beginning it is as slow as that allows, later as fast as the operator asks;
+    faster than that if he asks for less than what surely leads away.
+
+    Returns:
+        Whether it does; if not the target is left as it was.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    least = sure_share(r, a, w, v, m)
+    most, part = inf, 1.0
+    for j in range(first, end):
+        size = abs(a.target[j])
+        if size == 0.0:
+            continue
+        most = min(most, (a.high[j] if a.target[j] > 0.0 else -a.low[j]) / size)
+        part = min(part, m.joint_figures[j, ACCELERATION] * time_passed(v) / size)
+    if v.phase[r] != RESTING:
+        part = 1.0
+    if least > part and a.notes[r, ASKS] == 0:
+        return False
+    part = max(part, least)
+    if not part <= most:
+        return False
+    for j in range(first, end):
+        a.target[j] *= part
+    return True
+
+
+@kernel
+def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
+    """Share of a robot's target that surely opens all that is too near [-].
+
+    Returns:
+        That; 0 if nothing is too near, infinite if the target does not open all of it.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    share = 0.0
+    for k in range(int(w.out[NEAR_COUNT])):
+        place = row_place(k, w)
+        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
+        if robot_of(i, v) != r and robot_of(j, v) != r:
+            continue
+        if not spare_at_rest(i, j, place, w, v, m) < 0.0:
+            continue
+        pair_row(i, j, place, a.raw, w, m)
+        opening = missed = 0.0
+        for q in range(first, end):
+            opening -= a.raw[q] * a.target[q]
+            missed += abs(a.raw[q]) * m.joint_figures[q, TRACKING]
+        if not opening > 0.0:
+            return inf
+        share = max(share, SURELY * missed / opening)
+    return share
