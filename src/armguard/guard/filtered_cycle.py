@@ -24,11 +24,13 @@ from armguard.guard.guarded_cycle import (
 )
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
+from armguard.guard.proofs import demand_stop
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     AT_REST,
     AT_WORK,
     COMMANDED,
+    GIVES_UP,
     LEAVES,
     RECOVERING,
     RESTING,
@@ -54,6 +56,7 @@ Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
+TOO_CLOSE = int(Reason.TOO_CLOSE)
 
 # What is wanted is proven, else half of what is new in it, a quarter, and nothing new.
 SHARES = (0.5, 0.25, 0.0)
@@ -100,6 +103,9 @@ def close_cycle(judged: int, lines: int) -> None:
         begin_recoveries(v)
         prove_wanted(w.parts[SELF])
         end_recoveries(v)
+        for r in range(v.recover.shape[0]):
+            if v.recover[r] == GIVES_UP:
+                demand_stop(r, TOO_CLOSE, v)
         call_for_nothing(w.parts[CONCLUDE], (w.parts[SELF],))
     send(v, m)
 
@@ -116,7 +122,7 @@ def begin_recoveries(v: Watch) -> None:
         if may:
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
-        else:
+        elif recover[r] != GIVES_UP:
             recover[r] = 0
 
 
@@ -129,7 +135,8 @@ def prove_wanted(lines: int) -> None:
     for r in range(v.recover.shape[0]):
         # Whether what it is told still opens what is too near is known only now.
         begun |= v.phase[r] == RECOVERING
-        if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
+        stops = v.phase[r] != RUNNING and v.phase[r] != RECOVERING
+        if stops or v.recover[r] == GIVES_UP:
             keep_under_way(r, 0.0, v, m)
     if not (begun or is_new(v)):
         return
@@ -149,7 +156,7 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
     """
     found = False
     for r in range(v.must.shape[0]):
-        if v.must[r] == 0:
+        if v.must[r] == 0 or v.recover[r] == GIVES_UP:
             continue
         evades = v.recover[r] == AT_REST or v.recover[r] == AT_WORK
         if v.recover[r] == LEAVES or (evades and share == 0.0):

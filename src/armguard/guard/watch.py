@@ -57,6 +57,9 @@ LEAVES = 1
 AT_REST = 2
 AT_WORK = 3
 
+# And out of it: it is stopped, as its operator lets go of it or leads it back.
+GIVES_UP = 4
+
 # In a scene of so few primitives it takes less time to go through all pairs than to
 # look for those that are near.
 FEW = 128
@@ -120,8 +123,8 @@ class Watch(NamedTuple):
         tool_point: Its origin there, shape (r, 3) [m].
         row: Scratch for a number of each joint, shape (n,).
         recover: LEAVES for a robot at rest that is to leave what is too near; AT_REST
-            or AT_WORK for one that is to evade what comes, by where it was; else 0,
-            shape (r,).
+            or AT_WORK for one that is to evade what comes, by where it was; GIVES_UP
+            for one that leaves no longer; else 0, shape (r,).
         evades: 1 for a robot that gets out of the way of what comes, shape (r,).
         object_velocity: Velocity each of them was seen with, shape (p, 3) or (0, 3)
             [m/s].

@@ -17,8 +17,10 @@ from armguard.guard.watch import (
     AT_REST,
     AT_WORK,
     FORCED,
+    GIVES_UP,
     LEAVES,
     PERIOD,
+    RECOVERING,
     RESTING,
     RUNNING,
     Watch,
@@ -181,8 +183,10 @@ def settle_target(
         return
     if moves and v.evades[r] != 0:
         v.recover[r] = AT_WORK if v.phase[r] == RUNNING else AT_REST
-    elif moves and lead_away(r, a, w, v, m) and v.phase[r] == RESTING:
-        v.recover[r] = LEAVES
+    elif moves and lead_away(r, a, w, v, m):
+        v.recover[r] = LEAVES if v.phase[r] == RESTING else 0
+    elif v.phase[r] == RECOVERING:
+        v.recover[r] = GIVES_UP
     if not room and v.phase[r] == RESTING:
         a.notes[r, BLOCKED] = PINCHED
 
