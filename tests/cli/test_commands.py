@@ -117,7 +117,7 @@ def test_check_tells_how_far_links_go_on_and_who_says_so(tmp_path):
     words = " ".join(result.stdout.split())
     assert result.exit_code == 0, result.output
     assert (
-        "WARN stopping: robot 'right', mode path: 14 figures are assumptions" in words
+        "WARN stopping: robot 'right', mode path: 15 figures are assumptions" in words
     )
     assert "figures of robot 'left', and where each is from" in words
     assert "figures of robot 'right': as of 'left'" in words

@@ -94,14 +94,16 @@ def test_a_brake_that_is_too_weak_is_answered_before_contact():
     assert all(e["braked_before"] for e in touched)
 
 
-@pytest.mark.parametrize(("scene", "count"), [("bay", 40), ("movers", 15)])
-def test_no_arm_that_follows_the_filter_touches_anything(scene, count):
+@pytest.mark.parametrize(
+    ("scene", "count", "near"), [("bay", 40, 0.005), ("movers", 15, 0.015)]
+)
+def test_no_arm_that_follows_the_filter_touches_anything(scene, count, near):
     """However late and inexactly it follows, inside what is declared."""
     found = episodes(Plan(scene, guard="filter", duration=0.8), range(count))
     assert not contacts(found)
     assert all(e["least"] >= e["floor"] - 1e-5 for e in found)
     # It is not for want of motion: they come near, and mostly without a stop.
-    assert min(e["least"] for e in found) < 0.005
+    assert min(e["least"] for e in found) < near
     assert sum(e["joint_way"] for e in found) > 0.2 * sum(
         e["joint_wish"] for e in found
     )

@@ -158,8 +158,8 @@ FULL = """stopping:
       settle: 0.002
       settle_time: 0.1
       brake: {delay: 0.05, deceleration: 10.0}
-      errors: {position: 0.0002, velocity: 0.02, model: 0.001, base: 0.002,
-               base_turn: 0.01}
+      errors: {position: 0.0002, velocity: 0.02, tracking: 0.03, model: 0.001,
+               base: 0.002, base_turn: 0.01}
       delays: {sensing: 0.003, command: 0.005, stale: 0.02}
       tables: {joint1: [[0.5, 0.2, 0.08], [1.0, 0.3, 0.2]]}
 mode: speed
@@ -194,6 +194,7 @@ def test_a_file_says_mode_cycle_and_every_figure(tmp_path):
     )
     assert (figures.sensing, figures.command, figures.stale) == (0.003, 0.005, 0.02)
     assert figures.tables["joint1"].travels == (0.08, 0.2)
+    assert figures.tracking_error.tolist() == [0.03] * 7
     assert figures.sources == {}
 
 
