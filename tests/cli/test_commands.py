@@ -135,7 +135,7 @@ def test_check_tells_how_far_links_go_on_and_who_says_so(tmp_path):
     sources = {f["figure"]: f["source"] for f in answer["figures"]}
     assert sources["velocity"] == "the URDF's speed limits"
     assert sources["brake_delay"].startswith("paper")
-    assert len(answer["figures"]) == 34
+    assert len(answer["figures"]) == 36
 
 
 def test_every_level_has_a_style_and_a_place_in_the_exit_code():
