@@ -13,6 +13,7 @@ from armguard.scene.settings import ResponseName
 from reach.arena import Arena
 from reach.operators import Asked
 from reach.peer import PEERS, MinkPeer
+from reach.scenes import build_scene
 
 Floats = NDArray[np.float64]
 
@@ -119,5 +120,7 @@ class Peer:
 def answering(arena: Arena, name: str) -> Answering:
     """Who answers, by name."""
     if name in PEERS:
-        return Peer(arena, MinkPeer(arena, name))
+        limits = arena.lower, arena.upper, arena.velocity
+        scene = build_scene(arena.name, "deflect")
+        return Peer(arena, MinkPeer(scene, arena.judge, limits, name))
     return Guarded(arena.guard(name))  # type: ignore[arg-type]

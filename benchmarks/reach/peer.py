@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
+from closed_loop.judge import Judge
 from closed_loop.judge_model import JudgeModel
-from reach.arena import Arena
-from reach.scenes import PERIOD, build_scene
+from reach.scenes import PERIOD
 
 Floats = NDArray[np.float64]
 
@@ -46,18 +47,26 @@ class MinkPeer:
     """The nearest velocity by mink: its limits, and a posture a cycle ahead as task.
 
     Args:
-        arena: Where.
+        scene: Where.
+        judge: Which pairs of it are checked, and how its joints follow q.
+        limits: Least and greatest positions of the joints, and their top speeds, each
+            shape (n,).
         name: One of `PEERS`.
     """
 
-    def __init__(self, arena: Arena, name: str) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        judge: Judge,
+        limits: tuple[Floats, Floats, Floats],
+        name: str,
+    ) -> None:
         import mink
 
         logging.getLogger("mink").setLevel(logging.ERROR)
         self._mink = mink
-        scene = build_scene(arena.name, "deflect")
         model = JudgeModel(scene, compile_scene(scene)).model
-        judge = arena.judge
+        lower, upper, velocity = limits
         self._source, self._gain = judge.source, judge.gain
         self._address = judge.address
         # Joints of the model follow q; those that q does not drive stay.
@@ -66,11 +75,9 @@ class MinkPeer:
             self._source, self._address, self._gain, strict=True
         ):
             j = int(np.flatnonzero(model.jnt_qposadr == address)[0])
-            ends = sorted(
-                gain * x + offset for x in (arena.lower[place], arena.upper[place])
-            )
+            ends = sorted(gain * x + offset for x in (lower[place], upper[place]))
             model.jnt_range[j], model.jnt_limited[j] = ends, 1
-            velocities[model.joint(j).name] = abs(gain) * arena.velocity[place]
+            velocities[model.joint(j).name] = abs(gain) * velocity[place]
         self._configuration = mink.Configuration(model)
         self._task = mink.PostureTask(model, cost=1.0)
         pairs = [([a], [b]) for a, b in judge.pairs]

@@ -58,6 +58,11 @@ if numba.config.DISABLE_JIT:
         SUPPORT_PROTOTYPE(function)(parameters, x, y, z, out.ctypes.data)
         return (float(out[0]), float(out[1]), float(out[2]))
 
+    def call_c(address: int, arguments: tuple[int, ...]) -> None:
+        """Call a C function that returns nothing, and takes addresses."""
+        kinds = [ctypes.c_void_p] * len(arguments)
+        ctypes.CFUNCTYPE(None, *kinds)(int(address))(*map(int, arguments))
+
     SUPPORT_PROTOTYPE = ctypes.CFUNCTYPE(
         None,
         ctypes.c_void_p,
@@ -135,6 +140,19 @@ else:
 
     call_for_nothing = caller(types.none)
     call_for_proof = caller(types.containers.Tuple((types.int64, types.float64)))
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def call_c(typing_context: Any, address: Any, arguments: Any) -> Any:
+        """Call a C function that returns nothing, and takes addresses."""
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            long, count = ir.IntType(64), len(signature.args[1])
+            kind = ir.FunctionType(ir.VoidType(), [long] * count)
+            values = [builder.extract_value(args[1], k) for k in range(count)]
+            builder.call(builder.inttoptr(args[0], kind.as_pointer()), values)
+            return context.get_dummy_value()
+
+        return types.none(types.int64, arguments), generate
 
     @intrinsic  # type: ignore[untyped-decorator]
     def call_support(

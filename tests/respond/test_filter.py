@@ -7,6 +7,7 @@ from approach import CENTRE, PERIOD, angle_at
 from armguard.errors import SceneError
 from armguard.guard import Level, Reason
 from armguard.respond import RESPONSES, Action, Guard
+from armguard.respond.daqp_interface import FUNCTION, ITERATIONS, SETTINGS
 from armguard.scene import bay_scene
 from armguard.scene.settings import CHOICES
 from driven import Driven, ball_guard, wall_guard
@@ -203,9 +204,18 @@ def test_an_arm_that_is_faster_than_it_was_told_is_stopped():
     assert command.action is Action.STOP
 
 
-def test_a_solver_that_fails_stops_the_arm(monkeypatch):
+@pytest.mark.parametrize("native", [True, False])
+def test_a_solver_that_fails_stops_the_arm(monkeypatch, native):
     monkeypatch.setattr("armguard.respond.guard.nearest_velocity", lambda *_: None)
-    loop = Driven(ball_guard())
+    guard = ball_guard()
+    memory = guard._response.solver
+    if native:
+        # None of its iterations is enough.
+        assert memory[FUNCTION] != 0
+        memory[SETTINGS:].view(np.int32)[2 * ITERATIONS + 1] = 0
+    else:
+        memory[FUNCTION] = 0
+    loop = Driven(guard)
     loop.run([1.0], 2500)
     assert loop.stops[0].verdict.reason is Reason.NO_WAY
     assert min(gap(q) for q in loop.q_rows) >= FLOOR

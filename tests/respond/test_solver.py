@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from armguard.respond import solver
+from armguard.guard.workspace import MOTION, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.state import open_motion
+from armguard.respond import daqp_interface, solver
+from armguard.respond.programs import solve_programs
 from armguard.respond.solver import TOLERANCE, nearest_velocity
+from armguard.respond.state import ROW_COUNT, open_response
+from driven import wall_guard
 
 
 def program(rng, n, k):
@@ -79,3 +85,54 @@ def test_the_same_program_has_the_same_bits():
     assert one is not None
     assert other is not None
     assert one.tobytes() == other.tobytes()
+
+
+def solved(given, native):
+    """The same program, of a guard's robot, solved inside its cycle."""
+    target, low, high, rows, limits = given
+    n, k = len(target), len(limits)
+    guard = wall_guard(joints=n)
+    response = guard._response
+    response.target[:], response.low[:], response.high[:] = target, low, high
+    response.rows[:k], response.limits[:k], response.eased[:k] = rows, limits, limits
+    response.notes[0, ROW_COUNT] = k
+    if not native:
+        unsolved = guard._solve(1, response)
+    else:
+        unsolved = solve_once(guard._response_lines, guard._lines)
+    return None if unsolved else response.target.copy()
+
+
+@kernel(inline=False, entry=True)
+def solve_once(response, lines):
+    """Solve the program of the first robot."""
+    w = open_workspace(lines)
+    return solve_programs(1, open_response(response), open_motion(w.parts[MOTION]))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_daqp_says_the_same_by_either_way(seed):
+    rng = np.random.default_rng(seed)
+    given = program(rng, int(rng.integers(1, 6)), int(rng.integers(1, 30)))
+    one, other = solved(given, native=True), solved(given, native=False)
+    assert one is not None
+    assert one.tobytes() == other.tobytes()
+
+
+def test_nor_does_it_solve_by_either_way_what_has_no_solution():
+    rows, limits = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([-0.1, -0.1])
+    given = np.zeros(2), -np.ones(2), np.ones(2), rows, limits
+    assert solved(given, native=True) is None
+    assert solved(given, native=False) is None
+
+
+@pytest.mark.parametrize("where", [0, 3, 4])
+def test_nor_what_is_no_number(where):
+    given = [np.zeros(2), -np.ones(2), np.ones(2), np.eye(2), np.ones(2)]
+    given[where] = np.full_like(given[where], np.nan)
+    assert solved(given, native=True) is None
+
+
+def test_an_unknown_version_is_solved_by_way_of_python(monkeypatch):
+    monkeypatch.setattr(daqp_interface, "KNOWN", ("0.0.1",))
+    assert not daqp_interface.daqp_memory(10, 1e-9, 300).any()

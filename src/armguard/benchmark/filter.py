@@ -57,6 +57,11 @@ def bench_filter(cycles: int | None, progress: Progress) -> dict[str, Any]:
 
 
 def crowded_guard(progress: Progress) -> Guard:
+    """A guard of the crowded bay."""
+    return Guard(crowded_scene(progress), self_test=False)
+
+
+def crowded_scene(progress: Progress) -> Scene:
     """The bay with balls close to the arms where they stand at home."""
     rng = np.random.default_rng(1)
     scene = with_balls(bay_scene("path"), {})
@@ -78,7 +83,7 @@ def crowded_guard(progress: Progress) -> Guard:
             if gaps and SHELL[0] < min(gaps) < SHELL[1]:
                 places[name] = p
         guard.place(name, Pose(xyz=tuple(places[name])))
-    return Guard(with_balls(bay_scene("path"), places), self_test=False)
+    return with_balls(bay_scene("path"), places)
 
 
 def with_balls(scene: Scene, places: dict[str, Floats]) -> Scene:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing
+from armguard.guard.change import judge_change
 from armguard.guard.commands import (
     is_new,
     keep_under_way,
@@ -18,10 +19,7 @@ from armguard.guard.commands import (
     set_drives,
 )
 from armguard.guard.cycle import clear_header, report_limits
-from armguard.guard.guarded_cycle import (
-    forget_demands,
-    judge_input,
-)
+from armguard.guard.guarded_cycle import judge_input
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.proofs import demand_stop
@@ -40,7 +38,6 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import (
     CONCLUDE,
-    JUDGE,
     MOTION,
     REFUSE,
     SELF,
@@ -176,15 +173,16 @@ def judge_again(lines: int) -> None:
     """Judge all pairs for what is wanted now."""
     w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    clear_header(w)
     set_clocks(v, m)
     set_drives(v, m)
-    forget_demands(v, m)
+    for r in range(v.must.shape[0]):
+        v.must[r] = v.relieved[r] = 0
+        v.deficit[r] = 0.0
     plan_stops(NEXT, w.parts[MOTION])
     plan_stops(NOW, w.parts[MOTION])
     for plan in range(2):
         bound_reaches(plan, w.bodies.ctypes.data, w.parts[MOTION])
-    call_for_nothing(w.parts[JUDGE], (w.parts[SELF],))
+    judge_change(lines)
 
 
 @kernel

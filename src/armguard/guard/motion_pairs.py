@@ -3,6 +3,7 @@
 from math import inf
 
 from armguard.geometry.pairs import measure_by
+from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.layout import (
     CLEARANCE,
     NEAR_COUNT,
@@ -35,6 +36,7 @@ from armguard.guard.proofs import (
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import (
+    COMMANDED,
     FEW,
     HYSTERESIS,
     SLOW_TIME,
@@ -61,6 +63,9 @@ from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.state import SEGMENT, SETTLED, Motion, open_motion
 
+# How much farther than what is under way may get is looked, for what may be wanted [m].
+LOOK_MORE = 5e-3
+
 
 @kernel
 def asks_index(w: Workspace) -> int:
@@ -80,6 +85,7 @@ def judge_motions(lines: int) -> None:
     v = open_watch(w.parts[WATCH])
     w.memory[CYCLE] += 1
     w.memory[KEPT_COUNT] = 0
+    begin_notes(v, open_motion(w.parts[MOTION]))
     if v.pairs.shape[0] > 0:
         count = go_through_pairs(lines)
     else:
@@ -99,8 +105,7 @@ def go_through_pairs(lines: int) -> int:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     boxes, margin = w.world.boxes, w.margin[0]
     moving_count = w.settings[MOVING_COUNT]
-    for i in range(moving_count):
-        v.look[i] = look_distance(i, v, m)
+    write_looks(w, v, m)
     for j in range(moving_count, v.look.shape[0]):
         v.look[j] = way_of_object(j, v, m)
     count = filtered = 0
@@ -126,11 +131,12 @@ def look_for_pairs(lines: int) -> int:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     candidates, boxes = w.candidates, w.world.boxes
     moving_count = w.settings[MOVING_COUNT]
+    write_looks(w, v, m)
     widest = widest_look(w, v, m)
     count = 0
     for i in range(moving_count):
         w.memory[TOKEN] += 1
-        found = candidates_within(i, widest + look_distance(i, v, m), w)
+        found = candidates_within(i, widest + v.look[i], w)
         wanted = keep_owned(
             i, found, moving_count, w.moved, w.groups, w.checked, candidates
         )
@@ -181,18 +187,31 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
         and out[place + CLEARANCE] >= 0.0
         and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
     ):
+        note_pair(i, j, NO_ROW, place, w, v)
         return count
+    note_pair(i, j, count, place, w, v)
     if not witness[0] - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
         refine_pair(i, j, place, lines)
     return count + 1
 
 
 @kernel
+def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
+    """Write how far each moving primitive must look.
+
+    Where commands go through the guard, for what may be told in this cycle as well.
+    """
+    more = LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
+    for i in range(w.settings[MOVING_COUNT]):
+        v.look[i] = look_distance(i, v, m) + more
+
+
+@kernel
 def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Beyond this distance a pair cannot matter to this cycle's proof [m]."""
-    look = standing_need(i, j, w, v, m) + look_distance(i, v, m)
+    look = standing_need(i, j, w, v, m) + v.look[i]
     if j < w.settings[MOVING_COUNT]:
-        return float(look + look_distance(j, v, m))
+        return float(look + v.look[j])
     if m.span[SEGMENT] != 0.0:
         return float(look)
     return float(look + object_speed(j, v) * time_ahead(v, m))
@@ -237,7 +256,7 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
     """How far any primitive must look for the sake of what it may meet [m]."""
     farthest = 0.0
     for i in range(w.settings[MOVING_COUNT]):
-        farthest = max(farthest, look_distance(i, v, m))
+        farthest = max(farthest, v.look[i])
     fastest = 0.0
     seen = inf
     for k in range(v.movers.shape[0]):

@@ -77,6 +77,7 @@ from armguard.motion.state import (
     BUDGET,
     FREE,
     GRID,
+    LOOKED,
     NEXT,
     NOW,
     SEGMENT,
@@ -230,6 +231,7 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
     out = w.out
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     plan_i = plan_j = NEXT
+    m.effort[LOOKED] = 0
     prove = w.parts[PROVE]
     proof, spare = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
     out[place + CLEARANCE] = spare
@@ -312,8 +314,10 @@ def prove_pair(
     whole = need + drift * m.span[SETTLED]
     floor = w.buffers[w.groups[i], w.groups[j]]
     relief = relief_of(i, j, place, distance - whole, floor, lines, v, m)
-    need -= relief
-    whole -= relief
+    if relief != 0.0:
+        m.effort[LOOKED] = 1
+        need -= relief
+        whole -= relief
     shared = shared_joints(w.bodies[i], w.bodies[j], m)
     by_levers = distance - whole
     if shared == 0:
@@ -344,6 +348,7 @@ def prove_pair(
         return (proof, spare)
     if w.exact_of[i, 1] == 0 and w.exact_of[j, 1] == 0:
         return (proof, by_spans)
+    m.effort[LOOKED] = 1
     exact, by_exact = prove_exact(i, j, pair.ctypes.data, lines)
     if exact == SPENT:
         return (exact, by_spans)

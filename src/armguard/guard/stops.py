@@ -237,7 +237,10 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
         up, down = m.up[NOW * m.q.shape[0] + j], m.down[NOW * m.q.shape[0] + j]
         error = 2.0 * m.joint_figures[j, POSITION_ERROR] + GRAIN
         v.rest_high[j], v.rest_low[j] = inf, -inf
+        m.swings[j, 0] = m.swings[j, 1] = m.joint_figures[j, SETTLE]
         if phase == STOPPING and clock[REACTION] > 0.0:
+            # As planned for a stop that is told now.
+            m.swings[j, 0], m.swings[j, 1] = up[SWING], down[SWING]
             v.rest_high[j] = m.q[j] + error + up[TRAVEL] + up[SWING]
             v.rest_low[j] = m.q[j] - error - down[TRAVEL] - down[SWING]
         elif phase <= BRAKING:
@@ -325,3 +328,4 @@ def stop_everything(reason: int, v: Watch, m: Motion) -> None:
             first = int(m.robot_figures[r, FIRST_JOINT])
             for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
                 v.rest_low[j], v.rest_high[j] = -inf, inf
+                m.swings[j, 0] = m.swings[j, 1] = m.joint_figures[j, SETTLE]

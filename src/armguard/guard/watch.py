@@ -11,10 +11,12 @@ from armguard.ledger import (
     ledger_at,
     matrix_f8,
     matrix_i4,
+    matrix_i8,
     vector_f8,
     vector_i4,
     vector_i8,
 )
+from armguard.motion.state import CLOCK, PLANS
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -66,6 +68,9 @@ FEW = 128
 
 # Commands kept beyond those that may be under way: cycles may come early.
 SPARE_COMMANDS = 8
+
+# Pairs noted of a cycle, which may be proven again by what they had left.
+JUDGED_ROOM = 4096
 
 # Samples kept of each joint, from which velocities are estimated.
 HISTORY = 16
@@ -128,6 +133,14 @@ class Watch(NamedTuple):
         evades: 1 for a robot that gets out of the way of what comes, shape (r,).
         object_velocity: Velocity each of them was seen with, shape (p, 3) or (0, 3)
             [m/s].
+        judged_pairs: Pairs judged in this cycle, and their rows or -1, shape (k, 3).
+        judged_left: What each of them had left; -inf where that says little, (k,) [m].
+        judged_count: How many; -1 if there were too many, shape (1,).
+        judged_ways: How far each joint could get then, and its speed if only back, in
+            its positive and its negative direction, shape (PLANS · n, 4).
+        judged_clock: Clocks of the stops then, shape (PLANS · r, CLOCK).
+        judged_settled: When everything had settled then, shape (1,) [s].
+        grown: How much farther each primitive may get since, shape (m,) [m].
         yields: 1 for one of which less than it wants may be told before it is stopped,
             shape (r,).
     """
@@ -178,6 +191,13 @@ class Watch(NamedTuple):
     recover: Longs
     evades: Longs
     object_velocity: Floats
+    judged_pairs: Longs
+    judged_left: Floats
+    judged_count: Longs
+    judged_ways: Floats
+    judged_clock: Floats
+    judged_settled: Floats
+    grown: Floats
     yields: Longs
 
 
@@ -237,7 +257,14 @@ def open_watch(address: int) -> Watch:
         vector_i8(lines, 43),
         vector_i8(lines, 44),
         matrix_f8(lines, 45),
-        vector_i8(lines, 46),
+        matrix_i8(lines, 46),
+        vector_f8(lines, 47),
+        vector_i8(lines, 48),
+        matrix_f8(lines, 49),
+        matrix_f8(lines, 50),
+        vector_f8(lines, 51),
+        vector_f8(lines, 52),
+        vector_i8(lines, 53),
     )
 
 
@@ -303,6 +330,13 @@ def watch_of(tables: SceneTables) -> Watch:
         recover=np.zeros(robots, dtype=np.int64),
         evades=np.zeros(robots, dtype=np.int64),
         object_velocity=np.zeros((len(speeds), 3)),
+        judged_pairs=np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
+        judged_left=np.zeros(JUDGED_ROOM),
+        judged_count=np.zeros(1, dtype=np.int64),
+        judged_ways=np.zeros((PLANS * n, 4)),
+        judged_clock=np.zeros((PLANS * robots, CLOCK)),
+        judged_settled=np.zeros(1),
+        grown=np.zeros(m),
         yields=np.ones(robots, dtype=np.int64),
     )
 

@@ -106,6 +106,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         columns=np.zeros((2 * depth, COLUMN)),
         calls=np.array([kernel_address(measure_at, 5)]),
         lever_rows=np.zeros((depth, LEVER_ROW + depth)),
+        swings=np.zeros((len(tables.q_names), 2)),
     )
 
 

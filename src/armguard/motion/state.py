@@ -54,7 +54,8 @@ SPAN = 3
 TESTS = 0  # spans of time tested for pairs in this cycle
 BUDGET = 1  # how many may be
 STAMP = 2  # of the nodes that were made for this cycle
-EFFORT = 3
+LOOKED = 3  # 1 where more than its own primitives were asked about a pair
+EFFORT = 4
 
 # Places in `Motion.calls`: addresses of kernels.
 MEASURE = 0  # `measure_at`
@@ -135,6 +136,8 @@ class Motion(NamedTuple):
         columns: Scratch for how joints move a pair, see `nearest`, (2 · depth, COLUMN).
         calls: See MEASURE, shape (CALLS,).
         lever_rows: Scratch for one side, shape (depth, LEVER_ROW + depth).
+        swings: What a stop under way may swing beyond its rest, in each direction of
+            each joint, shape (n, 2) [rad].
     """
 
     parent: Ints
@@ -192,6 +195,7 @@ class Motion(NamedTuple):
     columns: Floats
     calls: Longs
     lever_rows: Floats
+    swings: Floats
 
 
 def motion_ledger(motion: Motion) -> Ledger:
@@ -259,4 +263,5 @@ def open_motion(address: int) -> Motion:
         matrix_f8(lines, 52),
         vector_i8(lines, 53),
         matrix_f8(lines, 54),
+        matrix_f8(lines, 55),
     )

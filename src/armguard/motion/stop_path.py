@@ -138,10 +138,10 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
             up if side == 0 else down,
         )
     if clock[SWINGS] != 0.0 and points == 0:
-        # How fast it was when its stop began is not seen any more.
+        # How fast it was when its stop began is not seen any more, but remembered.
         for side in range(2):
             stop = up if side == 0 else down
-            stop[SWING] = figures[SETTLE]
+            stop[SWING] = m.swings[j, side]
             stop[SETTLED_TIME] = max(stop[REST], 0.0) + robot[SETTLE_TIME]
     return float(max(up[REST], down[REST]) - clock[AGE])
 

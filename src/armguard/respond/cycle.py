@@ -45,10 +45,12 @@ from armguard.motion.figures import (
 )
 from armguard.motion.state import Motion, open_motion
 from armguard.respond.command import Blocked
+from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import NOTHING_ASKED, engage
 from armguard.respond.evasion import look_for_threats
+from armguard.respond.leaving import lead_away
 from armguard.respond.program import frame_limits, scale_back
-from armguard.respond.retreat import lead_away
+from armguard.respond.programs import solve_programs
 from armguard.respond.state import (
     BLOCKED,
     BREAKS,
@@ -87,7 +89,8 @@ def respond(response: Longs, lines: Longs) -> int:
         lines: Ledger of the workspace, after `open_cycle`.
 
     Returns:
-        Robots whose program is to be solved, a bit for each.
+        Robots whose program is to be solved, a bit for each; where the solver can be
+        called from here, those for which that did not succeed.
     """
     a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
@@ -105,6 +108,8 @@ def respond(response: Longs, lines: Longs) -> int:
                 scale_back(r, a, m)
             elif a.settings[r, KIND] == DEFLECT:
                 open_programs |= 1 << r
+    if a.solver[FUNCTION] != 0:
+        return solve_programs(open_programs, a, m)
     return open_programs
 
 

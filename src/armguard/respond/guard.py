@@ -20,6 +20,7 @@ from armguard.respond.asked import as_vector, named_vector
 from armguard.respond.command import Command
 from armguard.respond.compiling import compile_ahead
 from armguard.respond.cycle import finish, respond
+from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import Standing
 from armguard.respond.program import add_pairs
 from armguard.respond.self_test import filter_line
@@ -257,9 +258,9 @@ class Guard(Monitor):
                 into[:] = asked
             else:
                 self._ask_for_tools(asked, into)
-            programs = respond(self._response_lines, self._lines)
-            if programs:
-                unsolved = self._solve(programs, response)
+            unsolved = respond(self._response_lines, self._lines)
+            if unsolved and not response.solver[FUNCTION]:
+                unsolved = self._solve(unsolved, response)
         used = finish(judged, unsolved, self._response_lines, self._lines)
         data = self._out[:used].copy()
         if fault:
@@ -277,7 +278,7 @@ class Guard(Monitor):
         return Command(response.told.copy(), self.tables.robots, verdict)
 
     def _solve(self, programs: int, response: Response) -> int:
-        """Solve the programs of the robots whose bit is set.
+        """Solve the programs of the robots whose bit is set, by way of Python.
 
         Returns:
             Those of them for which that did not succeed.

@@ -49,7 +49,7 @@ from armguard.motion.figures import (
 )
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
-from armguard.respond.retreat import spare_at_rest
+from armguard.respond.leaving import spare_at_rest
 from armguard.respond.state import (
     ASKS,
     BREAKS,

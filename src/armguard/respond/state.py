@@ -13,6 +13,8 @@ from armguard.ledger import (
     vector_f8,
     vector_i8,
 )
+from armguard.respond.daqp_interface import daqp_memory
+from armguard.respond.solver import MOST_ITERATIONS, PRIMAL_TOLERANCE
 from armguard.scene.settings import FarStart, ResponseName, Sharing
 from armguard.scene.tables import SceneTables
 
@@ -93,6 +95,8 @@ class Response(NamedTuple):
         eased: The same where the declared stop is to keep all of them, (r · ROWS,).
         away: Joint motion that leads away from what comes, shape (n,).
         speed: Share of its top speeds each robot may use, shape (r,) [-].
+        program: Memory of the program that is solved, see `programs`, shape (k,).
+        solver: The solver's, see `daqp_memory`, shape (k,).
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
     """
 
@@ -113,6 +117,8 @@ class Response(NamedTuple):
     eased: Floats
     away: Floats
     speed: Floats
+    program: Floats
+    solver: Longs
     told: Floats
 
 
@@ -143,6 +149,8 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 15),
         vector_f8(lines, 16),
         vector_f8(lines, 17),
+        vector_i8(lines, 18),
+        vector_f8(lines, 19),
     )
 
 
@@ -179,5 +187,7 @@ def response_of(tables: SceneTables) -> Response:
         eased=np.zeros(robots * ROWS),
         away=np.zeros(n),
         speed=np.zeros(robots),
+        program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),
+        solver=daqp_memory(n + ROWS, PRIMAL_TOLERANCE, MOST_ITERATIONS),
         told=np.zeros(4 * n + 2 * robots),
     )

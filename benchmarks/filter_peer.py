@@ -1,0 +1,103 @@
+"""What a filtered cycle costs, beside a step of a peer, in the same states.
+
+make filter-peer                       20,000 cycles; writes docs/filter_peer.json
+
+The bay with balls close to both arms, so that 35 pairs are near. The arms do as the
+guard tells them; every twentieth state is given to the peer as well, mink with the
+settings it has by default, DAQP as its solver, and all pairs that the guard checks. It
+is left out where it is not installed: `pip install mink "qpsolvers"`.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from time import perf_counter_ns
+
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from armguard.benchmark.filter import FREQUENCY, PERIOD, SPEED, crowded_scene
+from armguard.benchmark.machine import describe_machine
+from armguard.benchmark.timing import percentiles, quiet
+from armguard.cli.console import say
+from armguard.respond import Guard
+from closed_loop.judge import Judge
+from reach.peer import MinkPeer, is_installed
+
+Floats = NDArray[np.float64]
+
+RESULTS = Path(__file__).parents[1] / "docs" / "filter_peer.json"
+
+# Every so many cycles the peer is asked.
+SHARE = 20
+
+# Cycles before measuring begins.
+WARM = 500
+
+
+def main() -> int:
+    """Measure; write docs/filter_peer.json."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--cycles", type=int, default=20_000)
+    chosen = parser.parse_args()
+    scene = crowded_scene(say)
+    guard = Guard(scene, self_test=False)
+    tables = guard.tables
+    peer = None
+    if is_installed():
+        velocity = np.concatenate([part.stopping.velocity for part in tables.robots])
+        limits = tables.lower, tables.upper, velocity
+        peer = MinkPeer(scene, Judge(scene, tables), limits, "mink")
+    else:
+        say("the peer is left out: mink or qpsolvers is not installed")
+    with quiet():
+        times, peers, near = measure(guard, peer, chosen.cycles)
+    found = {
+        "machine": describe_machine(),
+        "cycles": chosen.cycles,
+        "near_pairs_median": float(np.median(near)),
+        "filter": percentiles(np.array(times, dtype=np.float64)),
+    }
+    if peers:
+        found["mink"] = percentiles(np.array(peers, dtype=np.float64))
+        found["ratio"] = found["mink"]["median_us"] / found["filter"]["median_us"]
+    RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    print(json.dumps(found, indent=1))
+    return 0
+
+
+def measure(
+    guard: Guard, peer: MinkPeer | None, cycles: int
+) -> tuple[list[int], list[int], list[int]]:
+    """Drive both arms to and fro through the filter.
+
+    Returns:
+        Times of the filter and of the peer [ns], and how many pairs were near.
+    """
+    n = len(guard.q_names)
+    phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, n)
+    q, v = guard.home, np.zeros(n)
+    times, peers, near = [], [], []
+    for k in range(cycles + WARM):
+        wish = SPEED * np.sin(2.0 * np.pi * FREQUENCY * k * PERIOD + phases)
+        begin = perf_counter_ns()
+        command = guard.filter(q, wish, k * PERIOD, velocity=v)
+        if k >= WARM:
+            times.append(perf_counter_ns() - begin)
+            near.append(len(command.verdict.near))
+        if peer is not None and k % SHARE == 0 and k >= WARM:
+            begin = perf_counter_ns()
+            peer.velocity(q, wish)
+            peers.append(perf_counter_ns() - begin)
+        v = command.velocity
+        q = q + v * PERIOD
+    return times, peers, near
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,186 @@
+"""Proofs that outlive a change of what is told: by how much farther joints may get.
+
+A cycle proves its pairs for what is under way, and then for what is wanted. Most of
+that is the same. If no joint can get farther than δ beyond where it could get before,
+at any time, no two points can come nearer each other by more than the sum of δ times
+levers. A pair that has more than that left is proven again by this sum; others are
+judged anew.
+
+A joint is never farther ahead than at the end: what drives it to a greater velocity
+leaves it faster at every time, as long as the stop takes effect at the same time.
+"""
+
+from math import inf
+
+from armguard.address import call_for_nothing
+from armguard.guard.layout import (
+    CLEARANCE,
+    NEAR_COUNT,
+    NEAREST,
+    PROOF,
+    REASON,
+)
+from armguard.guard.levels import Reason
+from armguard.guard.near_pairs import decide, row_place
+from armguard.guard.proofs import judge_motion, object_speed
+from armguard.guard.watch import COMMANDED, Watch, open_watch
+from armguard.guard.workspace import JUDGE, MOTION, WATCH, Workspace, open_workspace
+from armguard.kernel import kernel
+from armguard.ledger import ledger_at
+from armguard.motion.joint_stop import SWING, TRAVEL, V_BACK
+from armguard.motion.pair_state import PROVEN
+from armguard.motion.state import (
+    CLOCK,
+    LOOKED,
+    NEXT,
+    PLANS,
+    SETTLED,
+    Motion,
+    open_motion,
+)
+from armguard.robot.kinematics import FIXED as NO_JOINT
+
+CAPACITY = int(Reason.CAPACITY)
+NO_DISTANCE = int(Reason.NO_DISTANCE)
+OK = int(Reason.OK)
+
+# Place of a pair that has no row in the answer.
+NO_ROW = -1
+
+# More pairs than there is room for: nothing is known of some.
+TOO_MANY = -1
+
+
+@kernel
+def begin_notes(v: Watch, m: Motion) -> None:
+    """Note the stops that the pairs are going to be judged for."""
+    v.judged_count[0] = TOO_MANY if v.given[COMMANDED] == 0.0 else 0
+    if v.judged_count[0] == TOO_MANY:
+        return
+    n = m.q.shape[0]
+    for at in range(PLANS * n):
+        for side in range(2):
+            stop = m.up[at] if side == 0 else m.down[at]
+            v.judged_ways[at, 2 * side] = stop[TRAVEL] + stop[SWING]
+            v.judged_ways[at, 2 * side + 1] = stop[V_BACK]
+    for at in range(v.judged_clock.shape[0]):
+        for k in range(CLOCK):
+            v.judged_clock[at, k] = m.clock[at, k]
+    v.judged_settled[0] = m.span[SETTLED]
+
+
+@kernel
+def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> None:
+    """Note what a judged pair has left."""
+    k = v.judged_count[0]
+    if k == TOO_MANY:
+        return
+    if k == v.judged_pairs.shape[0]:
+        v.judged_count[0] = TOO_MANY
+        return
+    m = open_motion(w.parts[MOTION])
+    plain = w.out[place + PROOF] == PROVEN and m.effort[LOOKED] == 0
+    v.judged_pairs[k, 0], v.judged_pairs[k, 1], v.judged_pairs[k, 2] = i, j, row
+    v.judged_left[k] = w.out[place + CLEARANCE] if plain else -inf
+    v.judged_count[0] = k + 1
+
+
+@kernel(inline=False)
+def judge_change(lines: int) -> None:
+    """Judge all pairs for stops that changed since they were judged in this cycle.
+
+    Args:
+        lines: Address of the ledger of a workspace; the stops are planned already.
+    """
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    if not (is_known(w, v) and bound_growth(w, v, m) and renew(lines)):
+        call_for_nothing(w.parts[JUDGE], (lines,))
+
+
+@kernel
+def is_known(w: Workspace, v: Watch) -> bool:
+    """Whether all pairs that were judged could be noted and told."""
+    reason = int(w.out[REASON])
+    told = reason != CAPACITY and reason != NO_DISTANCE
+    return bool(told and v.judged_count[0] != TOO_MANY)
+
+
+@kernel
+def bound_growth(w: Workspace, v: Watch, m: Motion) -> bool:
+    """Bound how much farther each primitive may get than it could before.
+
+    Returns:
+        Whether no primitive meets more than was looked for then.
+    """
+    moving = m.rate.shape[0]
+    for b in range(m.parent.shape[0]):
+        m.sizes[b] = 0.0
+        if m.joint_kind[b] != NO_JOINT:
+            q = m.q_index[b]
+            m.sizes[b] = abs(m.gain[b, 0]) * joint_growth(q, v, m)
+    for i in range(moving):
+        if not m.reach[NEXT, i] <= v.look[i]:
+            return False
+        body = w.bodies[i]
+        grown = 0.0
+        for k in range(m.length[body]):
+            size = m.sizes[m.joints[body, k]]
+            if size != 0.0:
+                grown += size * m.levers[i, k]
+        v.grown[i] = grown
+    return True
+
+
+@kernel
+def joint_growth(j: int, v: Watch, m: Motion) -> float:
+    """How much farther a joint may be at any time than it could be before [rad].
+
+    Infinite where that does not follow from how far it gets in all.
+    """
+    n, robots = m.q.shape[0], m.robot_figures.shape[0]
+    growth = 0.0
+    for plan in range(PLANS):
+        clock = m.clock[plan * robots + m.robot_of_joint[j]]
+        before = v.judged_clock[plan * robots + m.robot_of_joint[j]]
+        for k in range(CLOCK):
+            if clock[k] != before[k]:
+                return inf
+        at = plan * n + j
+        for side in range(2):
+            stop = m.up[at] if side == 0 else m.down[at]
+            if v.judged_ways[at, 2 * side + 1] != stop[V_BACK]:
+                # It may go on where it could only go back.
+                return inf
+            way = stop[TRAVEL] + stop[SWING]
+            growth = max(growth, way - v.judged_ways[at, 2 * side])
+    return float(growth)
+
+
+@kernel(inline=False)
+def renew(lines: int) -> bool:
+    """Prove the noted pairs again.
+
+    Returns:
+        Whether that says everything: false if one has to be looked at that has no row.
+    """
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    longer = max(m.span[SETTLED] - v.judged_settled[0], 0.0)
+    moving = m.rate.shape[0]
+    w.out[REASON], w.out[NEAREST] = OK, -1.0
+    for k in range(v.judged_count[0]):
+        i, j = int(v.judged_pairs[k, 0]), int(v.judged_pairs[k, 1])
+        row = int(v.judged_pairs[k, 2])
+        left = v.judged_left[k] - v.grown[i]
+        left -= v.grown[j] if j < moving else object_speed(j, v) * longer
+        if left >= 0.0:
+            if row != NO_ROW:
+                place = row_place(row, w)
+                w.out[place + CLEARANCE], w.out[place + PROOF] = left, PROVEN
+        elif row == NO_ROW:
+            return False
+        else:
+            judge_motion(i, j, row_place(row, w), lines)
+    decide(int(w.out[NEAR_COUNT]), w)
+    return True

@@ -1,0 +1,51 @@
+"""Proofs that outlive a change of what is told say no more than proofs made anew."""
+
+import numpy as np
+import pytest
+
+from armguard.benchmark.filter import crowded_guard
+from driven import ball_guard, two_arms, wall_guard
+
+SCENES = {
+    "ball": ball_guard,
+    "wall": wall_guard,
+    "two arms": two_arms,
+    "crowded bay": lambda: crowded_guard(lambda sentence: None),
+}
+
+
+def led(guard, seed, cycles=400):
+    """Commands and verdicts of a loop with wishes that change."""
+    rng = np.random.default_rng(seed)
+    q, v, found = guard.home, 0.0 * guard.home, []
+    for k in range(cycles):
+        if k % 40 == 0:
+            wish = rng.uniform(-0.3, 0.3, len(q))
+        command = guard.filter(q, wish, 1e-3 * k, velocity=v)
+        found.append(command)
+        v = command.velocity + rng.uniform(-0.005, 0.005, len(q)) * (k % 3 == 0)
+        q = np.clip(q + 1e-3 * v, guard.tables.lower, guard.tables.upper)
+    return found
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_what_is_told_is_the_same_to_the_bit(scene, monkeypatch):
+    quick = led(SCENES[scene](), 4)
+    # Without room for what pairs had left, all of them are judged anew.
+    monkeypatch.setattr("armguard.guard.watch.JUDGED_ROOM", 0)
+    anew = led(SCENES[scene](), 4)
+    saved = 0
+    for one, other in zip(quick, anew, strict=True):
+        assert one.velocity.tobytes() == other.velocity.tobytes()
+        assert one.action is other.action
+        known = {(p.primitive_a, p.primitive_b): p for p in other.verdict.near}
+        for pair in one.verdict.near:
+            truth = known.get((pair.primitive_a, pair.primitive_b))
+            if truth is not None:
+                assert pair.clearance <= truth.clearance + 1e-12
+                saved += pair.clearance != truth.clearance
+        for key, truth in known.items():
+            told = {(p.primitive_a, p.primitive_b) for p in one.verdict.near}
+            assert key in told or truth.clearance > 0.0
+    if scene in ("ball", "crowded bay"):
+        assert saved > 0
