@@ -34,6 +34,9 @@ class Blind:
     def answer(self, q, v, stamps, now, asked):
         return Told(asked.joints, self._follow)
 
+    def aim(self, operator):
+        pass
+
     def reset(self):
         pass
 

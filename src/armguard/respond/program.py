@@ -50,6 +50,7 @@ from armguard.motion.figures import (
 )
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
+from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
 from armguard.respond.state import (
     ASKS,
     BREAKS,
@@ -160,7 +161,7 @@ def frame_limits(
         last = abs(last_sent(j, v))
         if last > 0.0:
             lost = min(lost, m.joint_figures[j, DECELERATION] * dt / last)
-    straight = a.settings[r, KIND] == SLOW
+    straight = a.settings[r, KIND] == SLOW or retreats(r, a)
     for j in range(first, end):
         figures = m.joint_figures[j]
         last, gain = last_sent(j, v), figures[ACCELERATION] * dt
@@ -176,6 +177,12 @@ def frame_limits(
         high[j] = max(min(last + gain, top, up), brake[j])
         low[j] = min(max(last - gain, -min(top, down)), brake[j])
         target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def retreats(r: int, a: Response) -> bool:
+    """Whether a robot goes back along its way, and is to keep to it."""
+    return bool(open_lead(a.lead).notes[r, LED] == BY_RETREAT)
 
 
 @kernel
