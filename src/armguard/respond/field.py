@@ -36,6 +36,7 @@ from armguard.motion.figures import (
     ACCELERATION,
     FIRST_JOINT,
     JOINT_COUNT,
+    POSITION_ERROR,
     VELOCITY,
 )
 from armguard.motion.state import Motion
@@ -53,6 +54,7 @@ from armguard.respond.lead_state import (
     TOOL_BODY,
     Lead,
 )
+from armguard.respond.program import LIMIT_SPARE
 from armguard.respond.state import (
     ATTRACTION,
     FIELD_SPEED,
@@ -77,7 +79,8 @@ JOINT_THERE = 0.01
 TOOL_THERE = 0.005
 TURN_THERE = 0.02
 
-# Time to a goal at top speed within which nothing pushes in full any more [s].
+# Time to a goal at top speed within which nothing pushes in full any more: by its
+# square, or what draws, which fades too, would not get there [s].
 GOAL_NEAR = 0.1
 
 # From here on the push grows no faster: a steeper one would swing with the delay of the
@@ -86,6 +89,9 @@ STEEPEST = 0.5
 
 # Lever of joints below which they are not asked to push in full [m/rad].
 SHORT_LEVER = 0.1
+
+# Room a joint has to have to be moved in full towards its limit [rad].
+LIMIT_NEAR = 0.1
 
 # A push of less is none [m/s].
 NO_PUSH = 1e-12
@@ -121,10 +127,38 @@ def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> 
     body = s.notes[r, TOOL_BODY]
     aim = s.tool_aim[r]
     tool_columns(body, (aim[12], aim[13], aim[14]), first, end, s.columns, w, m)
-    joint_velocities(
-        scaled(rate, shift), scaled(rate, turn), first, end, s.columns, s.square, s.pull
-    )
+    shift, turn = scaled(rate, shift), scaled(rate, turn)
+    joint_velocities(shift, turn, first, end, s.columns, s.square, s.pull)
+    if weigh_room(first, end, s, w, m):
+        joint_velocities(shift, turn, first, end, s.columns, s.square, s.pull)
+        for j in range(first, end):
+            s.pull[j] *= s.push[j]
     limit_share(first, end, settings[FIELD_SPEED], s.pull, m)
+
+
+@kernel
+def weigh_room(first: int, end: int, s: Lead, w: Workspace, m: Motion) -> bool:
+    """Weigh a robot's columns by the room its joints have where they are to go.
+
+    The others take over what a joint near its limit would do.
+
+    Returns:
+        Whether any has little room; the roots of the weights are in `push`.
+
+    References:
+        Chan and Dubey, A weighted least-norm solution based scheme for avoiding joint
+        limits for redundant joint manipulators, 1995.
+    """
+    little = False
+    for j in range(first, end):
+        room = w.upper[j] - m.q[j] if s.pull[j] > 0.0 else m.q[j] - w.lower[j]
+        room -= 2.0 * m.joint_figures[j, POSITION_ERROR] + LIMIT_SPARE
+        part = min(max(room / LIMIT_NEAR, 0.0), 1.0)
+        little |= part < 1.0
+        s.push[j] = sqrt(part)
+        for k in range(6):
+            s.columns[j, k] *= s.push[j]
+    return little
 
 
 @kernel
@@ -242,13 +276,14 @@ def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
 
     Many pairs of one wall push together as hard as the nearest one.
     """
-    if s.notes[r, LED] != BY_FIELD:
+    if s.notes[r, LED] != BY_FIELD or s.notes[r, IN_MINIMUM] != 0:
         return
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     share = 0.0
     if s.weight[r, 1] > NO_PUSH:
-        share = min(s.memory[r, LEFT] / GOAL_NEAR, 1.0) / s.weight[r, 1]
+        near = min(s.memory[r, LEFT] / GOAL_NEAR, 1.0)
+        share = near * near / s.weight[r, 1]
     for j in range(first, end):
         a.asked[j] = s.pull[j] + share * s.push[j]
     limit_share(first, end, a.settings[r, FIELD_SPEED], a.asked, m)
@@ -292,6 +327,8 @@ def look_for_minimum(
 ) -> None:
     """Note whether a robot that its field has led in this cycle gets anywhere."""
     memory, dt = s.memory[r], time_passed(v)
+    if s.notes[r, IN_MINIMUM] != 0:
+        return
     if is_there(r, s, w, m):
         memory[BEST], memory[IDLE], memory[STANDS] = memory[LEFT], 0.0, 0.0
         return

@@ -44,6 +44,7 @@ TOOL_GOAL = 2
 STAYS = 0
 ALONG = 1
 STRAIGHT = 2
+ENDS = 3
 
 # Places in `Lead.memory`.
 PULL = 0  # share of its top speeds it has risen to [-]
@@ -68,7 +69,7 @@ class Lead(NamedTuple):
         safe: Joint positions robots retreat to, shape (n,).
         tool_aim: Poses fields draw tools to, see TOOL_AIM, shape (r, TOOL_AIM).
         pull: Scratch for what attracts, shape (n,).
-        push: Scratch for what repels, shape (n,).
+        push: Scratch for what repels, and for weights before, shape (n,).
         first_lag: What is asked for after one lag, see `smooth_lead`, shape (n,).
         second_lag: The same after both, shape (n,).
         weight: Scratch: greatest push of each robot, and their sum, shape (r, 2).

@@ -51,7 +51,7 @@ from armguard.respond.lead_state import (
     Lead,
     open_lead,
 )
-from armguard.respond.retreat import is_held_up, lead_back
+from armguard.respond.retreat import is_held_up, lead_back, stand
 from armguard.respond.state import (
     ASKS,
     BLOCKED,
@@ -111,8 +111,11 @@ def lead_robots(response: int, lines: int) -> None:
             retreat(r, a, s, v, m)
         elif draws(r, a, s, m):
             notes[LED] = BY_FIELD
-            attract(r, a, s, w, v, m)
-            fields = True
+            if notes[IN_MINIMUM] != 0:
+                stand(r, a, m)
+            else:
+                attract(r, a, s, w, v, m)
+                fields = True
     if fields:
         repel(a, s, w, v, m)
     for r in range(s.notes.shape[0]):
@@ -178,7 +181,7 @@ def draws(r: int, a: Response, s: Lead, m: Motion) -> bool:
         # From where its operator leads it, its way may be another one.
         forget_progress(r, s)
         return False
-    return bool(notes[IN_MINIMUM] == 0)
+    return True
 
 
 @kernel
@@ -186,9 +189,11 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     """Whether a robot is told anything, its retreat considered.
 
     It needs no operator who lets go, and no master that is near; these it meets again
-    when it is done.
+    when it is done. Who gets out of the way of something is led by nobody else.
     """
-    if s.notes[r, LED] != BY_RETREAT or v.evades[r] != 0:
+    if v.evades[r] != 0:
+        s.notes[r, LED] = NOBODY
+    if s.notes[r, LED] != BY_RETREAT:
         return follows
     notes = a.notes[r]
     notes[STATE], notes[TOLD_POSITIONS], notes[REFUSED] = WAITING, 1, 0
@@ -218,7 +223,7 @@ def note_leads(judged: int, response: int, lines: int) -> None:
         proven = v.must[r] == 0 and v.last[FORCED] == OK
         if runs and proven and led != BY_RETREAT:
             remember_place(r, s, m)
-        if runs and led == BY_FIELD and v.evades[r] == 0:
+        if runs and led == BY_FIELD:
             look_for_minimum(r, a, s, w, v, m)
         say_lead(r, a, s, v, m)
 
@@ -228,12 +233,13 @@ def say_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     """Say why a robot that is led does not get on."""
     notes, own = a.notes[r], s.notes[r]
     blocked = notes[BLOCKED]
-    if own[LED] == BY_RETREAT and v.evades[r] == 0:
+    if own[LED] == BY_RETREAT:
         named = blocked == PINCHED or blocked == NO_WAY
         if is_held_up(r, a, s, v, m) and not named:
             notes[BLOCKED] = WAY_BLOCKED
-    elif blocked == FOLLOWS and own[GOAL] != NO_GOAL:
+    elif blocked == FOLLOWS and own[LED] == BY_FIELD:
         if own[IN_MINIMUM] != 0:
             notes[BLOCKED] = LOCAL_MINIMUM
-        elif own[SUSPENDED] != 0 and notes[ASKS] == 0:
+    elif blocked == FOLLOWS and own[SUSPENDED] != 0 and notes[ASKS] == 0:
+        if a.asking[FORM] == VELOCITIES:
             notes[BLOCKED] = STOPPED

@@ -85,7 +85,7 @@ LEAST_SPARE = 2e-4
 # Share of what can be had in a cycle that a pair which is to be opened asks for [-].
 OPENING = 0.5
 
-# How far from its limit a joint is stopped, beyond the error of its position [rad].
+# How far from its limit a joint is stopped, beyond errors of its position [rad].
 LIMIT_SPARE = 1e-3
 
 # A row shorter than this moves nothing [m s/rad].
@@ -171,7 +171,8 @@ def frame_limits(
         less = lost * abs(last) if straight else figures[DECELERATION] * dt
         brake[j] = max(last - less, 0.0) if last > 0.0 else min(last + less, 0.0)
         top = max(share * figures[VELOCITY], abs(brake[j]))
-        away = figures[POSITION_ERROR] + LIMIT_SPARE
+        # It may be measured too little now, and too much when it is there.
+        away = 2.0 * figures[POSITION_ERROR] + LIMIT_SPARE
         up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
         down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
         high[j] = max(min(last + gain, top, up), brake[j])

@@ -22,6 +22,7 @@ from armguard.respond.field import led_speed
 from armguard.respond.lead_state import (
     ALONG,
     COUNT,
+    ENDS,
     KEEP,
     LEFT,
     PULL,
@@ -48,6 +49,9 @@ Floats = NDArray[np.float64]
 PASSED = 0.25 * TRAIL_STEP
 ARRIVED = 0.002
 
+# Below this share of its top speed a joint that comes to rest may do so at once [-].
+NO_SPEED = 1e-4
+
 # Speed of a retreat by what is left of it, near its end [1/s].
 ARRIVAL = 5.0
 
@@ -67,7 +71,7 @@ def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
     notes, blind = s.notes[r], blind_time(r, m)
     while notes[WAY] == ALONG:
         if notes[COUNT] <= notes[KEEP]:
-            notes[WAY] = STRAIGHT if notes[THEN_SAFE] != 0 else STAYS
+            notes[WAY] = STRAIGHT if notes[THEN_SAFE] != 0 else ENDS
             break
         last = notes[COUNT] - 1 == notes[KEEP] and notes[THEN_SAFE] == 0
         row = place_back(r, 0, s)
@@ -81,8 +85,30 @@ def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
         if time > blind + ARRIVED:
             ask_for_place(r, s.safe, time, True, a, s, v, m)
             return True
-        notes[WAY] = STAYS
+        notes[WAY] = ENDS
+    if moves(r, v, m):
+        stand(r, a, m)
+        return True
+    notes[WAY] = STAYS
     return False
+
+
+@kernel
+def moves(r: int, v: Watch, m: Motion) -> bool:
+    """Whether a robot was told to move in the last cycle, so much that it matters."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if abs(last_sent(j, v)) > NO_SPEED * m.joint_figures[j, VELOCITY]:
+            return True
+    return False
+
+
+@kernel
+def stand(r: int, a: Response, m: Motion) -> None:
+    """Ask for nothing of a robot."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        a.asked[j] = 0.0
 
 
 @kernel
