@@ -211,29 +211,22 @@ def test_to_positions_it_goes_straight_where_that_is_free(guard):
     assert np.ptp(way, axis=1).max() < 5e-3
 
 
-def bar_the_line(guard, loop):
-    """Put the ball on the straight line home, beside the way that led in."""
-    way = loop.q_rows[: loop.inward : 50][::-1]
-    for share in np.linspace(0.2, 0.8, 13):
-        q = loop.q + share * (guard.home - loop.q)
-        guard.place("cart", Pose(xyz=tuple(tool_pose(guard, q)[:3, 3])))
-        line = guard.check_path([loop.q, guard.home])
-        if not line.clear and guard.check_path(way).clear:
-            return
-    raise AssertionError("there is no place between the line and the way")
-
-
 def round_a_corner(loop):
-    """A wish that turns the left arm, and then its elbow."""
+    """A wish that turns the left arm, and then leans it forward."""
     v = np.zeros(14)
-    v[0 if loop.t < 1.4 else 3] = 0.5 if loop.t < 1.4 else -0.5
+    v[0 if loop.t < 1.45 else 1] = 0.5
     return v
 
 
 def test_else_it_goes_back_along_its_way_first(guard):
-    loop = led_in(guard, 2800, round_a_corner)
+    loop = led_in(guard, 2400, round_a_corner)
+    # A place of the last link on the straight way home, beside the way that led in.
+    T = tool_pose(guard, loop.q + 0.5 * (guard.home - loop.q))
+    way = loop.q_rows[: loop.inward : 50][::-1]
     try:
-        bar_the_line(guard, loop)
+        guard.place("cart", Pose(xyz=tuple(T[:3, 3] + 0.12 * T[:3, 2])))
+        assert not guard.check_path([loop.q, guard.home]).clear
+        assert guard.check_path(way).clear
         guard.retreat("left", to=guard.home[LEFT])
         until(loop, Blocked.RETREATING)
         until(loop, Blocked.NOT)
