@@ -11,13 +11,13 @@ from armguard import Guard
 from armguard.respond.command import Action
 from armguard.scene.settings import ResponseName
 from reach.arena import Arena
-from reach.operators import Asked
+from reach.operators import Asked, Operator
 from reach.peer import PEERS, MinkPeer
 from reach.scenes import build_scene
 
 Floats = NDArray[np.float64]
 
-RESPONSES: tuple[ResponseName, ...] = ("deflect", "slow", "stop")
+RESPONSES: tuple[ResponseName, ...] = ("deflect", "slow", "stop", "field")
 ANSWERS = (*RESPONSES, *PEERS)
 
 
@@ -53,6 +53,9 @@ class Answering(Protocol):
     ) -> Told:
         """What to tell, from what was measured."""
 
+    def aim(self, operator: Operator) -> None:
+        """Take note of what the operator wants, at the beginning."""
+
     def reset(self) -> None:
         """Begin anew."""
 
@@ -87,9 +90,57 @@ class Guarded:
             verdict,
         )
 
+    def aim(self, operator: Operator) -> None:
+        """See `Answering`; it is told at every step."""
+
     def reset(self) -> None:
         """See `Answering`."""
         self.guard.reset()
+
+
+class Fielded(Guarded):
+    """A guard of ours whose fields know the goal, and lead there by themselves.
+
+    What the operator asks for counts only as whether he wants anything: after a stop
+    he begins again by engaging the robots. Places on his way are not told. Where he has
+    no goal he steers himself.
+
+    Args:
+        guard: The guard.
+        arena: Where.
+    """
+
+    def __init__(self, guard: Guard, arena: Arena) -> None:
+        super().__init__(guard)
+        self._arena = arena
+        self._nothing = np.zeros(len(arena.home))
+        self._wanted = False
+        self._drawn = False
+
+    def aim(self, operator: Operator) -> None:
+        """See `Answering`."""
+        goals = operator.goals(self._arena)
+        self._wanted, self._drawn = False, bool(goals)
+        for name, goal in goals.items():
+            what = "pose" if goal.shape == (4, 4) else "q"
+            self.guard.field_goal(name, **{what: goal})
+
+    def answer(
+        self,
+        q: Floats,
+        v: Floats,
+        stamps: Mapping[str, float],
+        now: float,
+        asked: Asked,
+    ) -> Told:
+        """See `Answering`."""
+        if not self._drawn:
+            return super().answer(q, v, stamps, now, asked)
+        wanted = bool(np.any(asked.joints))
+        if wanted and not self._wanted:
+            self.guard.engage()
+        self._wanted = wanted
+        return super().answer(q, v, stamps, now, Asked(self._nothing))
 
 
 class Peer:
@@ -113,6 +164,9 @@ class Peer:
             return Told(np.zeros(len(q)), self._follow, why="NO_SOLUTION")
         return Told(found, self._follow)
 
+    def aim(self, operator: Operator) -> None:
+        """See `Answering`; it is told at every step."""
+
     def reset(self) -> None:
         """See `Answering`."""
 
@@ -123,4 +177,6 @@ def answering(arena: Arena, name: str) -> Answering:
         limits = arena.lower, arena.upper, arena.velocity
         scene = build_scene(arena.name, "deflect")
         return Peer(arena, MinkPeer(scene, arena.judge, limits, name))
+    if name == "field":
+        return Fielded(arena.guard(name), arena)
     return Guarded(arena.guard(name))  # type: ignore[arg-type]

@@ -68,6 +68,9 @@ class Operator(Protocol):
     def left(self, q: Floats) -> float:
         """What is left to do, in units of what counts as there [-]."""
 
+    def goals(self, arena: Arena) -> Mapping[str, Floats]:
+        """What he wants in the end: positions by robot, or poses by tool, (4, 4)."""
+
 
 class Joints:
     """Steers all joints along straight lines, all at the same place of each.
@@ -132,6 +135,14 @@ class Joints:
             far += float(np.abs(b - a).max())
         return far / JOINT_THERE
 
+    def goals(self, arena: Arena) -> Mapping[str, Floats]:
+        """See `Operator`; places on the way are left out."""
+        ends = zip(arena.first, arena.first[1:], strict=False)
+        return {
+            name: self._way[-1][first:end]
+            for name, (first, end) in zip(arena.robots, ends, strict=True)
+        }
+
     def _time(self, way: Floats) -> float:
         """Time a way takes at top speed [s]."""
         return float((np.abs(way) / self._velocity).max())
@@ -192,6 +203,10 @@ class Tools:
             for way in self._ways(self._arena.tool_poses(q))
         )
 
+    def goals(self, arena: Arena) -> Mapping[str, Floats]:
+        """See `Operator`."""
+        return dict(zip(arena.tools, self._goals, strict=True))
+
     def _ways(self, poses: Sequence[Floats]) -> list[Floats]:
         """What is left for each tool: a shift [m] and a turn [rad], shape (6,)."""
         return [
@@ -238,6 +253,10 @@ class Push:
     def left(self, q: Floats) -> float:
         """See `Operator`; it is never there."""
         return np.inf
+
+    def goals(self, arena: Arena) -> Mapping[str, Floats]:
+        """See `Operator`; he wants none."""
+        return {}
 
 
 def time_of(way: Floats) -> float:

@@ -39,6 +39,9 @@ has come nearer for 1.5 s, or after four stops. After a stop the operator lets g
 0.3 s and tries again. *Chatter* is how often the acceleration of a joint changes its
 sign where something else is told than is asked for, of the joint that does so most.
 
+`field` is told the goal and led there by its own potentials, at no more than 0.3 of the
+top speeds; it follows no way, so it is not among those that are led along one.
+
 `mink` is the velocity-damper QP of that name with the settings it has by default; in
 `mink_early` its limits begin at 100 mm and let a pair lose all but 1/e in 60 ms, which
 is our own. It knows of no accelerations, delays or errors, and stops nothing. Public

@@ -15,7 +15,11 @@ from reach.summary import ROADS
 Results = Mapping[str, Mapping[str, Mapping[str, Any]]]
 
 COLOURS = dict(
-    zip(ANSWERS, ("#0072B2", "#009E73", "#E69F00", "#D55E00", "#CC79A7"), strict=True)
+    zip(
+        ANSWERS,
+        ("#0072B2", "#009E73", "#E69F00", "#56B4E9", "#D55E00", "#CC79A7"),
+        strict=True,
+    )
 )
 TITLES = {
     "straight": "its own way is certified",

@@ -56,7 +56,9 @@ def work(task: Task) -> dict[str, Any]:
     found |= {"kind": goal.kind, "road": goal.road, "share": goal.share, "runs": {}}
     if goal.road not in ("straight", "bends"):
         return found
-    for led in (False, True) if goal.road == "bends" else (False,):
+    # A field knows the goal only, not the way to it.
+    both = goal.road == "bends" and answer != "field"
+    for led in (False, True) if both else (False,):
         operator = goal.operator(arena, led)
         outcome = Trial(arena, seed, goal.start, operator, answers).run()
         found["runs"]["led" if led else goal.road] = outcome.to_dict()

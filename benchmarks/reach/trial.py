@@ -142,6 +142,7 @@ class Trial:
         """Go through all cycles; the figures."""
         begin = perf_counter()
         self._answers.reset()
+        self._answers.aim(self._operator)
         cycle = 0
         told = None
         while cycle < self._cycles:

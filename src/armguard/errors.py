@@ -55,6 +55,14 @@ class SelfTestError(ArmguardError, RuntimeError):
     """A guard did not answer its own test as it must, and is not armed."""
 
 
+class GoalError(ArmguardError, ValueError):
+    """A goal that a robot cannot be given."""
+
+
+class NoRetreatError(ArmguardError, RuntimeError):
+    """A retreat has no way to go: none is remembered, or none of them is free."""
+
+
 class TrajectoryError(ArmguardError, ValueError):
     """A motion file does not fit the scene's joints."""
 

@@ -34,6 +34,9 @@ class Blind:
     def answer(self, q, v, stamps, now, asked):
         return Told(asked.joints, self._follow)
 
+    def aim(self, operator):
+        pass
+
     def reset(self):
         pass
 
@@ -122,7 +125,14 @@ def test_goals_with_a_straight_certified_way_are_reached_without_a_stop(arena, s
     assert outcome.reached < 1.2 * outcome.nominal + 1.0
 
 
-@pytest.mark.parametrize("response", ["deflect", "slow", "stop"])
+@pytest.mark.parametrize("seed", OPEN)
+def test_a_field_reaches_them_too(arena, seed):
+    _, outcome = run(arena, seed, answering(arena, "field"))
+    assert outcome.reached is not None and outcome.end == "reached"
+    assert not outcome.stops and outcome.contact is None
+
+
+@pytest.mark.parametrize("response", ["deflect", "slow", "stop", "field"])
 def test_nothing_is_touched_whoever_steers(arena, response):
     answers = answering(arena, response)
     outcomes = [run(arena, seed, answers)[1] for seed in CROOKED]

@@ -84,6 +84,7 @@ def test_responses_are_read_by_name_or_with_settings(tmp_path):
             ("one", 0, ""),
             ("two", 5, ", response: slow"),
             ("three", 10, ", response: {kind: stop, sharing: priority, priority: 2}"),
+            ("four", 15, ", response: {kind: field, influence: 0.2, patience: 1}"),
         )
     )
     scene = load_scene(write(tmp_path, f"robots:\n{robots}\n"))
@@ -91,6 +92,7 @@ def test_responses_are_read_by_name_or_with_settings(tmp_path):
     assert found[0] == ResponseSettings()
     assert found[1] == ResponseSettings(kind="slow")
     assert found[2] == ResponseSettings(kind="stop", sharing="priority", priority=2.0)
+    assert found[3] == ResponseSettings(kind="field", influence=0.2, patience=1.0)
 
 
 WRONG = {

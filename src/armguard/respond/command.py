@@ -56,8 +56,39 @@ class Blocked(IntEnum):
     EVADING = 23
     """It gets out of the way of something that comes at it."""
 
+    RETREATING = 24
+    """It goes back along the way that led in, or to a safe configuration."""
+
+    WAY_BLOCKED = 25
+    """It retreats, and something stands in its way; it goes on when that is gone."""
+
     NO_WAY = 30
     """No velocity was found that keeps all it must; it is stopped."""
+
+    LOCAL_MINIMUM = 40
+    """Its field does not bring it nearer to its goal; it rests until somebody leads it
+    elsewhere, engages it or sets a goal."""
+
+    @property
+    def sentence(self) -> str:
+        """The same for people."""
+        return BLOCKED_SENTENCES[self]
+
+
+BLOCKED_SENTENCES: dict[Blocked, str] = {
+    Blocked.NOT: "it follows",
+    Blocked.STOPPED: "it was stopped; let go of it, lead it away, or engage it",
+    Blocked.TOO_NEAR: "it rests too near to something, and may only move away",
+    Blocked.PINCHED: "what leads away from one thing leads to another",
+    Blocked.FAR_START: "the position it is told is far away; bring the master to it",
+    Blocked.CATCHING_UP: "the position it is told is far away; it goes there slowly",
+    Blocked.EVADING: "it gets out of the way of something that comes at it",
+    Blocked.RETREATING: "it retreats, as it was asked to",
+    Blocked.WAY_BLOCKED: "it retreats, and waits for what stands in its way",
+    Blocked.NO_WAY: "no velocity was found that keeps all it must",
+    Blocked.LOCAL_MINIMUM: "its field has a local minimum here and leads no nearer to "
+    "the goal; lead it elsewhere, engage it or set another goal",
+}
 
 
 # Phases in which a robot moves as it is told. One that rests until it may go on is to

@@ -48,13 +48,16 @@ from armguard.respond.command import Blocked
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import NOTHING_ASKED, engage
 from armguard.respond.evasion import look_for_threats
+from armguard.respond.lead_state import open_lead
+from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away
-from armguard.respond.program import frame_limits, scale_back
+from armguard.respond.program import frame_limits, retreats, scale_back
 from armguard.respond.programs import solve_programs
 from armguard.respond.state import (
     BLOCKED,
     BREAKS,
     DEFLECT,
+    FIELD,
     FORM,
     KIND,
     POSITIONS,
@@ -96,17 +99,20 @@ def respond(response: Longs, lines: Longs) -> int:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     hold(a, v, m)
     take_asked(a, v, m)
+    lead_robots(response.ctypes.data, w.parts[SELF])
+    s = open_lead(a.lead)
     look_for_threats(a, w, v, m)
     for r in range(a.notes.shape[0]):
-        follows = engage(r, a, v, m)
+        follows = follow_lead(r, engage(r, a, v, m), a, s, v)
         frame_limits(r, follows, a, w, v, m)
     call_for_nothing(w.parts[ADD_PAIRS], (response.ctypes.data, w.parts[SELF]))
     open_programs = 0
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
-            if a.settings[r, KIND] == SLOW:
+            kind = a.settings[r, KIND]
+            if kind == SLOW or retreats(r, a):
                 scale_back(r, a, m)
-            elif a.settings[r, KIND] == DEFLECT:
+            elif kind == DEFLECT or kind == FIELD:
                 open_programs |= 1 << r
     if a.solver[FUNCTION] != 0:
         return solve_programs(open_programs, a, m)
@@ -158,12 +164,14 @@ def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
         v.recover[r] = 0
-        v.yields[r] = 1 if a.settings[r, KIND] != STOP else 0
+        stays = a.settings[r, KIND] == STOP and not retreats(r, a)
+        v.yields[r] = 0 if stays else 1
         if judged:
             settle_target(r, (unsolved >> r) & 1, a, w, v, m)
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
     call_for_nothing(w.parts[CLOSE], (int(judged), w.parts[SELF]))
+    note_leads(int(judged), response.ctypes.data, w.parts[SELF])
     tell(a, v)
     return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter_ns
-from typing import TypeGuard
+from typing import Literal, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.address import kernel_address
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
+from armguard.geometry.pose import Pose
 from armguard.guard import layout
 from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.guard.levels import Reason
@@ -22,6 +23,8 @@ from armguard.respond.compiling import compile_ahead
 from armguard.respond.cycle import finish, respond
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import Standing
+from armguard.respond.goals import engage_lead, find_retreat, set_goal
+from armguard.respond.lead_state import lead_ledger, lead_of
 from armguard.respond.program import add_pairs
 from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
@@ -206,22 +209,93 @@ class Guard(Monitor):
         Raises:
             UnknownNameError: There is no such robot.
         """
-        if name is not None and name not in self._robot_places:
-            raise UnknownNameError(
-                f"no robot is named '{name}'; {did_you_mean(name, self._robot_places)}"
-            )
+        self._check_robot(name)
         if self._response is None:
             return
         for robot, r in self._robot_places.items():
             notes = self._response.notes[r]
-            if name in (None, robot) and notes[STATE] == Standing.WAITING:
-                notes[STATE] = Standing.CATCHING_UP
+            if name in (None, robot):
+                engage_lead(r, self._lead)
+                if notes[STATE] == Standing.WAITING:
+                    notes[STATE] = Standing.CATCHING_UP
+
+    def field_goal(
+        self,
+        name: str,
+        *,
+        q: ArrayLike | None = None,
+        pose: Pose | ArrayLike | None = None,
+    ) -> None:
+        """Set what the field of a robot draws it to, in place of any other goal.
+
+        For between two cycles. From the next one on the robot is led there where
+        `filter` or `filter_twists` are asked for nothing of it. A stop suspends that
+        until `engage` or another goal. With neither `q` nor `pose` it has no goal.
+
+        Args:
+            name: A robot whose response is "field", or 'robot/link' for the pose of
+                another link than its tool.
+            q: Its joint positions, in its own order, shape (k,) [rad or m].
+            pose: Frame of the tool in the world, a `Pose` or a transform (4, 4).
+
+        Raises:
+            UnknownNameError: There is no such robot or link.
+            GoalError: The robot's response is another one, or the positions are none
+                it can be at, or both are given.
+            PoseError: The transform is not rigid, or a number is not finite.
+            SceneError: The scene has a robot whose mode is "fixed".
+        """
+        response = self._response or self._prepare_filter()
+        tool = self._tool(name)
+        if tool is None:
+            known = (*self._robot_places, *self.tables.links)
+            raise UnknownNameError(
+                f"no robot or link is named '{name}'; {did_you_mean(name, known)}"
+            )
+        robot = name.split("/", 1)[0]
+        r = self._robot_places[robot]
+        set_goal(r, tool, q, pose, self._lead)
+        notes = response.notes[r]
+        if notes[STATE] == Standing.WAITING:
+            notes[STATE] = Standing.CATCHING_UP
+
+    def retreat(
+        self, name: str | None = None, to: Literal["path"] | ArrayLike = "path"
+    ) -> None:
+        """Have a robot go back along the way that led it in, or to safe positions.
+
+        For between two cycles; with positions it takes some milliseconds. The robot
+        goes no faster than its `resume_speed`, as soon as it rests if it is being
+        stopped, and waits where its way is not free any more. It ends when the robot is
+        there, when its operator asks for something after he has let go of it, with
+        `engage`, or with another stop. Where operators tell positions, these are not
+        followed meanwhile.
+
+        To positions it goes straight if `check_path` clears that, all others standing;
+        else along the way that led in to where it does, and straight from there.
+
+        Args:
+            name: A robot; all of them if None.
+            to: "path", or joint positions of that robot, shape (k,) [rad or m].
+
+        Raises:
+            UnknownNameError: There is no such robot.
+            GoalError: `to` is neither, or not somewhere the robot can be.
+            NoRetreatError: Nothing of the way that led in is known, or from no place on
+                it a free way leads to the positions.
+            SceneError: The scene has a robot whose mode is "fixed".
+        """
+        self._check_robot(name)
+        if self._response is None:
+            self._prepare_filter()
+        find_retreat(self, name, to, self._lead)
 
     def reset(self) -> None:
-        """See `Monitor.reset`; what was told is forgotten as well."""
+        """See `Monitor.reset`; what was told, and goals, are forgotten as well."""
         super().reset()
         if self._response is not None:
             self._response.notes.fill(0)
+            self._lead.notes.fill(0)
 
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """See `compile_ahead`."""
@@ -319,7 +393,9 @@ class Guard(Monitor):
                 )
         self._addresses[CLOSE] = kernel_address(close_cycle, 2)
         self._addresses[ADD_PAIRS] = kernel_address(add_pairs, 2)
-        response = response_of(self.tables)
+        self._lead = lead_of(self.tables)
+        self._lead_ledger = lead_ledger(self._lead)
+        response = response_of(self.tables, self._lead_ledger.lines)
         self._response_ledger = response_ledger(response)
         self._response_lines = self._response_ledger.lines
         self._parts_of_q = tuple(
@@ -328,6 +404,17 @@ class Guard(Monitor):
         )
         self._response = response
         return response
+
+    def _check_robot(self, name: str | None) -> None:
+        """Raise an error if no robot has that name.
+
+        Raises:
+            UnknownNameError: None has.
+        """
+        if name is not None and name not in self._robot_places:
+            raise UnknownNameError(
+                f"no robot is named '{name}'; {did_you_mean(name, self._robot_places)}"
+            )
 
     def _is_vector(self, value: object) -> TypeGuard[Floats]:
         """Whether a value is the array a kernel takes."""

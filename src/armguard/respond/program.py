@@ -49,6 +49,7 @@ from armguard.motion.figures import (
 )
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
+from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
 from armguard.respond.leaving import spare_at_rest
 from armguard.respond.state import (
     ASKS,
@@ -84,7 +85,7 @@ LEAST_SPARE = 2e-4
 # Share of what can be had in a cycle that a pair which is to be opened asks for [-].
 OPENING = 0.5
 
-# How far from its limit a joint is stopped, beyond the error of its position [rad].
+# How far from its limit a joint is stopped, beyond errors of its position [rad].
 LIMIT_SPARE = 1e-3
 
 # A row shorter than this moves nothing [m s/rad].
@@ -162,7 +163,7 @@ def frame_limits(
         last = abs(last_sent(j, v))
         if last > 0.0:
             lost = min(lost, m.joint_figures[j, DECELERATION] * dt / last)
-    straight = a.settings[r, KIND] == SLOW
+    straight = a.settings[r, KIND] == SLOW or retreats(r, a)
     for j in range(first, end):
         figures = m.joint_figures[j]
         last, gain = last_sent(j, v), figures[ACCELERATION] * dt
@@ -173,12 +174,19 @@ def frame_limits(
         less = lost * abs(last) if straight else figures[DECELERATION] * dt
         brake[j] = max(last - less, 0.0) if last > 0.0 else min(last + less, 0.0)
         top = max(share * figures[VELOCITY], abs(brake[j]))
-        away = figures[POSITION_ERROR] + LIMIT_SPARE
+        # It may be measured too little now, and too much when it is there.
+        away = 2.0 * figures[POSITION_ERROR] + LIMIT_SPARE
         up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
         down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
         high[j] = max(min(last + gain, top, up), brake[j])
         low[j] = min(max(last - gain, -min(top, down)), brake[j])
         target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def retreats(r: int, a: Response) -> bool:
+    """Whether a robot goes back along its way, and is to keep to it."""
+    return bool(open_lead(a.lead).notes[r, LED] == BY_RETREAT)
 
 
 @kernel

@@ -29,4 +29,7 @@ RESPONSES: Mapping[ResponseName, ResponseKind] = {
     "stop": ResponseKind("goes on as asked, or stops", True, True),
     "slow": ResponseKind("slows down on its own way", True, False),
     "deflect": ResponseKind("takes the nearest safe way", False, False),
+    "field": ResponseKind(
+        "is drawn to a goal, and pushed off what is near", False, False
+    ),
 }

@@ -35,13 +35,24 @@ FAR = 5  # [rad or m]
 FAR_START = 6  # 1 if a first position far away is refused
 EVADE_TIME = 7  # 0 if it does not evade [s]
 EVADE_SPEED = 8  # share of top speeds [-]
-SETTINGS = 9
+FIELD_SPEED = 9  # the same
+ATTRACTION = 10  # [1/s]
+REPULSION = 11  # [m/s]
+INFLUENCE = 12  # [m]
+PATIENCE = 13  # [s]
+SETTINGS = 14
 
 # Responses by number.
 STOP = 0
 SLOW = 1
 DEFLECT = 2
-KINDS: dict[ResponseName, int] = {"stop": STOP, "slow": SLOW, "deflect": DEFLECT}
+FIELD = 3
+KINDS: dict[ResponseName, int] = {
+    "stop": STOP,
+    "slow": SLOW,
+    "deflect": DEFLECT,
+    "field": FIELD,
+}
 
 # How what a pair of two robots has left is shared.
 BY_CONTRIBUTION = 0
@@ -98,6 +109,8 @@ class Response(NamedTuple):
         program: Memory of the program that is solved, see `programs`, shape (k,).
         solver: The solver's, see `daqp_memory`, shape (k,).
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
+        lead: Lines of the ledger of what leads robots in their operators' place, see
+            `lead_state`.
     """
 
     settings: Floats
@@ -120,6 +133,7 @@ class Response(NamedTuple):
     program: Floats
     solver: Longs
     told: Floats
+    lead: Longs
 
 
 def response_ledger(response: Response) -> Ledger:
@@ -151,11 +165,17 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 17),
         vector_i8(lines, 18),
         vector_f8(lines, 19),
+        vector_i8(lines, 20),
     )
 
 
-def response_of(tables: SceneTables) -> Response:
-    """Arrays for the responses of a scene."""
+def response_of(tables: SceneTables, lead: Longs) -> Response:
+    """Arrays for the responses of a scene.
+
+    Args:
+        tables: The scene.
+        lead: Lines of the ledger of what leads robots; whoever owns it keeps it.
+    """
     n, robots = len(tables.q_names), len(tables.robots)
     settings = np.zeros((robots, SETTINGS))
     for row, part in zip(settings, tables.robots, strict=True):
@@ -169,6 +189,11 @@ def response_of(tables: SceneTables) -> Response:
         row[FAR_START] = FAR_STARTS[chosen.far_start]
         row[EVADE_TIME] = chosen.evade_time if chosen.evade else 0.0
         row[EVADE_SPEED] = chosen.evade_speed
+        row[FIELD_SPEED] = chosen.field_speed
+        row[ATTRACTION] = chosen.attraction
+        row[REPULSION] = chosen.repulsion
+        row[INFLUENCE] = chosen.influence
+        row[PATIENCE] = chosen.patience
     return Response(
         settings=settings,
         notes=np.zeros((robots, NOTES), dtype=np.int64),
@@ -190,4 +215,5 @@ def response_of(tables: SceneTables) -> Response:
         program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),
         solver=daqp_memory(n + ROWS, PRIMAL_TOLERANCE, MOST_ITERATIONS),
         told=np.zeros(4 * n + 2 * robots),
+        lead=lead,
     )

@@ -23,6 +23,7 @@ class Tool:
         own: Its robot's part of q.
         body: Its body.
         p_body: Its origin in the body's frame, shape (3,) [m].
+        R_body: Its rotation there, shape (3, 3).
         chain: Bodies with a joint, from the root to it.
         tables: The scene.
     """
@@ -31,6 +32,7 @@ class Tool:
     own: slice
     body: int
     p_body: Floats
+    R_body: Floats
     chain: tuple[int, ...]
     tables: SceneTables
 
@@ -84,6 +86,7 @@ def tool_of(tables: SceneTables, name: str) -> Tool:
         own=slice(part.first_joint, part.first_joint + part.joint_count),
         body=frame.body,
         p_body=frame.T_body_link[:3, 3],
+        R_body=frame.T_body_link[:3, :3],
         chain=tuple(reversed(chain)),
         tables=tables,
     )

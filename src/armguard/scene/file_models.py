@@ -98,6 +98,11 @@ class ResponseModel(Strict):
     evade: bool = False
     evade_speed: Positive = 0.5
     evade_time: Positive = 0.4
+    field_speed: Positive = 0.3
+    attraction: Positive = 5.0
+    repulsion: Positive = 0.08
+    influence: Positive = 0.1
+    patience: Positive = 1.5
 
 
 def name_or_settings(value: Any) -> str:

@@ -214,7 +214,17 @@ class Scene:
             default=0.0,
         )
         fastest = max((t.top_speed for t in self._objects.values()), default=0.0)
-        return self.largest_buffer + max(MARGIN_BEYOND_BUFFER, longest * fastest)
+        # What pushes a robot has to be seen from where its push begins.
+        farthest = max(
+            (
+                r.response.influence
+                for r in self._robots.values()
+                if r.response.kind == "field"
+            ),
+            default=0.0,
+        )
+        beyond = max(MARGIN_BEYOND_BUFFER, longest * fastest, farthest)
+        return self.largest_buffer + beyond
 
     @property
     def q_names(self) -> tuple[str, ...]:
@@ -738,13 +748,14 @@ def response_settings(
             raise SceneError(
                 f"{who}: response.{field} is {chosen!r}; {did_you_mean(chosen, known)}"
             )
-    for field in ("recover_speed", "resume_speed", "evade_speed"):
+    for field in ("recover_speed", "resume_speed", "evade_speed", "field_speed"):
         share = getattr(response, field)
         if not (isfinite(share) and 0.0 < share <= 1.0):
             raise SceneError(
                 f"{who}: response.{field} is {share}; it must be in (0, 1]"
             )
-    for field in ("far", "evade_time"):
+    positive = ("far", "evade_time", "attraction", "repulsion", "influence", "patience")
+    for field in positive:
         value = getattr(response, field)
         if not (isfinite(value) and value > 0.0):
             raise SceneError(f"{who}: response.{field} is {value}; it must be > 0")

@@ -40,7 +40,7 @@ class IndexSettings:
 
 
 # What a robot does about what is near; see `armguard.respond.RESPONSES`.
-ResponseName = Literal["stop", "slow", "deflect"]
+ResponseName = Literal["stop", "slow", "deflect", "field"]
 
 # How what a pair of two robots has left is shared between them.
 Sharing = Literal["contribution", "equal", "priority"]
@@ -67,6 +67,15 @@ class ResponseSettings:
             operator wants.
         evade_speed: Share of its top speeds it then uses at most [-].
         evade_time: It begins when an object would be too near in this time [s].
+        field_speed: Share of its top speeds a field moves it at, at most [-].
+        attraction: Under "field": speed towards the goal by what is left of the way,
+            near its end [1/s].
+        repulsion: Under "field": speed at which a pair is opened that has half of
+            `influence` left [m/s].
+        influence: Under "field": pairs that have no more than this left at rest are
+            pushed apart [m].
+        patience: Under "field": a goal that has not come nearer for this time is told
+            as a local minimum [s].
     """
 
     kind: ResponseName = "deflect"
@@ -79,6 +88,11 @@ class ResponseSettings:
     evade: bool = False
     evade_speed: float = 0.5
     evade_time: float = 0.4
+    field_speed: float = 0.3
+    attraction: float = 5.0
+    repulsion: float = 0.08
+    influence: float = 0.1
+    patience: float = 1.5
 
 
 # What each of these may be.

@@ -1,0 +1,346 @@
+"""Potential fields: a robot is drawn to a goal, and pushed off what is near.
+
+The goal, joint positions or a pose of the tool, attracts at a speed that is bounded, so
+it draws from afar no harder than from near. A near pair takes from that what closes it,
+the more the less it has left (velocity scaling), and pushes its robot off, by the force
+of Khatib's artificial potential as a velocity along the pair's own row. The push fades
+near the goal, or one beside a wall could not be reached.
+
+A sum of such parts may vanish where there is no goal. That is a local minimum: a robot
+that does not come nearer for its `patience`, whether it stands or swings, rests there
+and says so.
+
+References:
+    Khatib, Real-time obstacle avoidance for manipulators and mobile robots, 1986.
+    Boissiere and Harrigan, Telerobotic operation of conventional robot manipulators,
+    1988.
+    Ge and Cui, New potential functions for mobile robot path planning, 2000 (goals
+    beside obstacles).
+"""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.vec3 import Vec3, norm, scaled
+from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
+from armguard.guard.near_pairs import row_place
+from armguard.guard.pair_row import pair_row
+from armguard.guard.proofs import robot_of, standing_need
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    ACCELERATION,
+    FIRST_JOINT,
+    JOINT_COUNT,
+    POSITION_ERROR,
+    VELOCITY,
+)
+from armguard.motion.state import Motion
+from armguard.respond.lead_state import (
+    BEST,
+    BY_FIELD,
+    GOAL,
+    IDLE,
+    IN_MINIMUM,
+    JOINTS_GOAL,
+    LED,
+    LEFT,
+    PULL,
+    STANDS,
+    TOOL_BODY,
+    Lead,
+)
+from armguard.respond.program import LIMIT_SPARE
+from armguard.respond.state import (
+    ATTRACTION,
+    FIELD_SPEED,
+    INFLUENCE,
+    PATIENCE,
+    REPULSION,
+    Response,
+)
+from armguard.respond.tool_motion import joint_velocities, tool_columns, turn_between
+
+Floats = NDArray[np.float64]
+
+# Share of its joints' accelerations with which a robot that is led speeds up [-].
+GENTLE = 0.3
+
+# Speeds of a tool that count as its top speeds [m/s], [rad/s].
+TOOL_SPEED = 1.0
+TOOL_TURN = 2.5
+
+# A goal is reached when no more than this is left [rad or m]; of a tool [m], [rad].
+JOINT_THERE = 0.01
+TOOL_THERE = 0.005
+TURN_THERE = 0.02
+
+# Time to a goal at top speed within which nothing pushes in full any more: by its
+# square, or what draws, which fades too, would not get there [s].
+GOAL_NEAR = 0.1
+
+# From here on the push grows no faster: a steeper one would swing with the delay of the
+# robots [-].
+STEEPEST = 0.5
+
+# Lever of joints below which they are not asked to push in full [m/rad].
+SHORT_LEVER = 0.1
+
+# Room a joint has to have to be moved in full towards its limit [rad].
+LIMIT_NEAR = 0.1
+
+# A push of less is none [m/s].
+NO_PUSH = 1e-12
+
+# A goal that has come nearer by this share comes nearer [-].
+PROGRESS = 0.01
+
+# A robot that is led and moves more slowly than this stands, by its top speeds [-];
+# half of the patience is enough for it.
+STILL_SHARE = 0.005
+
+
+@kernel
+def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
+    """Write what draws a robot to its goal."""
+    memory, settings = s.memory[r], a.settings[r]
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    if s.notes[r, GOAL] == JOINTS_GOAL:
+        left = 0.0
+        for j in range(first, end):
+            s.pull[j] = s.aim[j] - m.q[j]
+            left = max(left, abs(s.pull[j]) / m.joint_figures[j, VELOCITY])
+        memory[LEFT] = left
+        speed = led_speed(r, settings[FIELD_SPEED], settings[ATTRACTION], s, v, m)
+        for j in range(first, end):
+            s.pull[j] *= speed / left if left > 0.0 else 0.0
+        return
+    shift, turn = tool_way(r, s, w)
+    memory[LEFT] = max(norm(shift) / TOOL_SPEED, norm(turn) / TOOL_TURN)
+    speed = led_speed(r, settings[FIELD_SPEED], settings[ATTRACTION], s, v, m)
+    rate = speed / memory[LEFT] if memory[LEFT] > 0.0 else 0.0
+    body = s.notes[r, TOOL_BODY]
+    aim = s.tool_aim[r]
+    tool_columns(body, (aim[12], aim[13], aim[14]), first, end, s.columns, w, m)
+    shift, turn = scaled(rate, shift), scaled(rate, turn)
+    joint_velocities(shift, turn, first, end, s.columns, s.square, s.pull)
+    if weigh_room(first, end, s, w, m):
+        joint_velocities(shift, turn, first, end, s.columns, s.square, s.pull)
+        for j in range(first, end):
+            s.pull[j] *= s.push[j]
+    limit_share(first, end, settings[FIELD_SPEED], s.pull, m)
+
+
+@kernel
+def weigh_room(first: int, end: int, s: Lead, w: Workspace, m: Motion) -> bool:
+    """Weigh a robot's columns by the room its joints have where they are to go.
+
+    The others take over what a joint near its limit would do.
+
+    Returns:
+        Whether any has little room; the roots of the weights are in `push`.
+
+    References:
+        Chan and Dubey, A weighted least-norm solution based scheme for avoiding joint
+        limits for redundant joint manipulators, 1995.
+    """
+    little = False
+    for j in range(first, end):
+        room = w.upper[j] - m.q[j] if s.pull[j] > 0.0 else m.q[j] - w.lower[j]
+        room -= 2.0 * m.joint_figures[j, POSITION_ERROR] + LIMIT_SPARE
+        part = min(max(room / LIMIT_NEAR, 0.0), 1.0)
+        little |= part < 1.0
+        s.push[j] = sqrt(part)
+        for k in range(6):
+            s.columns[j, k] *= s.push[j]
+    return little
+
+
+@kernel
+def led_speed(
+    r: int, most: float, attraction: float, s: Lead, v: Watch, m: Motion
+) -> float:
+    """Share of its top speeds a robot is led with: gently up, and down to its goal.
+
+    Args:
+        r: The robot; `memory` of it holds what is left.
+        most: Greatest share [-].
+        attraction: Speed by what is left, near the end [1/s].
+        s: Lead.
+        v: Watch.
+        m: Motion.
+    """
+    memory = s.memory[r]
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    rate = np.inf
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        figures = m.joint_figures[j]
+        rate = min(rate, GENTLE * figures[ACCELERATION] / figures[VELOCITY])
+    memory[PULL] = min(most, memory[PULL] + rate * time_passed(v))
+    left = memory[LEFT]
+    return float(min(memory[PULL], sqrt(rate * left), attraction * left))
+
+
+@kernel
+def tool_way(r: int, s: Lead, w: Workspace) -> tuple[Vec3, Vec3]:
+    """What is left for a robot's tool: a shift [m] and a turn [rad], in the world."""
+    aim = s.tool_aim[r]
+    T = w.T_world[s.notes[r, TOOL_BODY]]
+    x, y, z = aim[12], aim[13], aim[14]
+    shift = (
+        aim[3] - (T[0] * x + T[1] * y + T[2] * z + T[3]),
+        aim[7] - (T[4] * x + T[5] * y + T[6] * z + T[7]),
+        aim[11] - (T[8] * x + T[9] * y + T[10] * z + T[11]),
+    )
+    return shift, turn_between(T, aim)
+
+
+@kernel
+def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
+    """Take from the robots' pull what near pairs forbid; write what pushes them off."""
+    for j in range(s.push.shape[0]):
+        s.push[j] = 0.0
+    for r in range(s.weight.shape[0]):
+        s.weight[r, 0] = s.weight[r, 1] = 0.0
+    for k in range(int(w.out[NEAR_COUNT])):
+        place = row_place(k, w)
+        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
+        robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+        led = s.notes[robot_i, LED] == BY_FIELD
+        led |= robot_j >= 0 and s.notes[robot_j, LED] == BY_FIELD
+        if not led:
+            continue
+        need = standing_need(i, j, w, v, m) + m.blur[i]
+        if robot_j >= 0:
+            need += m.blur[j]
+        spare = w.out[place + WITNESS] - need
+        pair_row(i, j, place, a.raw, w, m)
+        for side in range(2):
+            r = robot_i if side == 0 else robot_j
+            if r < 0 or s.notes[r, LED] != BY_FIELD or (side == 1 and r == robot_i):
+                continue
+            # Beyond the margin nothing is measured, so nothing pushes.
+            reach = min(a.settings[r, INFLUENCE], w.margin[0] - need)
+            if spare < reach:
+                repel_by(r, max(spare / reach, 0.0), a, s, m)
+    for r in range(s.weight.shape[0]):
+        add_push(r, a, s, m)
+
+
+@kernel
+def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
+    """Add what a near pair takes from a robot's pull, and what it pushes it with.
+
+    Args:
+        r: The robot.
+        part: What the pair has left, as a share of what would be enough [-].
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        s: Lead.
+        m: Motion.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    square, closing = SHORT_LEVER * SHORT_LEVER, 0.0
+    for j in range(first, end):
+        square += a.raw[j] * a.raw[j]
+        closing += a.raw[j] * s.pull[j]
+    taken = (1.0 - part) * max(closing, 0.0) / square
+    push = a.settings[r, REPULSION] * push_at(part)
+    for j in range(first, end):
+        s.pull[j] -= taken * a.raw[j]
+        s.push[j] -= push * push * a.raw[j] / square
+    s.weight[r, 0] = max(s.weight[r, 0], push)
+    s.weight[r, 1] += push
+
+
+@kernel
+def push_at(part: float) -> float:
+    """Push of a pair that has a share left of what would be enough, 1 at half of it.
+
+    Khatib's force (1/x - 1) / x², and from `STEEPEST` on its tangent.
+    """
+    x = max(part, STEEPEST)
+    force = 0.25 * (1.0 / x - 1.0) / (x * x)
+    slope = 0.25 * (3.0 / x - 2.0) / (x * x * x)
+    return float(force + slope * (x - part))
+
+
+@kernel
+def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
+    """Ask for the sum of what draws and what pushes a robot.
+
+    Many pairs of one wall push together as hard as the nearest one.
+    """
+    if s.notes[r, LED] != BY_FIELD or s.notes[r, IN_MINIMUM] != 0:
+        return
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    share = 0.0
+    if s.weight[r, 1] > NO_PUSH:
+        near = min(s.memory[r, LEFT] / GOAL_NEAR, 1.0)
+        share = near * near / s.weight[r, 1]
+    for j in range(first, end):
+        a.asked[j] = s.pull[j] + share * s.push[j]
+    limit_share(first, end, a.settings[r, FIELD_SPEED], a.asked, m)
+
+
+@kernel
+def limit_share(first: int, end: int, share: float, speeds: Floats, m: Motion) -> None:
+    """Scale velocities of joints to a share of their top speeds."""
+    most = 0.0
+    for j in range(first, end):
+        most = max(most, abs(speeds[j]) / m.joint_figures[j, VELOCITY])
+    if most > share:
+        for j in range(first, end):
+            speeds[j] *= share / most
+
+
+@kernel
+def is_there(r: int, s: Lead, w: Workspace, m: Motion) -> bool:
+    """Whether a robot is at the goal of its field."""
+    if s.notes[r, GOAL] == JOINTS_GOAL:
+        first = int(m.robot_figures[r, FIRST_JOINT])
+        for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+            if not abs(s.aim[j] - m.q[j]) <= JOINT_THERE:
+                return False
+        return True
+    shift, turn = tool_way(r, s, w)
+    return bool(norm(shift) <= TOOL_THERE and norm(turn) <= TURN_THERE)
+
+
+@kernel
+def forget_progress(r: int, s: Lead) -> None:
+    """Begin to watch a robot's way to its goal anew."""
+    s.notes[r, IN_MINIMUM] = 0
+    s.memory[r, PULL] = s.memory[r, IDLE] = s.memory[r, STANDS] = 0.0
+    s.memory[r, BEST] = np.inf
+
+
+@kernel
+def look_for_minimum(
+    r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion
+) -> None:
+    """Note whether a robot that its field has led in this cycle gets anywhere."""
+    memory, dt = s.memory[r], time_passed(v)
+    if s.notes[r, IN_MINIMUM] != 0:
+        return
+    if is_there(r, s, w, m):
+        memory[BEST], memory[IDLE], memory[STANDS] = memory[LEFT], 0.0, 0.0
+        return
+    if memory[LEFT] < (1.0 - PROGRESS) * memory[BEST]:
+        memory[BEST], memory[IDLE] = memory[LEFT], 0.0
+    else:
+        memory[IDLE] += dt
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    fastest = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        fastest = max(fastest, abs(last_sent(j, v)) / m.joint_figures[j, VELOCITY])
+    memory[STANDS] = memory[STANDS] + dt if fastest < STILL_SHARE else 0.0
+    patience = a.settings[r, PATIENCE]
+    if memory[IDLE] > patience or memory[STANDS] > 0.5 * patience:
+        s.notes[r, IN_MINIMUM] = 1

@@ -1,0 +1,245 @@
+"""Who leads a robot in its operator's place: its field, or its retreat.
+
+An operator who asks for something is followed; a field leads where he does not, and a
+retreat until it ends. Both take the operator's way through the cycle: limits, rows and
+proof are the same. A stop suspends a field until it is engaged, and ends a retreat that
+had begun: nothing sets out again by itself. Where operators tell positions, these say
+where to be, and no field leads.
+"""
+
+from math import exp
+
+from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.levels import Reason
+from armguard.guard.watch import (
+    BRAKING,
+    FORCED,
+    LOST,
+    RUNNING,
+    STOPPING,
+    Watch,
+    open_watch,
+)
+from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.kernel import kernel
+from armguard.ledger import ledger_at
+from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
+from armguard.motion.state import Motion, open_motion
+from armguard.respond.command import Blocked
+from armguard.respond.engagement import NOTHING_ASKED, Standing
+from armguard.respond.field import (
+    attract,
+    forget_progress,
+    look_for_minimum,
+    repel,
+)
+from armguard.respond.lead_state import (
+    BEGUN,
+    BY_FIELD,
+    BY_RETREAT,
+    GOAL,
+    IN_MINIMUM,
+    LED,
+    LET_GO,
+    NO_GOAL,
+    NOBODY,
+    PULL,
+    STANDS,
+    STAYS,
+    SUSPENDED,
+    WAY,
+    Lead,
+    open_lead,
+)
+from armguard.respond.retreat import is_held_up, lead_back, stand
+from armguard.respond.state import (
+    ASKS,
+    BLOCKED,
+    FORM,
+    LEADS_AWAY,
+    POSITIONS,
+    REFUSED,
+    RESUME_SPEED,
+    STATE,
+    TOLD_POSITIONS,
+    VELOCITIES,
+    Response,
+    open_response,
+)
+from armguard.respond.trail import remember_place
+
+OK = int(Reason.OK)
+
+# Time constant of each of two lags of what a robot that is led is asked for [s].
+LAG = 0.02
+
+FOLLOWING = int(Standing.FOLLOWING)
+WAITING = int(Standing.WAITING)
+
+FOLLOWS = int(Blocked.NOT)
+STOPPED = int(Blocked.STOPPED)
+TOO_NEAR = int(Blocked.TOO_NEAR)
+PINCHED = int(Blocked.PINCHED)
+NO_WAY = int(Blocked.NO_WAY)
+RETREATING = int(Blocked.RETREATING)
+WAY_BLOCKED = int(Blocked.WAY_BLOCKED)
+LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
+
+
+@kernel(inline=False)
+def lead_robots(response: int, lines: int) -> None:
+    """Ask in the place of operators whose robots are led.
+
+    Args:
+        response: Address of the ledger of the responses; `asked` is written already.
+        lines: Address of the ledger of the workspace, after a cycle was opened.
+    """
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    s = open_lead(a.lead)
+    fields = False
+    for r in range(s.notes.shape[0]):
+        notes = s.notes[r]
+        notes[LED] = NOBODY
+        phase = v.phase[r]
+        if phase == STOPPING or phase == BRAKING or phase == LOST:
+            notes[SUSPENDED] = int(notes[GOAL] != NO_GOAL)
+            if notes[BEGUN] != 0:
+                notes[WAY] = STAYS
+            continue
+        if notes[WAY] != STAYS:
+            retreat(r, a, s, v, m)
+        elif draws(r, a, s, m):
+            notes[LED] = BY_FIELD
+            if notes[IN_MINIMUM] != 0:
+                stand(r, a, m)
+            else:
+                attract(r, a, s, w, v, m)
+                fields = True
+    if fields:
+        repel(a, s, w, v, m)
+    for r in range(s.notes.shape[0]):
+        smooth_lead(r, a, s, v, m)
+
+
+@kernel
+def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
+    """Take the errors of measurement out of what is asked of a robot that is led.
+
+    By two lags, one after the other; whoever is not led begins with what he was told.
+    """
+    part = 1.0 - exp(-time_passed(v) / LAG)
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if s.notes[r, LED] == NOBODY:
+            s.first_lag[j] = s.second_lag[j] = last_sent(j, v)
+        else:
+            s.first_lag[j] += part * (a.asked[j] - s.first_lag[j])
+            s.second_lag[j] += part * (s.first_lag[j] - s.second_lag[j])
+            a.asked[j] = s.second_lag[j]
+
+
+@kernel
+def asks(r: int, a: Response, m: Motion) -> bool:
+    """Whether anything is asked of a robot."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if abs(a.asked[j]) > NOTHING_ASKED:
+            return True
+    return False
+
+
+@kernel
+def retreat(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
+    """Go on with a robot's retreat, unless its operator ends it."""
+    notes = s.notes[r]
+    if notes[BEGUN] == 0:
+        s.memory[r, PULL] = s.memory[r, STANDS] = 0.0
+    notes[BEGUN] = 1
+    if a.asking[FORM] == VELOCITIES:
+        wants = asks(r, a, m)
+        if not wants:
+            notes[LET_GO] = 1
+        elif notes[LET_GO] != 0:
+            notes[WAY] = STAYS
+            a.notes[r, STATE] = FOLLOWING
+            return
+    if lead_back(r, a, s, v, m):
+        notes[LED] = BY_RETREAT
+    else:
+        # What led away was the retreat; its operator is still to let go.
+        a.notes[r, LEADS_AWAY] = 0
+
+
+@kernel
+def draws(r: int, a: Response, s: Lead, m: Motion) -> bool:
+    """Whether a robot's field leads it in this cycle."""
+    notes = s.notes[r]
+    if notes[GOAL] == NO_GOAL or notes[SUSPENDED] != 0 or a.asking[FORM] == POSITIONS:
+        return False
+    if asks(r, a, m):
+        # From where its operator leads it, its way may be another one.
+        forget_progress(r, s)
+        return False
+    return True
+
+
+@kernel
+def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
+    """Whether a robot is told anything, its retreat considered.
+
+    It needs no operator who lets go, and no master that is near; these it meets again
+    when it is done. Who gets out of the way of something is led by nobody else.
+    """
+    if v.evades[r] != 0:
+        s.notes[r, LED] = NOBODY
+    if s.notes[r, LED] != BY_RETREAT:
+        return follows
+    notes = a.notes[r]
+    notes[STATE], notes[TOLD_POSITIONS], notes[REFUSED] = WAITING, 1, 0
+    if notes[BLOCKED] != TOO_NEAR:
+        notes[BLOCKED] = RETREATING
+        a.speed[r] = a.settings[r, RESUME_SPEED]
+    return True
+
+
+@kernel(inline=False)
+def note_leads(judged: int, response: int, lines: int) -> None:
+    """After the proof: remember where robots are, and say how those that are led fare.
+
+    Args:
+        judged: Whether the input could be judged.
+        response: Address of the ledger of the responses.
+        lines: Address of the ledger of the workspace.
+    """
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    s = open_lead(a.lead)
+    if judged == 0:
+        return
+    for r in range(s.notes.shape[0]):
+        runs = v.phase[r] == RUNNING
+        led = s.notes[r, LED]
+        proven = v.must[r] == 0 and v.last[FORCED] == OK
+        if runs and proven and led != BY_RETREAT:
+            remember_place(r, s, m)
+        if runs and led == BY_FIELD:
+            look_for_minimum(r, a, s, w, v, m)
+        say_lead(r, a, s, v, m)
+
+
+@kernel
+def say_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
+    """Say why a robot that is led does not get on."""
+    notes, own = a.notes[r], s.notes[r]
+    blocked = notes[BLOCKED]
+    if own[LED] == BY_RETREAT:
+        named = blocked == PINCHED or blocked == NO_WAY
+        if is_held_up(r, a, s, v, m) and not named:
+            notes[BLOCKED] = WAY_BLOCKED
+    elif blocked == FOLLOWS and own[LED] == BY_FIELD:
+        if own[IN_MINIMUM] != 0:
+            notes[BLOCKED] = LOCAL_MINIMUM
+    elif blocked == FOLLOWS and own[SUSPENDED] != 0 and notes[ASKS] == 0:
+        if a.asking[FORM] == VELOCITIES:
+            notes[BLOCKED] = STOPPED

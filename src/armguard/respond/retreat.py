@@ -1,0 +1,169 @@
+"""Retreat: back along the way that led in, or straight to a safe configuration.
+
+A robot that retreats keeps to its way: what the rows do not allow makes it slower, and
+where nothing is left it waits. It ends when the robot is there, when its operator asks
+for something after he has let go, when he engages it, or with another stop.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.watch import Watch
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    FIRST_JOINT,
+    JOINT_COUNT,
+    POSITION_ERROR,
+    VELOCITY,
+)
+from armguard.motion.state import Motion
+from armguard.respond.field import led_speed
+from armguard.respond.lead_state import (
+    ALONG,
+    COUNT,
+    ENDS,
+    KEEP,
+    LEFT,
+    PULL,
+    STANDS,
+    STAYS,
+    STRAIGHT,
+    THEN_SAFE,
+    WAY,
+    Lead,
+)
+from armguard.respond.state import RESUME_SPEED, Response
+from armguard.respond.trail import (
+    TRAIL_STEP,
+    drop_place,
+    place_back,
+    time_between,
+    time_to,
+)
+
+Floats = NDArray[np.float64]
+
+# A place on the way is passed when it is this near, the last one is reached when it is
+# that near, beyond what measured positions may be wrong by; in time at top speed [s].
+PASSED = 0.25 * TRAIL_STEP
+ARRIVED = 0.002
+
+# Below this share of its top speed a joint that comes to rest may do so at once [-].
+NO_SPEED = 1e-4
+
+# Speed of a retreat by what is left of it, near its end [1/s].
+ARRIVAL = 5.0
+
+# A robot that moves at less than this share of what its retreat asks for, and less than
+# that of its top speeds, is held up; for this long it waits before that is said [s].
+HELD_UP = 0.05
+HELD_UP_TIME = 0.1
+
+
+@kernel
+def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
+    """Ask for the next part of a robot's retreat.
+
+    Returns:
+        Whether it retreats; if not, it is there.
+    """
+    notes, blind = s.notes[r], blind_time(r, m)
+    while notes[WAY] == ALONG:
+        if notes[COUNT] <= notes[KEEP]:
+            notes[WAY] = STRAIGHT if notes[THEN_SAFE] != 0 else ENDS
+            break
+        last = notes[COUNT] - 1 == notes[KEEP] and notes[THEN_SAFE] == 0
+        row = place_back(r, 0, s)
+        time = time_between(r, row, s, m)
+        if time > blind + (ARRIVED if last else PASSED):
+            ask_for_place(r, s.trail[row], time, last, a, s, v, m)
+            return True
+        drop_place(r, s)
+    if notes[WAY] == STRAIGHT:
+        time = time_to(r, s.safe, m)
+        if time > blind + ARRIVED:
+            ask_for_place(r, s.safe, time, True, a, s, v, m)
+            return True
+        notes[WAY] = ENDS
+    if moves(r, v, m):
+        stand(r, a, m)
+        return True
+    notes[WAY] = STAYS
+    return False
+
+
+@kernel
+def moves(r: int, v: Watch, m: Motion) -> bool:
+    """Whether a robot was told to move in the last cycle, so much that it matters."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if abs(last_sent(j, v)) > NO_SPEED * m.joint_figures[j, VELOCITY]:
+            return True
+    return False
+
+
+@kernel
+def stand(r: int, a: Response, m: Motion) -> None:
+    """Ask for nothing of a robot."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        a.asked[j] = 0.0
+
+
+@kernel
+def blind_time(r: int, m: Motion) -> float:
+    """What positions may be wrong by, in time at top speed [s]."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    longest = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        figures = m.joint_figures[j]
+        longest = max(longest, figures[POSITION_ERROR] / figures[VELOCITY])
+    return float(longest)
+
+
+@kernel
+def ask_for_place(
+    r: int,
+    place: Floats,
+    time: float,
+    last: bool,
+    a: Response,
+    s: Lead,
+    v: Watch,
+    m: Motion,
+) -> None:
+    """Ask for the straight way to a place.
+
+    Args:
+        r: The robot.
+        place: Joint positions, shape (n,).
+        time: How far that is, at top speed [s].
+        last: Whether it is to come to rest there.
+        a: Responses; `asked` is written.
+        s: Lead.
+        v: Watch.
+        m: Motion.
+    """
+    s.memory[r, LEFT] = time if last else np.inf
+    speed = led_speed(r, a.settings[r, RESUME_SPEED], ARRIVAL, s, v, m)
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        a.asked[j] = (place[j] - m.q[j]) * speed / time
+
+
+@kernel
+def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
+    """Whether a robot that retreats does not get on, for a while already."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    told = asked = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        top = m.joint_figures[j, VELOCITY]
+        told = max(told, abs(last_sent(j, v)) / top)
+        asked = max(asked, abs(a.asked[j]) / top)
+    waits = told < HELD_UP * asked
+    s.memory[r, STANDS] = s.memory[r, STANDS] + time_passed(v) if waits else 0.0
+    if waits:
+        # It goes on as gently as it began.
+        s.memory[r, PULL] = min(s.memory[r, PULL], told + HELD_UP * asked)
+    return bool(s.memory[r, STANDS] > HELD_UP_TIME)

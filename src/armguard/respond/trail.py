@@ -1,0 +1,70 @@
+"""Where each robot has been: places of the way that led in, to go back along.
+
+A ring of joint positions, thinned by distance. Only what was proven in full is kept. A
+robot that goes back along its own way shortens it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.kernel import kernel
+from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT, VELOCITY
+from armguard.motion.state import Motion
+from armguard.respond.lead_state import COUNT, HEAD, TRAIL, Lead
+
+Floats = NDArray[np.float64]
+
+# Time at top speed between two places that are kept [s].
+TRAIL_STEP = 0.02
+
+# Nearer than this to the place before the newest, the newest is dropped [-].
+BACK_AGAIN = 0.5
+
+
+@kernel
+def remember_place(r: int, s: Lead, m: Motion) -> None:
+    """Keep where a robot is, if that is far enough from the last place kept."""
+    notes = s.notes[r]
+    if notes[COUNT] > 0:
+        if time_between(r, place_back(r, 0, s), s, m) < TRAIL_STEP:
+            return
+        if notes[COUNT] > 1:
+            before = time_between(r, place_back(r, 1, s), s, m)
+            if before < BACK_AGAIN * TRAIL_STEP:
+                drop_place(r, s)
+                return
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        s.trail[notes[HEAD], j] = m.q[j]
+    notes[HEAD] = (notes[HEAD] + 1) % TRAIL
+    notes[COUNT] = min(notes[COUNT] + 1, TRAIL)
+
+
+@kernel
+def place_back(r: int, back: int, s: Lead) -> int:
+    """Row of a place of a robot's trail, counted from the newest."""
+    return int((s.notes[r, HEAD] - 1 - back) % TRAIL)
+
+
+@kernel
+def drop_place(r: int, s: Lead) -> None:
+    """Forget the newest place of a robot's trail."""
+    s.notes[r, HEAD] = (s.notes[r, HEAD] - 1) % TRAIL
+    s.notes[r, COUNT] -= 1
+
+
+@kernel
+def time_between(r: int, row: int, s: Lead, m: Motion) -> float:
+    """Time a robot needs at top speed to a place of its trail [s]."""
+    return time_to(r, s.trail[row], m)
+
+
+@kernel
+def time_to(r: int, place: Floats, m: Motion) -> float:
+    """Time a robot needs at top speed to joint positions, shape (n,) [s]."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    longest = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        way = abs(place[j] - m.q[j])
+        longest = max(longest, way / m.joint_figures[j, VELOCITY])
+    return float(longest)
