@@ -28,7 +28,9 @@ from armguard.guard.workspace import (
     ADD_PAIRS,
     CLOSE,
     FIRST_ROW,
+    INTENT,
     MOTION,
+    NOWHERE,
     SELF,
     WATCH,
     open_workspace,
@@ -89,6 +91,8 @@ def respond(response: Longs, lines: Longs) -> int:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     hold(a, v, m)
     take_asked(a, v, m)
+    if w.parts[INTENT] != NOWHERE:
+        call_for_nothing(w.parts[INTENT], (a.asked.ctypes.data, w.parts[SELF]))
     look_for_threats(a, w, v, m)
     for r in range(a.notes.shape[0]):
         follows = engage(r, a, v, m)

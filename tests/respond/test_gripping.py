@@ -1,0 +1,354 @@
+"""Pick, lift, carry, place, let go, hand over; and everything that is not meant."""
+
+import numpy as np
+import pytest
+
+from armguard.errors import GraspError, UnknownNameError
+from armguard.guard import Level, Reason
+from armguard.respond import Action
+from armguard.scene import Grasp, Scene
+from grippers import (
+    BLOCK,
+    FINGER,
+    PERIOD,
+    Loop,
+    add_block,
+    add_gantry,
+    add_table,
+    boxes_at,
+    gap,
+    guard_of,
+    pick_scene,
+)
+
+FLOOR = 0.005
+
+# Where the hand is when the fingers are beside a block, and with room above it [m].
+DOWN, UP = 0.1, 0.2
+
+# Both fingers touch a block here; and are well clear of it [m].
+TOUCH, OPEN = 0.02, 0.04
+
+FINGERS = ("left", "right")
+
+
+def fingers(to, robot="arm"):
+    """Both fingers' joints at a place."""
+    return {f"{robot}/open_left": to, f"{robot}/open_right": to}
+
+
+def closed_on(loop, robot="arm", name="block"):
+    """Lower the hand, close the fingers, and grasp."""
+    assert loop.go({f"{robot}/z": DOWN}, speed=0.08)
+    assert loop.go(fingers(TOUCH, robot), speed=0.02)
+    loop.guard.grasp(robot, name)
+
+
+def gaps(loop, a, b):
+    """True distance of two bodies that nobody holds in every cycle [m]."""
+    rows = []
+    for q, _ in loop.rows:
+        boxes = boxes_at(loop.guard, q)
+        rows.append(gap(boxes[a], boxes[b]))
+    return np.array(rows)
+
+
+def kinds(guard):
+    """Kinds of the contracts in force."""
+    return {c.kind for c in guard.contracts}
+
+
+def test_pick_lift_carry_place_and_let_go_without_a_stop():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    closed_on(loop)
+    assert kinds(guard) == {"held", "standing"}
+    assert guard.held == {"block": ("arm",)}
+    assert loop.go({"arm/z": UP}, speed=0.1)
+    assert kinds(guard) == {"held"}
+    assert loop.go({"arm/x": 0.3}, speed=0.2)
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    assert kinds(guard) == {"held", "standing"}
+    guard.release("arm", "block")
+    assert guard.held == {}
+    assert loop.go(fingers(OPEN), speed=0.02)
+    assert loop.go({"arm/z": UP}, speed=0.1)
+    loop.push(np.zeros(5), 20)
+    assert kinds(guard) <= {"intent"}
+    assert loop.stops == []
+    middle = guard.tables.T_parent_joint[guard.tables.holds.objects["block"].body]
+    assert middle[[3, 7, 11]] == pytest.approx([0.3, 0.0, BLOCK[2]], abs=2e-3)
+
+
+def test_contact_happens_at_creep_and_no_deeper_than_the_contract_says():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.rows.clear()
+    # The operator pushes on, at five times the speed, and never lets go.
+    last = loop.push({"arm/open_left": -0.1, "arm/open_right": -0.1}, 3000)
+    assert loop.stops == []
+    for finger, joint in zip(FINGERS, (3, 4), strict=True):
+        found = gaps(loop, f"arm/{finger}", "block")
+        assert -0.002 <= found.min() < 0.0
+        first = int(np.argmax(found <= 0.0))
+        assert abs(loop.rows[first][1][joint]) <= 0.02
+    assert np.abs(last.velocity).max() < 1e-4
+    pair = next(p for p in last.verdict.near if p.contract)
+    assert "under a contract" in pair.why
+    assert pair.buffer == -0.002
+    cue = last.verdict.cues["arm"]
+    assert np.abs(cue.force).max() == 0.0
+    assert cue.urgency == 0.0
+
+
+def test_the_hand_may_not_touch_what_its_fingers_may():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/z": -0.05}, 3000)
+    assert loop.stops == []
+    assert gaps(loop, "arm/hand", "block").min() >= FLOOR
+    for finger in FINGERS:
+        assert gaps(loop, f"arm/{finger}", "table").min() >= FLOOR
+
+
+def test_pushing_at_speed_is_no_intent():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    # Straight down on the block with closed fingers, as fast as it goes.
+    loop.go(fingers(0.005), speed=0.2)
+    for _ in range(6000):
+        loop.cycle({"arm/z": -0.5})
+        assert not guard.contracts
+    for finger in FINGERS:
+        assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
+
+
+def test_beside_what_is_meant_is_no_intent():
+    # The way of the middle leads past the block; a finger would touch it.
+    guard = guard_of(pick_scene(blocks={"block": (0.0, 0.07)}))
+    loop = Loop(guard)
+    for _ in range(8000):
+        loop.cycle({"arm/z": -0.08})
+        assert not guard.contracts
+    for finger in FINGERS:
+        assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
+
+
+def test_only_the_gripper_s_own_fingers_are_meant():
+    # The other robot has no gripper in the scene: the same links mean nothing.
+    scene = Scene(mode="path")
+    add_gantry(scene, "arm")
+    robot = scene.robots["arm"]
+    add_table(scene)
+    add_block(scene, "block")
+    bare = Scene(mode="path")
+    bare.add_robot(robot.model, name="arm", stopping=robot.stopping, home=robot.home)
+    add_table(bare)
+    add_block(bare, "block")
+    loop = Loop(guard_of(bare))
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/open_left": -0.02, "arm/open_right": -0.02}, 2500)
+    assert not loop.guard.contracts
+    for finger in FINGERS:
+        assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
+
+
+def test_a_neighbour_20_mm_beside_keeps_its_full_buffer():
+    # In x there is nothing between the two but 20 mm; the fingers are 20 mm wide.
+    apart = 2.0 * BLOCK[0] + 0.02
+    guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
+    loop = Loop(guard)
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    meant = {c.b for c in guard.contracts}
+    assert meant == {"block"}
+    assert loop.go(fingers(TOUCH), speed=0.02)
+    # Now towards the neighbour, slowly, for long.
+    loop.push({"arm/x": 0.01}, 2500)
+    assert {c.b for c in guard.contracts if c.kind == "intent"} == {"block"}
+    assert loop.stops == []
+    assert min(gaps(loop, f"arm/{f}", "other").min() for f in FINGERS) >= FLOOR
+
+
+def test_intent_changes_to_another_object_only_when_the_first_is_clear():
+    guard = guard_of(pick_scene(blocks={"one": (0.0, 0.0), "two": (0.06, 0.0)}))
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.go(fingers(TOUCH + 0.001), speed=0.02)
+    assert {c.b for c in guard.contracts} == {"one"}
+    loop.go(fingers(OPEN), speed=0.02)
+    loop.go({"arm/z": UP}, speed=0.08)
+    loop.go({"arm/x": 0.06}, speed=0.08)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    assert {c.b for c in guard.contracts} == {"two"}
+    loop.go(fingers(TOUCH), speed=0.02)
+    guard.grasp("arm", "two")
+    assert loop.stops == []
+
+
+def test_what_is_carried_keeps_its_distance_from_a_fixture():
+    scene = pick_scene()
+    add_block(scene, "post", (0.3, 0.0), graspable=False)
+    guard = guard_of(scene)
+    loop = Loop(guard)
+    closed_on(loop)
+    hand = loop.q[:3] + [0.0, 0.0, 0.0]
+    offset = np.array([0.0, 0.0, BLOCK[2]]) - hand
+    loop.go({"arm/z": DOWN + 0.03}, speed=0.1)
+    loop.push({"arm/x": 0.3}, 4000)
+    post = (np.array([0.3, 0, BLOCK[2]]) - BLOCK, np.array([0.3, 0, BLOCK[2]]) + BLOCK)
+    least = np.inf
+    for q, _ in loop.rows:
+        boxes = boxes_at(guard, q, {"block": "arm"}, {"block": offset})
+        least = min(least, gap(boxes["block"], post))
+    assert FLOOR <= least < FLOOR + 0.02
+    assert loop.stops == []
+
+
+def test_an_expired_contract_is_hold_and_leaving_is_possible():
+    scene = Scene(mode="path")
+    add_gantry(scene, "arm")
+    add_table(scene)
+    add_block(scene, "block", graspable=Grasp(expiry=1.5))
+    guard = guard_of(scene)
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/open_left": -0.05, "arm/open_right": -0.05}, 1000)
+    last = loop.push({"arm/open_left": 0.0}, 2500)
+    assert last.action is Action.STOP
+    assert Reason.CONTRACT_EXCEEDED in last.verdict.causes.values()
+    assert last.verdict.level is Level.RECOVER
+    assert max(c.verdict.level for c in loop.commands) < Level.BRAKE
+    loop.push({"arm/open_left": 0.02, "arm/open_right": 0.02}, 1200)
+    last = loop.push(np.zeros(5), 10)
+    assert last.action is Action.FOLLOW
+    assert min(gaps(loop, f"arm/{f}", "block")[-1] for f in FINGERS) > FLOOR
+
+
+def test_exceeded_by_a_millimetre_is_hold_and_one_gets_out_again():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/open_left": -0.05, "arm/open_right": -0.05}, 1500)
+    # Somebody shifts the block: now a finger is 3 mm in it.
+    middle = np.array([0.0, 0.0, BLOCK[2]])
+    middle[1] += 0.003 + gaps(loop, "arm/left", "block")[-1]
+    T = np.eye(4)
+    T[:3, 3] = middle
+    guard.place("block", T)
+    last = loop.push(np.zeros(5), 200)
+    assert last.action is Action.STOP
+    assert last.verdict.causes["arm"] is Reason.CONTRACT_EXCEEDED
+    assert max(c.verdict.level for c in loop.commands) < Level.BRAKE
+    before = gaps(loop, "arm/left", "block")[-1]
+    assert before == pytest.approx(-0.003, abs=1e-4)
+    loop.push({"arm/open_left": 0.01}, 800)
+    loop.push(np.zeros(5), 20)
+    assert gaps(loop, "arm/left", "block")[-1] > -0.002
+    last = loop.commands[-1]
+    assert last.action is Action.FOLLOW
+
+
+def two_gantries():
+    """Two gantries on one table that reach for one block from both sides in x."""
+    scene = Scene(mode="path")
+    add_gantry(scene, "first", home=(0.0, 0.0, 0.4))
+    add_gantry(scene, "second", home=(0.4, 0.0, 0.4))
+    add_table(scene)
+    add_block(scene, "block")
+    return scene
+
+
+def test_release_leaves_the_tables_as_those_of_a_fresh_guard():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    closed_on(loop)
+    loop.go({"arm/z": UP}, speed=0.1)
+    loop.go({"arm/x": 0.2}, speed=0.2)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    guard.release("arm", "block")
+    loop.go(fingers(OPEN), speed=0.02)
+    loop.go({"arm/z": 0.4}, speed=0.2)
+    body = guard.tables.holds.objects["block"].body
+    T = np.eye(4)
+    T[:3] = guard.tables.T_parent_joint[body].reshape(3, 4)
+    fresh = guard_of(pick_scene())
+    fresh.place("block", T)
+    for name, table in vars_of(guard.tables).items():
+        assert np.array_equal(table, getattr(fresh.tables, name)), name
+    for one, other in ((guard._watch, fresh._watch), (guard._motion, fresh._motion)):
+        for name in STANDING_TABLES:
+            if hasattr(one, name):
+                assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        q = rng.uniform(guard.tables.lower, guard.tables.upper)
+        one, other = guard.judge_at_rest(q), fresh.judge_at_rest(q)
+        assert one.tobytes() == other.tobytes()
+
+
+# Tables that depend on who holds what.
+STANDING_TABLES = (
+    "model", "base", "robot_of", "pairs", "pair_need", "joints", "length", "shared",
+    "levers", "blur", "push",
+)  # fmt: skip
+
+
+def vars_of(tables):
+    """Arrays of the compiled scene that do not hold addresses."""
+    names = ("parent", "T_parent_joint", "bodies", "checked", "buffers", "groups",
+             "robot_of_primitive", "base_reach")  # fmt: skip
+    return {name: getattr(tables, name) for name in names}
+
+
+@pytest.mark.parametrize(
+    ("robot", "name", "error", "words"),
+    [
+        ("arm", "block", GraspError, "nearest finger is"),
+        ("arm", "blok", UnknownNameError, "did you mean 'block'"),
+        ("amr", "block", UnknownNameError, "did you mean 'arm'"),
+        ("arm", "table", GraspError, "not graspable"),
+        ("arm", float("nan"), UnknownNameError, "no object is named 'nan'"),
+    ],
+)
+def test_what_cannot_be_grasped_is_refused_by_name(robot, name, error, words):
+    guard = guard_of(pick_scene())
+    Loop(guard).push(np.zeros(5), 3)
+    before = [array.copy() for array in guard._grips]
+    with pytest.raises(error, match=words):
+        guard.grasp(robot, name)
+    for was, now in zip(before, guard._grips, strict=True):
+        assert np.array_equal(was, now)
+
+
+def test_grasping_twice_or_releasing_what_is_not_held_is_refused():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    with pytest.raises(GraspError, match="before the first cycle"):
+        guard.grasp("arm", "block")
+    with pytest.raises(GraspError, match="nobody does"):
+        guard.release("arm", "block")
+    closed_on(loop)
+    with pytest.raises(GraspError, match="already"):
+        guard.grasp("arm", "block")
+    with pytest.raises(GraspError, match="release it first"):
+        guard.place("block", np.eye(4))
+    with pytest.raises(GraspError, match="release it first"):
+        guard.remove("block")
+    assert guard.held == {"block": ("arm",)}
+    assert loop.push(np.zeros(5), 10).action is Action.FOLLOW
+    assert PERIOD > 0.0
+    assert FINGER[0] > 0.0
+
+
+def test_the_same_wishes_give_the_same_bits():
+    runs = []
+    for _ in range(2):
+        loop = Loop(guard_of(pick_scene()))
+        closed_on(loop)
+        loop.go({"arm/z": UP}, speed=0.1)
+        runs.append(
+            b"".join(c.velocity.tobytes() + c.verdict.tobytes() for c in loop.commands)
+        )
+    assert runs[0] == runs[1]
