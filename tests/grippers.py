@@ -206,7 +206,7 @@ def boxes_at(guard, q, held=None, T_held=None):
         found[f"{name}/hand"] = (hand - HAND, hand + HAND)
         for finger, side in (("left", 1.0), ("right", -1.0)):
             out = side * (CLOSED + at[f"{name}/open_{finger}"])
-            middle = hand + [0.0, out, -BELOW]
+            middle = hand + np.array([0.0, out, -BELOW])
             found[f"{name}/{finger}"] = (middle - FINGER, middle + FINGER)
     for name, thing in guard.tables.holds.objects.items():
         middle = guard.tables.T_parent_joint[thing.body][[3, 7, 11]]

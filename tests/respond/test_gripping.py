@@ -98,7 +98,8 @@ def test_contact_happens_at_creep_and_no_deeper_than_the_contract_says():
     assert "under a contract" in pair.why
     assert pair.buffer == -0.002
     cue = last.verdict.cues["arm"]
-    assert np.abs(cue.force).max() == 0.0
+    # The table below pushes; the block on both sides does not.
+    assert np.abs(cue.force[:2]).max() < 1e-9
     assert cue.urgency == 0.0
 
 
@@ -193,7 +194,7 @@ def test_what_is_carried_keeps_its_distance_from_a_fixture():
     guard = guard_of(scene)
     loop = Loop(guard)
     closed_on(loop)
-    hand = loop.q[:3] + [0.0, 0.0, 0.0]
+    hand = loop.q[:3].copy()
     offset = np.array([0.0, 0.0, BLOCK[2]]) - hand
     loop.go({"arm/z": DOWN + 0.03}, speed=0.1)
     loop.push({"arm/x": 0.3}, 4000)
@@ -210,7 +211,7 @@ def test_an_expired_contract_is_hold_and_leaving_is_possible():
     scene = Scene(mode="path")
     add_gantry(scene, "arm")
     add_table(scene)
-    add_block(scene, "block", graspable=Grasp(expiry=1.5))
+    add_block(scene, "block", graspable=Grasp(expiry=4.0))
     guard = guard_of(scene)
     loop = Loop(guard)
     loop.go({"arm/z": DOWN}, speed=0.08)

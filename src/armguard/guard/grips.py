@@ -174,7 +174,7 @@ def grips_of(tables: SceneTables) -> Grips:
         how = thing.grasp
         about[[FIRST, END]] = holds.places[thing.name]
         about[OBJECT_BODY], about[GROUP] = thing.body, thing.group
-        about[HOLDER] = row[SECOND] = -1.0
+        about[HOLDER] = about[SECOND] = -1.0
         about[OBJECT_NEAR], about[INTENT_SPEED] = how.near, how.intent_speed
         about[OBJECT_CREEP], about[OBJECT_DEPTH] = how.creep, how.depth
         about[AIM], about[EXPIRY] = how.aim, how.expiry

@@ -664,22 +664,22 @@ class Monitor:
         """Compile, or load, what judges motions, and tell the loop where it lies."""
         self._addresses[PROVE_ALL] = kernel_address(prove_pair, 6)
         self._addresses[JUDGE_ALL] = kernel_address(judge_motions, 1)
+        # Compiled in any case: a contract is no time to compile.
+        self._for_contracts = (
+            kernel_address(prove_with_contract, 6),
+            kernel_address(judge_with_contracts, 1),
+            kernel_address(read_intents, 2),
+        )
         self._address_contracts()
         self._addresses[CONCLUDE] = kernel_address(conclude, 1)
         self._addresses[REFUSE] = kernel_address(refuse, 1)
         self._addresses[TAKE] = kernel_address(take_input, 3)
 
     def _address_contracts(self) -> None:
-        """Tell the loop to look at contracts where there may be any, and only there.
-
-        What looks at them is compiled in any case: a contract is no time to compile.
-        """
-        proves = kernel_address(prove_with_contract, 6)
-        judges = kernel_address(judge_with_contracts, 1)
-        intent = kernel_address(read_intents, 2)
+        """Tell the loop to look at contracts where there may be any, and only there."""
         at = self._addresses
         if len(self._grips.grippers) or self._grips.may.any():
-            at[PROVE], at[JUDGE], at[INTENT] = proves, judges, intent
+            at[PROVE], at[JUDGE], at[INTENT] = self._for_contracts
         else:
             at[PROVE], at[JUDGE], at[INTENT] = at[PROVE_ALL], at[JUDGE_ALL], NOWHERE
 
