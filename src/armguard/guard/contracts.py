@@ -126,38 +126,55 @@ def prove_with_contract(
     if c[STATE] == DORMANT:
         note_nearest(i, place, c, w.out)
         return call_for_proof(w.parts[PROVE_ALL], pair)
+    refine_pair(i, j, place, lines)
+    note_nearest(i, place, c, w.out)
     kept, spare = False, -inf
-    if c[STATE] != EXPIRED:
-        refine_pair(i, j, place, lines)
-        note_nearest(i, place, c, w.out)
-        if is_inside(place, c, w):
-            spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, lines)
-            kept = spare >= 0.0 and is_slow(i, j, plan_i, plan_j, place, c, w, v, m)
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+    recovers = v.phase[robot_i] == RECOVERING
+    if robot_j >= 0:
+        recovers |= v.phase[robot_j] == RECOVERING
+    if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
+        spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, lines)
+        closing, time = closing_told(i, j, plan_i, plan_j, place, w, v, m)
+        distance = w.out[place + WITNESS] - max(closing, 0.0) * time
+        most = speed_at(max(distance, 0.0), c)
+        if c[STATE] == EXPIRED:
+            # What is over still lets those who are near leave.
+            most = 0.0
+        kept = spare >= 0.0 and closing <= most + GRAIN
     if kept and c[STATE] == IN_FORCE:
         w.out[place + BUFFER] = -c[DEPTH]
         return (ALLOWED, spare)
-    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    recovers = v.phase[robot_i] == RECOVERING
-    deficit_i = v.deficit[robot_i]
-    deficit_j = 0.0
-    if robot_j >= 0:
-        recovers |= v.phase[robot_j] == RECOVERING
-        deficit_j = v.deficit[robot_j]
+    before_i, deficit_i = v.relieved[robot_i], v.deficit[robot_i]
+    before_j, deficit_j = before_i, deficit_i
+    v.relieved[robot_i] = 0
+    if robot_j >= 0 and robot_j != robot_i:
+        before_j, deficit_j = v.relieved[robot_j], v.deficit[robot_j]
+        v.relieved[robot_j] = 0
     proof, left = call_for_proof(w.parts[PROVE_ALL], pair)
-    if kept:
-        if proof == PROVEN and not recovers:
-            return (proof, left)
-        # What a contract still bears is no reason to leave.
-        v.deficit[robot_i] = deficit_i
-        if robot_j >= 0:
-            v.deficit[robot_j] = deficit_j
+    eased = v.relieved[robot_i] != 0 or (robot_j >= 0 and v.relieved[robot_j] != 0)
+    needs = proof != PROVEN or eased
+    if needs:
         c[RELIED] = 1.0
+    if kept:
+        # What a contract still bears is no reason to leave; one that is over is.
+        eased = c[STATE] == EXPIRED and needs
+        v.deficit[robot_i] = deficit_i
+        if robot_j >= 0 and robot_j != robot_i:
+            v.deficit[robot_j] = deficit_j
+    v.relieved[robot_i] = 1 if eased else before_i
+    if robot_j >= 0 and robot_j != robot_i:
+        v.relieved[robot_j] = 1 if eased else before_j
+    if not needs:
+        return (proof, left)
+    if kept and c[STATE] == EXPIRED:
+        return (PROVEN, spare)
+    if kept:
         w.out[place + BUFFER] = -c[DEPTH]
         return (ALLOWED, spare)
-    if proof == PROVEN:
+    if proof == PROVEN or proof == SPENT:
         return (proof, left)
-    c[RELIED] = 1.0
-    return (proof if proof == SPENT else EXCEEDED, left)
+    return (EXCEEDED, left)
 
 
 @kernel
@@ -282,18 +299,21 @@ def describe_side(
 
 
 @kernel
-def is_slow(
+def closing_told(
     i: int,
     j: int,
     plan_i: int,
     plan_j: int,
     place: int,
-    c: Floats,
     w: Workspace,
     v: Watch,
     m: Motion,
-) -> bool:
-    """Whether a pair closes no faster than its contract allows until a stop works."""
+) -> tuple[float, float]:
+    """How fast a pair is told to close, and until when a stop has taken effect.
+
+    Returns:
+        Along the pair's normal, at most [m/s]; and that time [s].
+    """
     out, robots = w.out, m.robot_figures.shape[0]
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])
@@ -315,8 +335,13 @@ def is_slow(
             b = m.joints[body, x]
             g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
             closing += fastest(m.q_index[b], g if side == 0 else -g, plan, v, m)
-    distance = max(out[at] - max(closing, 0.0) * time, 0.0)
-    return bool(closing <= c[CREEP] + c[GAIN] * distance + GRAIN)
+    return (closing, time)
+
+
+@kernel
+def speed_at(distance: float, c: Floats) -> float:
+    """Greatest closing speed that a contract bears at a distance [m/s]."""
+    return float(c[CREEP] + c[GAIN] * distance)
 
 
 @kernel
@@ -340,15 +365,15 @@ def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
 
 @kernel
 def allowed_speed(distance: float, time: float, c: Floats) -> float:
-    """Greatest closing speed that a contract bears at a distance [m/s].
+    """Greatest closing speed at a distance that its contract bears until a stop works.
 
     Args:
         distance: That distance [m].
         time: Until an order takes effect [s].
         c: The contract.
     """
-    least, slope = c[CREEP], c[GAIN]
-    return float(max(least, (least + slope * distance) / (1.0 + slope * time)))
+    most = speed_at(distance, c) / (1.0 + c[GAIN] * time)
+    return float(max(c[CREEP], most))
 
 
 @kernel
