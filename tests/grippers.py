@@ -81,7 +81,10 @@ def gantry():
     return RobotModel(name="gantry", path=None, links=links, joints=joints, root="base")
 
 
-def add_gantry(scene, name, *, home=(0.0, 0.0, 0.4), coarse=True, **options):
+def add_gantry(
+    scene, name, *, home=(0.0, 0.0, 0.4), coarse=True, fingers=("left", "right"),
+    **options,
+):  # fmt: skip
     """A gantry whose gripper is open."""
     x, y, z = home
     scene.add_robot(
@@ -89,7 +92,7 @@ def add_gantry(scene, name, *, home=(0.0, 0.0, 0.4), coarse=True, **options):
         name=name,
         stopping=FIGURES,
         home={"x": x, "y": y, "z": z, "open_left": 0.04, "open_right": 0.04},
-        gripper=Gripper(link="hand", fingers=("left", "right"), coarse=coarse),
+        gripper=Gripper(link="hand", fingers=fingers, coarse=coarse),
         **options,
     )
 

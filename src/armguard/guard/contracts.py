@@ -179,16 +179,24 @@ def prove_with_contract(
 
 @kernel
 def contract_of(i: int, j: int, h: Grips) -> int:
-    """The contract a pair of primitives is under, dormant if no other; -1 if none."""
+    """The contract a pair of primitives is under; -1 if none.
+
+    Of several one in force, and of these the one that allows most.
+    """
     rows = h.contracts
-    dormant = -1
+    found = -1
     for k in range(rows.shape[0]):
         state = rows[k, STATE]
-        if state != NONE and (is_of(i, j, rows[k]) or is_of(j, i, rows[k])):
-            if state != DORMANT:
-                return k
-            dormant = k
-    return dormant
+        if state == NONE or not (is_of(i, j, rows[k]) or is_of(j, i, rows[k])):
+            continue
+        # States are numbered in the order in which they count.
+        if (
+            found < 0
+            or state < rows[found, STATE]
+            or (state == rows[found, STATE] and rows[k, DEPTH] > rows[found, DEPTH])
+        ):
+            found = k
+    return found
 
 
 @kernel

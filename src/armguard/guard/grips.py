@@ -50,7 +50,7 @@ SPEED = 39  # what is faster than that does not mean it [m/s]
 LIFT = 40  # distance from which on what is held has lifted clear [m]
 CONTRACT = 41
 
-# States of a contract.
+# States of a contract; of several the lowest counts.
 NONE = 0
 IN_FORCE = 1
 ENDING = 2  # over as soon as its pairs keep all they need without it

@@ -77,6 +77,11 @@ class Holding:
         self._grippers = {part.name: g for g, part in enumerate(tables.holds.grippers)}
         self._numbers = {name: o for o, name in enumerate(tables.holds.objects)}
 
+    def warm_up(self, lines: Longs) -> None:
+        """Compile or load what a transaction needs, where there can be one."""
+        if self.grips.objects.size:
+            body_distance(0, 0, 0, 0, lines, np.zeros(WITNESS_WIDTH))
+
     def grasp(self, robot: str, name: str, lines: Longs) -> None:
         """Make an object part of a robot; see `Monitor.grasp`."""
         g, part = self._gripper(robot)
@@ -174,13 +179,12 @@ class Holding:
         self._check_modes()
         frame = None if region is None else self._frame(region)
         steady = max(GRASP.intent_speed, speed)
-        row = self._row(a, b)
+        row = self._row(a, b, at.ASKED)
         if row is None:
             raise GraspError(
                 f"{at.SPARE_CONTRACTS} contracts are in force, and there is no room "
                 f"for one of '{a}' and '{b}'; let some expire"
             )
-        row[at.KIND] = at.ASKED
         row[at.DEPTH], row[at.CREEP] = depth, speed
         row[at.GAIN] = (steady - speed) / GRASP.near
         row[at.UNTIL] = until
@@ -394,11 +398,10 @@ class Holding:
         for other in supports:
             if not self._are_checked(thing.name, other):
                 continue
-            row = self._row(thing.name, other)
+            row = self._row(thing.name, other, at.STANDING)
             if row is None:
                 continue
             distance = near[other][0] if other in near else inf
-            row[at.KIND] = at.STANDING
             row[at.DEPTH] = max(grasp.depth, ROOM - distance)
             row[at.CREEP], row[at.GAIN] = grasp.creep, gain_of(grasp)
             row[at.NEAR], row[at.SPEED] = grasp.near, grasp.intent_speed
@@ -426,10 +429,9 @@ class Holding:
         self, name: str, other: str, distance: float, grasp: Grasp
     ) -> Floats | None:
         """Let two bodies be as near as they are until they are far enough apart."""
-        row = self._row(name, other)
+        row = self._row(name, other, at.BESIDE)
         if row is None:
             return None
-        row[at.KIND] = at.BESIDE
         row[at.DEPTH] = ROOM - distance
         row[at.CREEP], row[at.GAIN] = grasp.creep, gain_of(grasp)
         row[at.STATE] = at.ENDING
@@ -507,26 +509,26 @@ class Holding:
                     "stops; contracts need 'path' or 'speed'"
                 )
 
-    def _row(self, a: str, b: str) -> Floats | None:
-        """A contract between two bodies for all of time, in place of any they have.
+    def _row(self, a: str, b: str, kind: int) -> Floats | None:
+        """A contract between two bodies, in place of one of its kind they have.
 
         None if there is no room: then the pair is allowed nothing.
         """
         rows, holds = self.grips.contracts, self.tables.holds
         spare = len(rows) - at.SPARE_CONTRACTS
-        key = [*holds.places[a], *holds.places[b]]
+        key = [kind, *holds.places[a], *holds.places[b]]
         free = -1
         for k in range(len(rows) - 1, spare - 1, -1):
             if rows[k, at.STATE] == at.NONE:
                 free = k
-            elif rows[k, at.FIRST_A : at.END_B + 1].tolist() == key:
+            elif rows[k, at.KIND : at.END_B + 1].tolist() == key:
                 free = k
                 break
         if free < 0:
             return None
         row: Floats = rows[free]
         row[:] = 0.0
-        row[at.FIRST_A : at.END_B + 1] = key
+        row[at.KIND : at.END_B + 1] = key
         row[at.GROUP_A], row[at.GROUP_B] = holds.group_of[a], holds.group_of[b]
         row[at.UNTIL] = row[at.REARM] = inf
         row[at.REGION], row[at.GRIPPER] = at.NOWHERE, -1.0

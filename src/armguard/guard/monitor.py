@@ -645,6 +645,7 @@ class Monitor:
             octree=self.index.state,
         )
         self._open_ledger(workspace)
+        self._holding.warm_up(self._lines)
         self._names = Names(
             joints=tables.q_names,
             lower=tables.lower,

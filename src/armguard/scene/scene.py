@@ -323,6 +323,8 @@ class Scene:
             max_primitives=max_primitives,
             progress=progress and fitting(progress),
         )
+        if gripper is not None:
+            gripper = known_gripper(name, model, fits, gripper)
         robot = SceneRobot(
             name=name,
             model=model,
@@ -334,7 +336,7 @@ class Scene:
             mode=self.mode if mode is None else mode,
             stopping=stopping,
             response=response_settings(f"robot '{name}'", response),
-            gripper=None if gripper is None else known_gripper(name, model, gripper),
+            gripper=gripper,
         )
         self._robots[name] = robot
         self.notes += [f"robot '{name}': {note}" for note in model.notes]
@@ -745,12 +747,15 @@ def grasp_settings(name: str, graspable: Grasp | bool) -> Grasp | None:
     return Grasp() if graspable else None
 
 
-def known_gripper(name: str, model: RobotModel, gripper: Gripper) -> Gripper:
+def known_gripper(
+    name: str, model: RobotModel, fits: Mapping[str, FittedLink], gripper: Gripper
+) -> Gripper:
     """A gripper whose links exist.
 
     Raises:
         UnknownNameError: One does not.
-        SceneError: Its link stands still, or a finger does not ride on it.
+        SceneError: Its link stands still, or a finger does not ride on it or has no
+            shape.
     """
     for link in (gripper.link, *gripper.fingers):
         if link not in model.links:
@@ -767,6 +772,11 @@ def known_gripper(name: str, model: RobotModel, gripper: Gripper) -> Gripper:
             "one that joints move"
         )
     for finger in gripper.fingers:
+        if finger not in fits:
+            raise SceneError(
+                f"robot '{name}': finger '{finger}' has no collision geometry, so "
+                "nobody knows when it touches"
+            )
         link = finger
         while link in above and groups[link] != own:
             link = above[link]
