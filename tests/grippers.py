@@ -130,10 +130,12 @@ class Loop:
     Args:
         guard: The guard.
         delay: Cycles until a command takes effect.
+        rng: Draws what velocities miss the commands by; they miss none if None.
     """
 
-    def __init__(self, guard, delay=1):
+    def __init__(self, guard, delay=1, rng=None):
         self.guard = guard
+        self.rng = rng
         self.q = guard.home
         self.v = np.zeros_like(self.q)
         self.t = 0.0
@@ -145,6 +147,9 @@ class Loop:
         command = self.guard.filter(self.q, wish, self.t, velocity=self.v)
         self.queue.append(command.velocity)
         self.v = self.queue.popleft()
+        if self.rng is not None:
+            most = FIGURES["tracking_error"]
+            self.v = self.v + self.rng.uniform(-most, most, len(self.v))
         self.q = self.q + self.v * PERIOD
         self.t += PERIOD
         self.commands.append(command)

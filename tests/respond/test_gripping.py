@@ -6,6 +6,7 @@ import pytest
 from armguard.errors import GraspError, UnknownNameError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason
+from armguard.guard.grips import MEANT
 from armguard.respond import Action
 from armguard.scene import Grasp, Scene
 from armguard.scene.settings import IndexSettings
@@ -220,6 +221,44 @@ def test_random_episodes_succeed_and_touch_nothing_else():
         loop, least = episode(rng)
         assert loop.stops == []
         assert least >= FLOOR
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
+    # Three blocks side by side, 20 mm apart, an operator who changes his mind, and an
+    # arm that is late and misses what it is told.
+    rng = np.random.default_rng(seed)
+    step = 2.0 * BLOCK[0] + 0.02
+    blocks = {f"b{k}": (step * (k - 1), 0.0) for k in range(3)}
+    guard = guard_of(pick_scene(blocks=blocks))
+    loop = Loop(guard, delay=2, rng=rng)
+    assert loop.go({"arm/z": 0.2}, speed=0.3, within=5e-3)
+    touched, least = set(), np.inf
+    for _ in range(60):
+        wish = dict.fromkeys(guard.q_names, 0.0)
+        speed = rng.choice([0.02, 0.06, 0.3])
+        for axis, size in (("x", 1.0), ("y", 0.2), ("z", 1.0)):
+            wish[f"arm/{axis}"] = speed * size * rng.uniform(-1.0, 1.0)
+        wish["arm/z"] -= 0.4 * speed
+        closing = rng.uniform(-0.05, 0.03)
+        wish["arm/open_left"] = wish["arm/open_right"] = closing
+        loop.rows.clear()
+        for _ in range(100):
+            loop.cycle(wish)
+            meant = int(guard._grips.grippers[0, MEANT])
+            at = boxes_at(guard, loop.q)
+            parts = [at["arm/left"], at["arm/right"]]
+            for k in range(3):
+                found = min(gap(part, at[f"b{k}"]) for part in parts)
+                least = min(least, found)
+                # What opens is judged for now, its measurement may be 2 ms old.
+                if found < FLOOR - 4e-4:
+                    assert k == meant
+                    touched.add(k)
+                assert gap(at["arm/hand"], at[f"b{k}"]) >= FLOOR
+            assert min(gap(part, at["table"]) for part in parts) >= FLOOR
+    assert least >= -0.002
+    assert touched
 
 
 def middle_of(guard, name):
