@@ -100,6 +100,36 @@ def test_a_contract_expires_and_then_the_arm_holds():
     assert loop.guard.contracts == ()
 
 
+def test_what_moves_by_itself_faster_than_a_contract_bears_keeps_its_distance():
+    scene = pick_scene(blocks={})
+    scene.add(
+        Box(half_extents=(0.05, 0.05, 0.02)),
+        name="cart",
+        pose=Pose(xyz=(0.0, 0.0, 0.02)),
+        top_speed=0.05,
+    )
+    guard = guard_of(scene)
+    guard.place("cart", Pose(xyz=(0.0, 0.0, 0.02)), 0.0)
+    loop = Loop(guard)
+    loop.push({}, 3)
+    for finger in ("left", "right"):
+        guard.allow(f"arm/{finger}", "cart", depth=0.01, until=1e9)
+    for k in range(3000):
+        if k % 10 == 0:
+            guard.place("cart", Pose(xyz=(0.0, 0.0, 0.02)), loop.t)
+        loop.cycle({"arm/z": -0.1})
+    assert finger_height(loop) - 0.04 >= FLOOR
+
+
+def test_of_two_contracts_the_one_that_allows_more_counts():
+    loop = over_table()
+    loop.go({"arm/z": DOWN}, speed=0.3)
+    for finger in ("left", "right"):
+        loop.guard.allow(f"arm/{finger}", "table", depth=0.001, until=1e9)
+        loop.guard.allow("table", f"arm/{finger}", depth=0.004, until=1e9)
+    assert -0.004 <= press(loop) < -0.001
+
+
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [

@@ -298,6 +298,24 @@ def test_intent_changes_to_another_object_only_when_the_first_is_clear():
     assert loop.stops == []
 
 
+def test_what_stands_3_mm_beside_something_is_lifted_without_coming_nearer():
+    apart = 2.0 * BLOCK[0] + 0.003
+    guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
+    loop = Loop(guard)
+    closed_on(loop)
+    assert kinds(guard) == {"held", "standing", "beside"}
+    # The operator pulls towards the other block while he lifts.
+    loop.push({"arm/x": 0.02, "arm/z": 0.02}, 1000)
+    offset = middle_of(guard, "block") - loop.q[:3]
+    loop.push({"arm/z": 0.1}, 1500)
+    assert loop.stops == []
+    assert middle_of(guard, "block")[2] > 0.1
+    for q, _ in loop.rows[-2500:]:
+        at = boxes_at(guard, q, {"block": "arm"}, {"block": offset})
+        assert gap(at["block"], at["other"]) >= 0.001
+    assert kinds(guard) == {"held"}
+
+
 def test_what_is_carried_keeps_its_distance_from_a_fixture():
     scene = pick_scene()
     add_block(scene, "post", (0.3, 0.0), graspable=False)

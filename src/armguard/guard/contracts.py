@@ -51,7 +51,7 @@ from armguard.guard.grips import (
     open_grips,
 )
 from armguard.guard.layout import BUFFER, OUTER, WITNESS
-from armguard.guard.proofs import robot_of
+from armguard.guard.proofs import object_speed, robot_of, time_since
 from armguard.guard.refine import exact_row, refine_pair
 from armguard.guard.watch import COMMANDED, RECOVERING, Watch, open_watch
 from armguard.guard.workspace import (
@@ -84,7 +84,7 @@ from armguard.motion.pair_state import (
     SIDE,
     SPENT,
 )
-from armguard.motion.state import NEXT, REACTION, SEGMENT, Motion, open_motion
+from armguard.motion.state import NEXT, REACTION, SEGMENT, SETTLED, Motion, open_motion
 
 Floats = NDArray[np.float64]
 
@@ -136,6 +136,11 @@ def prove_with_contract(
     if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
         spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, lines)
         closing, time = closing_told(i, j, plan_i, plan_j, place, w, v, m)
+        # What moves by itself may have come nearer since it was seen, and comes on.
+        drift = object_speed(j, v)
+        if drift > 0.0:
+            spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
+            closing += drift
         distance = w.out[place + WITNESS] - max(closing, 0.0) * time
         most = speed_at(max(distance, 0.0), c)
         if c[STATE] == EXPIRED:
