@@ -92,6 +92,9 @@ Floats = NDArray[np.float64]
 # as the delays, and was told when the pair was farther apart [-].
 GRANTED = 0.8
 
+# What a pair has left of which nobody asks how much it is [m].
+PLENTY = 0.02
+
 # What round-off may add to a speed [m/s].
 GRAIN = 1e-9
 
@@ -134,7 +137,7 @@ def prove_with_contract(
     if robot_j >= 0:
         recovers |= v.phase[robot_j] == RECOVERING
     if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
-        spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, lines)
+        spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], lines)
         closing, time = closing_told(i, j, plan_i, plan_j, place, w, v, m)
         # What moves by itself may have come nearer since it was seen, and comes on.
         drift = object_speed(j, v)
@@ -257,12 +260,21 @@ def back(x: float, y: float, z: float, T: Floats) -> tuple[float, float, float]:
 
 @kernel(inline=False)
 def least_gap(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
+    i: int, j: int, plan_i: int, plan_j: int, place: int, need: float, lines: int
 ) -> float:
     """Least signed distance of a pair on the stop path, of its exact shapes [m].
 
     Apart or overlapping: along any direction two bodies are separated by no more than
     their signed distance.
+
+    Args:
+        i: First primitive.
+        j: Second primitive.
+        plan_i: NEXT or NOW, the stop of the robot of the first.
+        plan_j: The same of the second.
+        place: Where the pair's row of the answer starts.
+        need: Distance to be kept; with plenty beyond it a quick bound will do [m].
+        lines: Address of the ledger of the workspace.
     """
     w = open_workspace(ledger_at(lines))
     m = open_motion(w.parts[MOTION])
@@ -270,7 +282,7 @@ def least_gap(
     by_levers = w.out[place + OUTER] - m.reach[plan_i, i]
     if j < moving:
         by_levers -= m.reach[plan_j, j]
-    if by_levers >= 0.0:
+    if by_levers >= need + PLENTY:
         return float(by_levers)
     pair = numba.carray(stack(15), (PAIR,), np.float64)
     rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
@@ -289,7 +301,7 @@ def least_gap(
             gap = path_gap(pair.ctypes.data, n, w.parts[MOTION])
             if not gap >= least:
                 least = gap
-    return float(least)
+    return float(max(by_levers, least))
 
 
 @kernel
