@@ -261,6 +261,36 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
     assert touched
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_whatever_is_wished_what_is_held_touches_only_what_it_may_rest_on(seed):
+    rng = np.random.default_rng(100 + seed)
+    blocks = {"block": (0.0, 0.0), "one": (0.12, 0.0), "two": (0.0, 0.16)}
+    scene = pick_scene(blocks=blocks)
+    add_block(scene, "post", (-0.12, 0.0), graspable=False)
+    guard = guard_of(scene)
+    loop = Loop(guard, delay=2, rng=rng)
+    assert loop.go({"arm/z": DOWN}, speed=0.08, within=3e-3)
+    loop.push({"arm/open_left": -0.02, "arm/open_right": -0.02}, 1500)
+    guard.grasp("arm", "block")
+    offset = np.array([0.0, 0.0, BLOCK[2]]) - loop.q[:3]
+    middle = np.array([-0.12, 0.0, BLOCK[2]])
+    post = (middle - BLOCK, middle + BLOCK)
+    least = {"table": np.inf, "others": np.inf}
+    for _ in range(60):
+        speed = rng.choice([0.05, 0.2, 0.6])
+        wish = {f"arm/{x}": speed * rng.uniform(-1.0, 1.0) for x in "xyz"}
+        for _ in range(80):
+            loop.cycle(wish)
+            at = boxes_at(guard, loop.q, {"block": "arm"}, {"block": offset})
+            held, rest = at["block"], (at["one"], at["two"], post)
+            parts = (held, at["arm/hand"], at["arm/left"], at["arm/right"])
+            least["table"] = min(least["table"], gap(held, at["table"]))
+            found = min(gap(part, other) for part in parts for other in rest)
+            least["others"] = min(least["others"], found)
+    assert -0.0025 <= least["table"] <= 1e-4
+    assert least["others"] >= FLOOR - 4e-4
+
+
 def middle_of(guard, name):
     """Where an object's frame is in the world [m]."""
     return guard._workspace.T_world[guard.tables.holds.objects[name].body][[3, 7, 11]]
