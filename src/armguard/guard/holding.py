@@ -486,14 +486,12 @@ class Holding:
         """A gripper is slow enough for what it grips to be part of it at once."""
         m = self.motion
         p = self.T_world[thing.body, [3, 7, 11]]
-        velocity = np.zeros(3)
-        for b in m.joints[part.body, : m.length[part.body]]:
-            q = m.q_index[b]
-            axis, origin = m.axes[b, :3], m.axes[b, 3:]
-            turns = m.joint_kind[b] != PRISMATIC
-            way = np.cross(axis, p - origin) if turns else axis
-            velocity += m.gain[b, 0] * 0.5 * (m.v_low[q] + m.v_high[q]) * way
-        speed = float(np.linalg.norm(velocity))
+        chain = m.joints[part.body, : m.length[part.body]]
+        q, axes, origins = m.q_index[chain], m.axes[chain, :3], m.axes[chain, 3:]
+        slides = m.joint_kind[chain, None] == PRISMATIC
+        ways = np.where(slides, axes, np.cross(axes, p - origins))
+        speeds = m.gain[chain, 0] * 0.5 * (m.v_low[q] + m.v_high[q])
+        speed = float(np.linalg.norm(speeds @ ways))
         if not speed <= thing.grasp.intent_speed:
             raise GraspError(
                 f"'{part.name}' moves '{thing.name}' at {speed:.3f} m/s; to grasp it "
@@ -567,12 +565,11 @@ class Holding:
 
     def _tell_groups(self) -> None:
         """Write between which groups there are contracts."""
-        may = self.grips.may
+        may, rows = self.grips.may, self.grips.contracts
+        rows = rows[rows[:, at.STATE] != at.NONE]
+        a, b = rows[:, [at.GROUP_A, at.GROUP_B]].T.astype(np.int64)
         may[:] = 0
-        for row in self.grips.contracts:
-            if row[at.STATE] != at.NONE:
-                a, b = int(row[at.GROUP_A]), int(row[at.GROUP_B])
-                may[a, b] = may[b, a] = 1
+        may[a, b] = may[b, a] = 1
 
     def _reach(self, body: int) -> float:
         """Radius about its robot's root that a body's frame never leaves [m]."""

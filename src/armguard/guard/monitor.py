@@ -701,8 +701,8 @@ class Monitor:
         needs = standing_needs(pairs, watch.model, watch.base, tables)
         self._watch = watch._replace(pairs=pairs, pair_need=needs)
         self._holding.watch = self._watch
-        self._parts = self._parts[0], watch_ledger(self._watch)
-        self._addresses[WATCH] = self._parts[1].lines.ctypes.data
+        for name, table in (("pairs", pairs), ("pair_need", needs)):
+            self._parts[1].put(Watch._fields.index(name), table)
         self._workspace.look[0] = largest_standing_need(tables, self._watch)
         self._names = replace(self._names, tables=snapshot(tables))
         if self._addresses[JUDGE] != NOWHERE:
@@ -746,7 +746,8 @@ class Monitor:
 
     def _world_changed(self) -> None:
         """Take over an index that was built anew; measure every pair afresh."""
-        self._open_ledger(self._workspace._replace(octree=self.index.state))
+        if self._workspace.octree is not self.index.state:
+            self._open_ledger(self._workspace._replace(octree=self.index.state))
         self._memory[FORCE] = 1
 
     def _open_ledger(self, workspace: Workspace) -> None:

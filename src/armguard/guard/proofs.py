@@ -230,8 +230,8 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
     closing = closing_speed(i, j, w, v, m)
     left = inf
     if proof == ALLOWED:
-        # A contact that is meant is no matter of time.
-        out[place + TIME_TO_CONTACT] = contact_time(i, j, place, closing, w, v, m)
+        # A contact that is meant is no matter of time; levers tell enough of it.
+        out[place + TIME_TO_CONTACT] = lever_time(i, j, place, closing, w, v, m)
         return
     if not spare > 0.0:
         left = 0.0
@@ -508,6 +508,20 @@ def contact_time(
         if gap - unknown - speed * grid_time(k) > 0.0:
             return float(max(grid_time(k) - age, 0.0))
     return float(max(time - age, 0.0))
+
+
+@kernel
+def lever_time(
+    i: int, j: int, place: int, closing: float, w: Workspace, v: Watch, m: Motion
+) -> float:
+    """The same by levers alone."""
+    unknown = standing_need(i, j, w, v, m) - w.buffers[w.groups[i], w.groups[j]]
+    distance, push = w.out[place + WITNESS] - unknown - m.blur[i], m.push[i]
+    age, robot_j = m.clock[robot_of(i, v), AGE], robot_of(j, v)
+    if robot_j >= 0:
+        distance, push = distance - m.blur[j], push + m.push[j]
+        age = max(age, m.clock[robot_j, AGE])
+    return float(max(time_to_contact(distance, closing, push) - age, 0.0))
 
 
 @kernel

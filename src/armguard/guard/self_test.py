@@ -75,7 +75,7 @@ def self_test(guard: "Monitor") -> SelfTestReport:
     before = {name: array.copy() for name, array in watch._asdict().items()}
     # What is led up to something does not mean to touch it.
     grips, intent = guard._grips, guard._addresses[INTENT]
-    contracts = [grips.contracts.copy(), grips.may.copy()]
+    contracts, may = grips.contracts.copy(), grips.may.copy()
     guard._addresses[INTENT] = NOWHERE
     if len(watch.seen_at):
         watch.seen_at[watch.movers] = SEEN
@@ -85,8 +85,7 @@ def self_test(guard: "Monitor") -> SelfTestReport:
         guard.reset()
         for name, array in before.items():
             getattr(watch, name)[:] = array
-        for now, array in zip(grips[:2], contracts, strict=True):
-            now[:] = array
+        grips.contracts[:], grips.may[:] = contracts, may
         guard._addresses[INTENT] = intent
     return SelfTestReport(lines)
 
