@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armguard.errors import (
         ArmguardError,
+        GraspError,
         HomeContactError,
         MeshError,
         ModelError,
@@ -46,11 +47,21 @@ if TYPE_CHECKING:
         distances,
         register_shape,
     )
-    from armguard.guard import Counts, Level, NearPair, Reason, Verdict
+    from armguard.guard import (
+        Contract,
+        Counts,
+        Level,
+        NearPair,
+        Reason,
+        Region,
+        Verdict,
+    )
     from armguard.index import BruteForce, Octree
     from armguard.respond import Action, Command, Guard
     from armguard.robot.stopping import StoppingFigures, StopTable, stopping_figures
     from armguard.scene import (
+        Grasp,
+        Gripper,
         Scene,
         Trajectory,
         bay_scene,
@@ -66,6 +77,7 @@ __version__ = version("armguard")
 _ROOMS = {
     "armguard.errors": (
         "ArmguardError",
+        "GraspError",
         "HomeContactError",
         "MeshError",
         "ModelError",
@@ -97,11 +109,21 @@ _ROOMS = {
         "distances",
         "register_shape",
     ),
-    "armguard.guard": ("Counts", "Level", "NearPair", "Reason", "Verdict"),
+    "armguard.guard": (
+        "Contract",
+        "Counts",
+        "Level",
+        "NearPair",
+        "Reason",
+        "Region",
+        "Verdict",
+    ),
     "armguard.index": ("BruteForce", "Octree"),
     "armguard.respond": ("Action", "Command", "Guard"),
     "armguard.robot.stopping": ("StopTable", "StoppingFigures", "stopping_figures"),
     "armguard.scene": (
+        "Grasp",
+        "Gripper",
         "Scene",
         "Trajectory",
         "bay_scene",
@@ -121,9 +143,13 @@ __all__ = [
     "Capsule",
     "Command",
     "Cone",
+    "Contract",
     "Counts",
     "Cylinder",
     "Ellipsoid",
+    "Grasp",
+    "GraspError",
+    "Gripper",
     "Guard",
     "HalfSpace",
     "HomeContactError",
@@ -140,6 +166,7 @@ __all__ = [
     "Proximities",
     "Proximity",
     "Reason",
+    "Region",
     "Scene",
     "SceneError",
     "SelfTestError",

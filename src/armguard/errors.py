@@ -51,6 +51,10 @@ class UnknownNameError(SceneError, KeyError):
         return str(self.args[0])
 
 
+class GraspError(ArmguardError, ValueError):
+    """What is to be gripped, released or allowed cannot be as things stand."""
+
+
 class SelfTestError(ArmguardError, RuntimeError):
     """A guard did not answer its own test as it must, and is not armed."""
 

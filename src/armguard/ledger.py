@@ -39,13 +39,18 @@ class Ledger:
     """
 
     def __init__(self, arrays: Sequence[NDArray[Any]]) -> None:
-        self.arrays = tuple(arrays)
+        self.arrays = list(arrays)
         self.lines = np.zeros(len(self.arrays) * LINE, dtype=np.int64)
         for k, array in enumerate(self.arrays):
-            if not array.flags.carray or array.ndim not in (1, 2):
-                raise TypeError(f"array {k} of a ledger is not a contiguous matrix")
-            columns = array.shape[1] if array.ndim == 2 else 1
-            self.lines[k * LINE :][:LINE] = array.ctypes.data, array.shape[0], columns
+            self.put(k, array)
+
+    def put(self, k: int, array: NDArray[Any]) -> None:
+        """Lead to another array in place of array k."""
+        if not array.flags.carray or array.ndim not in (1, 2):
+            raise TypeError(f"array {k} of a ledger is not a contiguous matrix")
+        self.arrays[k] = array
+        columns = array.shape[1] if array.ndim == 2 else 1
+        self.lines[k * LINE :][:LINE] = array.ctypes.data, array.shape[0], columns
 
 
 @kernel

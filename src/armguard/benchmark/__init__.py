@@ -7,7 +7,7 @@ from armguard.errors import UnknownNameError, did_you_mean
 
 Bench = Callable[[int | None, Callable[[str], None]], dict[str, Any]]
 
-NAMES = ("cycle", "stop", "filter", "index", "memory", "distance", "scale")
+NAMES = ("cycle", "stop", "filter", "gripping", "index", "memory", "distance", "scale")
 
 
 def run(
@@ -19,7 +19,7 @@ def run(
     """Run a benchmark.
 
     Args:
-        name: cycle, stop, filter, index, memory, distance, scale, or all.
+        name: cycle, stop, filter, gripping, index, memory, distance, scale, or all.
         cycles: Cycles to measure; each benchmark has its own default.
         progress: Called with a sentence before each part that takes a while.
 
@@ -32,6 +32,7 @@ def run(
     from armguard.benchmark.cycle import bench_cycle
     from armguard.benchmark.distance import bench_distance
     from armguard.benchmark.filter import bench_filter
+    from armguard.benchmark.gripping import bench_gripping
     from armguard.benchmark.index import bench_index
     from armguard.benchmark.memory import bench_memory
     from armguard.benchmark.scale import bench_scale
@@ -42,6 +43,7 @@ def run(
         "cycle": bench_cycle,
         "stop": bench_stop,
         "filter": bench_filter,
+        "gripping": bench_gripping,
         "index": bench_index,
         "memory": bench_memory,
         "distance": bench_distance,

@@ -13,7 +13,7 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            help="cycle, stop, filter, index, memory, distance, scale, or all."
+            help="cycle, stop, filter, gripping, index, memory, distance, scale; all."
         ),
     ] = "all",
     cycles: Annotated[

@@ -1,5 +1,6 @@
 """Decide: the cycle from joint angles to verdict."""
 
+from armguard.guard.contract import Contract, Region
 from armguard.guard.events import Event, EventLog
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
 from armguard.guard.monitor import Monitor
@@ -11,6 +12,7 @@ from armguard.guard.verdict import Counts, NearPair, Verdict
 __all__ = [
     "SENTENCES",
     "Cause",
+    "Contract",
     "Counts",
     "Event",
     "EventLog",
@@ -20,6 +22,7 @@ __all__ = [
     "Nuisance",
     "ProtectiveDistance",
     "Reason",
+    "Region",
     "SelfTestLine",
     "SelfTestReport",
     "Verdict",

@@ -14,6 +14,7 @@ from armguard.guard.layout import (
     FIRST,
     HEADER,
     NEAR_COUNT,
+    PROOF,
     ROBOT_FORCE,
     ROBOT_LEVEL,
     ROBOT_TIME,
@@ -35,6 +36,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.nearest import joint_way
+from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import Motion
 from armguard.robot.kinematics import FIXED as NO_JOINT
 
@@ -78,6 +80,9 @@ def write_cues(w: Workspace, v: Watch, m: Motion) -> None:
 def add_cue(place: int, look: float, w: Workspace, v: Watch, m: Motion) -> None:
     """Add what a near pair asks of its robots."""
     out = w.out
+    if out[place + PROOF] == ALLOWED:
+        # Nobody is pushed away from what he means to touch.
+        return
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     near = 1.0 - out[place + CLEARANCE] / NEAR_CUE

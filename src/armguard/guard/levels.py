@@ -42,6 +42,7 @@ class Reason(IntEnum):
     TOO_CLOSE = 20
     NO_PROOF = 21
     BUDGET_SPENT = 22
+    CONTRACT_EXCEEDED = 23
     STOPPING = 25
     RESTING = 26
     MOVED_AT_REST = 27
@@ -75,6 +76,8 @@ SENTENCES: dict[Reason, str] = {
     "could stop",
     Reason.NO_PROOF: "no proof that a pair keeps its buffer until the arms could stop",
     Reason.BUDGET_SPENT: "the cycle's budget was used up before all pairs were proven",
+    Reason.CONTRACT_EXCEEDED: "a contact is deeper or faster than its contract allows, "
+    "or the contract is over",
     Reason.STOPPING: "an ordered stop is not yet done",
     Reason.RESTING: "at rest; too near to go on in every direction",
     Reason.MOVED_AT_REST: "an arm moves though it was to rest until it is let go",

@@ -1,6 +1,7 @@
 """The guard: joint positions in, a verdict out, every cycle."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from time import perf_counter_ns
 
@@ -18,13 +19,19 @@ from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
+from armguard.guard.contract import Contract, Region
+from armguard.guard.contract_cycle import judge_with_contracts
+from armguard.guard.contracts import prove_with_contract
 from armguard.guard.cycle import rebuild_world, run_cycle
+from armguard.guard.grips import grips_ledger, grips_of
 from armguard.guard.guarded_cycle import (
     conclude,
     refuse,
     run_guarded_cycle,
     take_input,
 )
+from armguard.guard.holding import Holding, snapshot
+from armguard.guard.intent import read_intents
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.motion_pairs import judge_motions
@@ -36,19 +43,32 @@ from armguard.guard.segment import run_segment
 from armguard.guard.self_test import SelfTestLine, SelfTestReport
 from armguard.guard.self_test import self_test as run_self_test
 from armguard.guard.verdict import Names, NearPair, Verdict
-from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, watch_ledger, watch_of
+from armguard.guard.watch import (
+    HAS_VELOCITY,
+    NOW_TIME,
+    Watch,
+    all_pairs,
+    standing_needs,
+    watch_ledger,
+    watch_of,
+)
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     CONCLUDE,
     FIRST_ROW,
+    GRIPS,
     INDEX_KIND,
+    INTENT,
     JUDGE,
+    JUDGE_ALL,
     MEASURE,
     MOTION,
     MOVING_COUNT,
+    NOWHERE,
     OCTREE,
     PARTS,
     PROVE,
+    PROVE_ALL,
     REBUILD,
     REFUSE,
     SELF,
@@ -68,9 +88,6 @@ from armguard.scene.tables import SceneTables
 # Near pairs an answer has room for. More than this many at once is a reason to stop
 # (`Reason.CAPACITY`), not to count on.
 NEAR_CAPACITY = 4096
-
-# Address of what has not been compiled yet.
-NOWHERE = -1
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -242,8 +259,10 @@ class Monitor:
         if fault:
             data = self._fault_answer(Reason.WRONG_INPUT)
         else:
+            swapped = self._detail()
             used = run_cycle(array, self._lines)
             data = self._out[:used].copy()
+            self._coarsen(swapped)
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
     def _judge(
@@ -345,6 +364,7 @@ class Monitor:
             PoseError: The transform is not rigid, or a number is not finite.
             SceneError: The object moves and there is no stamp, or it was seen to move
                 faster than its `top_speed`.
+            GraspError: A gripper holds it.
 
         Example:
             >>> from armguard import Guard, Pose, Sphere, bay_scene
@@ -370,6 +390,9 @@ class Monitor:
             raise SceneError(
                 f"object '{name}' has no top_speed; one that moves needs it"
             )
+        if thing.body >= 0:
+            self._holding.check_free(name)
+            self._holding.put(name, T)
         stand_at(self.index, thing, T)
         self._world_changed()
 
@@ -378,11 +401,106 @@ class Monitor:
 
         Raises:
             UnknownNameError: There is no such object.
+            GraspError: A gripper holds it.
         """
         thing = self._standing(name)
+        self._holding.check_free(name)
         take_out(self.index, thing)
         self._seen(thing, np.inf)
         self._world_changed()
+
+    def grasp(self, robot: str, name: str) -> None:
+        """Make an object part of a robot, now that its gripper has closed on it.
+
+        One transaction between two cycles: the object rides on the gripper and is
+        checked as the robot's links are. What it stands on it may touch until it has
+        lifted clear, and where it is put down again. A second robot may grasp what the
+        first one holds; it carries it from when the first one releases it.
+
+        Args:
+            robot: The robot.
+            name: The object.
+
+        Raises:
+            UnknownNameError: There is no such robot or object.
+            GraspError: The robot has no gripper, the object is not graspable, not
+                there or held already, no finger touches it, or the gripper is too
+                fast.
+        """
+        self._transact(lambda: self._holding.grasp(robot, name, self._lines))
+
+    def release(self, robot: str, name: str) -> None:
+        """Leave an object where it is, now that the robot's gripper has opened.
+
+        One transaction: it stands free, or rides on the other robot that holds it, and
+        every pair is checked again. What is nearer to it than it may be may leave.
+
+        Args:
+            robot: The robot.
+            name: The object.
+
+        Raises:
+            UnknownNameError: There is no such robot or object.
+            GraspError: The robot does not hold the object.
+        """
+        self._transact(lambda: self._holding.release(robot, name, self._lines))
+
+    def allow(
+        self,
+        a: str,
+        b: str,
+        *,
+        region: Region | None = None,
+        depth: float = 0.002,
+        speed: float = 0.02,
+        until: float | None = None,
+    ) -> None:
+        """Allow two bodies to touch for a while: a contract.
+
+        One that is in force between them is replaced.
+
+        Args:
+            a: 'robot/link' or an object, held or not.
+            b: The other body.
+            region: Where they may touch; anywhere if None.
+            depth: How far they may overlap [m].
+            speed: Greatest closing speed at contact [m/s].
+            until: When it expires, on the clock of `step` [s]; 30 s from now if None.
+
+        Raises:
+            UnknownNameError: A body or the frame of the region does not exist.
+            GraspError: It is one body, nobody checks the pair, a number cannot be true,
+                or there is no room for another contract.
+        """
+        self._transact(
+            lambda: self._holding.allow(
+                a, b, depth=depth, speed=speed, until=until, region=region
+            )
+        )
+
+    def swap_model(self, robot: str, model: str) -> None:
+        """Choose the model of a robot's gripper, from the next cycle on.
+
+        Args:
+            robot: The robot.
+            model: "coarse", one box; "detailed", the links' own primitives; "auto",
+                the box while nothing is near.
+
+        Raises:
+            UnknownNameError: There is no such robot.
+            GraspError: It has no gripper or no box, or there is no such model.
+        """
+        self._holding.swap_model(robot, model)
+
+    @property
+    def contracts(self) -> tuple[Contract, ...]:
+        """Every allowance in force: what is held, and each contract."""
+        return self._holding.contracts
+
+    @property
+    def held(self) -> Mapping[str, tuple[str, ...]]:
+        """Robots that hold each object that is held; the first one carries it."""
+        return {name: tuple(by) for name, by in self._holding.holders.items()}
 
     def check_path(
         self, rows: ArrayLike, *, resolution: float = RESOLUTION
@@ -420,16 +538,19 @@ class Monitor:
         """Verdict on a straight line of joint positions as a whole."""
         if self._addresses[JUDGE] == NOWHERE:
             self._address_proofs()
+        swapped = self._detail()
         used = run_segment(
             np.ascontiguousarray(start), np.ascontiguousarray(end), self._lines
         )
+        self._coarsen(swapped)
         return Verdict(self._out[:used].copy(), self._names, None, 0.0)
 
     def reset(self) -> None:
         """Forget the last cycle, the last stamps, ordered stops and broken figures.
 
-        Robots count as at rest. Where every mode is "fixed" the next verdict is the
-        same either way; only the work is done anew.
+        Robots count as at rest. What is held is held, and contracts somebody asked for
+        stay in force; those by intent are over. Where every mode is "fixed" the next
+        verdict is the same either way; only the work is done anew.
         """
         self._memory[FORCE] = 1
         self._last_stamp = -np.inf
@@ -437,6 +558,9 @@ class Monitor:
             if name not in KEPT:
                 getattr(self._watch, name)[:] = fresh
         self._motion.v_low[:] = self._motion.v_high[:] = 0.0
+        if len(self.tables.holds.grippers):
+            self._holding.forget()
+            self._world_changed()
 
     def _prepare(self, tables: SceneTables) -> None:
         """Allocate everything the loop will ever need."""
@@ -468,6 +592,13 @@ class Monitor:
         self._addresses = np.full(PARTS, NOWHERE, dtype=np.int64)
         for k, ledger in zip((MOTION, WATCH), self._parts, strict=True):
             self._addresses[k] = ledger.lines.ctypes.data
+        self._grips = grips_of(tables)
+        self._grips_ledger = grips_ledger(self._grips)
+        self._addresses[GRIPS] = self._grips_ledger.lines.ctypes.data
+        self._holding = Holding(
+            tables, self._watch, self._motion, self.index, T_world, self._grips
+        )
+        self._holding.show_detailed()
         self._addresses[MEASURE] = self._motion.calls[0]
         self._addresses[REBUILD] = kernel_address(rebuild_world, 3)
         if guarded:
@@ -514,6 +645,7 @@ class Monitor:
             octree=self.index.state,
         )
         self._open_ledger(workspace)
+        self._holding.warm_up(self._lines)
         self._names = Names(
             joints=tables.q_names,
             lower=tables.lower,
@@ -526,16 +658,76 @@ class Monitor:
             robots=tuple(part.name for part in tables.robots) if guarded else (),
             first_row=first_row,
             disproved=self._watch.disproved,
-            tables=tables,
+            tables=snapshot(tables),
         )
 
     def _address_proofs(self) -> None:
         """Compile, or load, what judges motions, and tell the loop where it lies."""
-        self._addresses[PROVE] = kernel_address(prove_pair, 6)
-        self._addresses[JUDGE] = kernel_address(judge_motions, 1)
+        self._addresses[PROVE_ALL] = kernel_address(prove_pair, 6)
+        self._addresses[JUDGE_ALL] = kernel_address(judge_motions, 1)
+        # Compiled in any case: a contract is no time to compile.
+        self._for_contracts = (
+            kernel_address(prove_with_contract, 6),
+            kernel_address(judge_with_contracts, 1),
+            kernel_address(read_intents, 2),
+        )
+        self._address_contracts()
         self._addresses[CONCLUDE] = kernel_address(conclude, 1)
         self._addresses[REFUSE] = kernel_address(refuse, 1)
         self._addresses[TAKE] = kernel_address(take_input, 3)
+
+    def _address_contracts(self) -> None:
+        """Tell the loop to look at contracts where there may be any, and only there."""
+        at = self._addresses
+        if len(self._grips.grippers) or self._grips.may.any():
+            at[PROVE], at[JUDGE], at[INTENT] = self._for_contracts
+        else:
+            at[PROVE], at[JUDGE], at[INTENT] = at[PROVE_ALL], at[JUDGE_ALL], NOWHERE
+
+    def _transact(self, change: Callable[[], None]) -> None:
+        """Change who holds or may touch what, all at once.
+
+        Raises:
+            ArmguardError: Whatever the change raises; then nothing has changed.
+        """
+        swapped = self._detail()
+        try:
+            change()
+        finally:
+            self._coarsen(swapped)
+        tables = self.tables
+        pairs = all_pairs(tables)
+        watch = self._watch
+        needs = standing_needs(pairs, watch.model, watch.base, tables)
+        self._watch = watch._replace(pairs=pairs, pair_need=needs)
+        self._holding.watch = self._watch
+        for name, table in (("pairs", pairs), ("pair_need", needs)):
+            self._parts[1].put(Watch._fields.index(name), table)
+        self._workspace.look[0] = largest_standing_need(tables, self._watch)
+        self._names = replace(self._names, tables=snapshot(tables))
+        if self._addresses[JUDGE] != NOWHERE:
+            self._address_contracts()
+        self._world_changed()
+
+    def _detail(self) -> list[int]:
+        """Let its links' own primitives stand for every gripper, outside of the loop.
+
+        Returns:
+            Grippers whose box stood for them.
+        """
+        if not len(self.tables.holds.grippers):
+            return []
+        swapped = self._holding.show_detailed()
+        if swapped:
+            self._world_changed()
+        return swapped
+
+    def _coarsen(self, grippers: Sequence[int]) -> None:
+        """Let their boxes stand for grippers again."""
+        for g in grippers:
+            self._holding.show_coarse(g)
+        if grippers:
+            self._world_changed()
 
     def _seen(self, thing: Standing, stamp: float) -> None:
         """Note when an object was seen; infinite for one that is not there."""
@@ -554,7 +746,8 @@ class Monitor:
 
     def _world_changed(self) -> None:
         """Take over an index that was built anew; measure every pair afresh."""
-        self._open_ledger(self._workspace._replace(octree=self.index.state))
+        if self._workspace.octree is not self.index.state:
+            self._open_ledger(self._workspace._replace(octree=self.index.state))
         self._memory[FORCE] = 1
 
     def _open_ledger(self, workspace: Workspace) -> None:

@@ -20,6 +20,7 @@ from armguard.guard.near_pairs import (
     CAPACITY,
     boxes_apart,
     decide,
+    is_idle,
     keep_owned,
     open_row,
     row_place,
@@ -114,7 +115,10 @@ def go_through_pairs(lines: int) -> int:
         look = max(margin, v.pair_need[k] + v.look[i] + v.look[j])
         if boxes_apart(boxes, i, j, look):
             filtered += 1
-        elif w.octree.residency[j, STATUS] != ABSENT:
+        elif (
+            w.octree.residency[j, STATUS] != ABSENT
+            and w.octree.residency[i, STATUS] != ABSENT
+        ):
             count = judge_pair(i, j, look, count, lines)
     w.out[PAIRS_FILTERED] += filtered
     return count
@@ -130,15 +134,16 @@ def look_for_pairs(lines: int) -> int:
     w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     candidates, boxes = w.candidates, w.world.boxes
-    moving_count = w.settings[MOVING_COUNT]
     write_looks(w, v, m)
     widest = widest_look(w, v, m)
     count = 0
-    for i in range(moving_count):
+    for i in range(w.settings[MOVING_COUNT]):
+        if is_idle(i, v.robot_of, w):
+            continue
         w.memory[TOKEN] += 1
         found = candidates_within(i, widest + v.look[i], w)
         wanted = keep_owned(
-            i, found, moving_count, w.moved, w.groups, w.checked, candidates
+            i, found, v.robot_of, w.moved, w.groups, w.checked, candidates
         )
         sort_ids(candidates, wanted)
         for c in range(wanted):

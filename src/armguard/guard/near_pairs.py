@@ -29,6 +29,7 @@ from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
 from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
+from armguard.guard.watch import open_watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
@@ -36,14 +37,16 @@ from armguard.guard.workspace import (
     MEASURE,
     MOVING_COUNT,
     SELF,
+    WATCH,
     Workspace,
 )
 from armguard.index.octree_query import (
     octree_candidates,
     present_primitives,
 )
+from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.pair_state import NEEDED, PROVEN, SPENT, UNSURE
+from armguard.motion.pair_state import EXCEEDED, NEEDED, PROVEN, SPENT, UNSURE
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -57,31 +60,33 @@ CAPACITY = int(Reason.CAPACITY)
 NO_DISTANCE = int(Reason.NO_DISTANCE)
 NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
+CONTRACT_EXCEEDED = int(Reason.CONTRACT_EXCEEDED)
 
 
 @kernel
 def judge_pairs(w: Workspace) -> None:
     """Write every checked pair within the margin, in ascending order, and the reason.
 
-    A pair (i, j) belongs to its lower id, which always moves: the moving primitives
-    come first. So each pair is met once, and the order of the answer does not depend
-    on how the index happens to store its lists.
+    A pair (i, j) belongs to its lower id of those that a robot moves: the moving
+    primitives come first. So each pair is met once, and the order of the answer does
+    not depend on how the index happens to store its lists.
     """
     out, kept, memory, candidates = w.out, w.kept, w.memory, w.candidates
     kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
     margin = w.margin[0]
     moved, moving_count = w.moved, w.settings[MOVING_COUNT]
     everything = w.groups.shape[0]
+    robots = open_watch(w.parts[WATCH]).robot_of
     memory[CYCLE] += 1
     kept_count = memory[KEPT_COUNT]
     next_kept = 0
     count = 0
     for i in range(moving_count):
+        if is_idle(i, robots, w):
+            continue
         memory[TOKEN] += 1
         found = index_candidates(i, memory[TOKEN], w)
-        wanted = keep_owned(
-            i, found, moving_count, moved, w.groups, w.checked, candidates
-        )
+        wanted = keep_owned(i, found, robots, moved, w.groups, w.checked, candidates)
         sort_ids(candidates, wanted)
         for c in range(wanted):
             j = candidates[c]
@@ -148,10 +153,16 @@ def index_candidates(i: int, token: int, w: Workspace) -> int:
 
 
 @kernel
+def is_idle(i: int, robots: Ints, w: Workspace) -> bool:
+    """Whether a moving primitive owns no pair: nobody moves it, or it is not there."""
+    return bool(robots[i] < 0 or w.octree.residency[i, STATUS] == ABSENT)
+
+
+@kernel
 def keep_owned(
     i: int,
     found: int,
-    moving_count: int,
+    robots: Ints,
     moved: Bytes,
     groups: Ints,
     checked: Bytes,
@@ -162,7 +173,7 @@ def keep_owned(
     Args:
         i: The lower id of the pairs.
         found: Candidates.
-        moving_count: Moving primitives.
+        robots: Robot of each moving primitive, -1 for what nobody holds, shape (m,).
         moved: 1 where a primitive moved in this cycle, shape (p,).
         groups: Rule groups, shape (p,).
         checked: Which groups are checked, shape (g, g).
@@ -174,7 +185,7 @@ def keep_owned(
     wanted = 0
     for c in range(found):
         j = candidates[c]
-        if j <= i and j < moving_count:
+        if j <= i and j < robots.shape[0] and robots[j] >= 0:
             continue
         if checked[groups[i], groups[j]] and (moved[i] or moved[j]):
             candidates[wanted] = j
@@ -268,6 +279,8 @@ def reason_of(proof: int) -> int:
     """Reason that a pair without a proof leads to."""
     if proof == UNSURE:
         return NO_PROOF
+    if proof == EXCEEDED:
+        return CONTRACT_EXCEEDED
     return BUDGET_SPENT if proof == SPENT else TOO_CLOSE
 
 

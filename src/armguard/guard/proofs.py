@@ -57,8 +57,10 @@ from armguard.motion.free_way import bound_free_way, grid_time, time_after
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import path_gap, prove_by_spans, shared_joints
 from armguard.motion.pair_state import (
+    ALLOWED,
     BODY,
     DRIFT,
+    EXCEEDED,
     KIND,
     LEVERS,
     LOCAL,
@@ -93,6 +95,7 @@ Floats = NDArray[np.float64]
 TOO_CLOSE = int(Reason.TOO_CLOSE)
 NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
+CONTRACT_EXCEEDED = int(Reason.CONTRACT_EXCEEDED)
 
 # A robot whose part of a closing speed is smaller than this has no part in it [-].
 OWN_SHARE = 0.25
@@ -238,6 +241,10 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
     out[place + PROOF] = proof
     closing = closing_speed(i, j, w, v, m)
     left = inf
+    if proof == ALLOWED:
+        # A contact that is meant is no matter of time; levers tell enough of it.
+        out[place + TIME_TO_CONTACT] = lever_time(i, j, place, closing, w, v, m)
+        return
     if not spare > 0.0:
         left = 0.0
     else:
@@ -259,6 +266,8 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
     cause = TOO_CLOSE if proof == NEEDED else NO_PROOF
     if proof == SPENT:
         cause = BUDGET_SPENT
+    if proof == EXCEEDED:
+        cause = CONTRACT_EXCEEDED
     if robot_j < 0 or robot_j == robot_i:
         demand_stop(robot_i, cause, v)
         return
@@ -281,7 +290,7 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
         plan_i = NOW if stopped == robot_i else NEXT
         plan_j = NOW if stopped == robot_j else NEXT
         found = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
-        if found[0] == PROVEN:
+        if found[0] == PROVEN or found[0] == ALLOWED:
             demand_stop(stopped, cause, v)
             return
     demand_stop(one, cause, v)
@@ -552,6 +561,20 @@ def contact_time(
         if gap - unknown - speed * grid_time(k) > 0.0:
             return float(max(grid_time(k) - age, 0.0))
     return float(max(time - age, 0.0))
+
+
+@kernel
+def lever_time(
+    i: int, j: int, place: int, closing: float, w: Workspace, v: Watch, m: Motion
+) -> float:
+    """The same by levers alone."""
+    unknown = standing_need(i, j, w, v, m) - w.buffers[w.groups[i], w.groups[j]]
+    distance, push = w.out[place + WITNESS] - unknown - m.blur[i], m.push[i]
+    age, robot_j = m.clock[robot_of(i, v), AGE], robot_of(j, v)
+    if robot_j >= 0:
+        distance, push = distance - m.blur[j], push + m.push[j]
+        age = max(age, m.clock[robot_j, AGE])
+    return float(max(time_to_contact(distance, closing, push) - age, 0.0))
 
 
 @kernel

@@ -15,6 +15,7 @@ from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.guard.walk import LATE_CYCLES, Walk
 from armguard.guard.watch import SLOW_TIME_DEFAULT
+from armguard.guard.workspace import INTENT, NOWHERE
 
 if TYPE_CHECKING:
     from armguard.guard.monitor import Monitor
@@ -72,6 +73,10 @@ def self_test(guard: "Monitor") -> SelfTestReport:
         return SelfTestReport((SelfTestLine("SKIP", "no stops are predicted"),))
     watch = guard._watch
     before = {name: array.copy() for name, array in watch._asdict().items()}
+    # What is led up to something does not mean to touch it.
+    grips, intent = guard._grips, guard._addresses[INTENT]
+    contracts, may = grips.contracts.copy(), grips.may.copy()
+    guard._addresses[INTENT] = NOWHERE
     if len(watch.seen_at):
         watch.seen_at[watch.movers] = SEEN
     try:
@@ -80,6 +85,8 @@ def self_test(guard: "Monitor") -> SelfTestReport:
         guard.reset()
         for name, array in before.items():
             getattr(watch, name)[:] = array
+        grips.contracts[:], grips.may[:] = contracts, may
+        guard._addresses[INTENT] = intent
     return SelfTestReport(lines)
 
 

@@ -14,6 +14,7 @@ from armguard.guard.levels import SENTENCES, Level, Reason, level_of
 from armguard.guard.nuisance import Delayed, Lack, Nuisance, classify
 from armguard.guard.protective import ProtectiveDistance, protective_distance
 from armguard.guard.watch import HYSTERESIS, RESTING, SLOW_TIME_DEFAULT
+from armguard.motion.pair_state import ALLOWED
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -25,6 +26,7 @@ ABOUT_PAIRS = (
     Reason.TOO_CLOSE,
     Reason.NO_PROOF,
     Reason.BUDGET_SPENT,
+    Reason.CONTRACT_EXCEEDED,
     Reason.STOPPING,
     Reason.RESTING,
 )
@@ -110,6 +112,9 @@ class NearPair:
         model_error: How far what was measured may reach beyond the real surfaces, both
             sides together: the primitives, or the exact shapes where `distance` is
             theirs; a convex hull reaches into the dents of its mesh [m].
+        contract: Whether the pair is this near under a contract that it keeps; then
+            `buffer` is minus the depth it may overlap by, and `clearance` what is left
+            of that.
     """
 
     a: str
@@ -127,6 +132,7 @@ class NearPair:
     point_b: Floats
     normal: Floats
     model_error: float
+    contract: bool = False
 
     @property
     def distance_sentence(self) -> str:
@@ -136,6 +142,11 @@ class NearPair:
     @property
     def why(self) -> str:
         """The pair in words and millimetres."""
+        if self.contract:
+            return (
+                f"{self.distance_sentence}, under a contract: may come to "
+                f"{self.buffer * 1e3:.1f} mm, {self.clearance * 1e3:.1f} mm are left"
+            )
         if self.clearance != self.primitive_distance - self.buffer:
             need = self.primitive_distance - self.clearance
             demand = f"needs {need * 1e3:.0f} mm to stop in time"
@@ -508,6 +519,7 @@ class Verdict:
             point_b=witness[4:7].copy(),
             normal=witness[7:10].copy(),
             model_error=float(errors[i] + errors[j]),
+            contract=int(row[layout.PROOF]) == ALLOWED,
         )
 
     def _robots_of(self, k: int) -> tuple[int, int]:
@@ -587,7 +599,7 @@ class Verdict:
     def _pair_sentence(self, reason: Reason, nearest: NearPair) -> str:
         budget = self.budget
         sentence = nearest.why
-        if budget is not None:
+        if budget is not None and not nearest.contract:
             sentence = f"{nearest.distance_sentence}, {budget.sentence}"
         if reason in (Reason.NEAR, Reason.TOO_CLOSE):
             return sentence
@@ -654,4 +666,5 @@ def pair_dict(pair: NearPair) -> dict[str, object]:
         "point_b": pair.point_b.tolist(),
         "normal": pair.normal.tolist(),
         "model_error": pair.model_error,
+        "contract": pair.contract,
     }

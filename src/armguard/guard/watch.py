@@ -279,7 +279,8 @@ def watch_of(tables: SceneTables) -> Watch:
     last[LAST_NOW] = -np.inf
     figures = [part.stopping for part in tables.robots]
     by_robot = np.array([0.0 if f is None else f.model_error for f in figures])
-    model = by_robot[tables.robot_of_primitive] if m else np.zeros(0)
+    rides = tables.robot_of_primitive
+    model = np.where(rides >= 0, by_robot[rides], 0.0) if m else np.zeros(0)
     base = base_errors(tables)
     pairs = all_pairs(tables)
     tools = [tables.links[part.tool] for part in tables.robots]
@@ -351,6 +352,8 @@ def commands_under_way(tables: SceneTables) -> int:
 def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
     """Every checked pair in ascending order, where a scene has few primitives, (c, 2).
 
+    What a robot moves comes first.
+
     Such a scene is not asked of the index: it takes less time to go through its pairs.
     """
     p, m = len(tables.kinds), tables.moving_count
@@ -358,7 +361,10 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
         return np.zeros((0, 2), dtype=np.int32)
     i, j = np.triu_indices(p, 1)
     wanted = (i < m) & (tables.checked[tables.groups[i], tables.groups[j]] != 0)
-    return np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)
+    pairs = np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)
+    behind = tables.robot_of_primitive[pairs[:, 0]] < 0
+    pairs[behind] = pairs[behind, ::-1]
+    return pairs
 
 
 def standing_needs(
@@ -385,8 +391,16 @@ def base_errors(tables: SceneTables) -> NDArray[np.float64]:
     """
     errors = np.zeros(tables.moving_count)
     for i in range(tables.moving_count):
-        figures = tables.robots[tables.robot_of_primitive[i]].stopping
-        if figures is not None:
-            turn = 2.0 * np.sin(min(figures.base_turn, np.pi) / 2.0)
-            errors[i] = figures.base_error + turn * tables.base_reach[i]
+        r = int(tables.robot_of_primitive[i])
+        if r >= 0:
+            errors[i] = base_error(r, float(tables.base_reach[i]), tables)
     return errors
+
+
+def base_error(robot: int, reach: float, tables: SceneTables) -> float:
+    """How far an error of a robot's base moves what is so far from it at most [m]."""
+    figures = tables.robots[robot].stopping
+    if figures is None:
+        return 0.0
+    turn = 2.0 * np.sin(min(figures.base_turn, np.pi) / 2.0)
+    return float(figures.base_error + turn * reach)

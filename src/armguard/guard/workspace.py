@@ -112,6 +112,9 @@ INDEX_KIND = 1
 FIRST_ROW = 2  # where the rows of the answer start
 SETTINGS = 3
 
+# Address in `Workspace.parts` of what is not there.
+NOWHERE = -1
+
 # Places in `Workspace.parts`.
 MOTION = 0
 WATCH = 1
@@ -125,7 +128,11 @@ CONCLUDE = 8  # `conclude`
 REFUSE = 9  # `refuse`
 CLOSE = 10  # `close_cycle`
 ADD_PAIRS = 11  # what adds near pairs to the programs of a response
-PARTS = 12
+GRIPS = 12  # ledger of contracts and grippers
+JUDGE_ALL = 13  # `judge_motions`, where `JUDGE` is `judge_with_contracts`
+PROVE_ALL = 14  # `prove_pair`, where `PROVE` is `prove_with_contract`
+INTENT = 15  # `read_intents`
+PARTS = 16
 
 # Kinds of index.
 OCTREE = 0

@@ -5,6 +5,8 @@ PROVEN = 0
 NEEDED = 1  # as far as the bound can tell, some admissible motion breaks the distance
 UNSURE = 2  # the bound is too coarse to tell
 SPENT = 3  # the cycle's budget of tests is used up
+ALLOWED = 4  # a contract is kept that lets the pair be nearer
+EXCEEDED = 5  # neither that nor its distance
 
 # Places in the description of a pair: two sides of SIDE numbers, then the requirement.
 KIND = 0  # ShapeKind

@@ -30,7 +30,9 @@ from armguard.guard.workspace import (
     ADD_PAIRS,
     CLOSE,
     FIRST_ROW,
+    INTENT,
     MOTION,
+    NOWHERE,
     SELF,
     WATCH,
     Workspace,
@@ -101,6 +103,8 @@ def respond(response: Longs, lines: Longs) -> int:
     take_asked(a, v, m)
     lead_robots(response.ctypes.data, w.parts[SELF])
     s = open_lead(a.lead)
+    if w.parts[INTENT] != NOWHERE:
+        call_for_nothing(w.parts[INTENT], (a.asked.ctypes.data, w.parts[SELF]))
     look_for_threats(a, w, v, m)
     for r in range(a.notes.shape[0]):
         follows = follow_lead(r, engage(r, a, v, m), a, s, v)

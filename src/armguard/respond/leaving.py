@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.commands import time_passed
-from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
+from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
 from armguard.guard.proofs import object_speed, robot_of, standing_need
@@ -19,6 +19,7 @@ from armguard.guard.watch import RESTING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import ACCELERATION, FIRST_JOINT, JOINT_COUNT, TRACKING
+from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import SETTLED, Motion
 from armguard.respond.state import ASKS, Response
 
@@ -86,7 +87,8 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
         i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
         if robot_of(i, v) != r and robot_of(j, v) != r:
             continue
-        if not spare_at_rest(i, j, place, w, v, m) < 0.0:
+        meant = w.out[place + PROOF] == ALLOWED
+        if meant or not spare_at_rest(i, j, place, w, v, m) < 0.0:
             continue
         pair_row(i, j, place, a.raw, w, m)
         opening = missed = 0.0

@@ -26,17 +26,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.contracts import GRANTED, allowed_speed, contract_of
+from armguard.guard.grips import open_grips
 from armguard.guard.layout import (
     CLEARANCE,
     FIRST,
     NEAR_COUNT,
+    PROOF,
     SECOND,
+    WITNESS,
 )
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
 from armguard.guard.proofs import robot_of
 from armguard.guard.watch import RESTING, Watch, open_watch
-from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.workspace import GRIPS, MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.figures import (
@@ -47,6 +51,7 @@ from armguard.motion.figures import (
     POSITION_ERROR,
     VELOCITY,
 )
+from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
 from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
@@ -214,16 +219,17 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     holding = (1.0 - exp(-dt / HOLDING_TIME)) * (left - LEAST_SPARE)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
+    meant = out[place + PROOF] == ALLOWED
     for side in range(2):
         r = robot_i if side == 0 else robot_j
         if r < 0 or (side == 1 and r == robot_i):
             continue
-        asked = closing_of(r, raw, a.asked, m)
+        asked = 0.0 if meant else closing_of(r, raw, a.asked, m)
         if asked > GRAIN:
             a.notes[r, LEADS_AWAY] = -1
         elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
-        leads_away = resting < 0.0 and a.notes[r, RETREATS] != 0
+        leads_away = resting < 0.0 and a.notes[r, RETREATS] != 0 and not meant
         leads_away |= v.evades[r] != 0 and time_until(i, j, place, a, w, v, m) < inf
         if leads_away:
             only_away(r, a, m)
@@ -233,11 +239,13 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
             other = robot_j if side == 0 else robot_i
             own, its = (closing_i, closing_j) if side == 0 else (closing_j, closing_i)
             part = part_of(r, other, own, its, a.settings)
-        if a.notes[r, ROW_COUNT] > ROWS - 2:
+        if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
         add_approach(r, part * approach, a, v, m)
         add_holding(r, part * holding, a, v, m)
+        if meant:
+            add_contract(r, part, i, j, out[place + WITNESS], a, w, m)
 
 
 @kernel
@@ -339,6 +347,43 @@ def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
         cost = part * (time + (speed + 0.5 * gain) / figures[DECELERATION])
         limit += a.raw[j] * cost * last
         a.rows[at, j] = a.raw[j] * (dt + cost)
+    keep_row(r, first, end, at, limit, a)
+
+
+@kernel
+def add_contract(
+    r: int,
+    part: float,
+    i: int,
+    j: int,
+    distance: float,
+    a: Response,
+    w: Workspace,
+    m: Motion,
+) -> None:
+    """Add the row that lets a robot close a pair as slowly as its contract asks.
+
+    Args:
+        r: The robot.
+        part: Its share of the speed.
+        i: First primitive.
+        j: Second primitive.
+        distance: Their distance [m].
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        w: Workspace.
+        m: Motion.
+    """
+    h = open_grips(w.parts[GRIPS])
+    k = contract_of(i, j, h)
+    if k < 0:
+        return
+    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    at = r * ROWS + a.notes[r, ROW_COUNT]
+    for q in range(first, end):
+        a.rows[at, q] = a.raw[q]
+    limit = part * GRANTED * allowed_speed(distance, time, h.contracts[k])
     keep_row(r, first, end, at, limit, a)
 
 

@@ -3,12 +3,15 @@
 from armguard.scene.bay import bay_path, bay_scene, bay_task
 from armguard.scene.compile import compile_scene
 from armguard.scene.file import load_scene
+from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Surface, convex_pieces, mesh_hull
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.scene.trajectory import Trajectory, load_trajectory
 
 __all__ = [
+    "Grasp",
+    "Gripper",
     "Scene",
     "SceneTables",
     "Surface",

@@ -1,11 +1,13 @@
 """From a scene to flat tables."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.robot.kinematics import (
+    FIXED,
     KinematicTable,
     concatenate,
     kinematic_table,
@@ -21,7 +23,16 @@ from armguard.scene.blocks import (
     index_owners,
     stacked_rows,
 )
+from armguard.scene.coarse_gripper import coarse_gripper, gripper_members
 from armguard.scene.exact import ExactPart, exact_tables
+from armguard.scene.gripping import Grasp
+from armguard.scene.hold_tables import (
+    COARSE,
+    Graspable,
+    GripperPart,
+    HoldTables,
+    free_coarse,
+)
 from armguard.scene.names import PrimitiveNames
 from armguard.scene.rules import pair_rules
 from armguard.scene.scene import Scene, SceneRobot
@@ -47,7 +58,13 @@ def compile_scene(scene: Scene) -> SceneTables:
     names = list(scene.robots)
     tables = {name: kinematic_table(scene.robots[name].model) for name in names}
     bases = [scene.robots[name].base.matrix() for name in names]
-    joined = concatenate([tables[name] for name in names], bases)
+    carried = [name for name, thing in scene.objects.items() if thing.graspable]
+    joined = with_objects(
+        concatenate([tables[name] for name in names], bases),
+        [scene.objects[name].pose.matrix() for name in carried],
+    )
+    robot_bodies = len(joined.parent) - len(carried)
+    body_of = {name: robot_bodies + k for k, name in enumerate(carried)}
     first_body = dict(
         zip(
             names,
@@ -58,7 +75,7 @@ def compile_scene(scene: Scene) -> SceneTables:
     blocks = sorted(
         [
             *robot_blocks(scene, tables, first_body),
-            *object_blocks(scene, tables, first_body),
+            *object_blocks(scene, tables, first_body, body_of),
         ],
         key=lambda b: b.body if b.body >= 0 else np.iinfo(np.int32).max,
     )
@@ -70,6 +87,9 @@ def compile_scene(scene: Scene) -> SceneTables:
         owners=list(dict.fromkeys(b.owner for b in blocks)),
         moving={b.owner for b in blocks if b.body >= 0},
     )
+    grippers = gripper_parts(scene, tables, first_body)
+    free_coarse(rules.checked, rules.buffers, rules.group_of, grippers)
+    holds = hold_tables(scene, blocks, rules.group_of, rules.checked, grippers, body_of)
     groups = repeated([rules.group_of[b.owner] for b in blocks], sizes)
     kinds = np.concatenate([np.zeros(0, dtype=np.int32), *(b.kinds for b in blocks)])
     bodies = repeated([b.body for b in blocks], sizes)
@@ -95,12 +115,12 @@ def compile_scene(scene: Scene) -> SceneTables:
         owners=index_owners(blocks),
         local_rows=local_rows,
         groups=groups,
-        checked=rules.checked,
+        checked=holds.checked(),
         buffers=rules.buffers,
         growth=growth,
         margin=margin,
         moving_count=moving_count,
-        checkable_pairs=count_checkable(groups, rules.checked, moving_count),
+        checkable_pairs=count_checkable(groups, holds.rules, moving_count),
         body_names=PrimitiveNames(blocks, numbered=False),
         labels=PrimitiveNames(blocks, numbered=True),
         model_errors=np.concatenate([np.zeros(0), *(b.model_errors for b in blocks)]),
@@ -115,7 +135,11 @@ def compile_scene(scene: Scene) -> SceneTables:
         notes=tuple(scene.notes),
         robots=robot_parts(scene),
         links=link_frames(tables, first_body),
-        robot_of_primitive=robots_of(bodies[:moving_count], first_body),
+        robot_of_primitive=np.where(
+            bodies[:moving_count] < robot_bodies,
+            robots_of(bodies[:moving_count], first_body),
+            -1,
+        ).astype(np.int32),
         base_reach=base_reaches(
             scene, tables, kinds[:moving_count], bodies[:moving_count], local_rows
         ),
@@ -123,6 +147,86 @@ def compile_scene(scene: Scene) -> SceneTables:
         people=tuple(name for name, thing in scene.objects.items() if thing.person),
         period=scene.period,
         late=scene.late,
+        holds=holds,
+    )
+
+
+def with_objects(table: KinematicTable, poses: Sequence[Floats]) -> KinematicTable:
+    """A table with a body more for each object that may be gripped, in the world."""
+    count = len(poses)
+    frames = np.array([T[:3].reshape(12) for T in poses]).reshape(-1, 12)
+    still = np.full(count, -1, dtype=np.int32)
+    return replace(
+        table,
+        parent=np.concatenate([table.parent, still]),
+        joint_kind=np.append(table.joint_kind, [FIXED] * count).astype(np.int32),
+        q_index=np.concatenate([table.q_index, still]),
+        gain=np.concatenate([table.gain, np.tile([1.0, 0.0], (count, 1))]),
+        T_parent_joint=np.concatenate([table.T_parent_joint, frames]),
+        axis=np.concatenate([table.axis, np.tile([1.0, 0.0, 0.0], (count, 1))]),
+    )
+
+
+def gripper_parts(
+    scene: Scene, tables: Mapping[str, KinematicTable], first_body: Mapping[str, int]
+) -> tuple[GripperPart, ...]:
+    """The grippers of a scene."""
+    parts = []
+    for r, (name, robot) in enumerate(scene.robots.items()):
+        gripper = robot.gripper
+        if gripper is None:
+            continue
+        parts.append(
+            GripperPart(
+                robot=r,
+                name=name,
+                link=f"{name}/{gripper.link}",
+                body=first_body[name] + tables[name].body_of_link[gripper.link],
+                fingers=tuple(
+                    f"{name}/{f}" for f in gripper.fingers if f in robot.fits
+                ),
+                members=tuple(f"{name}/{m}" for m in gripper_members(robot)),
+                coarse=f"{name}/{gripper.link}{COARSE}" if gripper.coarse else None,
+                swap=gripper.swap,
+            )
+        )
+    return tuple(parts)
+
+
+def hold_tables(
+    scene: Scene,
+    blocks: Sequence[Block],
+    group_of: Mapping[str, int],
+    rules: NDArray[np.uint8],
+    grippers: tuple[GripperPart, ...],
+    body_of: Mapping[str, int],
+) -> HoldTables:
+    """Grippers, what they may grip, and where every body stands in the tables."""
+    places: dict[str, tuple[int, int]] = {}
+    still = np.ones(len(rules), dtype=np.uint8)
+    start = 0
+    for block in blocks:
+        first, _ = places.get(block.owner, (start, start))
+        start += len(block)
+        places[block.owner] = (first, start)
+        if block.body >= 0:
+            still[group_of[block.owner]] = 0
+    return HoldTables(
+        grippers=grippers,
+        objects={
+            name: Graspable(
+                name=name,
+                body=body,
+                group=group_of[name],
+                grasp=scene.objects[name].graspable or Grasp(),
+                rests_on=scene.objects[name].rests_on,
+            )
+            for name, body in body_of.items()
+        },
+        places=places,
+        group_of=group_of,
+        rules=rules,
+        still=still,
     )
 
 
@@ -184,6 +288,8 @@ def base_reaches(
     reach = np.zeros(len(kinds))
     box = np.zeros(6)
     for i, body in enumerate(bodies):
+        if body >= len(frames):
+            continue
         extent(kinds[i : i + 1], rows[i : i + 1], box)
         corner = np.maximum(np.abs(box[:3]), np.abs(box[3:]))
         reach[i] = frames[body] + float(np.linalg.norm(corner))
@@ -221,6 +327,16 @@ def robot_blocks(
                 link_frame(robot, table, link),
                 -1 if body == 0 else first_body[name] + body,
             )
+        if robot.gripper is not None and robot.gripper.coarse:
+            link = robot.gripper.link
+            box = coarse_gripper(robot, table, gripper_members(robot))
+            yield from blocks_of(
+                f"{name}/{link}{COARSE}",
+                (box,),
+                (),
+                np.eye(4),
+                first_body[name] + table.body_of_link[link],
+            )
 
 
 def link_frame(robot: SceneRobot, table: KinematicTable, link: str) -> Floats:
@@ -245,11 +361,17 @@ def object_blocks(
     scene: Scene,
     tables: Mapping[str, KinematicTable],
     first_body: Mapping[str, int],
+    body_of: Mapping[str, int],
 ) -> Iterator[Block]:
-    """Primitives of all objects; attached ones ride on their link's body."""
+    """Primitives of all objects; attached ones ride on their link's body.
+
+    What may be gripped has a body of its own.
+    """
     for name, thing in scene.objects.items():
         T, body = thing.pose.matrix(), -1
-        if thing.attached_to is not None:
+        if name in body_of:
+            T, body = np.eye(4), body_of[name]
+        elif thing.attached_to is not None:
             robot, link = thing.attached_to.split("/", 1)
             table = tables[robot]
             local = table.body_of_link[link]

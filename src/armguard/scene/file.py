@@ -8,9 +8,15 @@ from pydantic import BaseModel, ValidationError
 
 from armguard.errors import ArmguardError, did_you_mean
 from armguard.robot.stopping import FiguresError
-from armguard.scene.file_models import ObjectModel, RobotEntry, SceneModel
+from armguard.scene.file_models import (
+    GripperModel,
+    ObjectModel,
+    RobotEntry,
+    SceneModel,
+)
 from armguard.scene.file_parts import object_parts, pose_of, triple
 from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
+from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
 from armguard.scene.scene import Scene, check_figures
@@ -215,6 +221,20 @@ def add_object(
         present=entry.present,
         top_speed=entry.top_speed,
         person=entry.person,
+        graspable=entry.graspable
+        if isinstance(entry.graspable, bool)
+        else Grasp(**entry.graspable.model_dump()),
+        rests_on=entry.rests_on,
+    )
+
+
+def gripper_of(entry: GripperModel) -> Gripper:
+    """A gripper of the file."""
+    return Gripper(
+        link=entry.link,
+        fingers=tuple(entry.fingers),
+        coarse=entry.coarse,
+        swap=entry.swap,
     )
 
 
@@ -243,6 +263,7 @@ def add_robot(
         response=entry.response
         if isinstance(entry.response, str)
         else ResponseSettings(**entry.response.model_dump()),
+        gripper=None if entry.gripper is None else gripper_of(entry.gripper),
         fit_target=entry.fit_target,
         max_primitives=entry.max_primitives,
         home=entry.home,

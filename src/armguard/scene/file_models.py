@@ -60,6 +60,41 @@ class ShapeModel(ShapeKeys):
         return self
 
 
+class GraspModel(Strict):
+    """How an object may be gripped."""
+
+    near: Positive = 0.1
+    intent_speed: Positive = 0.1
+    creep: Positive = 0.02
+    depth: NotNegative = 0.002
+    aim: NotNegative = 0.01
+    touch: NotNegative = 0.005
+    lift: NotNegative = 0.010
+    expiry: Positive = 30.0
+
+
+class GripperModel(Strict):
+    """A robot's gripper."""
+
+    link: str
+    fingers: Annotated[list[str], Field(min_length=1)]
+    coarse: bool = True
+    swap: NotNegative = 0.05
+
+
+def flag_or_settings(value: Any) -> str:
+    """Which branch of `graspable` a value is meant for."""
+    settings = isinstance(value, dict | GraspModel)
+    return "constrained-grasp" if settings else "constrained-flag"
+
+
+GraspableEntry = Annotated[
+    Annotated[bool, Tag("constrained-flag")]
+    | Annotated[GraspModel, Tag("constrained-grasp")],
+    Discriminator(flag_or_settings),
+]
+
+
 class ObjectModel(ShapeKeys):
     """Exactly one shape or a union of several."""
 
@@ -70,6 +105,8 @@ class ObjectModel(ShapeKeys):
     present: bool = True
     top_speed: NotNegative = 0.0
     person: bool = False
+    graspable: GraspableEntry = False
+    rests_on: str | list[str] | None = None
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
@@ -128,6 +165,7 @@ class RobotEntry(Strict):
     mode: Mode | None = None
     stopping: StoppingModel | None = None
     response: ResponseByKind = "deflect"
+    gripper: GripperModel | None = None
     fit_target: Positive = 0.030
     max_primitives: Annotated[int, Field(ge=1, le=64)] = 8
     home: dict[str, Number] = Field(default={})

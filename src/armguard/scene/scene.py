@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
-from armguard.geometry.shapes import PlacedShape, Shape
+from armguard.geometry.shapes import HalfSpace, PlacedShape, Shape, Triangle
 from armguard.robot.fitting import fit_robot
 from armguard.robot.limits import home_configuration
 from armguard.robot.model import FittedLink, RobotModel
@@ -23,6 +23,7 @@ from armguard.robot.stopping import (
     named_figures,
 )
 from armguard.robot.urdf import load_urdf
+from armguard.scene.gripping import Grasp, Gripper, check_grasp, check_gripper
 from armguard.scene.meshes import (
     MAX_TRIANGLES,
     MeshForm,
@@ -31,6 +32,7 @@ from armguard.scene.meshes import (
     Surface,
     mesh_parts,
 )
+from armguard.scene.rigid import rigid_groups
 from armguard.scene.settings import (
     CHOICES,
     MODES,
@@ -69,6 +71,7 @@ class SceneRobot:
         mode: How the distance it must keep is made.
         stopping: How it stops; None if nobody said, which only the mode "fixed" bears.
         response: What it does about what is near.
+        gripper: Its gripper, None if it has none.
     """
 
     name: str
@@ -81,6 +84,7 @@ class SceneRobot:
     mode: Mode
     stopping: StoppingFigures | None
     response: ResponseSettings
+    gripper: Gripper | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +101,9 @@ class SceneObject:
         present: Whether it is there when a guard starts.
         top_speed: Greatest speed of any of its points; 0 if it stands still [m/s].
         person: Whether it is a person.
+        graspable: How it may be gripped; None if it may not.
+        rests_on: Bodies it may be put down on; None for what it stands on when it is
+            grasped.
     """
 
     name: str
@@ -108,6 +115,8 @@ class SceneObject:
     present: bool = True
     top_speed: float = 0.0
     person: bool = False
+    graspable: Grasp | None = None
+    rests_on: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,6 +277,7 @@ class Scene:
         mode: Mode | None = None,
         stopping: StoppingFigures | Mapping[str, Any] | None = None,
         response: ResponseName | ResponseSettings = "deflect",
+        gripper: Gripper | None = None,
         fit_target: float = 0.030,
         max_primitives: int = 8,
         home: Mapping[str, float] | None = None,
@@ -287,6 +297,7 @@ class Scene:
             stopping: How it stops: figures, or what `stopping_figures` takes. Of a
                 robot by name, what is not given is taken from its own figures.
             response: What it does about what is near, see `Guard.filter`.
+            gripper: Its gripper, see docs/gripping.md.
             fit_target: Overreach the fitted primitives should stay below [m].
             max_primitives: Primitives a link may be given for that.
             home: Home positions by joint name; see `home_configuration` for the rest.
@@ -307,6 +318,8 @@ class Scene:
             check_distance(f"robot '{name}': buffer", buffer)
         if mode is not None:
             check_mode(f"robot '{name}': mode", mode)
+        if gripper is not None:
+            check_gripper(f"robot '{name}'", gripper)
         model, home, known = self._load(urdf, srdf, packages, home)
         if not isinstance(stopping, StoppingFigures):
             own = None if known is None else named_figures(known, model)
@@ -320,6 +333,8 @@ class Scene:
             max_primitives=max_primitives,
             progress=progress and fitting(progress),
         )
+        if gripper is not None:
+            gripper = known_gripper(name, model, fits, gripper)
         robot = SceneRobot(
             name=name,
             model=model,
@@ -331,6 +346,7 @@ class Scene:
             mode=self.mode if mode is None else mode,
             stopping=stopping,
             response=response_settings(f"robot '{name}'", response),
+            gripper=gripper,
         )
         self._robots[name] = robot
         self.notes += [f"robot '{name}': {note}" for note in model.notes]
@@ -347,6 +363,8 @@ class Scene:
         present: bool = True,
         top_speed: float = 0.0,
         person: bool = False,
+        graspable: Grasp | bool = False,
+        rests_on: str | Sequence[str] | None = None,
     ) -> SceneObject:
         """Add an object.
 
@@ -361,11 +379,15 @@ class Scene:
             top_speed: Greatest speed of any of its points, if somebody or something
                 else may move it [m/s].
             person: Whether it is a person.
+            graspable: Whether a gripper may grip it, and how; see docs/gripping.md.
+            rests_on: Bodies a graspable object may be put down on; by default what it
+                stands on when it is grasped.
 
         Raises:
             SceneError: The name is taken or no name, there is no shape, a surface is
                 to ride on a link, what rides on one is not present, has a speed of its
-                own or is a person, or the speed is negative or not finite.
+                own or is a person, the speed is negative or not finite, or it is
+                graspable and cannot be carried.
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
@@ -394,6 +416,14 @@ class Scene:
                 f"object '{name}': top_speed is {top_speed} m/s; it must be finite and "
                 ">= 0"
             )
+        how = grasp_settings(name, graspable)
+        if how is not None:
+            self._check_carried(name, parts, attached_to, top_speed, person)
+        elif rests_on is not None:
+            raise SceneError(
+                f"object '{name}' has rests_on and is not graspable; leave it out"
+            )
+        supports = (rests_on,) if isinstance(rests_on, str) else rests_on
         thing = SceneObject(
             name=name,
             shapes=tuple(
@@ -408,6 +438,8 @@ class Scene:
             present=present,
             top_speed=top_speed,
             person=person,
+            graspable=how,
+            rests_on=None if supports is None else tuple(supports),
         )
         self._objects[name] = thing
         return thing
@@ -426,6 +458,8 @@ class Scene:
         present: bool = True,
         top_speed: float = 0.0,
         person: bool = False,
+        graspable: Grasp | bool = False,
+        rests_on: str | Sequence[str] | None = None,
         max_triangles: int = MAX_TRIANGLES,
         progress: Progress | None = None,
     ) -> SceneObject:
@@ -445,6 +479,8 @@ class Scene:
             present: Whether it is there when a guard starts.
             top_speed: Greatest speed of any of its points [m/s].
             person: Whether it is a person.
+            graspable: See `add`; not for triangles.
+            rests_on: See `add`.
             max_triangles: More than this many are refused.
             progress: Called with what is done, its number and their count, if it
                 takes long.
@@ -483,6 +519,8 @@ class Scene:
             present=present,
             top_speed=top_speed,
             person=person,
+            graspable=graspable,
+            rests_on=rests_on,
         )
 
     def remove(self, name: str) -> None:
@@ -621,6 +659,7 @@ class Scene:
         Raises:
             SceneError: There is no robot, a robot has no stopping figures, or a
                 buffer exceeds the margin.
+            UnknownNameError: What an object may rest on does not exist.
         """
         if not self._robots:
             raise SceneError("the scene has no robot; add one with `add_robot`")
@@ -628,6 +667,9 @@ class Scene:
             raise SceneError("no robot of the scene has a joint that moves")
         for robot in self._robots.values():
             check_figures(robot)
+        for thing in self._objects.values():
+            for support in thing.rests_on or ():
+                self._check_body(support)
         if self.largest_buffer > self.margin:
             raise SceneError(
                 f"a buffer of {self.largest_buffer * 1e3:.1f} mm is larger than the "
@@ -651,6 +693,28 @@ class Scene:
             path, srdf = named.urdf, named.srdf if srdf is None else srdf
             home = {**named.home, **(home or {})}
         return load_urdf(path, srdf=srdf, packages=packages), home, known
+
+    def _check_carried(
+        self,
+        name: str,
+        parts: Sequence[Part],
+        attached_to: str | None,
+        top_speed: float,
+        person: bool,
+    ) -> None:
+        """What is graspable can be carried."""
+        if attached_to is not None or top_speed != 0.0 or person:
+            raise SceneError(
+                f"object '{name}' is graspable and is attached, has a top_speed or is "
+                "a person; leave one of them out"
+            )
+        shapes = [part.shape if isinstance(part, PlacedShape) else part
+                  for part in parts]  # fmt: skip
+        if any(isinstance(shape, Surface | HalfSpace | Triangle) for shape in shapes):
+            raise SceneError(
+                f"object '{name}' is graspable and has triangles or a half-space, "
+                "which no gripper carries; give a mesh as 'hull' or as 'pieces'"
+            )
 
     def _check_name(self, name: str) -> None:
         if not name or "/" in name or name != name.strip():
@@ -680,6 +744,58 @@ class Scene:
             return [f"{name}/{link}" for link in self._robots[name].model.links]
         self._check_body(name)
         return [name]
+
+
+def grasp_settings(name: str, graspable: Grasp | bool) -> Grasp | None:
+    """How an object may be gripped; None if it may not.
+
+    Raises:
+        SceneError: A setting cannot be true.
+    """
+    if isinstance(graspable, Grasp):
+        return check_grasp(f"object '{name}'", graspable)
+    return Grasp() if graspable else None
+
+
+def known_gripper(
+    name: str, model: RobotModel, fits: Mapping[str, FittedLink], gripper: Gripper
+) -> Gripper:
+    """A gripper whose links exist.
+
+    Raises:
+        UnknownNameError: One does not.
+        SceneError: Its link stands still, or a finger does not ride on it or has no
+            shape.
+    """
+    for link in (gripper.link, *gripper.fingers):
+        if link not in model.links:
+            raise UnknownNameError(
+                f"robot '{name}' has no link '{link}' for its gripper; "
+                f"{did_you_mean(link, model.links)}"
+            )
+    groups = rigid_groups(model)
+    above = {joint.child: joint.parent for joint in model.joints.values()}
+    own = groups[gripper.link]
+    if own == groups[model.root]:
+        raise SceneError(
+            f"robot '{name}': gripper.link '{gripper.link}' is part of its base; name "
+            "one that joints move"
+        )
+    for finger in gripper.fingers:
+        if finger not in fits:
+            raise SceneError(
+                f"robot '{name}': finger '{finger}' has no collision geometry, so "
+                "nobody knows when it touches"
+            )
+        link = finger
+        while link in above and groups[link] != own:
+            link = above[link]
+        if groups[link] != own:
+            raise SceneError(
+                f"robot '{name}': finger '{finger}' does not ride on gripper.link "
+                f"'{gripper.link}'"
+            )
+    return replace(gripper, fingers=tuple(gripper.fingers))
 
 
 def fitting(progress: Progress) -> Progress:

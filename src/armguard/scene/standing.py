@@ -24,6 +24,7 @@ class Standing:
         present: Whether it is there from the start.
         shapes: Its shapes, in its own frame.
         surfaces: Its triangles, in its own frame.
+        body: Its own body if it may be gripped, else -1.
     """
 
     first: int
@@ -31,6 +32,7 @@ class Standing:
     present: bool
     shapes: tuple[PlacedShape, ...]
     surfaces: tuple[Surface, ...]
+    body: int = -1
 
     def rows(self, T: Floats) -> Floats:
         """Rows of its primitives where its frame stands at T, shape (count, 16)."""
@@ -47,15 +49,22 @@ def standing_objects(
         objects: All objects of the scene.
     """
     first: dict[str, int] = {}
+    body: dict[str, int] = {}
     count: dict[str, int] = {}
     start = 0
     for block in blocks:
         first.setdefault(block.owner, start)
+        body[block.owner] = block.body
         count[block.owner] = count.get(block.owner, 0) + len(block)
         start += len(block)
     return {
         name: Standing(
-            first[name], count[name], thing.present, thing.shapes, thing.surfaces
+            first[name],
+            count[name],
+            thing.present,
+            thing.shapes,
+            thing.surfaces,
+            body[name],
         )
         for name, thing in objects.items()
         if thing.attached_to is None

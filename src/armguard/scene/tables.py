@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import Shape
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.exact import ExactTables
+from armguard.scene.hold_tables import HoldTables
 from armguard.scene.settings import IndexSettings, Mode, ResponseSettings
 from armguard.scene.standing import Standing
 
@@ -96,7 +97,8 @@ class SceneTables:
         notes: What the user should know, one sentence each.
         robots: Robots in the order of q.
         links: Frame of each link, by 'robot/link'.
-        robot_of_primitive: Robot each primitive rides on, -1 for none, shape (m,).
+        robot_of_primitive: Robot each primitive rides on, -1 for none: of what may be
+            gripped, while nobody holds it, shape (m,).
         base_reach: Radius about its robot's base that no point of a moving primitive
             leaves, shape (m,) [m].
         top_speeds: Greatest speed of each primitive that no robot moves, shape (p,),
@@ -104,6 +106,7 @@ class SceneTables:
         people: Objects that stand for persons.
         period: Time from one cycle to the next [s].
         late: How much later than that it may come [s].
+        holds: Grippers and what they may grip.
     """
 
     q_names: tuple[str, ...]
@@ -145,3 +148,4 @@ class SceneTables:
     people: tuple[str, ...]
     period: float
     late: float
+    holds: HoldTables

@@ -1,0 +1,54 @@
+"""How near two bodies are, by their primitives or their exact shapes."""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import stack
+from armguard.geometry.pairs import measure_by
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard.refine import measure_parts
+from armguard.guard.workspace import MEASURE, SELF, open_workspace
+from armguard.kernel import kernel
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+
+@kernel(inline=False, entry=True)
+def body_distance(
+    first_a: int, end_a: int, first_b: int, end_b: int, lines: Longs, out: Floats
+) -> None:
+    """Witness row of two bodies where they are now.
+
+    Args:
+        first_a: First primitive of A.
+        end_a: The one after its last.
+        first_b: First primitive of B.
+        end_b: The one after its last.
+        lines: Ledger of the workspace.
+        out: Overwritten, shape (10,).
+    """
+    w = open_workspace(lines)
+    kinds, rows = w.world.kinds, w.world.rows
+    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    out[0] = np.inf
+    for i in range(first_a, end_a):
+        for j in range(first_b, end_b):
+            measure_by(w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], found)
+            if not found[0] >= out[0]:
+                out[:] = found
+    if w.exact_of[first_a, 1] == 0 and w.exact_of[first_b, 1] == 0:
+        return
+    # All primitives of a link share its exact shapes; those of an object are exact.
+    last_a = first_a + 1 if w.exact_of[first_a, 1] > 0 else end_a
+    last_b = first_b + 1 if w.exact_of[first_b, 1] > 0 else end_b
+    outer = out[0]
+    out[0] = np.inf
+    for i in range(first_a, last_a):
+        for j in range(first_b, last_b):
+            measure_parts(i, j, found.ctypes.data, w.parts[SELF])
+            if not found[0] >= out[0]:
+                out[:] = found
+    if outer > out[0]:
+        out[0] = outer

@@ -1,0 +1,437 @@
+"""Contacts that are meant: what a contract between two bodies lets a pair do.
+
+A contract never asks for more than a pair needs anyway. It lets the pair be nearer than
+its buffer, and overlap by `DEPTH`, as long as what closes it is no faster than
+
+    CREEP + GAIN · distance
+
+at every distance that may be reached before an order takes effect. The depth is proven
+until all are at rest, with every error that has been declared. The speed is that of
+what the robots are told, or where nobody tells them anything through the guard, of what
+is measured; by how much they miss it comes on top.
+"""
+
+from math import inf
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import call_for_proof, stack
+from armguard.geometry.pairs import measure_by
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.vec3 import dot
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard.grips import (
+    CREEP,
+    DEPTH,
+    DORMANT,
+    END_A,
+    END_B,
+    EXPIRED,
+    FIRST_A,
+    FIRST_B,
+    GAIN,
+    GRIPPER,
+    GROUP_A,
+    GROUP_B,
+    HALF,
+    IN_FORCE,
+    NEAREST,
+    NONE,
+    NORMAL,
+    NOWHERE,
+    POINT,
+    REGION,
+    RELIED,
+    STATE,
+    T_REGION,
+    WORLD,
+    Grips,
+    open_grips,
+)
+from armguard.guard.layout import BUFFER, OUTER, WITNESS
+from armguard.guard.proofs import object_speed, robot_of, time_since
+from armguard.guard.refine import exact_row, refine_pair
+from armguard.guard.watch import COMMANDED, RECOVERING, Watch, open_watch
+from armguard.guard.workspace import (
+    GRIPS,
+    MEASURE,
+    MOTION,
+    PROVE_ALL,
+    WATCH,
+    Workspace,
+    open_workspace,
+)
+from armguard.kernel import kernel
+from armguard.ledger import ledger_at
+from armguard.motion.nearest import joint_way
+from armguard.motion.pair_proof import path_gap, shared_joints
+from armguard.motion.pair_state import (
+    ALLOWED,
+    BODY,
+    DRIFT,
+    EXCEEDED,
+    KIND,
+    LEVERS,
+    LOCAL,
+    NEED,
+    PAIR,
+    PLAN,
+    PROVEN,
+    ROW,
+    SHARED,
+    SIDE,
+    SPENT,
+)
+from armguard.motion.state import (
+    LOOKED,
+    NEXT,
+    REACTION,
+    SEGMENT,
+    SETTLED,
+    Motion,
+    open_motion,
+)
+
+Floats = NDArray[np.float64]
+
+# Share of what a contract bears that a response asks for: what is under way is as old
+# as the delays, and was told when the pair was farther apart [-].
+GRANTED = 0.8
+
+# What a pair has left of which nobody asks how much it is [m].
+PLENTY = 0.02
+
+# What round-off may add to a speed [m/s].
+GRAIN = 1e-9
+
+
+@kernel(inline=False)
+def prove_with_contract(
+    i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
+) -> tuple[int, float]:
+    """Prove that a pair keeps what it must, or what its contract asks for in place.
+
+    Args:
+        i: First primitive.
+        j: Second primitive.
+        plan_i: NEXT or NOW, the stop of the robot of the first.
+        plan_j: The same of the second.
+        place: Where the pair's row of the answer starts.
+        lines: Address of the ledger of the workspace.
+
+    Returns:
+        How the proof ended, and what is left or lacks [m].
+    """
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    h = open_grips(w.parts[GRIPS])
+    pair = (i, j, plan_i, plan_j, place, lines)
+    if h.may[w.groups[i], w.groups[j]] == 0 or m.span[SEGMENT] != 0.0:
+        return call_for_proof(w.parts[PROVE_ALL], pair)
+    k = contract_of(i, j, h)
+    if k < 0:
+        return call_for_proof(w.parts[PROVE_ALL], pair)
+    c = h.contracts[k]
+    if c[STATE] == DORMANT:
+        note_nearest(i, place, c, w.out)
+        return call_for_proof(w.parts[PROVE_ALL], pair)
+    # What its contract asks for has to be looked at whenever commands change.
+    m.effort[LOOKED] = 1
+    refine_pair(i, j, place, lines)
+    note_nearest(i, place, c, w.out)
+    kept, spare = False, -inf
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+    recovers = v.phase[robot_i] == RECOVERING
+    if robot_j >= 0:
+        recovers |= v.phase[robot_j] == RECOVERING
+    if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
+        spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], lines)
+        closing, time = closing_told(i, j, plan_i, plan_j, place, w, v, m)
+        # What moves by itself may have come nearer since it was seen, and comes on.
+        drift = object_speed(j, v)
+        if drift > 0.0:
+            spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
+            closing += drift
+        distance = w.out[place + WITNESS] - max(closing, 0.0) * time
+        most = speed_at(max(distance, 0.0), c)
+        if c[STATE] == EXPIRED:
+            # What is over still lets those who are near leave.
+            most = 0.0
+        kept = spare >= 0.0 and closing <= most + GRAIN
+    if kept and c[STATE] == IN_FORCE:
+        w.out[place + BUFFER] = -c[DEPTH]
+        return (ALLOWED, spare)
+    before_i, deficit_i = v.relieved[robot_i], v.deficit[robot_i]
+    before_j, deficit_j = before_i, deficit_i
+    v.relieved[robot_i] = 0
+    if robot_j >= 0 and robot_j != robot_i:
+        before_j, deficit_j = v.relieved[robot_j], v.deficit[robot_j]
+        v.relieved[robot_j] = 0
+    proof, left = call_for_proof(w.parts[PROVE_ALL], pair)
+    eased = v.relieved[robot_i] != 0 or (robot_j >= 0 and v.relieved[robot_j] != 0)
+    needs = proof != PROVEN or eased
+    if needs:
+        c[RELIED] = 1.0
+    if kept:
+        # What a contract still bears is no reason to leave; one that is over is.
+        eased = c[STATE] == EXPIRED and needs
+        v.deficit[robot_i] = deficit_i
+        if robot_j >= 0 and robot_j != robot_i:
+            v.deficit[robot_j] = deficit_j
+    v.relieved[robot_i] = 1 if eased else before_i
+    if robot_j >= 0 and robot_j != robot_i:
+        v.relieved[robot_j] = 1 if eased else before_j
+    if not needs:
+        return (proof, left)
+    if kept and c[STATE] == EXPIRED:
+        return (PROVEN, spare)
+    if kept:
+        w.out[place + BUFFER] = -c[DEPTH]
+        return (ALLOWED, spare)
+    if proof == PROVEN or proof == SPENT:
+        return (proof, left)
+    return (EXCEEDED, left)
+
+
+@kernel
+def contract_of(i: int, j: int, h: Grips) -> int:
+    """The contract a pair of primitives is under; -1 if none.
+
+    Of several one in force, and of these the one that allows most.
+    """
+    rows = h.contracts
+    found = -1
+    for k in range(rows.shape[0]):
+        state = rows[k, STATE]
+        if state == NONE or not (is_of(i, j, rows[k]) or is_of(j, i, rows[k])):
+            continue
+        # States are numbered in the order in which they count.
+        if (
+            found < 0
+            or state < rows[found, STATE]
+            or (state == rows[found, STATE] and rows[k, DEPTH] > rows[found, DEPTH])
+        ):
+            found = k
+    return found
+
+
+@kernel
+def is_of(a: int, b: int, c: Floats) -> bool:
+    """Whether a primitive is of a contract's body A and another one of its B."""
+    return bool(c[FIRST_A] <= a < c[END_A] and c[FIRST_B] <= b < c[END_B])
+
+
+@kernel
+def note_nearest(i: int, place: int, c: Floats, out: Floats) -> None:
+    """Keep what is known of a contract's nearest pair in this cycle."""
+    at = place + WITNESS
+    if not out[at] < c[NEAREST]:
+        return
+    c[NEAREST] = out[at]
+    forward = c[FIRST_A] <= i < c[END_A]
+    for k in range(3):
+        c[NORMAL + k] = out[at + 7 + k] if forward else -out[at + 7 + k]
+        c[POINT + k] = out[at + 1 + k] if forward else out[at + 4 + k]
+
+
+@kernel
+def is_inside(place: int, c: Floats, w: Workspace) -> bool:
+    """Whether a pair's two witness points lie in its contract's region."""
+    if c[REGION] == NOWHERE:
+        return True
+    for point in range(2):
+        x, y, z = in_frame(place + WITNESS + 1 + 3 * point, c, w)
+        if not (abs(x) <= c[HALF] and abs(y) <= c[HALF + 1] and abs(z) <= c[HALF + 2]):
+            return False
+    return True
+
+
+@kernel
+def in_frame(at: int, c: Floats, w: Workspace) -> tuple[float, float, float]:
+    """A point of the answer in the frame of a contract's region [m]."""
+    x, y, z = w.out[at], w.out[at + 1], w.out[at + 2]
+    if c[REGION] != WORLD:
+        x, y, z = back(x, y, z, w.T_world[int(c[REGION])])
+    return back(x, y, z, c[T_REGION:GRIPPER])
+
+
+@kernel
+def back(x: float, y: float, z: float, T: Floats) -> tuple[float, float, float]:
+    """A point in the frame that stands at T [m]."""
+    x, y, z = x - T[3], y - T[7], z - T[11]
+    return (
+        T[0] * x + T[4] * y + T[8] * z,
+        T[1] * x + T[5] * y + T[9] * z,
+        T[2] * x + T[6] * y + T[10] * z,
+    )
+
+
+@kernel(inline=False)
+def least_gap(
+    i: int, j: int, plan_i: int, plan_j: int, place: int, need: float, lines: int
+) -> float:
+    """Least signed distance of a pair on the stop path, of its exact shapes [m].
+
+    Apart or overlapping: along any direction two bodies are separated by no more than
+    their signed distance.
+
+    Args:
+        i: First primitive.
+        j: Second primitive.
+        plan_i: NEXT or NOW, the stop of the robot of the first.
+        plan_j: The same of the second.
+        place: Where the pair's row of the answer starts.
+        need: Distance to be kept; with plenty beyond it a quick bound will do [m].
+        lines: Address of the ledger of the workspace.
+    """
+    w = open_workspace(ledger_at(lines))
+    m = open_motion(w.parts[MOTION])
+    moving = m.rate.shape[0]
+    by_levers = w.out[place + OUTER] - m.reach[plan_i, i]
+    if j < moving:
+        by_levers -= m.reach[plan_j, j]
+    if by_levers >= need + PLENTY:
+        return float(by_levers)
+    pair = numba.carray(stack(15), (PAIR,), np.float64)
+    rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    pair[SHARED] = shared_joints(w.bodies[i], w.bodies[j], m)
+    pair[NEED] = pair[DRIFT] = 0.0
+    pair[PLAN], pair[SIDE + PLAN] = plan_i, plan_j
+    least = inf
+    for a in range(max(w.exact_of[i, 1], 1)):
+        pair[KIND] = describe_side(i, a, 0, rows[0], pair, w, m)
+        for b in range(max(w.exact_of[j, 1], 1)):
+            pair[SIDE + KIND] = describe_side(j, b, SIDE, rows[1], pair, w, m)
+            kind_a, kind_b = int(pair[KIND]), int(pair[SIDE + KIND])
+            measure_by(w.parts[MEASURE], kind_a, rows[0], kind_b, rows[1], witness)
+            n = (witness[7], witness[8], witness[9])
+            gap = path_gap(pair.ctypes.data, n, w.parts[MOTION])
+            if not gap >= least:
+                least = gap
+    return float(max(by_levers, least))
+
+
+@kernel
+def describe_side(
+    i: int, which: int, at: int, row: Floats, pair: Floats, w: Workspace, m: Motion
+) -> int:
+    """Write one side of a pair's description, and where its shape is in the world.
+
+    Returns:
+        Its kind.
+    """
+    moving = m.rate.shape[0]
+    kind = exact_row(i, which, w, row)
+    pair[at + ROW] = pair[at + LOCAL] = row.ctypes.data
+    pair[at + BODY] = w.bodies[i]
+    pair[at + LEVERS] = m.levers[min(i, moving - 1)].ctypes.data
+    if w.exact_of[i, 1] > 0 and i < moving:
+        pair[at + LEVERS] = m.exact_levers[w.exact_of[i, 0] + which].ctypes.data
+    return int(kind)
+
+
+@kernel
+def closing_told(
+    i: int,
+    j: int,
+    plan_i: int,
+    plan_j: int,
+    place: int,
+    w: Workspace,
+    v: Watch,
+    m: Motion,
+) -> tuple[float, float]:
+    """How fast a pair is told to close, and until when a stop has taken effect.
+
+    Returns:
+        Along the pair's normal, at most [m/s]; and that time [s].
+    """
+    out, robots = w.out, m.robot_figures.shape[0]
+    at = place + WITNESS
+    n = (out[at + 7], out[at + 8], out[at + 9])
+    moving = m.rate.shape[0]
+    first = shared_joints(w.bodies[i], w.bodies[j], m)
+    closing = time = 0.0
+    for side in range(2):
+        k, plan = (i, plan_i) if side == 0 else (j, plan_j)
+        if k >= moving:
+            continue
+        r = robot_of(k, v)
+        if r >= 0:
+            time = max(time, m.clock[plan * robots + r, REACTION])
+        point = (
+            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
+        )  # fmt: skip
+        body = w.bodies[k]
+        for x in range(first, m.length[body]):
+            b = m.joints[body, x]
+            g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
+            closing += fastest(m.q_index[b], g if side == 0 else -g, plan, v, m)
+    return (closing, time)
+
+
+@kernel
+def speed_at(distance: float, c: Floats) -> float:
+    """Greatest closing speed that a contract bears at a distance [m/s]."""
+    return float(c[CREEP] + c[GAIN] * distance)
+
+
+@kernel
+def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
+    """Most that a joint may be told to add to a closing speed [m/s].
+
+    Args:
+        q: The joint.
+        g: How fast it closes the pair at unit speed.
+        plan: NEXT or NOW.
+        v: Watch.
+        m: Motion.
+    """
+    if v.given[COMMANDED] == 0.0:
+        return float(g * 0.5 * (m.v_low[q] + m.v_high[q]))
+    low, high = v.under_way[q, 0], v.under_way[q, 1]
+    if plan == NEXT:
+        low, high = min(low, v.wanted[q]), max(high, v.wanted[q])
+    return float(max(g * low, g * high))
+
+
+@kernel
+def allowed_speed(distance: float, time: float, c: Floats) -> float:
+    """Greatest closing speed at a distance that its contract bears until a stop works.
+
+    Args:
+        distance: That distance [m].
+        time: Until an order takes effect [s].
+        c: The contract.
+    """
+    most = speed_at(distance, c) / (1.0 + c[GAIN] * time)
+    return float(max(c[CREEP], most))
+
+
+@kernel
+def open_contract(k: int, h: Grips) -> None:
+    """A contract is in force: tell it to the groups of its bodies."""
+    c = h.contracts[k]
+    c[STATE] = IN_FORCE
+    c[NEAREST], c[RELIED] = inf, 0.0
+    a, b = int(c[GROUP_A]), int(c[GROUP_B])
+    h.may[a, b] = h.may[b, a] = 1
+
+
+@kernel
+def close_contract(k: int, h: Grips) -> None:
+    """A contract is over; its groups have one as long as another is."""
+    c = h.contracts[k]
+    c[STATE] = NONE
+    a, b = c[GROUP_A], c[GROUP_B]
+    for x in range(h.contracts.shape[0]):
+        other = h.contracts[x]
+        if other[STATE] == NONE:
+            continue
+        one, two = other[GROUP_A], other[GROUP_B]
+        if (one == a and two == b) or (one == b and two == a):
+            return
+    h.may[int(a), int(b)] = h.may[int(b), int(a)] = 0

@@ -1,0 +1,372 @@
+"""What is meant to be gripped, or put down: read from where slow motion leads.
+
+Fingers that are slow, and near an object that may be gripped, mean it if the way of the
+middle between them leads there. One object is meant by a gripper at a time: another one
+only when the first keeps all it needs without a contract. What is held is meant to be
+put down where it may rest if it is slow and comes towards that.
+
+What operators ask for is read, not what they are granted: who pushes on at speed does
+not mean it, however much the guard slows him.
+"""
+
+from math import inf
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import pointer, stack
+from armguard.geometry.pairs import measure_by
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard.contracts import open_contract
+from armguard.guard.grips import (
+    AIM,
+    BODY,
+    BY_INTENT,
+    COARSE_NOW,
+    CREEP,
+    DEPTH,
+    DORMANT,
+    END,
+    END_A,
+    END_B,
+    END_FINGER,
+    ENDING,
+    EXPIRED,
+    EXPIRY,
+    FIRST,
+    FIRST_A,
+    FIRST_B,
+    FIRST_FINGER,
+    GAIN,
+    GRIPPER,
+    GROUP,
+    GROUP_A,
+    GROUP_B,
+    HOLDS,
+    IN_FORCE,
+    INTENT_SPEED,
+    KIND,
+    LIFT,
+    MEANT,
+    NEAR,
+    NEAREST,
+    NONE,
+    NORMAL,
+    NOWHERE,
+    OBJECT_BODY,
+    OBJECT_CREEP,
+    OBJECT_DEPTH,
+    OBJECT_NEAR,
+    POINT,
+    REARM,
+    REGION,
+    SLOT,
+    SPEED,
+    SPENT_ON,
+    STANDING,
+    STATE,
+    UNTIL,
+    Grips,
+    open_grips,
+)
+from armguard.guard.near_pairs import boxes_apart
+from armguard.guard.observe import now_of
+from armguard.guard.watch import Watch, open_watch
+from armguard.guard.workspace import (
+    GRIPS,
+    MEASURE,
+    MOTION,
+    WATCH,
+    Workspace,
+    open_workspace,
+)
+from armguard.index.octree_state import ABSENT, STATUS
+from armguard.kernel import kernel
+from armguard.ledger import ledger_at
+from armguard.motion.nearest import joint_way
+from armguard.motion.state import Motion, open_motion
+
+Floats = NDArray[np.float64]
+
+CAPSULE = int(ShapeKind.CAPSULE)
+
+# What is meant goes on to be meant until it is this much farther, or faster [-].
+NEAR_AGAIN = 1.25
+FAST_AGAIN = 1.5
+
+# Another object has to be so much nearer to the way than the one that is meant [m].
+NEARER = 0.005
+
+# Share that the distance from the middle of the fingers has beside that of their way.
+FROM_MIDDLE = 0.25
+
+# What is slower than this leads nowhere [m/s].
+STANDS = 1e-4
+
+# What is put down comes towards its support by at least this share of its speed [-].
+TOWARDS = 0.5
+
+
+@kernel(inline=False)
+def read_intents(velocities: int, lines: int) -> None:
+    """Open and end contracts by intent, of every gripper and of what is held.
+
+    Args:
+        velocities: Address of the velocities that are asked for, or measured.
+        lines: Address of the ledger of the workspace, after its pairs were judged.
+    """
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    h = open_grips(w.parts[GRIPS])
+    u = numba.carray(pointer(velocities), (m.q.shape[0],), np.float64)
+    for g in range(h.grippers.shape[0]):
+        read_gripper(g, u, h, w, v, m)
+    for k in range(h.contracts.shape[0]):
+        if h.contracts[k, KIND] == STANDING:
+            read_placing(k, u, h, w, m)
+
+
+@kernel(inline=False)
+def read_gripper(
+    g: int, u: Floats, h: Grips, w: Workspace, v: Watch, m: Motion
+) -> None:
+    """Find what a gripper means, and open or end its contracts."""
+    own = h.grippers[g]
+    settle_meant(g, h)
+    way = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
+    best, least, now_at = -1, inf, inf
+    for o in range(h.objects.shape[0]):
+        score = score_of(g, o, u, way, h, w, m)
+        if score < least:
+            best, least = o, score
+        if o == own[MEANT]:
+            now_at = score
+    meant = own[MEANT]
+    if meant >= 0:
+        still = now_at < inf and not least + NEARER < now_at
+        for k in range(own[SLOT], own[SLOT] + own[END_FINGER] - own[FIRST_FINGER]):
+            state = h.contracts[k, STATE]
+            if still and state == ENDING:
+                h.contracts[k, STATE] = IN_FORCE
+            elif not still and state == IN_FORCE:
+                h.contracts[k, STATE] = ENDING
+    elif best >= 0:
+        mean(g, best, h, v)
+
+
+@kernel
+def settle_meant(g: int, h: Grips) -> None:
+    """Forget what was meant once all contracts for it are over."""
+    own = h.grippers[g]
+    if own[MEANT] < 0:
+        return
+    over = True
+    for k in range(own[SLOT], own[SLOT] + own[END_FINGER] - own[FIRST_FINGER]):
+        state = h.contracts[k, STATE]
+        if state == EXPIRED:
+            own[SPENT_ON] = own[MEANT]
+        over &= state == NONE
+    if over:
+        own[MEANT] = -1
+
+
+@kernel(inline=False)
+def score_of(
+    g: int, o: int, u: Floats, way: Floats, h: Grips, w: Workspace, m: Motion
+) -> float:
+    """How far an object is from what a gripper means; infinite if it cannot be meant.
+
+    Args:
+        g: The gripper.
+        o: The object.
+        u: Velocities of all joints.
+        way: Scratch for a row, the way of the middle between the fingers.
+        h: Grips; what a contract was spent on is forgotten when it is far.
+        w: Workspace.
+        m: Motion.
+    """
+    own, thing = h.grippers[g], h.objects[o]
+    if own[HOLDS] > 0:
+        return inf
+    first = int(thing[FIRST])
+    if w.octree.residency[first, STATUS] == ABSENT or own[COARSE_NOW] != 0:
+        return inf
+    near, fast = thing[OBJECT_NEAR], thing[INTENT_SPEED]
+    aim = thing[AIM]
+    if o == own[MEANT]:
+        near, fast, aim = near * NEAR_AGAIN, fast * FAST_AGAIN, inf
+    if not fingers_distance(g, o, near, h, w) <= near:
+        if own[SPENT_ON] == o:
+            own[SPENT_ON] = -1
+        return inf
+    if own[SPENT_ON] == o and own[MEANT] != o:
+        return inf
+    middle = middle_of(g, h, w)
+    other = velocity_of(middle, int(thing[OBJECT_BODY]), u, m)
+    for f in range(own[FIRST_FINGER], own[END_FINGER]):
+        i = int(h.fingers[f, 0])
+        moves = velocity_of(centre_of(i, w), int(w.bodies[i]), u, m)
+        if not norm(sub(moves, other)) <= fast:
+            return inf
+    moves = sub(velocity_of(middle, int(own[BODY]), u, m), other)
+    speed = norm(moves)
+    ahead = scaled(thing[OBJECT_NEAR] / speed if speed > STANDS else 0.0, moves)
+    for k in range(ROW_WIDTH):
+        way[k] = 0.0
+    for k in range(3):
+        way[1 + k] = way[4 + k] = middle[k]
+    from_middle = max(row_distance(way, first, int(thing[END]), w), 0.0)
+    for k in range(3):
+        way[4 + k] = middle[k] + ahead[k]
+    beside = max(row_distance(way, first, int(thing[END]), w), 0.0)
+    if not beside <= aim:
+        return inf
+    return float(beside + FROM_MIDDLE * from_middle)
+
+
+@kernel(inline=False)
+def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> float:
+    """Distance of a gripper's fingers and an object; infinite if it is beyond [m]."""
+    own, thing = h.grippers[g], h.objects[o]
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    kinds, rows = w.world.kinds, w.world.rows
+    least = inf
+    for f in range(own[FIRST_FINGER], own[END_FINGER]):
+        for i in range(h.fingers[f, 0], h.fingers[f, 1]):
+            for j in range(int(thing[FIRST]), int(thing[END])):
+                if boxes_apart(w.world.boxes, i, j, within):
+                    continue
+                measure_by(
+                    w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], witness
+                )
+                least = min(least, witness[0])
+    return float(least)
+
+
+@kernel(inline=False)
+def row_distance(row: Floats, first: int, end: int, w: Workspace) -> float:
+    """Distance of a capsule and some primitives [m]."""
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    least = inf
+    for j in range(first, end):
+        measure_by(
+            w.parts[MEASURE],
+            CAPSULE,
+            row,
+            w.world.kinds[j],
+            w.world.rows[j],
+            witness,
+        )
+        least = min(least, witness[0])
+    return float(least)
+
+
+@kernel
+def centre_of(i: int, w: Workspace) -> Vec3:
+    """Middle of a primitive's box in the world [m]."""
+    box = w.world.boxes[i]
+    return (
+        0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), 0.5 * (box[2] + box[5])
+    )  # fmt: skip
+
+
+@kernel
+def middle_of(g: int, h: Grips, w: Workspace) -> Vec3:
+    """Middle between a gripper's fingers: the mean of their own middles [m]."""
+    own = h.grippers[g]
+    x = y = z = 0.0
+    for f in range(own[FIRST_FINGER], own[END_FINGER]):
+        a, b, c = finger_middle(f, h, w)
+        x, y, z = x + a, y + b, z + c
+    count = own[END_FINGER] - own[FIRST_FINGER]
+    return (x / count, y / count, z / count)
+
+
+@kernel
+def finger_middle(f: int, h: Grips, w: Workspace) -> Vec3:
+    """Middle of a finger's primitives [m]."""
+    x = y = z = 0.0
+    for i in range(h.fingers[f, 0], h.fingers[f, 1]):
+        a, b, c = centre_of(i, w)
+        x, y, z = x + a, y + b, z + c
+    count = h.fingers[f, 1] - h.fingers[f, 0]
+    return (x / count, y / count, z / count)
+
+
+@kernel
+def velocity_of(p: Vec3, body: int, u: Floats, m: Motion) -> Vec3:
+    """Velocity of a body's point at given velocities of the joints [m/s]."""
+    x = y = z = 0.0
+    for k in range(m.length[body]):
+        b = m.joints[body, k]
+        way = joint_way(p, b, m.axes[b], m)
+        speed = m.gain[b, 0] * u[m.q_index[b]]
+        x, y, z = x + speed * way[0], y + speed * way[1], z + speed * way[2]
+    return (x, y, z)
+
+
+@kernel
+def mean(g: int, o: int, h: Grips, v: Watch) -> None:
+    """Open contracts between each finger and an object."""
+    own, thing = h.grippers[g], h.objects[o]
+    own[MEANT] = o
+    now = now_of(v)
+    for f in range(own[FIRST_FINGER], own[END_FINGER]):
+        k = int(own[SLOT] + f - own[FIRST_FINGER])
+        c = h.contracts[k]
+        c[KIND], c[GRIPPER] = BY_INTENT, g
+        c[FIRST_A], c[END_A] = h.fingers[f, 0], h.fingers[f, 1]
+        c[FIRST_B], c[END_B] = thing[FIRST], thing[END]
+        c[GROUP_A], c[GROUP_B] = h.fingers[f, 2], thing[GROUP]
+        c[DEPTH], c[CREEP] = thing[OBJECT_DEPTH], thing[OBJECT_CREEP]
+        c[NEAR], c[SPEED] = thing[OBJECT_NEAR], thing[INTENT_SPEED]
+        c[GAIN] = (c[SPEED] - c[CREEP]) / c[NEAR]
+        c[UNTIL], c[REARM] = now + thing[EXPIRY], inf
+        c[REGION] = NOWHERE
+        open_contract(k, h)
+
+
+@kernel
+def read_placing(k: int, u: Floats, h: Grips, w: Workspace, m: Motion) -> None:
+    """Bring a held object's contract with what it may rest on into force, or end it."""
+    c = h.contracts[k]
+    if c[STATE] == DORMANT and comes_slowly(c, 1.0, u, w, m):
+        # It is over when the object has lifted clear again.
+        c[REARM] = NEAR_AGAIN * c[NEAR]
+        open_contract(k, h)
+    elif c[STATE] == IN_FORCE and c[REARM] > c[NEAR]:
+        if c[NEAREST] <= 0.0:
+            c[REARM] = c[LIFT]
+        elif not comes_slowly(c, FAST_AGAIN, u, w, m):
+            c[STATE] = ENDING
+
+
+@kernel
+def comes_slowly(c: Floats, slack: float, u: Floats, w: Workspace, m: Motion) -> bool:
+    """Whether a held object is near what it may rest on, slow, and comes towards it.
+
+    Args:
+        c: Their contract; the object is its body A.
+        slack: How much faster it may be, to go on with it [-]; 1 to begin.
+        u: Velocities of all joints.
+        w: Workspace.
+        m: Motion.
+    """
+    if not c[NEAREST] <= c[NEAR]:
+        return slack > 1.0
+    a, b = int(c[FIRST_A]), int(c[FIRST_B])
+    point = (c[POINT], c[POINT + 1], c[POINT + 2])
+    moves = velocity_of(point, int(w.bodies[a]), u, m)
+    if b < m.rate.shape[0]:
+        moves = sub(moves, velocity_of(point, int(w.bodies[b]), u, m))
+    speed = norm(moves)
+    if not speed <= slack * c[SPEED]:
+        return False
+    if slack > 1.0:
+        return True
+    n = (c[NORMAL], c[NORMAL + 1], c[NORMAL + 2])
+    return bool(dot(n, moves) >= TOWARDS * speed and speed > STANDS)

@@ -1,0 +1,85 @@
+"""One box round a gripper and its fingers, wherever these are."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Box, PlacedShape, shape_row
+from armguard.robot.kinematics import PRISMATIC, KinematicTable
+from armguard.robot.limits import joint_limits
+from armguard.scene.blocks import extent
+from armguard.scene.scene import SceneRobot
+
+Floats = NDArray[np.float64]
+
+
+def gripper_members(robot: SceneRobot) -> tuple[str, ...]:
+    """The gripper's link and all links that ride on it, of those with primitives."""
+    assert robot.gripper is not None, "only asked of robots that have one"
+    above = {joint.child: joint.parent for joint in robot.model.joints.values()}
+    members = []
+    for link in robot.fits:
+        up: str | None = link
+        while up is not None and up != robot.gripper.link:
+            up = above.get(up)
+        if up is not None:
+            members.append(link)
+    return tuple(members)
+
+
+def coarse_gripper(
+    robot: SceneRobot, table: KinematicTable, members: tuple[str, ...]
+) -> PlacedShape:
+    """Box in the frame of the gripper's body that always holds its members.
+
+    What slides is held at both ends of its way, what turns at any angle.
+
+    Args:
+        robot: The robot.
+        table: Its bodies.
+        members: Links of the gripper that have primitives.
+    """
+    assert robot.gripper is not None, "only asked of robots that have one"
+    carrier = table.body_of_link[robot.gripper.link]
+    lower, upper = joint_limits(robot.model)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    box = np.zeros(6)
+    for link in members:
+        fit = robot.fits[link]
+        T = table.T_body_link[link]
+        rows = np.array([shape_row(s.shape, T @ s.pose.matrix()) for s in fit.shapes])
+        kinds = np.array([int(s.shape.kind) for s in fit.shapes], dtype=np.int32)
+        extent(kinds, rows, box)
+        corners = corners_of(box[:3], box[3:])
+        body = table.body_of_link[link]
+        while body != carrier:
+            corners = above_joint(corners, body, table, lower, upper)
+            body = int(table.parent[body])
+        low = np.minimum(low, corners.min(axis=0))
+        high = np.maximum(high, corners.max(axis=0))
+    x, y, z = (high - low) / 2.0
+    middle = (high + low) / 2.0
+    return PlacedShape(
+        Box(half_extents=(float(x), float(y), float(z))),
+        Pose(xyz=(float(middle[0]), float(middle[1]), float(middle[2]))),
+    )
+
+
+def corners_of(low: Floats, high: Floats) -> Floats:
+    """The corners of a box, shape (8, 3)."""
+    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T
+
+
+def above_joint(
+    corners: Floats, body: int, table: KinematicTable, lower: Floats, upper: Floats
+) -> Floats:
+    """Corners in the parent's frame that hold what a joint moves, at any position."""
+    T = table.T_parent_joint[body].reshape(3, 4)
+    q = int(table.q_index[body])
+    multiplier, offset = table.gain[body]
+    if table.joint_kind[body] == PRISMATIC:
+        ends = multiplier * np.array([lower[q], upper[q]]) + offset
+        moved = np.concatenate([corners + end * table.axis[body] for end in ends])
+        return np.asarray(moved @ T[:, :3].T + T[:, 3])
+    radius = float(np.linalg.norm(corners, axis=1).max())
+    return corners_of(T[:, 3] - radius, T[:, 3] + radius)

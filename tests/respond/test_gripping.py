@@ -1,0 +1,501 @@
+"""Pick, lift, carry, place, let go, hand over; and everything that is not meant."""
+
+import numpy as np
+import pytest
+
+from armguard.errors import GraspError, UnknownNameError
+from armguard.geometry import Box, Pose
+from armguard.guard import Level, Reason
+from armguard.guard.grips import MEANT
+from armguard.respond import Action
+from armguard.scene import Grasp, Scene
+from armguard.scene.settings import IndexSettings
+from grippers import (
+    BLOCK,
+    PERIOD,
+    Loop,
+    add_block,
+    add_gantry,
+    add_table,
+    boxes_at,
+    gap,
+    guard_of,
+    pick_scene,
+)
+
+FLOOR = 0.005
+
+# Where the hand is when the fingers are beside a block, and with room above it [m].
+DOWN, UP = 0.1, 0.2
+
+# Both fingers touch a block here; and are well clear of it [m].
+TOUCH, OPEN = 0.02, 0.04
+
+FINGERS = ("left", "right")
+
+
+def fingers(to, robot="arm"):
+    """Both fingers' joints at a place."""
+    return {f"{robot}/open_left": to, f"{robot}/open_right": to}
+
+
+def closed_on(loop, robot="arm", name="block"):
+    """Lower the hand, close the fingers, and grasp."""
+    assert loop.go({f"{robot}/z": DOWN}, speed=0.08)
+    assert loop.go(fingers(TOUCH, robot), speed=0.02)
+    loop.guard.grasp(robot, name)
+
+
+def gaps(loop, a, b):
+    """True distance of two bodies that nobody holds in every cycle [m]."""
+    rows = []
+    for q, _ in loop.rows:
+        boxes = boxes_at(loop.guard, q)
+        rows.append(gap(boxes[a], boxes[b]))
+    return np.array(rows)
+
+
+def kinds(guard):
+    """Kinds of the contracts in force."""
+    return {c.kind for c in guard.contracts}
+
+
+def crowd(scene, count):
+    """Fixtures far away, so many that the index is asked."""
+    for k in range(count):
+        scene.add(
+            Box(half_extents=(0.01, 0.01, 0.01)),
+            name=f"far{k}",
+            pose=Pose(xyz=(-0.9 + 0.01 * k, 0.9, 0.02)),
+        )
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"), [("octree", 0), ("octree", 150), ("brute_force", 0)]
+)
+def test_pick_lift_carry_place_and_let_go_without_a_stop(kind, count):
+    guard = guard_of(crowd(pick_scene(index=IndexSettings(kind=kind)), count))
+    loop = Loop(guard)
+    closed_on(loop)
+    assert kinds(guard) == {"held", "standing"}
+    assert guard.held == {"block": ("arm",)}
+    assert loop.go({"arm/z": UP}, speed=0.1)
+    assert kinds(guard) == {"held"}
+    assert loop.go({"arm/x": 0.3}, speed=0.2)
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    assert kinds(guard) == {"held", "standing"}
+    guard.release("arm", "block")
+    assert guard.held == {}
+    assert loop.go(fingers(OPEN), speed=0.02)
+    assert loop.go({"arm/z": UP}, speed=0.1)
+    loop.push(np.zeros(5), 20)
+    assert kinds(guard) <= {"intent"}
+    assert loop.stops == []
+    guard.index.check()
+    middle = guard.tables.T_parent_joint[guard.tables.holds.objects["block"].body]
+    assert middle[[3, 7, 11]] == pytest.approx([0.3, 0.0, BLOCK[2]], abs=2e-3)
+
+
+def test_contact_happens_at_creep_and_no_deeper_than_the_contract_says():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.rows.clear()
+    # The operator pushes on, at five times the speed, and never lets go.
+    last = loop.push({"arm/open_left": -0.1, "arm/open_right": -0.1}, 3000)
+    assert loop.stops == []
+    for finger, joint in zip(FINGERS, (3, 4), strict=True):
+        found = gaps(loop, f"arm/{finger}", "block")
+        assert -0.002 <= found.min() < 0.0
+        first = int(np.argmax(found <= 0.0))
+        assert abs(loop.rows[first][1][joint]) <= 0.02
+    assert np.abs(last.velocity).max() < 1e-4
+    pair = next(p for p in last.verdict.near if p.contract)
+    assert "under a contract" in pair.why
+    assert pair.buffer == -0.002
+    cue = last.verdict.cues["arm"]
+    # The table below pushes; the block on both sides does not.
+    assert np.abs(cue.force[:2]).max() < 1e-9
+    assert cue.urgency == 0.0
+
+
+def test_the_hand_may_not_touch_what_its_fingers_may():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/z": -0.05}, 3000)
+    assert loop.stops == []
+    assert gaps(loop, "arm/hand", "block").min() >= FLOOR
+    for finger in FINGERS:
+        assert gaps(loop, f"arm/{finger}", "table").min() >= FLOOR
+
+
+def test_pushing_at_speed_is_no_intent():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    # Straight down on the block with closed fingers, as fast as it goes.
+    loop.go(fingers(0.005), speed=0.2)
+    for _ in range(6000):
+        loop.cycle({"arm/z": -0.5})
+        assert not guard.contracts
+    for finger in FINGERS:
+        assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
+
+
+def test_beside_what_is_meant_is_no_intent():
+    # The way of the middle leads past the block; a finger would touch it.
+    guard = guard_of(pick_scene(blocks={"block": (0.0, 0.07)}))
+    loop = Loop(guard)
+    for _ in range(8000):
+        loop.cycle({"arm/z": -0.08})
+        assert not guard.contracts
+    for finger in FINGERS:
+        assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
+
+
+def test_only_links_that_are_fingers_may_touch():
+    # The same gripper, of which the scene calls one link a finger.
+    scene = Scene(mode="path")
+    add_gantry(scene, "arm", fingers=("left",))
+    add_table(scene)
+    add_block(scene, "block", (0.0, 0.03))
+    loop = Loop(guard_of(scene))
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/open_left": -0.02, "arm/open_right": -0.02}, 3000)
+    loop.push({"arm/y": -0.02}, 1500)
+    assert {c.a for c in loop.guard.contracts} <= {"arm/left"}
+    assert gaps(loop, "arm/right", "block").min() >= FLOOR
+    assert gaps(loop, "arm/left", "block").min() < 0.0
+    assert loop.stops == []
+
+
+def test_without_filter_measured_speed_tells_what_is_meant():
+    for speed, meant in ((0.05, True), (0.3, False)):
+        guard = guard_of(pick_scene())
+        q, seen = guard.home, False
+        for k in range(int(0.2 / speed / PERIOD)):
+            q[2] -= speed * PERIOD
+            guard.step(q, k * PERIOD, velocity=[0.0, 0.0, -speed, 0.0, 0.0])
+            seen |= bool(guard.contracts)
+        assert seen == meant
+
+
+def episode(rng):
+    """Pick one of several blocks in random places and put it down in another.
+
+    Returns:
+        The loop, and least true distances: of fingers from blocks that are not meant,
+        and of the hand from all.
+    """
+    free = [(x, y) for x in (-0.3, -0.1, 0.1, 0.3) for y in (-0.3, 0.0, 0.3)]
+    spots = [free[k] for k in rng.permutation(len(free))]
+    shift = rng.uniform(-0.03, 0.03, (6, 2))
+    blocks = {f"b{k}": tuple(np.add(spots[k], shift[k])) for k in range(6)}
+    guard = guard_of(pick_scene(blocks=blocks))
+    loop = Loop(guard, delay=int(rng.integers(0, 3)))
+    name, goal = f"b{rng.integers(6)}", np.add(spots[7], shift[0])
+    x, y = blocks[name]
+    assert loop.go({"arm/x": x, "arm/y": y, "arm/z": 0.3}, speed=0.6)
+    closed_on(loop, name=name)
+    assert loop.go({"arm/z": 0.25}, speed=0.2)
+    assert loop.go({"arm/x": goal[0], "arm/y": goal[1]}, speed=0.6)
+    offset = middle_of(guard, name) - loop.q[:3]
+    rows = []
+    for q, _ in loop.rows:
+        at = boxes_at(guard, q, {name: "arm"}, {name: offset})
+        others = [at[b] for b in blocks if b != name]
+        parts = [at["arm/left"], at["arm/right"], at["arm/hand"]]
+        rows.append(min(gap(p, o) for p in parts for o in others))
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    guard.release("arm", name)
+    assert loop.go(fingers(OPEN), speed=0.02)
+    assert loop.go({"arm/z": 0.3}, speed=0.3)
+    assert middle_of(guard, name) == pytest.approx([*goal, BLOCK[2]], abs=3e-3)
+    return loop, min(rows)
+
+
+def test_random_episodes_succeed_and_touch_nothing_else():
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        loop, least = episode(rng)
+        assert loop.stops == []
+        assert least >= FLOOR
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
+    # Three blocks side by side, 20 mm apart, an operator who changes his mind, and an
+    # arm that is late and misses what it is told.
+    rng = np.random.default_rng(seed)
+    step = 2.0 * BLOCK[0] + 0.02
+    blocks = {f"b{k}": (step * (k - 1), 0.0) for k in range(3)}
+    guard = guard_of(pick_scene(blocks=blocks))
+    loop = Loop(guard, delay=2, rng=rng)
+    assert loop.go({"arm/z": 0.2}, speed=0.3, within=5e-3)
+    touched, least = set(), np.inf
+    for _ in range(60):
+        wish = dict.fromkeys(guard.q_names, 0.0)
+        speed = rng.choice([0.02, 0.06, 0.3])
+        for axis, size in (("x", 1.0), ("y", 0.2), ("z", 1.0)):
+            wish[f"arm/{axis}"] = speed * size * rng.uniform(-1.0, 1.0)
+        wish["arm/z"] -= 0.4 * speed
+        closing = rng.uniform(-0.05, 0.03)
+        wish["arm/open_left"] = wish["arm/open_right"] = closing
+        loop.rows.clear()
+        for _ in range(100):
+            loop.cycle(wish)
+            meant = int(guard._grips.grippers[0, MEANT])
+            at = boxes_at(guard, loop.q)
+            parts = [at["arm/left"], at["arm/right"]]
+            for k in range(3):
+                found = min(gap(part, at[f"b{k}"]) for part in parts)
+                least = min(least, found)
+                # What opens is judged for now, its measurement may be 2 ms old.
+                if found < FLOOR - 4e-4:
+                    assert k == meant
+                    touched.add(k)
+                assert gap(at["arm/hand"], at[f"b{k}"]) >= FLOOR
+            assert min(gap(part, at["table"]) for part in parts) >= FLOOR
+    assert least >= -0.002
+    assert touched
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_whatever_is_wished_what_is_held_touches_only_what_it_may_rest_on(seed):
+    rng = np.random.default_rng(100 + seed)
+    blocks = {"block": (0.0, 0.0), "one": (0.12, 0.0), "two": (0.0, 0.16)}
+    scene = pick_scene(blocks=blocks)
+    add_block(scene, "post", (-0.12, 0.0), graspable=False)
+    guard = guard_of(scene)
+    loop = Loop(guard, delay=2, rng=rng)
+    assert loop.go({"arm/z": DOWN}, speed=0.08, within=3e-3)
+    loop.push({"arm/open_left": -0.02, "arm/open_right": -0.02}, 1500)
+    guard.grasp("arm", "block")
+    offset = np.array([0.0, 0.0, BLOCK[2]]) - loop.q[:3]
+    middle = np.array([-0.12, 0.0, BLOCK[2]])
+    post = (middle - BLOCK, middle + BLOCK)
+    least = {"table": np.inf, "others": np.inf}
+    for _ in range(60):
+        speed = rng.choice([0.05, 0.2, 0.6])
+        wish = {f"arm/{x}": speed * rng.uniform(-1.0, 1.0) for x in "xyz"}
+        for _ in range(80):
+            loop.cycle(wish)
+            at = boxes_at(guard, loop.q, {"block": "arm"}, {"block": offset})
+            held, rest = at["block"], (at["one"], at["two"], post)
+            parts = (held, at["arm/hand"], at["arm/left"], at["arm/right"])
+            least["table"] = min(least["table"], gap(held, at["table"]))
+            found = min(gap(part, other) for part in parts for other in rest)
+            least["others"] = min(least["others"], found)
+    assert -0.0025 <= least["table"] <= 1e-4
+    assert least["others"] >= FLOOR - 4e-4
+
+
+def middle_of(guard, name):
+    """Where an object's frame is in the world [m]."""
+    return guard._workspace.T_world[guard.tables.holds.objects[name].body][[3, 7, 11]]
+
+
+def test_a_neighbour_20_mm_beside_keeps_its_full_buffer():
+    # In x there is nothing between the two but 20 mm; the fingers are 20 mm wide.
+    apart = 2.0 * BLOCK[0] + 0.02
+    guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
+    loop = Loop(guard)
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    meant = {c.b for c in guard.contracts}
+    assert meant == {"block"}
+    assert loop.go(fingers(TOUCH), speed=0.02)
+    # Now towards the neighbour, slowly, for long.
+    loop.push({"arm/x": 0.01}, 2500)
+    assert {c.b for c in guard.contracts if c.kind == "intent"} == {"block"}
+    assert loop.stops == []
+    assert min(gaps(loop, f"arm/{f}", "other").min() for f in FINGERS) >= FLOOR
+
+
+def test_intent_changes_to_another_object_only_when_the_first_is_clear():
+    guard = guard_of(pick_scene(blocks={"one": (0.0, 0.0), "two": (0.06, 0.0)}))
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.go(fingers(TOUCH + 0.001), speed=0.02)
+    assert {c.b for c in guard.contracts} == {"one"}
+    loop.go(fingers(OPEN), speed=0.02)
+    loop.go({"arm/z": UP}, speed=0.08)
+    loop.go({"arm/x": 0.06}, speed=0.08)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    assert {c.b for c in guard.contracts} == {"two"}
+    loop.go(fingers(TOUCH), speed=0.02)
+    guard.grasp("arm", "two")
+    assert loop.stops == []
+
+
+def test_what_stands_3_mm_beside_something_is_lifted_without_coming_nearer():
+    apart = 2.0 * BLOCK[0] + 0.003
+    guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
+    loop = Loop(guard)
+    closed_on(loop)
+    assert kinds(guard) == {"held", "standing", "beside"}
+    # The operator pulls towards the other block while he lifts.
+    loop.push({"arm/x": 0.02, "arm/z": 0.02}, 1000)
+    offset = middle_of(guard, "block") - loop.q[:3]
+    loop.push({"arm/z": 0.1}, 1500)
+    assert loop.stops == []
+    assert middle_of(guard, "block")[2] > 0.1
+    for q, _ in loop.rows[-2500:]:
+        at = boxes_at(guard, q, {"block": "arm"}, {"block": offset})
+        assert gap(at["block"], at["other"]) >= 0.001
+    assert kinds(guard) == {"held"}
+
+
+def test_what_is_carried_keeps_its_distance_from_a_fixture():
+    scene = pick_scene()
+    add_block(scene, "post", (0.3, 0.0), graspable=False)
+    guard = guard_of(scene)
+    loop = Loop(guard)
+    closed_on(loop)
+    hand = loop.q[:3].copy()
+    offset = np.array([0.0, 0.0, BLOCK[2]]) - hand
+    loop.go({"arm/z": DOWN + 0.03}, speed=0.1)
+    loop.push({"arm/x": 0.3}, 4000)
+    post = (np.array([0.3, 0, BLOCK[2]]) - BLOCK, np.array([0.3, 0, BLOCK[2]]) + BLOCK)
+    least = np.inf
+    for q, _ in loop.rows:
+        boxes = boxes_at(guard, q, {"block": "arm"}, {"block": offset})
+        least = min(least, gap(boxes["block"], post))
+    assert FLOOR <= least < FLOOR + 0.02
+    assert loop.stops == []
+
+
+def test_an_expired_contract_is_hold_and_leaving_is_possible():
+    scene = Scene(mode="path")
+    add_gantry(scene, "arm")
+    add_table(scene)
+    add_block(scene, "block", graspable=Grasp(expiry=4.0))
+    guard = guard_of(scene)
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/open_left": -0.05, "arm/open_right": -0.05}, 1000)
+    last = loop.push({"arm/open_left": 0.0}, 2500)
+    assert last.action is Action.STOP
+    assert Reason.CONTRACT_EXCEEDED in last.verdict.causes.values()
+    assert last.verdict.level is Level.RECOVER
+    assert max(c.verdict.level for c in loop.commands) < Level.BRAKE
+    loop.push({"arm/open_left": 0.02, "arm/open_right": 0.02}, 1200)
+    last = loop.push(np.zeros(5), 10)
+    assert last.action is Action.FOLLOW
+    assert min(gaps(loop, f"arm/{f}", "block")[-1] for f in FINGERS) > FLOOR
+
+
+def test_exceeded_by_a_millimetre_is_hold_and_one_gets_out_again():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push({"arm/open_left": -0.05, "arm/open_right": -0.05}, 1500)
+    # Somebody shifts the block: now a finger is 3 mm in it.
+    middle = np.array([0.0, 0.0, BLOCK[2]])
+    middle[1] += 0.003 + gaps(loop, "arm/left", "block")[-1]
+    T = np.eye(4)
+    T[:3, 3] = middle
+    guard.place("block", T)
+    last = loop.push(np.zeros(5), 200)
+    assert last.action is Action.STOP
+    assert last.verdict.causes["arm"] is Reason.CONTRACT_EXCEEDED
+    assert max(c.verdict.level for c in loop.commands) < Level.BRAKE
+    before = gaps(loop, "arm/left", "block")[-1]
+    assert before == pytest.approx(-0.003, abs=1e-4)
+    loop.push({"arm/open_left": 0.01}, 800)
+    loop.push(np.zeros(5), 20)
+    assert gaps(loop, "arm/left", "block")[-1] > -0.002
+    last = loop.commands[-1]
+    assert last.action is Action.FOLLOW
+
+
+def test_release_leaves_the_tables_as_those_of_a_fresh_guard():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    closed_on(loop)
+    loop.go({"arm/z": UP}, speed=0.1)
+    loop.go({"arm/x": 0.2}, speed=0.2)
+    loop.go({"arm/z": DOWN}, speed=0.08)
+    guard.release("arm", "block")
+    loop.go(fingers(OPEN), speed=0.02)
+    loop.go({"arm/z": 0.4}, speed=0.2)
+    body = guard.tables.holds.objects["block"].body
+    T = np.eye(4)
+    T[:3] = guard.tables.T_parent_joint[body].reshape(3, 4)
+    fresh = guard_of(pick_scene())
+    fresh.place("block", T)
+    for name, table in vars_of(guard.tables).items():
+        assert np.array_equal(table, getattr(fresh.tables, name)), name
+    for one, other in ((guard._watch, fresh._watch), (guard._motion, fresh._motion)):
+        for name in STANDING_TABLES:
+            if hasattr(one, name):
+                assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        q = rng.uniform(guard.tables.lower, guard.tables.upper)
+        one, other = guard.judge_at_rest(q), fresh.judge_at_rest(q)
+        assert one.tobytes() == other.tobytes()
+
+
+# Tables that depend on who holds what.
+STANDING_TABLES = (
+    "model", "base", "robot_of", "pairs", "pair_need", "joints", "length", "shared",
+    "levers", "blur", "push",
+)  # fmt: skip
+
+
+def vars_of(tables):
+    """Arrays of the compiled scene that do not hold addresses."""
+    names = ("parent", "T_parent_joint", "bodies", "checked", "buffers", "groups",
+             "robot_of_primitive", "base_reach")  # fmt: skip
+    return {name: getattr(tables, name) for name in names}
+
+
+@pytest.mark.parametrize(
+    ("robot", "name", "error", "words"),
+    [
+        ("arm", "block", GraspError, "nearest finger is"),
+        ("arm", "blok", UnknownNameError, "did you mean 'block'"),
+        ("amr", "block", UnknownNameError, "did you mean 'arm'"),
+        ("arm", "table", GraspError, "not graspable"),
+        ("arm", float("nan"), UnknownNameError, "no object is named 'nan'"),
+    ],
+)
+def test_what_cannot_be_grasped_is_refused_by_name(robot, name, error, words):
+    guard = guard_of(pick_scene())
+    Loop(guard).push(np.zeros(5), 3)
+    before = [array.copy() for array in guard._grips]
+    with pytest.raises(error, match=words):
+        guard.grasp(robot, name)
+    for was, now in zip(before, guard._grips, strict=True):
+        assert np.array_equal(was, now)
+
+
+def test_grasping_twice_or_releasing_what_is_not_held_is_refused():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard)
+    with pytest.raises(GraspError, match="before the first cycle"):
+        guard.grasp("arm", "block")
+    with pytest.raises(GraspError, match="nobody does"):
+        guard.release("arm", "block")
+    closed_on(loop)
+    with pytest.raises(GraspError, match="already"):
+        guard.grasp("arm", "block")
+    with pytest.raises(GraspError, match="release it first"):
+        guard.place("block", np.eye(4))
+    with pytest.raises(GraspError, match="release it first"):
+        guard.remove("block")
+    assert guard.held == {"block": ("arm",)}
+    assert loop.push(np.zeros(5), 10).action is Action.FOLLOW
+
+
+def test_the_same_wishes_give_the_same_bits():
+    runs = []
+    for _ in range(2):
+        loop = Loop(guard_of(pick_scene()))
+        closed_on(loop)
+        loop.go({"arm/z": UP}, speed=0.1)
+        runs.append(
+            b"".join(c.velocity.tobytes() + c.verdict.tobytes() for c in loop.commands)
+        )
+    assert runs[0] == runs[1]
