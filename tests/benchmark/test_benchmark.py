@@ -26,6 +26,13 @@ def test_the_cycle_benchmark_has_the_promised_shape():
     assert "ours.median_us" in print_result(answer)
 
 
+def test_the_gripping_benchmark_measures_what_it_says():
+    answer = run("gripping", cycles=20)
+    assert answer["contracts"] == 2
+    for part in ("far", "under_contract", "with_swap", "without_swap", "grasp"):
+        assert answer[part]["median_us"] > 0.0
+
+
 def test_peers_find_the_same_near_pairs():
     """Four other checkers, given the same primitives, agree pair by pair."""
     guard = Guard(bay_scene())

@@ -6,9 +6,9 @@ its buffer, and overlap by `DEPTH`, as long as what closes it is no faster than
     CREEP + GAIN · distance
 
 at every distance that may be reached before an order takes effect. The depth is proven
-until all are at rest, with every error that has been declared. The speed is that of
-what the robots are told, or where nobody tells them anything through the guard, of what
-is measured; by how much they miss it comes on top.
+until all are at rest, with the declared errors of measuring and following. The speed is
+that of what the robots are told, or where nobody tells them anything through the guard,
+of what is measured; by how much they miss it comes on top.
 """
 
 from math import inf
