@@ -60,8 +60,8 @@ def page(results: Results) -> str:
         "had the operator had his way. *filtered*: what arms are told goes through "
         "`Guard.filter`, response `deflect`. They follow as late as `command` and miss "
         "it by as much as `tracking_error` allow, towards what is near; one that is "
-        "stopped for that is engaged again at once. There arms may leave what comes at "
-        "them by itself: of such a pair an arm counts that would be farther away had it "
+        "stopped for that is engaged again at once. There arms may leave what comes "
+        "at them: of such a pair an arm counts that would be farther away had it "
         "stayed where it rested, unless the object has run into it before.",
         "",
         *(line for r in kept for line in detail(r)),
