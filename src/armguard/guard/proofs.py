@@ -379,10 +379,11 @@ def relief_of(
 ) -> float:
     """What is taken off a pair's need while a robot leaves what is too near [m].
 
-    A pair that would be too near at rest as well need not be farther than it is, as
-    long as what the robot is told surely opens it. What the bounds of its path may add
-    to that is bounded too, by where the recovery began. The pair's other side must not
-    be one that is driven nearer.
+    A pair that would be too near at rest as well, or is by so little not that its
+    robots cannot be let go, need not be farther than it is, as long as what the robot
+    is told surely opens it. What the bounds of its path may add to that is bounded too,
+    by where the recovery began. The pair's other side must not be one that is driven
+    nearer.
 
     Args:
         i: Lower primitive.
@@ -400,7 +401,7 @@ def relief_of(
     spare -= m.blur[i]
     if robot_j >= 0:
         spare -= m.blur[j]
-    if not spare < 0.0:
+    if not spare < SINK:
         return 0.0
     most = 0.0
     for side in range(2):

@@ -14,7 +14,7 @@ from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import object_speed, robot_of, standing_need
+from armguard.guard.proofs import SINK, object_speed, robot_of, standing_need
 from armguard.guard.watch import RESTING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -88,7 +88,7 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
         if robot_of(i, v) != r and robot_of(j, v) != r:
             continue
         meant = w.out[place + PROOF] == ALLOWED
-        if meant or not spare_at_rest(i, j, place, w, v, m) < 0.0:
+        if meant or not spare_at_rest(i, j, place, w, v, m) < SINK:
             continue
         pair_row(i, j, place, a.raw, w, m)
         opening = missed = 0.0

@@ -38,7 +38,7 @@ from armguard.guard.layout import (
 )
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import robot_of
+from armguard.guard.proofs import SINK, robot_of
 from armguard.guard.watch import RESTING, Watch, open_watch
 from armguard.guard.workspace import GRIPS, MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
@@ -229,7 +229,7 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
             a.notes[r, LEADS_AWAY] = -1
         elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
-        leads_away = resting < 0.0 and a.notes[r, RETREATS] != 0 and not meant
+        leads_away = resting < SINK and a.notes[r, RETREATS] != 0 and not meant
         leads_away |= v.evades[r] != 0 and time_until(i, j, place, a, w, v, m) < inf
         if leads_away:
             only_away(r, a, m)
