@@ -1,8 +1,8 @@
 """Gripping: what is meant succeeds, what is not meant is never touched.
 
-make gripping                                      10,000 episodes of each kind, hours
-make gripping ARGS="--episodes 500 --seconds 600"  some of them, and for how long at most
-make gripping ARGS="--kind changing --first 17 --episodes 1 --show"     one of them
+make gripping                                       10,000 episodes of each kind, hours
+make gripping ARGS="--episodes 500 --seconds 600"   some of them, for so long at most
+make gripping ARGS="--kind changing --first 17 --episodes 1 --show"   one of them
 
 An operator drives a gantry with a gripper through `Guard.filter`. Its plant is late and
 misses what it is told, by all that the scene declares. In `placing` he picks one of

@@ -38,6 +38,9 @@ ALIGNED = 0.003
 # this far from it [m].
 CLEAR = 0.008
 
+# How far fingers are open that he has closed [m].
+NARROW = 0.006
+
 # He lets go of an arm that was stopped for this long [s].
 STOPPED = 0.2
 
@@ -134,7 +137,7 @@ class Fickle:
             return wish
         solid = self.judge.solids[mind.target]
         low = height_over(solid)
-        wide = opening(solid) if mind.way != "closed" else 0.0
+        wide = opening(solid) if mind.way != "closed" else NARROW
         goal = np.array([solid.at[0], solid.at[1], low])
         if mind.way == "hand":
             goal[2] -= 0.1

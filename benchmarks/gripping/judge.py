@@ -31,6 +31,7 @@ class Findings:
         depth: Greatest overlap of what is meant to touch [m].
         speed: Greatest closing speed of a contact that is meant, when it begins [m/s].
         meant: Contacts that were meant and happened.
+        slipped: How far a finger moved while the gripper held something [m].
     """
 
     touched: list[tuple[str, str, int]] = field(default_factory=list)
@@ -38,6 +39,7 @@ class Findings:
     depth: float = 0.0
     speed: float = 0.0
     meant: set[Pair] = field(default_factory=set)
+    slipped: float = 0.0
 
 
 class Judge:
@@ -59,12 +61,14 @@ class Judge:
         self.findings = Findings()
         self.held: str | None = None
         self._offset = np.zeros(3)
+        self._fingers = np.zeros(2)
         self._seen = 0
 
     def grasp(self, q: Floats, name: str) -> None:
         """From now on something is carried."""
         self.held = name
         self._offset = self.solids[name].at - q[:3]
+        self._fingers = q[3:]
 
     def release(self, q: Floats) -> None:
         """From now on it stands where it is."""
@@ -90,6 +94,9 @@ class Judge:
         begin = max(self._seen - 1, 0)
         q = np.array(rows[begin:])
         self._seen = len(rows)
+        if self.held is not None:
+            slipped = float(np.abs(q[:, 3:] - self._fingers).max())
+            self.findings.slipped = max(self.findings.slipped, slipped)
         for part, solid in self._arm(q).items():
             for name, other in self.solids.items():
                 # What is gripped presses against its gripper, and that is no contact.

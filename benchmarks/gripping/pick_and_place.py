@@ -38,8 +38,8 @@ LONGEST, TRIES = 6.0, 4
 # Height above where it grips from which on the operator is slow, and how slow [m, m/s].
 SLOW_FROM, SLOW = 0.1, (0.05, 0.09)
 
-# What is gripped is first lifted by this [m].
-LIFTED = 0.03
+# What is gripped is first lifted by this, and what was let go is left by this [m].
+LIFTED, AWAY = 0.03, 0.15
 
 # Speed at which fingers are asked to close and to open [m/s].
 CLOSING, OPENING = (0.02, 0.06), 0.05
@@ -167,6 +167,7 @@ def run_episode(seed: int) -> dict[str, Any]:
         "least": found.least,
         "depth": found.depth,
         "speed": found.speed,
+        "slipped": found.slipped,
         "response": place.response,
     }
 
@@ -195,9 +196,7 @@ def pick(picker: Picker, place: Workplace, name: str, travel: float) -> str | No
     picker.look()
     closing = np.array([0.0, 0.0, 0.0, -picker.closing, -picker.closing])
     for _ in range(TRIES):
-        arrived = picker.lead(
-            np.array([*xy, low]), picker.slow, open_to=opening(meant)
-        )
+        arrived = picker.lead(np.array([*xy, low]), picker.slow, open_to=opening(meant))
         closed = arrived and picker.push(closing, FINGERS, name)
         if closed:
             break
@@ -223,7 +222,7 @@ def put_down(
     """Carry what is gripped to a place and let go of it there; why not if it fails."""
     meant = place.objects[name]
     standing = {(HELD, "table")}
-    lifted = picker.lead(picker.plant.seen[:3] + [0.0, 0.0, LIFTED], picker.slow)
+    lifted = picker.lead(np.add(picker.plant.seen[:3], (0.0, 0.0, LIFTED)), picker.slow)
     picker.look(standing)
     if not lifted:
         return why(picker, "lifting it")
@@ -249,7 +248,7 @@ def put_down(
     picker.plant.grip([])
     here = picker.plant.seen[:3]
     opened = picker.lead(here, picker.slow, open_to=opening(meant))
-    away = opened and picker.lead(here + [0.0, 0.0, 0.15], picker.slow)
+    away = opened and picker.lead(np.add(here, (0.0, 0.0, AWAY)), picker.slow)
     picker.look({(finger, name) for finger in FINGERS})
     if not away:
         return why(picker, "letting go" if not opened else "leaving it")

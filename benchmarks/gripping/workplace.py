@@ -61,9 +61,7 @@ class Workplace:
 
     def scene(self) -> Scene:
         """The scene, with the gantry named 'arm'."""
-        scene = Scene(
-            mode="path", period=PERIOD, index=IndexSettings(kind=self.index)
-        )
+        scene = Scene(mode="path", period=PERIOD, index=IndexSettings(kind=self.index))
         names = ("x", "y", "z", "open_left", "open_right")
         scene.add_robot(
             gantry(),
@@ -129,9 +127,7 @@ def columns(solid: Solid, xy: Floats) -> tuple[Solid, Solid, Solid]:
 def is_free(solid: Solid, xy: Floats, others: list[Solid]) -> bool:
     """Whether an object can be gripped or put down at xy, straight from above."""
     return all(
-        gaps(part, other) >= ROOM
-        for part in columns(solid, xy)
-        for other in others
+        gaps(part, other) >= ROOM for part in columns(solid, xy) for other in others
     )
 
 
