@@ -365,6 +365,25 @@ def test_what_is_carried_keeps_its_distance_from_a_fixture():
     assert loop.stops == []
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_fingers_that_hold_something_are_not_moved_out_of_the_way(side):
+    # The hand would pass above the wall; to close a finger would make room beside it.
+    scene = pick_scene()
+    wall = Box(half_extents=(0.2, 0.01, 0.07))
+    scene.add(wall, name="wall", pose=Pose(xyz=(0.0, 0.3 * side, 0.07)))
+    guard = guard_of(scene)
+    loop = Loop(guard)
+    closed_on(loop)
+    assert loop.go({"arm/z": UP}, speed=0.1)
+    loop.rows.clear()
+    last = loop.push({"arm/y": 0.6 * side, "arm/x": 0.02}, 1500)
+    assert all((q[3:] == loop.rows[0][0][3:]).all() for q, _ in loop.rows)
+    assert np.abs(last.velocity[1]) < 1e-3
+    assert loop.stops == []
+    guard.release("arm", "block")
+    assert loop.go(fingers(OPEN), speed=0.02)
+
+
 def test_an_expired_contract_is_hold_and_leaving_is_possible():
     scene = Scene(mode="path")
     add_gantry(scene, "arm")

@@ -50,6 +50,7 @@ from armguard.respond.command import Blocked
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import NOTHING_ASKED, engage
 from armguard.respond.evasion import look_for_threats
+from armguard.respond.grip_keeping import keep_grips
 from armguard.respond.lead_state import open_lead
 from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away
@@ -109,6 +110,7 @@ def respond(response: Longs, lines: Longs) -> int:
     for r in range(a.notes.shape[0]):
         follows = follow_lead(r, engage(r, a, v, m), a, s, v)
         frame_limits(r, follows, a, w, v, m)
+    keep_grips(a, w, m)
     call_for_nothing(w.parts[ADD_PAIRS], (response.ctypes.data, w.parts[SELF]))
     open_programs = 0
     for r in range(a.notes.shape[0]):

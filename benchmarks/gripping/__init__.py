@@ -1,0 +1,1 @@
+"""Episodes of gripping, and who judges them."""

@@ -1,0 +1,189 @@
+"""An operator among things that stand side by side changes his mind, again and again.
+
+At any time he turns to another thing, or to another way of driving: slowly from above,
+as one who wants to grip; at speed, straight at it; with the back of the hand; or with
+closed fingers. Now and then he drives with the stick at random.
+"""
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.respond import Guard
+from gripping.judge import FINGERS, Judge
+from gripping.leaving import leave
+from gripping.plant import Plant
+from gripping.workplace import (
+    PERIOD,
+    height_over,
+    opening,
+    side_by_side,
+)
+
+Floats = NDArray[np.float64]
+
+# How long he is of one mind, and how long an episode is [s].
+OF_ONE_MIND, DURATION = (0.1, 5.0), 15.0
+
+# Height above things at which he goes from one to another [m].
+OVER = 0.06
+
+# How near above a thing he has to be before he goes down to it [m].
+ALIGNED = 0.003
+
+# Who turned to another thing still means the one he was at until his fingers have been
+# this far from it [m].
+CLEAR = 0.008
+
+# How far fingers are open that he has closed [m].
+NARROW = 0.006
+
+# He lets go of an arm that was stopped for this long [s].
+STOPPED = 0.2
+
+# Share of his minds by way of driving [-].
+WAYS = {"grip": 0.6, "speed": 0.15, "hand": 0.1, "closed": 0.1, "random": 0.05}
+
+
+@dataclass
+class Mind:
+    """What an operator wants.
+
+    Attributes:
+        target: The thing.
+        way: How he drives, a key of `WAYS`.
+        speed: How fast [m/s].
+        until: Cycle in which he changes it.
+        stick: Velocity of the hand where he drives at random, shape (3,) [m/s].
+    """
+
+    target: str
+    way: str
+    speed: float
+    until: int
+    stick: Floats
+
+
+class Fickle:
+    """The operator.
+
+    Args:
+        guard: The guard he drives through.
+        judge: What he sees: where things are.
+        rng: Draws what he wants.
+    """
+
+    def __init__(self, guard: Guard, judge: Judge, rng: np.random.Generator) -> None:
+        self.plant = Plant(guard, rng)
+        self.judge = judge
+        self.rng = rng
+        self.names = [n for n in judge.solids if n != "table"]
+        self.mind = self.another(0)
+        # Things his fingers may touch: what he wants, and what he has not left yet.
+        self.meant = {self.mind.target}
+        self.changes = 0
+
+    def another(self, cycle: int) -> Mind:
+        """Another thing, or another way of driving."""
+        rng = self.rng
+        way = str(rng.choice(list(WAYS), p=list(WAYS.values())))
+        slow = way in ("grip", "closed") or rng.random() < 0.3
+        speed = rng.uniform(0.04, 0.09) if slow else rng.uniform(0.1, 0.8)
+        for_cycles = rng.uniform(*OF_ONE_MIND) / PERIOD
+        stick = speed * rng.uniform(-1.0, 1.0, 3)
+        target = str(rng.choice(self.names))
+        return Mind(target, way, speed, cycle + int(for_cycles), stick)
+
+    def cycle(self) -> None:
+        """One cycle; before it he may change his mind."""
+        k = len(self.plant.rows)
+        if k >= self.mind.until:
+            self.look()
+            self.mind = self.another(k)
+            self.meant.add(self.mind.target)
+            self.changes += 1
+        self.plant.cycle(self.wish())
+        if self.plant.stopped_for > STOPPED:
+            leave(self.plant, fingers=True)
+        if len(self.meant) > 1:
+            self.forget()
+
+    def forget(self) -> None:
+        """Forget what he turned away from, once he has left it."""
+        q = self.plant.q
+        left = {
+            name
+            for name in self.meant - {self.mind.target}
+            if all(self.judge.gap(q, finger, name) > CLEAR for finger in FINGERS)
+        }
+        if left:
+            self.look()
+            self.meant -= left
+
+    def look(self) -> None:
+        """Have what happened judged by what is meant now."""
+        may = {(finger, name) for finger in FINGERS for name in self.meant}
+        self.judge.look(self.plant.rows, may)
+
+    def wish(self) -> Floats:
+        """The velocities he asks for, shape (5,) [m/s]."""
+        mind, seen = self.mind, self.plant.seen
+        wish = np.zeros(5)
+        if mind.way == "random":
+            wish[:3] = mind.stick
+            return wish
+        solid = self.judge.solids[mind.target]
+        low = height_over(solid)
+        wide = opening(solid) if mind.way != "closed" else NARROW
+        goal = np.array([solid.at[0], solid.at[1], low])
+        if mind.way == "hand":
+            goal[2] -= 0.1
+        beside = max(abs(goal[0] - seen[0]), abs(goal[1] - seen[1]))
+        if mind.way in ("grip", "closed", "hand") and beside > ALIGNED:
+            above = low + 2.0 * float(solid.half[2]) + OVER
+            goal[2] = above
+            if seen[2] < above - 0.02:
+                goal[:2] = seen[:2]
+        way = goal - seen[:3]
+        wish[:3] = 8.0 * way
+        size = float(np.sqrt(wish[:3] @ wish[:3]))
+        slow = mind.speed if way[2] < 0.0 and beside <= ALIGNED else 4.0 * mind.speed
+        most = mind.speed if mind.way == "speed" else min(slow, 0.8)
+        if size > most:
+            wish[:3] *= most / size
+        down = abs(seen[2] - low) < 0.004 and beside <= ALIGNED
+        if mind.way == "grip" and down:
+            wish[3:] = -0.04
+        else:
+            wish[3:] = np.clip(8.0 * (wide - seen[3:]), -0.05, 0.05)
+        return wish
+
+
+def run_episode(seed: int) -> dict[str, Any]:
+    """One episode: what the judge found."""
+    begin = perf_counter()
+    rng = np.random.default_rng([seed, 1])
+    place = side_by_side(rng)
+    guard = Guard(place.scene(), self_test=False)
+    judge = Judge(place, PERIOD)
+    operator = Fickle(guard, judge, rng)
+    while len(operator.plant.rows) * PERIOD < DURATION:
+        operator.cycle()
+    operator.look()
+    found = judge.findings
+    return {
+        "seed": seed,
+        "changes": operator.changes,
+        "meant": len({name for _, name in found.meant}),
+        "simulated_s": len(operator.plant.rows) * PERIOD,
+        "wall_s": perf_counter() - begin,
+        "stops": operator.plant.stops,
+        "touched": found.touched,
+        "least": found.least,
+        "depth": found.depth,
+        "speed": found.speed,
+        "response": place.response,
+    }

@@ -1,0 +1,141 @@
+"""Who touched whom: true distances of the gantry and of what it carries, by hand."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gripping.gantry import BELOW, CLOSED, FINGER, HAND
+from gripping.solids import Solid, box, gaps
+from gripping.workplace import Workplace
+
+Floats = NDArray[np.float64]
+
+PARTS = ("hand", "left", "right")
+FINGERS = ("left", "right")
+
+# The part of the arm that is what it holds.
+HELD = "held"
+
+Pair = tuple[str, str]
+
+
+@dataclass
+class Findings:
+    """What an episode came to.
+
+    Attributes:
+        touched: Contacts that were not meant: part of the arm, what it touched, and the
+            cycle.
+        least: Least distance of what is not meant to touch [m].
+        depth: Greatest overlap of what is meant to touch [m].
+        speed: Greatest closing speed of a contact that is meant, when it begins [m/s].
+        meant: Contacts that were meant and happened.
+        slipped: How far a finger moved while the gripper held something [m].
+    """
+
+    touched: list[tuple[str, str, int]] = field(default_factory=list)
+    least: float = np.inf
+    depth: float = 0.0
+    speed: float = 0.0
+    meant: set[Pair] = field(default_factory=set)
+    slipped: float = 0.0
+
+
+class Judge:
+    """Looks at true states, one stretch of time after the other.
+
+    Attributes:
+        findings: What was found so far.
+        solids: What stands where, by name.
+        held: Name of what is carried, None if nothing is.
+
+    Args:
+        place: The workplace.
+        period: Time from one row to the next [s].
+    """
+
+    def __init__(self, place: Workplace, period: float) -> None:
+        self.solids = {**place.fixtures, **place.objects}
+        self.period = period
+        self.findings = Findings()
+        self.held: str | None = None
+        self._offset = np.zeros(3)
+        self._fingers = np.zeros(2)
+        self._seen = 0
+
+    def grasp(self, q: Floats, name: str) -> None:
+        """From now on something is carried."""
+        self.held = name
+        self._offset = self.solids[name].at - q[:3]
+        self._fingers = q[3:]
+
+    def release(self, q: Floats) -> None:
+        """From now on it stands where it is."""
+        if self.held is not None:
+            solid = self.solids[self.held]
+            self.solids[self.held] = solid.moved_to(q[:3] + self._offset)
+            self.held = None
+
+    def gap(self, q: Floats, part: str, other: str) -> float:
+        """True distance of a part of the arm and something else [m]."""
+        return float(gaps(self._arm(q)[part], self.solids[other]))
+
+    def look(self, rows: list[Floats], may_touch: set[Pair]) -> None:
+        """Judge the rows that are new; the same is carried and meant in all of them.
+
+        Args:
+            rows: True positions of all cycles so far, shape (5,) each [m].
+            may_touch: Contacts that are meant: part of the arm, and what it touches.
+        """
+        if len(rows) == self._seen:
+            return
+        # The last row that was judged is where contacts of the next one begin.
+        begin = max(self._seen - 1, 0)
+        q = np.array(rows[begin:])
+        self._seen = len(rows)
+        if self.held is not None:
+            slipped = float(np.abs(q[:, 3:] - self._fingers).max())
+            self.findings.slipped = max(self.findings.slipped, slipped)
+        for part, solid in self._arm(q).items():
+            for name, other in self.solids.items():
+                # What is gripped presses against its gripper, and that is no contact.
+                if name == self.held:
+                    continue
+                found = gaps(solid, other)
+                if (part, name) in may_touch:
+                    self._meant((part, name), found)
+                else:
+                    self._not_meant((part, name), found, begin)
+
+    def _arm(self, q: Floats) -> dict[str, Solid]:
+        """Bodies of the arm, and what it holds, at rows or at one."""
+        hand = q[..., :3]
+        found = {"hand": box(HAND, hand)}
+        for part, joint, side in (("left", 3, 1.0), ("right", 4, -1.0)):
+            middle = hand + np.array([0.0, 0.0, -BELOW])
+            middle[..., 1] += side * (CLOSED + q[..., joint])
+            found[part] = box(FINGER, middle)
+        if self.held is not None:
+            found[HELD] = self.solids[self.held].moved_to(hand + self._offset)
+        return found
+
+    def _meant(self, pair: Pair, found: Floats) -> None:
+        """Note depth and speed of a contact that is meant."""
+        out = self.findings
+        least = float(found.min())
+        if least > 0.0:
+            return
+        out.meant.add(pair)
+        out.depth = max(out.depth, -least)
+        begins = (found[:-1] > 0.0) & (found[1:] <= 0.0)
+        closing = (found[:-1] - found[1:]) / self.period
+        out.speed = max(out.speed, float(closing[begins].max(initial=0.0)))
+
+    def _not_meant(self, pair: Pair, found: Floats, begin: int) -> None:
+        """Note how near something came that is not meant."""
+        out = self.findings
+        k = int(np.argmin(found))
+        out.least = min(out.least, float(found[k]))
+        if not found[k] > 0.0:
+            out.touched.append((*pair, begin + k))

@@ -1,0 +1,286 @@
+"""An operator picks something up among clutter, and puts it down where it is free."""
+
+from dataclasses import asdict, dataclass
+from math import sqrt
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import GraspError
+from armguard.geometry import Pose
+from armguard.guard import Reason
+from armguard.respond import Action, Guard
+from gripping.gantry import BELOW, FINGER, HAND
+from gripping.judge import FINGERS, HELD, Judge, Pair
+from gripping.leaving import leave
+from gripping.plant import Plant
+from gripping.workplace import (
+    ABOVE,
+    PERIOD,
+    Workplace,
+    cluttered,
+    height_over,
+    opening,
+)
+
+Floats = NDArray[np.float64]
+
+# How the operator leads: speed by what is left of the way [1/s], how near is near
+# enough [m], and how little in what time is no progress [m, s].
+GAIN, WITHIN = 8.0, 0.001
+PROGRESS, STALLED = 2e-4, 0.6
+
+# Longest time for which he pushes [s], and how often he tries in all.
+LONGEST, TRIES = 6.0, 4
+
+# Height above where it grips from which on the operator is slow, and how slow [m, m/s].
+SLOW_FROM, SLOW = 0.1, (0.05, 0.09)
+
+# What is gripped is first lifted by this, and what was let go is left by this [m].
+LIFTED, AWAY = 0.03, 0.15
+
+# Speed at which fingers are asked to close and to open [m/s].
+CLOSING, OPENING = (0.02, 0.06), 0.05
+
+# A placement counts that is as near to its goal as this, in the plane and above [m].
+PLACED, ABOVE_TABLE = 0.006, 0.002
+
+
+@dataclass
+class Outcome:
+    """What a pick-and-place episode came to."""
+
+    seed: int
+    certified: bool = False
+    grasped: bool = False
+    placed: bool = False
+    failed: str | None = None
+    tries_again: int = 0
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+
+
+class Picker:
+    """The operator.
+
+    Args:
+        place: Where he works.
+        guard: The guard he drives through.
+        rng: Draws how he drives.
+    """
+
+    def __init__(self, place: Workplace, guard: Guard, rng: np.random.Generator):
+        self.guard = guard
+        self.plant = Plant(guard, rng)
+        self.judge = Judge(place, guard.tables.period)
+        self.fast = rng.uniform(0.2, 0.8)
+        self.slow = rng.uniform(*SLOW)
+        self.closing = rng.uniform(*CLOSING)
+        # Who is in a hurry goes sideways before he is at the height he goes at.
+        self.hurry = 0.06 if rng.random() < 0.5 else np.inf
+        self.tries = 0
+
+    def lead(self, goal: Floats, speed: float, *, open_to: float | None = None) -> bool:
+        """Lead the hand to a place, and the fingers; whether it got there."""
+        target = np.array([*goal, open_to or 0.0, open_to or 0.0])
+        best, last = np.inf, len(self.plant.rows)
+        while len(self.plant.rows) - last < STALLED / PERIOD:
+            way = target - self.plant.seen
+            if open_to is None:
+                way[3:] = 0.0
+            left = max(way.max(), -way.min())
+            if left <= WITHIN:
+                return True
+            if left < best - PROGRESS:
+                best, last = left, len(self.plant.rows)
+            wish = GAIN * way
+            size = sqrt(wish[0] ** 2 + wish[1] ** 2 + wish[2] ** 2)
+            if size > speed:
+                wish[:3] *= speed / size
+            most = max(wish[3:].max(), -wish[3:].min())
+            if most > OPENING:
+                wish[3:] *= OPENING / most
+            self.plant.cycle(wish)
+        return False
+
+    def push(self, wish: Floats, part_of: tuple[str, ...], other: str) -> bool:
+        """Ask for the same until all these parts are felt to touch; whether they do."""
+        for _ in range(int(LONGEST / PERIOD)):
+            q = self.plant.q
+            if all(self.judge.gap(q, part, other) <= 0.0 for part in part_of):
+                return True
+            if self.plant.cycle(wish).action > Action.FOLLOW:
+                return False
+        return False
+
+    def look(self, may_touch: set[Pair] | None = None) -> None:
+        """Have what happened since the last time judged."""
+        self.judge.look(self.plant.rows, may_touch or set())
+
+    def over(self, xy: Floats, travel: float, low: float, opened: float | None) -> bool:
+        """Go above a place: up, across and down to where he becomes slow."""
+        for _ in range(TRIES):
+            here = self.plant.seen
+            first = max(min(travel, here[2] + self.hurry), here[2])
+            if (
+                self.lead(np.array([here[0], here[1], first]), self.fast)
+                and self.lead(np.array([*xy, travel]), self.fast, open_to=opened)
+                and self.lead(np.array([*xy, min(low + SLOW_FROM, travel)]), self.fast)
+            ):
+                return True
+            self.again(fingers=opened is not None)
+        return False
+
+    def again(self, *, fingers: bool) -> None:
+        """Leave what is in the way, to try again without hurry."""
+        self.tries += 1
+        self.hurry = np.inf
+        leave(self.plant, fingers=fingers)
+
+
+def run_episode(seed: int) -> dict[str, Any]:
+    """One episode: its outcome, and what the judge found."""
+    begin = perf_counter()
+    rng = np.random.default_rng([seed, 0])
+    place, name, goal = cluttered(rng)
+    guard = Guard(place.scene(), self_test=False)
+    travel = place.top + HAND[2] + BELOW + FINGER[2] + ABOVE
+    outcome = Outcome(seed)
+    outcome.certified = is_certified(guard, place, name, goal, travel)
+    picker = Picker(place, guard, rng)
+    outcome.failed = pick(picker, place, name, travel)
+    outcome.grasped = outcome.failed is None
+    if outcome.grasped:
+        outcome.failed = put_down(picker, place, name, goal, travel)
+        outcome.placed = outcome.failed is None
+    picker.look()
+    outcome.tries_again = picker.tries
+    outcome.simulated_s = len(picker.plant.rows) * PERIOD
+    outcome.wall_s = perf_counter() - begin
+    found = picker.judge.findings
+    return {
+        **asdict(outcome),
+        "stops": picker.plant.stops,
+        "touched": found.touched,
+        "least": found.least,
+        "depth": found.depth,
+        "speed": found.speed,
+        "slipped": found.slipped,
+        "response": place.response,
+    }
+
+
+def is_certified(
+    guard: Guard, place: Workplace, name: str, goal: Floats, travel: float
+) -> bool:
+    """Whether the way there and on is proven, without what is to be carried."""
+    meant = place.objects[name]
+    xy, low, opened = meant.at[:2], height_over(meant), opening(meant)
+    ends = [(*xy, travel), (*xy, low), (*xy, travel)]
+    ends += [(*goal, travel), (*goal, low), (*goal, travel)]
+    rows = np.array([place.home, *([*end, opened, opened] for end in ends)])
+    guard.remove(name)
+    clear = guard.check_path(rows).clear
+    guard.place(name, Pose(xyz=tuple(meant.at.tolist())))
+    return clear
+
+
+def pick(picker: Picker, place: Workplace, name: str, travel: float) -> str | None:
+    """Grip something; why not if it fails."""
+    meant = place.objects[name]
+    xy, low = meant.at[:2], height_over(meant)
+    if not picker.over(xy, travel, low, opening(meant)):
+        return why(picker, "above it")
+    picker.look()
+    closing = np.array([0.0, 0.0, 0.0, -picker.closing, -picker.closing])
+    for _ in range(TRIES):
+        arrived = picker.lead(np.array([*xy, low]), picker.slow, open_to=opening(meant))
+        closed = arrived and picker.push(closing, FINGERS, name)
+        if closed:
+            break
+        stuck = why(picker, "closing on it" if arrived else "going down to it")
+        picker.again(fingers=True)
+    else:
+        picker.look({(finger, name) for finger in FINGERS})
+        return stuck
+    rest(picker)
+    picker.look({(finger, name) for finger in FINGERS})
+    try:
+        picker.guard.grasp("arm", name)
+    except GraspError as error:
+        return f"grasp: {error}"
+    picker.judge.grasp(picker.plant.q, name)
+    picker.plant.grip([3, 4])
+    return None
+
+
+def put_down(
+    picker: Picker, place: Workplace, name: str, goal: Floats, travel: float
+) -> str | None:
+    """Carry what is gripped to a place and let go of it there; why not if it fails."""
+    meant = place.objects[name]
+    standing = {(HELD, "table")}
+    lifted = picker.lead(np.add(picker.plant.seen[:3], (0.0, 0.0, LIFTED)), picker.slow)
+    picker.look(standing)
+    if not lifted:
+        return why(picker, "lifting it")
+    lowering = np.array([0.0, 0.0, -picker.slow, 0.0, 0.0])
+    for _ in range(TRIES):
+        above = picker.over(goal, travel, height_over(meant), None)
+        picker.look()
+        down = above and picker.push(lowering, (HELD,), "table")
+        if down:
+            break
+        stuck = why(picker, "putting it down" if above else "carrying it")
+        picker.again(fingers=False)
+        picker.look(standing)
+    else:
+        return stuck
+    rest(picker)
+    picker.look(standing)
+    try:
+        picker.guard.release("arm", name)
+    except GraspError as error:
+        return f"release: {error}"
+    picker.judge.release(picker.plant.q)
+    picker.plant.grip([])
+    here = picker.plant.seen[:3]
+    opened = picker.lead(here, picker.slow, open_to=opening(meant))
+    away = opened and picker.lead(np.add(here, (0.0, 0.0, AWAY)), picker.slow)
+    picker.look({(finger, name) for finger in FINGERS})
+    if not away:
+        return why(picker, "letting go" if not opened else "leaving it")
+    return misplaced(picker, name, goal)
+
+
+def rest(picker: Picker) -> None:
+    """Ask for nothing for a while."""
+    for _ in range(25):
+        picker.plant.cycle(np.zeros(5))
+
+
+def misplaced(picker: Picker, name: str, goal: Floats) -> str | None:
+    """What is wrong with where something stands; None if nothing is."""
+    solid = picker.judge.solids[name]
+    off = float(np.abs(solid.at[:2] - goal).max())
+    above = float(solid.at[2] - solid.half[2])
+    if off <= PLACED and abs(above) <= ABOVE_TABLE:
+        return None
+    return f"misplaced by {off * 1e3:.1f} mm, {above * 1e3:.1f} mm above the table"
+
+
+def why(picker: Picker, when: str) -> str | None:
+    """Why the arm does not get on, as the guard says it."""
+    command = picker.plant.command
+    if command is None:
+        return None
+    blocked = command.blocked["arm"]
+    reason = command.verdict.reason
+    named = blocked.name if blocked else ""
+    if reason is not Reason.OK:
+        named += f" {reason.name}"
+    near = [p for p in command.verdict.near if p.clearance < 0.005]
+    pairs = "; ".join(f"{p.a}, {p.b} {p.clearance * 1e3:.1f} mm left" for p in near)
+    return f"{when}: {named} {pairs}".strip() if named or pairs else None

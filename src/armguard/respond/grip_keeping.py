@@ -1,0 +1,50 @@
+"""Joints of fingers that hold something: nobody but their operator moves them."""
+
+from armguard.guard.grips import (
+    BODY,
+    END_FINGER,
+    FIRST_FINGER,
+    HOLDS,
+    Grips,
+    open_grips,
+)
+from armguard.guard.workspace import GRIPS, Workspace
+from armguard.kernel import kernel
+from armguard.motion.state import Motion
+from armguard.respond.state import Response
+
+
+@kernel(inline=False)
+def keep_grips(a: Response, w: Workspace, m: Motion) -> None:
+    """Bound fingers that hold something to what lies between braking and the target.
+
+    So a program may slow them down and no more: it neither drops what is held nor
+    squeezes it, to have a finger farther from something else.
+
+    Args:
+        a: Responses; `target` and `brake` are written, `low` and `high` are narrowed.
+        w: Workspace.
+        m: Motion.
+    """
+    h = open_grips(w.parts[GRIPS])
+    for g in range(h.grippers.shape[0]):
+        if h.grippers[g, HOLDS] == 0:
+            continue
+        for f in range(h.grippers[g, FIRST_FINGER], h.grippers[g, END_FINGER]):
+            keep_finger(int(w.bodies[h.fingers[f, 0]]), g, a, h, m)
+
+
+@kernel
+def keep_finger(body: int, g: int, a: Response, h: Grips, m: Motion) -> None:
+    """Narrow the bounds of the joints that move a finger and not its gripper."""
+    hand = h.grippers[g, BODY]
+    for k in range(m.length[body]):
+        b = m.joints[body, k]
+        carries = False
+        for i in range(m.length[hand]):
+            carries |= m.joints[hand, i] == b
+        if carries:
+            continue
+        j = m.q_index[b]
+        a.low[j] = min(a.brake[j], a.target[j])
+        a.high[j] = max(a.brake[j], a.target[j])
