@@ -8,9 +8,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armguard.benchmark.peers.pinocchio_coal import build_models, coal_shape
+from armguard.geometry.shapes import Box, Shape, Sphere
+from armguard.robot.meshes import load_triangles
+from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
 from closed_loop.judge import STROKE
-from closed_loop.judge_model import mesh_files
+from closed_loop.judge_model import own_elements
 
 Floats = NDArray[np.float64]
 
@@ -136,22 +139,22 @@ class ExactWorld:
         return self._gain[:, 0] * q[self._source] + self._gain[:, 1]
 
     def _fill(self, primitives: Any, scene: Scene, tables: SceneTables) -> list[str]:
-        """Add meshes of links that have any, primitives of everything else."""
-        meshes = mesh_files(scene)
+        """Add the elements of links with exact geometry, primitives of all others."""
+        elements = own_elements(scene)
         sides: list[str] = []
         for i, owner in enumerate(tables.body_names):
             given = primitives.geometryObjects[i]
-            if owner not in meshes:
+            if owner not in elements:
                 self._geometry.addGeometryObject(given)
                 sides.append(owner)
             elif owner not in sides:
                 _, T = coal_shape(int(tables.kinds[i]), tables.local_rows[i])
                 body = given.placement * T.inverse()
-                for k, (triangles, frame) in enumerate(meshes[owner]):
+                for k, (geometry, frame) in enumerate(elements[owner]):
                     at = body * pin.SE3(frame)
                     name = f"{owner}:{k}"
                     self._geometry.addGeometryObject(
-                        pin.GeometryObject(name, given.parentJoint, at, bvh(triangles))
+                        pin.GeometryObject(name, given.parentJoint, at, solid(geometry))
                     )
                     sides.append(owner)
         return sides
@@ -193,6 +196,23 @@ class ExactWorld:
             far += float(np.linalg.norm(at)) + (STROKE if slides else 0.0)
             joint = int(self._model.parents[joint])
         return found
+
+
+def solid(geometry: Shape | Cylinder | MeshFile) -> Any:
+    """An element of a link, as Coal knows it, about the origin of its frame.
+
+    Raises:
+        ValueError: The judge has no such shape.
+    """
+    if isinstance(geometry, MeshFile):
+        return bvh(load_triangles(geometry))
+    if isinstance(geometry, Cylinder):
+        return coal.Cylinder(geometry.radius, geometry.length)
+    if isinstance(geometry, Sphere):
+        return coal.Sphere(geometry.radius + geometry.rounding)
+    if isinstance(geometry, Box) and geometry.rounding == 0.0:
+        return coal.Box(*(2.0 * np.array(geometry.half_extents)))
+    raise ValueError(f"the judge has no shape for {type(geometry).__name__}")
 
 
 def bvh(triangles: Floats) -> Any:

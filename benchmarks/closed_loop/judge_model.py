@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.benchmark.peers.mujoco_margin import as_text, quaternion
-from armguard.geometry.shapes import ShapeKind
+from armguard.geometry.shapes import Box, Shape, ShapeKind, Sphere
 from armguard.robot.kinematics import kinematic_table
 from armguard.robot.meshes import load_triangles
-from armguard.robot.model import MeshFile
+from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import link_frame
 
@@ -22,17 +22,17 @@ SIGHT = 0.06
 # The same as an attribute of every geom.
 MARGIN = f'margin="{SIGHT!r}"'
 
-# Meshes of links: triangles, shape (t, 3, 3) [m], and frame in the body's, (4, 4).
-Meshes = dict[str, list[tuple[Floats, Floats]]]
+# Elements of links as their files have them: what, and its frame in the body's, (4, 4).
+Elements = dict[str, list[tuple[Shape | Cylinder | MeshFile, Floats]]]
 
 
 class JudgeModel:
     """The model, and whose its geoms are.
 
     A body of the model belongs to one 'robot/link' or object, so that what the scene
-    does not check is left out body by body. Links whose collision geometry is a mesh
-    are built from the mesh file, not from what the guard made of it; MuJoCo takes the
-    convex hull of each.
+    does not check is left out body by body. Links that have exact geometry are built
+    from their files, not from what the guard made of them; MuJoCo takes the convex hull
+    of each mesh.
 
     Attributes:
         model: MuJoCo's model.
@@ -45,8 +45,7 @@ class JudgeModel:
 
     def __init__(self, scene: Scene, tables: SceneTables) -> None:
         self.robots = tuple(scene.robots)
-        meshes = mesh_files(scene)
-        text = mjcf(scene, tables, meshes)
+        text = mjcf(scene, tables, own_elements(scene))
         self.model = mujoco.MjModel.from_xml_string(text)
         m = self.model
         names = [m.body(int(m.geom_bodyid[g])).name for g in range(m.ngeom)]
@@ -67,9 +66,9 @@ class JudgeModel:
         return self.robots.index(robot) if "/" in owner else -1
 
 
-def mesh_files(scene: Scene) -> Meshes:
-    """The mesh files of each link that has exact geometry of its own."""
-    found: Meshes = {}
+def own_elements(scene: Scene) -> Elements:
+    """The elements of each link that has exact geometry of its own."""
+    found: Elements = {}
     for name, robot in scene.robots.items():
         table = kinematic_table(robot.model)
         for link, fit in robot.fits.items():
@@ -78,17 +77,12 @@ def mesh_files(scene: Scene) -> Meshes:
                 continue
             frame = link_frame(robot, table, link)
             found[f"{name}/{link}"] = [
-                (load_triangles(c.geometry), frame @ c.T_link_geometry)
-                for c in elements
-                if isinstance(c.geometry, MeshFile)
+                (c.geometry, frame @ c.T_link_geometry) for c in elements
             ]
-            assert len(found[f"{name}/{link}"]) == len(elements), (
-                f"{name}/{link} mixes meshes with other geometry"
-            )
     return found
 
 
-def mjcf(scene: Scene, tables: SceneTables, meshes: Meshes) -> str:
+def mjcf(scene: Scene, tables: SceneTables, elements: Elements) -> str:
     """The model as text."""
     owned: dict[str, list[int]] = {name: [] for name in scene.objects}
     for i, owner in enumerate(tables.body_names):
@@ -98,15 +92,20 @@ def mjcf(scene: Scene, tables: SceneTables, meshes: Meshes) -> str:
     for owner, own in owned.items():
         shapes = (
             []
-            if owner in meshes
+            if owner in elements
             else [primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own]
         )
-        for k, (triangles, T) in enumerate(meshes.get(owner, [])):
-            mesh = f"m:{owner}:{k}"
-            vertices = np.unique(triangles.reshape(-1, 3), axis=0)
-            assets += f'<mesh name="{mesh}" vertex="{as_text(vertices.ravel())}"/>'
+        for k, (geometry, T) in enumerate(elements.get(owner, [])):
             at = f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
-            shapes.append(f'<geom type="mesh" mesh="{mesh}" {MARGIN} {at}/>')
+            if isinstance(geometry, MeshFile):
+                mesh = f"m:{owner}:{k}"
+                corners = load_triangles(geometry).reshape(-1, 3)
+                vertices = as_text(np.unique(corners, axis=0).ravel())
+                assets += f'<mesh name="{mesh}" vertex="{vertices}"/>'
+                kind = f'type="mesh" mesh="{mesh}"'
+            else:
+                kind = kind_and_size(geometry)
+            shapes.append(f"<geom {kind} {MARGIN} {at}/>")
         body = int(tables.bodies[own[0]])
         geoms = "".join(shapes)
         inner.setdefault(body, "")
@@ -141,6 +140,21 @@ def joint(tables: SceneTables, b: int) -> str:
         return text
     axis = as_text(tables.axis[b])
     return text + f'<joint name="j{b}" type="{kind}" axis="{axis}"/>'
+
+
+def kind_and_size(geometry: Shape | Cylinder) -> str:
+    """What a link's element is, about the origin of its frame.
+
+    Raises:
+        ValueError: The judge has no such shape.
+    """
+    if isinstance(geometry, Cylinder):
+        return f'type="cylinder" size="{geometry.radius!r} {geometry.length / 2.0!r}"'
+    if isinstance(geometry, Sphere):
+        return f'type="sphere" size="{geometry.radius + geometry.rounding!r}"'
+    if isinstance(geometry, Box) and geometry.rounding == 0.0:
+        return f'type="box" size="{as_text(np.array(geometry.half_extents))}"'
+    raise ValueError(f"the judge has no shape for {type(geometry).__name__}")
 
 
 def primitive(kind: int, row: Floats) -> str:
