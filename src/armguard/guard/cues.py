@@ -6,7 +6,7 @@ as a wrench at the tool. Robots that do not follow their operators are at their 
 urgent.
 """
 
-from math import inf, sqrt
+from math import sqrt
 
 from armguard.geometry.vec3 import Vec3, cross, sub
 from armguard.guard.layout import (
@@ -17,20 +17,18 @@ from armguard.guard.layout import (
     PROOF,
     ROBOT_FORCE,
     ROBOT_LEVEL,
-    ROBOT_TIME,
     ROBOT_TOOL,
     ROBOT_TORQUE,
     ROBOT_URGENCY,
     ROBOT_WIDTH,
     SECOND,
     TIME_LEFT,
-    TIME_TO_CONTACT,
     WITNESS,
 )
 from armguard.guard.levels import Level
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import LOOK_AHEAD, robot_of
+from armguard.guard.proofs import LOOK_AHEAD, NEAR_CUE, robot_of
 from armguard.guard.watch import SLOW_TIME, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -41,9 +39,6 @@ from armguard.motion.state import Motion
 from armguard.robot.kinematics import FIXED as NO_JOINT
 
 STOP = int(Level.STOP)
-
-# A pair that has less than this left beyond what it needs is near [m].
-NEAR_CUE = 0.02
 
 # Force of a pair that has nothing left [N].
 MOST_FORCE = 10.0
@@ -66,7 +61,6 @@ def write_cues(w: Workspace, v: Watch, m: Motion) -> None:
         out[place + ROBOT_URGENCY] = min(max(soon, 0.0), 1.0)
         if out[place + ROBOT_LEVEL] >= STOP:
             out[place + ROBOT_URGENCY] = 1.0
-        out[place + ROBOT_TIME] = inf
         for k in range(3):
             out[place + ROBOT_FORCE + k] = out[place + ROBOT_TORQUE + k] = 0.0
             out[place + ROBOT_TOOL + k] = 0.0
@@ -100,8 +94,6 @@ def add_cue(place: int, look: float, w: Workspace, v: Watch, m: Motion) -> None:
         if r < 0:
             continue
         own = HEADER + r * ROBOT_WIDTH
-        time = out[place + TIME_TO_CONTACT]
-        out[own + ROBOT_TIME] = min(out[own + ROBOT_TIME], time)
         if robot_i == robot_j:
             continue
         point = (

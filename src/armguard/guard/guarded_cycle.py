@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing, pointer
 from armguard.guard.commands import is_as_told, look_under_way, set_drives
+from armguard.guard.contact_times import write_contact_times
 from armguard.guard.cues import write_cues
 from armguard.guard.cycle import (
     clear_header,
@@ -166,6 +167,7 @@ def conclude(lines: int) -> None:
     w.out[SPANS_TESTED] = m.effort[TESTS]
     grade_robots(w, v, m)
     explain_nearest(w, v, m)
+    write_contact_times(lines)
     write_cues(w, v, m)
 
 

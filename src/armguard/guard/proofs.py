@@ -5,7 +5,7 @@ that cannot be proven any longer has been proven in the last cycle for a stop th
 ordered now. If it is enough that one of two robots stops now, the other may go on.
 """
 
-from math import inf, sqrt
+from math import inf
 
 import numba
 import numpy as np
@@ -18,7 +18,6 @@ from armguard.guard.layout import (
     CLEARANCE,
     PROOF,
     TIME_LEFT,
-    TIME_TO_CONTACT,
     WITNESS,
 )
 from armguard.guard.levels import Reason
@@ -53,7 +52,6 @@ from armguard.motion.figures import (
     SPEED,
     TRACKING,
 )
-from armguard.motion.free_way import bound_free_way, grid_time, time_after
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import path_gap, prove_by_spans, shared_joints
 from armguard.motion.pair_state import (
@@ -75,10 +73,7 @@ from armguard.motion.pair_state import (
     SPENT,
 )
 from armguard.motion.state import (
-    AGE,
     BUDGET,
-    FREE,
-    GRID,
     LOOKED,
     NEXT,
     NOW,
@@ -105,6 +100,9 @@ SINK = 1e-3
 
 # Slack in time is told this much farther than where the arm is slowed [-].
 LOOK_AHEAD = 2.0
+
+# A pair that has less than this left beyond what it needs is near [m].
+NEAR_CUE = 0.02
 
 
 @kernel
@@ -239,22 +237,16 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
     proof, spare = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
     out[place + CLEARANCE] = spare
     out[place + PROOF] = proof
-    closing = closing_speed(i, j, w, v, m)
-    left = inf
     if proof == ALLOWED:
-        # A contact that is meant is no matter of time; levers tell enough of it.
-        out[place + TIME_TO_CONTACT] = lever_time(i, j, place, closing, w, v, m)
         return
-    if not spare > 0.0:
-        left = 0.0
-    else:
+    closing = closing_speed(i, j, w, v, m)
+    left = 0.0
+    if spare > 0.0:
         speed = closing
         if not (coarse(i, v, m) or coarse(j, v, m)):
             speed = min(closing, rate_along_normal(i, j, place, w, v, m))
-        if speed > 0.0:
-            left = spare / speed
+        left = spare / speed if speed > 0.0 else inf
     out[place + TIME_LEFT] = left
-    out[place + TIME_TO_CONTACT] = contact_time(i, j, place, closing, w, v, m)
     # It is short for those who come nearer: a parked robot is not in a hurry.
     for side in range(2):
         k, r = (i, robot_i) if side == 0 else (j, robot_j)
@@ -336,9 +328,10 @@ def prove_pair(
     else:
         by_levers -= own_sum(i, w.bodies[i], shared, m.spread[plan_i], m)
         by_levers -= own_sum(j, w.bodies[j], shared, m.spread[plan_j], m)
-    look = LOOK_AHEAD * v.pace[SLOW_TIME] * closing_speed(i, j, w, v, m)
-    enough = by_levers >= look or not distance > 0.0
-    if relief == 0.0 and (enough or coarse(i, v, m) or coarse(j, v, m)):
+    by_levers_alone = not distance > 0.0 or coarse(i, v, m) or coarse(j, v, m)
+    if relief == 0.0 and (
+        by_levers_alone or is_plenty(by_levers, i, j, place, w, v, m)
+    ):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
     if m.effort[TESTS] >= m.effort[BUDGET]:
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
@@ -364,6 +357,19 @@ def prove_pair(
     if exact == PROVEN or by_exact > by_spans:
         return (exact, by_exact)
     return (proof, by_spans)
+
+
+@kernel
+def is_plenty(
+    spare: float, i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
+) -> bool:
+    """Whether a pair has so much left that nobody needs to know how much."""
+    time = LOOK_AHEAD * v.pace[SLOW_TIME]
+    if spare >= time * closing_speed(i, j, w, v, m):
+        return True
+    if not spare >= NEAR_CUE:
+        return False
+    return bool(spare >= time * rate_along_normal(i, j, place, w, v, m))
 
 
 @kernel
@@ -524,68 +530,3 @@ def coarse(i: int, v: Watch, m: Motion) -> bool:
         return False
     brakes = v.phase[r] == BRAKING or v.phase[r] == LOST
     return bool(m.robot_figures[r, MODE] == SPEED or brakes)
-
-
-@kernel
-def contact_time(
-    i: int, j: int, place: int, closing: float, w: Workspace, v: Watch, m: Motion
-) -> float:
-    """Least time from now until a pair can touch, whatever its operators do [s].
-
-    By levers, which know no directions; and by how far the joints may get until each
-    time of a grid, which do. The errors of model and measurement count, and the time
-    that has passed since the older of two measurements.
-    """
-    out = w.out
-    moving, robot_j = m.rate.shape[0], robot_of(j, v)
-    unknown = standing_need(i, j, w, v, m) - w.buffers[w.groups[i], w.groups[j]]
-    sharp = out[place + WITNESS] - unknown
-    distance, push = sharp - m.blur[i], m.push[i]
-    age = m.clock[robot_of(i, v), AGE]
-    if robot_j >= 0:
-        distance -= m.blur[j]
-        push += m.push[j]
-        age = max(age, m.clock[robot_j, AGE])
-    time = time_to_contact(distance, closing, push)
-    if coarse(i, v, m) or coarse(j, v, m) or not sharp > 0.0:
-        return float(max(time - age, 0.0))
-    speed = object_speed(j, v) if j >= moving else 0.0
-    n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
-    pair = numba.carray(stack(15), (PAIR,), np.float64)
-    describe_pair(i, j, FREE, FREE, 0.0, 0.0, pair, w, m)
-    later = time_after(time)
-    # Seldom is it more than twice what levers say: the second time first.
-    for k in range(min(later + 1, GRID - 1), later - 1, -1):
-        bound_free_way(k, w.parts[MOTION])
-        pair[PLAN] = pair[SIDE + PLAN] = FREE + k
-        gap = path_gap(pair.ctypes.data, n, w.parts[MOTION])
-        if gap - unknown - speed * grid_time(k) > 0.0:
-            return float(max(grid_time(k) - age, 0.0))
-    return float(max(time - age, 0.0))
-
-
-@kernel
-def lever_time(
-    i: int, j: int, place: int, closing: float, w: Workspace, v: Watch, m: Motion
-) -> float:
-    """The same by levers alone."""
-    unknown = standing_need(i, j, w, v, m) - w.buffers[w.groups[i], w.groups[j]]
-    distance, push = w.out[place + WITNESS] - unknown - m.blur[i], m.push[i]
-    age, robot_j = m.clock[robot_of(i, v), AGE], robot_of(j, v)
-    if robot_j >= 0:
-        distance, push = distance - m.blur[j], push + m.push[j]
-        age = max(age, m.clock[robot_j, AGE])
-    return float(max(time_to_contact(distance, closing, push) - age, 0.0))
-
-
-@kernel
-def time_to_contact(distance: float, speed: float, push: float) -> float:
-    """Least time until a pair can touch, whatever its operators do [s].
-
-    From a bound of its closing speed and of what accelerations can add to that
-    (Culley and Kempf): distance = speed · t + ½ · push · t².
-    """
-    if not distance > 0.0:
-        return 0.0
-    root = sqrt(speed * speed + 2.0 * push * distance)
-    return float(2.0 * distance / (speed + root)) if root > 0.0 else inf

@@ -105,7 +105,8 @@ class NearPair:
         time_left: How long the present motion may go on before a stop must be ordered
             [s]; infinite where nothing moves.
         time_to_contact: The two cannot touch before that, whatever the operators do
-            [s]; infinite where nothing moves.
+            [s]; infinite where nothing moves. What levers say, which is shorter than
+            need be, of pairs that are not the first their robots can touch.
         point_a: Witness point on A, world frame, shape (3,) [m].
         point_b: Witness point on B, world frame, shape (3,) [m].
         normal: Unit vector from A to B, world frame, shape (3,).

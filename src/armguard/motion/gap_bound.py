@@ -26,7 +26,7 @@ from armguard.address import pointer
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, sub
+from armguard.geometry.vec3 import Vec3, add, cross, dot, sub
 from armguard.kernel import kernel
 from armguard.motion.state import WHOLE, Motion, open_motion
 from armguard.robot.kinematics import PRISMATIC
@@ -120,38 +120,52 @@ def joint_ranges(
     for k in range(first, count):
         b = chain[k]
         rows[k, FROM], rows[k, TO] = middle[b], width[b]
-        rows[k, TURN] = rows[k, GROWTH] = 0.0
 
 
 @kernel
-def point_reach(n: Vec3, p: Vec3, first: int, count: int, rows: Floats) -> float:
+def point_reach(
+    n: Vec3, p: Vec3, line: bool, first: int, count: int, rows: Floats
+) -> float:
     """`n·p` and how far it can grow, to the second order [m].
 
     Args:
         n: Direction; 0 for the growth alone.
         p: A vertex of the core, in the world [m].
+        line: Whether the joints are on a line.
         first: First joint of the chain that counts.
         count: Length of the chain.
         rows: Written by `joint_rows`, with ranges.
     """
     differentiate(p, first, count, rows)
     way = dot(n, p)
-    bend = bow = grown = 0.0
+    bend = 0.0
     for k in range(first, count):
         own = rows[k]
         way += own[GRADIENT] * own[FROM]
-        turned = curved = mixed = 0.0
+        turned = 0.0
+        for j in range(first, count):
+            turned += own[HESSIAN + j] * rows[j, FROM]
+        bend += 0.5 * own[FROM] * turned
+        own[ALONG] = own[GRADIENT] + turned
+    if line:
+        bend += line_bow(first, count, rows)
+    return way + bend + widest(first, count, rows)
+
+
+@kernel
+def line_bow(first: int, count: int, rows: Floats) -> float:
+    """How much farther points get between the ends of a line than at these [m]."""
+    bow = grown = 0.0
+    for k in range(first, count):
+        own = rows[k]
+        curved = mixed = 0.0
         for j in range(first, count):
             h = own[HESSIAN + j]
-            turned += h * rows[j, FROM]
             curved += h * rows[j, TURN]
             mixed += abs(h) * rows[j, GROWTH]
-        bend += 0.5 * own[FROM] * turned
         bow -= 0.5 * own[TURN] * curved
         grown += (abs(own[TURN]) + 0.5 * own[GROWTH]) * mixed
-        own[ALONG] = own[GRADIENT] + turned
-    # Between the two ends of a line the way is above both by no more than it bows.
-    return way + bend + max(bow, 0.0) + grown + widest(first, count, rows)
+    return max(bow, 0.0) + grown
 
 
 @kernel
@@ -215,16 +229,23 @@ def side_reach(
     kind: int,
     row: Floats,
     n: Vec3,
+    line: bool,
+    most: float,
     first: int,
     count: int,
     rows: Floats,
 ) -> float:
     """Greatest `n·p` over a primitive's points and all positions, to second order [m].
 
+    A vertex that could not be the one even if it moved as far as any point does is
+    passed over.
+
     Args:
         kind: ShapeKind.
         row: Its row in the world, shape (16,).
         n: Unit direction.
+        line: Whether the joints are on a line.
+        most: How far any of its points may move, by levers [m].
         first: First joint of the chain that counts.
         count: Length of the chain; no more than `first` for what stands still.
         rows: Written by `joint_rows`, with ranges.
@@ -235,31 +256,77 @@ def side_reach(
             return half_space_reach(row, n)
         return float(row[0] + dot(n, add(origin, core_support(kind, row, n))))
     if kind == SPHERE or kind == CAPSULE:
-        reach = -inf
-        for end in range(1, 5 if kind == CAPSULE else 2, 3):
-            p = (row[end], row[end + 1], row[end + 2])
-            reach = max(reach, point_reach(n, p, first, count, rows))
-        return float(row[0] + reach)
+        return float(
+            row[0] + segment_reach(kind, row, n, line, most, first, count, rows)
+        )
     if kind == HULL:
-        return float(row[0] + hull_reach(row, n, first, count, rows))
+        return float(row[0] + hull_reach(row, n, line, most, first, count, rows))
     if kind == HALF_SPACE or kind == TRIANGLE:
         # Neither rides on a link.
         return inf
+    return float(row[0] + box_reach(kind, row, n, line, most, first, count, rows))
+
+
+@kernel
+def segment_reach(
+    kind: int,
+    row: Floats,
+    n: Vec3,
+    line: bool,
+    most: float,
+    first: int,
+    count: int,
+    rows: Floats,
+) -> float:
+    """Greatest reach of a sphere's centre, or of the ends of a capsule's axis [m]."""
+    one = (row[1], row[2], row[3])
+    if kind == SPHERE:
+        return point_reach(n, one, line, first, count, rows)
+    other = (row[4], row[5], row[6])
+    if dot(n, other) > dot(n, one):
+        one, other = other, one
+    reach = point_reach(n, one, line, first, count, rows)
+    if dot(n, other) + most > reach:
+        reach = max(reach, point_reach(n, other, line, first, count, rows))
+    return reach
+
+
+@kernel
+def box_reach(
+    kind: int,
+    row: Floats,
+    n: Vec3,
+    line: bool,
+    most: float,
+    first: int,
+    count: int,
+    rows: Floats,
+) -> float:
+    """Greatest reach of a box's corners, or of a curved core within a box [m].
+
+    A curved core moves no farther than the box about it, on top of its own support.
+    """
     x, y, z = row[4], row[5], row[6]
     if kind == CYLINDER or kind == CONE:
         x = y = max(row[4], row[6])
         z = row[5]
     elif kind != BOX and kind != ELLIPSOID:
         x = y = z = row[6]
-    # A curved core moves no farther than the box around it, on top of its own support.
-    still = dot(n, add(origin, core_support(kind, row, n)))
     reach = move = -inf
     for c in range(8):
         p = corner(row, x, y, z, c)
-        way = point_reach((0.0, 0.0, 0.0), p, first, count, rows)
-        reach = max(reach, dot(n, p) + way)
+        still = dot(n, p)
+        if kind == BOX:
+            if still + most > reach:
+                reach = max(reach, point_reach(n, p, line, first, count, rows))
+            continue
+        way = point_reach((0.0, 0.0, 0.0), p, line, first, count, rows)
+        reach = max(reach, still + way)
         move = max(move, way)
-    return float(row[0] + min(reach, still + move))
+    if kind == BOX:
+        return reach
+    origin = (row[1], row[2], row[3])
+    return float(min(reach, dot(n, add(origin, core_support(kind, row, n))) + move))
 
 
 @kernel
@@ -289,25 +356,19 @@ def corner(row: Floats, x: float, y: float, z: float, c: int) -> Vec3:
 
 
 @kernel
-def hull_reach(row: Floats, n: Vec3, first: int, count: int, rows: Floats) -> float:
-    """Greatest reach of a hull's vertices.
-
-    A vertex that could not be the one even if it moved as far as any does is passed
-    over: no derivative is longer than the slope times the hull's farthest point.
-    """
+def hull_reach(
+    row: Floats,
+    n: Vec3,
+    line: bool,
+    most: float,
+    first: int,
+    count: int,
+    rows: Floats,
+) -> float:
+    """Greatest reach of a hull's vertices [m]."""
     origin = (row[1], row[2], row[3])
     vertices = int(row[5])
     v = numba.carray(pointer(int(row[4])), (3 * vertices,), np.float64)
-    most_move = turned = 0.0
-    for k in range(first, count):
-        own = rows[k]
-        size = abs(own[FROM]) + own[TO] + abs(own[TURN]) + own[GROWTH]
-        lever = 1.0
-        if own[TURNS] != 0.0:
-            arm = sub(origin, (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]))
-            lever = norm(arm) + row[6]
-        most_move += lever * size * (1.0 + turned + 0.5 * size)
-        turned += size
     # n in the frame of the hull.
     x = row[7] * n[0] + row[10] * n[1] + row[13] * n[2]
     y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
@@ -316,15 +377,34 @@ def hull_reach(row: Floats, n: Vec3, first: int, count: int, rows: Floats) -> fl
     best = -inf
     for i in range(vertices):
         a, b, c = v[i], v[i + vertices], v[i + 2 * vertices]
-        if base + x * a + y * b + z * c + most_move <= best:
+        if base + x * a + y * b + z * c + most <= best:
             continue
         p = (
             origin[0] + row[7] * a + row[8] * b + row[9] * c,
             origin[1] + row[10] * a + row[11] * b + row[12] * c,
             origin[2] + row[13] * a + row[14] * b + row[15] * c,
         )
-        best = max(best, point_reach(n, p, first, count, rows))
+        best = max(best, point_reach(n, p, line, first, count, rows))
     return best
+
+
+@kernel
+def most_way(
+    chain: Ints, first: int, count: int, levers: Floats, sizes: Floats
+) -> float:
+    """How far any point of a primitive may move, by levers [m].
+
+    Args:
+        chain: Bodies of the chain.
+        first: First joint that counts.
+        count: Length of the chain.
+        levers: Levers of the primitive, shape (depth,).
+        sizes: Greatest |Δ| of each body's joint, shape (b,).
+    """
+    total = 0.0
+    for k in range(first, count):
+        total += sizes[chain[k]] * levers[k]
+    return total
 
 
 @kernel
@@ -388,15 +468,15 @@ def range_reach(
     a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
     count = 0 if body < 0 else int(m.length[body])
     if count <= first:
-        return float(side_reach(kind, a, n, first, first, m.lever_rows))
+        return float(side_reach(kind, a, n, False, 0.0, first, first, m.lever_rows))
     chain, rows = m.joints[body], m.lever_rows
     joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, rows)
     joint_ranges(chain, first, count, m.middle[plan], m.width[plan], rows)
-    reach = side_reach(kind, a, n, first, count, rows)
     own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
-    return float(
-        reach + curvature(chain, first, count, own, m.joint_kind, m.spread[plan])
-    )
+    sizes = m.spread[plan]
+    most = most_way(chain, first, count, own, sizes)
+    reach = side_reach(kind, a, n, False, most, first, count, rows)
+    return float(reach + curvature(chain, first, count, own, m.joint_kind, sizes))
 
 
 @kernel(inline=False)
@@ -432,7 +512,7 @@ def line_reach(
     count = 0 if body < 0 else int(m.length[body])
     rows = m.lever_rows
     if count <= first:
-        still = side_reach(kind, a, n, first, first, rows)
+        still = side_reach(kind, a, n, False, 0.0, first, first, rows)
         return (still, still, 0.0)
     chain = m.joints[body]
     if box == WHOLE:
@@ -448,12 +528,13 @@ def line_reach(
         )
     else:
         joint_rows(n, chain, first, count, m.box_axes, 0, m.joint_kind, rows)
+    own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
     one = other = 0.0
     for end in range(2):
         sign = 2.0 * end - 1.0
         line_ranges(chain, first, count, at, box, sign, m)
-        one, other = other, side_reach(kind, a, n, first, count, rows)
-    own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
+        most = most_way(chain, first, count, own, m.sizes)
+        one, other = other, side_reach(kind, a, n, True, most, first, count, rows)
     bend = curvature(chain, first, count, own, m.joint_kind, m.sizes)
     return (one, other, bend)
 

@@ -139,6 +139,8 @@ def directed_gap(
     kind_b: int,
     row_b: Floats,
     n: Vec3,
+    sway_a: float,
+    sway_b: float,
     bend: float,
     chains: Ints,
     lengths: Ints,
@@ -156,6 +158,8 @@ def directed_gap(
         kind_b: Shape kind of B.
         row_b: Its row.
         n: Unit direction from A to B.
+        sway_a: How far any point of A may move [m].
+        sway_b: How far any point of B may move [m].
         bend: What the second order leaves out of both sides [m].
         chains: Bodies of both chains, shape (2, depth).
         lengths: Lengths of both chains, shape (2,).
@@ -167,11 +171,11 @@ def directed_gap(
     """
     joint_rows(n, chains[0], 0, lengths[0], axes, 0, joint_kind, lever_rows)
     joint_ranges(chains[0], 0, lengths[0], middle, width, lever_rows)
-    gap = -side_reach(kind_a, row_a, n, 0, lengths[0], lever_rows)
+    gap = -side_reach(kind_a, row_a, n, False, sway_a, 0, lengths[0], lever_rows)
     back = scaled(-1.0, n)
     joint_rows(back, chains[1], 0, lengths[1], axes, 0, joint_kind, lever_rows)
     joint_ranges(chains[1], 0, lengths[1], middle, width, lever_rows)
-    gap -= side_reach(kind_b, row_b, back, 0, lengths[1], lever_rows)
+    gap -= side_reach(kind_b, row_b, back, False, sway_b, 0, lengths[1], lever_rows)
     return float(gap - bend)
 
 
@@ -346,8 +350,9 @@ def bound_boxes(
                         own = max(
                             own,
                             directed_gap(
-                                kinds[i], rows[i], kinds[j], rows[j], n, bend, chains,
-                                lengths, axes, joint_kind, middle, width, lever_rows,
+                                kinds[i], rows[i], kinds[j], rows[j], n,
+                                sway[i], sway[j], bend, chains, lengths, axes,
+                                joint_kind, middle, width, lever_rows,
                             ),
                         )  # fmt: skip
                 if not own > -inf:

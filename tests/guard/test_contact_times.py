@@ -1,0 +1,50 @@
+"""A robot's time to contact is that of its first pair, as if all were looked at."""
+
+import numpy as np
+
+from armguard.benchmark.filter import crowded_guard
+from armguard.guard.contact_times import contact_time, lever_time
+from armguard.guard.layout import NEAR_COUNT, TIME_TO_CONTACT
+from armguard.guard.near_pairs import row_place
+from armguard.guard.watch import open_watch
+from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.state import open_motion
+
+CYCLES = 200
+
+
+@kernel(inline=False, entry=True)
+def look_at_all(lines, times):
+    """Write when each near pair can touch, by levers alone and with directions."""
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    for k in range(int(w.out[NEAR_COUNT])):
+        place = row_place(k, w)
+        times[k, 0] = w.out[place + TIME_TO_CONTACT] = lever_time(place, w, v, m)
+        times[k, 1] = contact_time(place, w, v, m)
+
+
+def test_no_pair_that_is_passed_over_is_sooner_than_what_is_told():
+    guard = crowded_guard(lambda sentence: None)
+    n = len(guard.q_names)
+    phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, n)
+    q, velocity = guard.home, np.zeros(n)
+    later = passed_over = 0
+    for k in range(CYCLES):
+        wish = 0.15 * np.sin(2.0 * np.pi * 0.7 * k * 1e-3 + phases)
+        command = guard.filter(q, wish, k * 1e-3, velocity=velocity)
+        near = command.verdict.near
+        times = np.zeros((len(near), 2))
+        look_at_all(guard._lines, times)
+        assert np.all(times[:, 0] <= times[:, 1])
+        for name, cue in command.verdict.cues.items():
+            own = [f"{name}/" in f"{p.a} {p.b}" for p in near]
+            assert cue.time_to_contact == times[own, 1].min(initial=np.inf)
+        told = np.array([p.time_to_contact for p in near])
+        assert np.all((told == times[:, 0]) | (told == times[:, 1]))
+        later += np.sum(times[:, 0] < times[:, 1])
+        passed_over += np.sum(told < times[:, 1])
+        velocity = command.velocity
+        q = q + velocity * 1e-3
+    assert 0 < passed_over < later
