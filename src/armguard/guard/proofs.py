@@ -53,7 +53,14 @@ from armguard.motion.figures import (
     TRACKING,
 )
 from armguard.motion.nearest import joint_way
-from armguard.motion.pair_proof import path_gap, prove_by_spans, shared_joints
+from armguard.motion.pair_proof import (
+    LITTLE,
+    WHOLE_PATH,
+    path_gap,
+    prove_by_spans,
+    shared_joints,
+    span_gap,
+)
 from armguard.motion.pair_state import (
     ALLOWED,
     BODY,
@@ -103,6 +110,9 @@ LOOK_AHEAD = 2.0
 
 # A pair that has less than this left beyond what it needs is near [m].
 NEAR_CUE = 0.02
+
+# The exact shapes of a pair are asked if its primitives have less than this left [m].
+PLENTY = 5e-3
 
 
 @kernel
@@ -328,10 +338,8 @@ def prove_pair(
     else:
         by_levers -= own_sum(i, w.bodies[i], shared, m.spread[plan_i], m)
         by_levers -= own_sum(j, w.bodies[j], shared, m.spread[plan_j], m)
-    by_levers_alone = not distance > 0.0 or coarse(i, v, m) or coarse(j, v, m)
-    if relief == 0.0 and (
-        by_levers_alone or is_plenty(by_levers, i, j, place, w, v, m)
-    ):
+    blunt = not distance > 0.0 or coarse(i, v, m) or coarse(j, v, m)
+    if relief == 0.0 and (blunt or is_plenty(by_levers, i, j, place, w, v, m)):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
     if m.effort[TESTS] >= m.effort[BUDGET]:
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
@@ -341,14 +349,25 @@ def prove_pair(
     n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
     by_path = path_gap(pair.ctypes.data, n, w.parts[MOTION]) - whole
     spare = max(by_levers, by_path)
+    has_exact = w.exact_of[i, 1] != 0 or w.exact_of[j, 1] != 0
+    if has_exact and not spare >= PLENTY:
+        by_shapes = look_at_exact(i, j, pair.ctypes.data, lines)
+        if by_shapes > spare:
+            m.effort[LOOKED] = 1
+            spare = by_shapes
+        describe_pair(i, j, plan_i, plan_j, need, drift, pair, w, m)
+    if spare >= (LITTLE if m.span[SEGMENT] == 0.0 else 0.0):
+        return (PROVEN, spare)
+    known = spare if spare >= 0.0 else -inf
+    proof, by_spans = prove_by_spans(pair.ctypes.data, known, w.parts[MOTION])
+    if proof == PROVEN and by_spans > spare:
+        m.effort[LOOKED] = 1 if relief != 0.0 else 0
+        return (proof, by_spans)
     if spare >= 0.0:
         return (PROVEN, spare)
-    proof, by_spans = prove_by_spans(pair.ctypes.data, w.parts[MOTION])
-    if proof == PROVEN:
-        return (proof, by_spans)
     if proof == SPENT:
         return (proof, spare)
-    if w.exact_of[i, 1] == 0 and w.exact_of[j, 1] == 0:
+    if not has_exact:
         return (proof, by_spans)
     m.effort[LOOKED] = 1
     exact, by_exact = prove_exact(i, j, pair.ctypes.data, lines)
@@ -484,6 +503,33 @@ def describe_pair(
 
 
 @kernel(inline=False)
+def look_at_exact(i: int, j: int, pair: int, lines: int) -> float:
+    """What the exact shapes of both sides surely have left, looked at once [m].
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        pair: Address of the description of their pair; its shapes are replaced.
+        lines: Address of the ledger.
+    """
+    w = open_workspace(ledger_at(lines))
+    m = open_motion(w.parts[MOTION])
+    p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    least = inf
+    for a in range(max(w.exact_of[i, 1], 1)):
+        describe_exact(i, a, 0, p, w)
+        for b in range(max(w.exact_of[j, 1], 1)):
+            describe_exact(j, b, SIDE, p, w)
+            m.effort[TESTS] += 1
+            _, gap, bend = span_gap(WHOLE_PATH, pair, w.parts[MOTION])
+            left = gap - bend - p[NEED] - p[DRIFT] * m.span[SETTLED]
+            if not left >= 0.0:
+                return -inf
+            least = min(least, left)
+    return least
+
+
+@kernel(inline=False)
 def prove_exact(i: int, j: int, pair: int, lines: int) -> tuple[int, float]:
     """The same for the exact shapes of both sides: each pair of them has to hold.
 
@@ -500,7 +546,7 @@ def prove_exact(i: int, j: int, pair: int, lines: int) -> tuple[int, float]:
         describe_exact(i, a, 0, p, w)
         for b in range(max(w.exact_of[j, 1], 1)):
             describe_exact(j, b, SIDE, p, w)
-            proof, spare = prove_by_spans(pair, w.parts[MOTION])
+            proof, spare = prove_by_spans(pair, -inf, w.parts[MOTION])
             if proof != PROVEN:
                 return (proof, spare)
             least = min(least, spare)

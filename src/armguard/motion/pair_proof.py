@@ -53,6 +53,16 @@ from armguard.motion.stop_path import make_node, span_of
 
 Floats = NDArray[np.float64]
 
+# What is told to be left of a pair is what an arm may use up. So one that has less than
+# LITTLE is looked at in shorter spans, down to a sixteenth of the path, where these may
+# have GAIN more [m].
+LITTLE = 2e-3
+GAIN = 2e-4
+SHORT = 16
+
+# The span that is the whole path.
+WHOLE_PATH = 1
+
 # A span is wide if what is not known of its joints is this many times their way [-].
 WIDE = 3.0
 
@@ -93,11 +103,12 @@ def path_gap(pair: int, n: Vec3, motion: int) -> float:
 
 
 @kernel(inline=False)
-def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
+def prove_by_spans(pair: int, known: float, motion: int) -> tuple[int, float]:
     """Prove that a pair keeps a distance on the stop path, span by span.
 
     Args:
         pair: Address of its description, PAIR numbers.
+        known: What it surely has left; minus infinity if that is nothing [m].
         motion: Address of the ledger of the prediction.
 
     Returns:
@@ -106,14 +117,14 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
     """
     m = open_motion(motion)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    # One span waits on each level, and one more.
-    waiting = numba.carray(stack(8), (8,), np.float64)
-    waiting[0] = 1.0
+    # One span waits on each level, and one more; and what it surely has left.
+    waiting = numba.carray(stack(16), (8, 2), np.float64)
+    waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
     left = 1
     least = np.inf
     while left > 0:
         left -= 1
-        node = int(waiting[left])
+        node, before = int(waiting[left, 0]), waiting[left, 1]
         if m.effort[TESTS] >= m.effort[BUDGET]:
             return (SPENT, -np.inf)
         m.effort[TESTS] += 1
@@ -122,9 +133,17 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
             # Until they have settled arms may still be met by what moves.
             end = m.span[SETTLED]
         wanted = p[NEED] + p[DRIFT] * end
-        second_order, bend = span_gap(node, pair, motion)
+        distance, second_order, bend = span_gap(node, pair, motion)
         spare = second_order - bend - wanted
-        if spare >= 0.0:
+        # It is part of a span of which that is known.
+        spare = before if before > spare else spare
+        if spare >= 0.0 and not (
+            spare < LITTLE
+            and distance - wanted > spare + GAIN
+            and node < SHORT
+            and m.span[SEGMENT] == 0.0
+            and not is_wide(node, pair, m)
+        ):
             least = min(least, spare)
             continue
         if not 2 * node < (1 << NODE_LEVELS):
@@ -135,7 +154,7 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
                 return (proof, spare)
             least = min(least, spare)
             continue
-        if is_wide(node, pair, m):
+        if not spare >= 0.0 and is_wide(node, pair, m):
             # Halving time would leave as many problems as halves.
             proof, spare = prove_by_boxes(node, pair, wanted, motion)
             if proof == SPENT:
@@ -144,8 +163,9 @@ def prove_by_spans(pair: int, motion: int) -> tuple[int, float]:
                 least = min(least, spare)
                 continue
         # The later half first: where a proof fails, it mostly fails there.
-        waiting[left] = 2.0 * node
-        waiting[left + 1] = 2.0 * node + 1.0
+        for half in range(2):
+            waiting[left + half, 0] = 2.0 * node + half
+            waiting[left + half, 1] = spare if spare >= 0.0 else -np.inf
         left += 2
     return (PROVEN, least)
 
@@ -169,8 +189,10 @@ def is_wide(node: int, pair: int, m: Motion) -> bool:
 
 
 @kernel(inline=False)
-def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
-    """Least distance over a span to the second order, and what that leaves out [m].
+def span_gap(node: int, pair: int, motion: int) -> Vec3:
+    """Distance in the middle of a span, and its least over it [m].
+
+    That to the second order, and what the second order leaves out.
 
     Args:
         node: The span.
@@ -195,7 +217,7 @@ def span_gap(node: int, pair: int, motion: int) -> tuple[float, float]:
     kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
     measure_by(m.calls[MEASURE], kind_a, rows[0], kind_b, rows[1], witness)
     if not witness[0] >= 0.0:
-        return (witness[0], 0.0)
+        return (witness[0], witness[0], 0.0)
     n = (witness[7], witness[8], witness[9])
     gap, bend, _ = gap_along(node, WHOLE, pair, rows.ctypes.data, n, motion)
-    return (gap, bend)
+    return (witness[0], gap, bend)
