@@ -144,26 +144,12 @@ def is_as_told(v: Watch, m: Motion, out: Floats) -> bool:
 
 
 @kernel
-def last_sent(j: int, v: Watch) -> float:
-    """What a joint was told last; nothing, if that was never."""
-    count = v.sent_count[0]
-    return 0.0 if count == 0 else float(v.sent[(count - 1) % v.sent_at.shape[0], j])
-
-
-@kernel
 def time_passed(v: Watch) -> float:
     """Time since commands were sent last, no longer than a cycle may take [s]."""
     longest = v.pace[PERIOD] + v.pace[LATE]
     if v.sent_count[0] == 0:
         return float(v.pace[PERIOD])
-    return float(min(moment(v) - last_moment(v), longest))
-
-
-@kernel
-def last_moment(v: Watch) -> float:
-    """When commands were sent last; long ago if never [s]."""
-    count = v.sent_count[0]
-    return -inf if count == 0 else float(v.sent_at[(count - 1) % v.sent_at.shape[0]])
+    return float(min(moment(v) - v.told_at[0], longest))
 
 
 @kernel
@@ -173,7 +159,7 @@ def moment(v: Watch) -> float:
     Where nobody can tell, or it is not after the last commands, it is thought to be a
     cycle after them: an arm that is led to rest has to get there.
     """
-    now, last = now_of(v), last_moment(v)
+    now, last = now_of(v), v.told_at[0]
     if isfinite(now) and now > last:
         return float(now)
     return last + v.pace[PERIOD] if isfinite(last) else 0.0
@@ -193,7 +179,7 @@ def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         v.wanted[j] = 0.0
         if v.phase[r] == STOPPING:
-            last = last_sent(j, v)
+            last = v.told[j]
             lost = m.joint_figures[j, DECELERATION] * time
             v.wanted[j] = max(last - lost, 0.0) if last > 0.0 else min(last + lost, 0.0)
 
@@ -206,9 +192,9 @@ def send(v: Watch, m: Motion) -> None:
         if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
             lead_to_rest(r, time, v, m)
     k = count % v.sent_at.shape[0]
-    v.sent_at[k] = moment(v)
+    v.sent_at[k] = v.told_at[0] = moment(v)
     for j in range(v.wanted.shape[0]):
-        v.sent[k, j] = v.wanted[j]
+        v.sent[k, j] = v.told[j] = v.wanted[j]
     v.sent_count[0] = count + 1
     look_under_way(v, m)
     for j in range(v.wanted.shape[0]):

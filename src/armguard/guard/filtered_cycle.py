@@ -14,7 +14,6 @@ from armguard.guard.change import judge_change
 from armguard.guard.commands import (
     is_new,
     keep_under_way,
-    last_sent,
     send,
     set_drives,
 )
@@ -74,7 +73,7 @@ def open_cycle(q: Floats, lines: Longs) -> bool:
     v = open_watch(w.parts[WATCH])
     v.given[COMMANDED] = 1.0
     for j in range(v.wanted.shape[0]):
-        v.wanted[j] = last_sent(j, v)
+        v.wanted[j] = v.told[j]
     clear_header(w)
     if not judge_input(q, w):
         return False

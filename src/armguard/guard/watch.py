@@ -116,6 +116,8 @@ class Watch(NamedTuple):
         sent: What they were told before, in turn, shape (c, n).
         sent_at: When, shape (c,) [s].
         sent_count: How often, shape (1,) [-].
+        told: What they were told last, shape (n,).
+        told_at: When; long ago if never, shape (1,) [s].
         under_way: Least and greatest velocity each joint may have been told and not
             reached yet, shape (n, 2).
         band: Between which velocities each joint was or was driven to in the last
@@ -180,6 +182,8 @@ class Watch(NamedTuple):
     sent: Floats
     sent_at: Floats
     sent_count: Longs
+    told: Floats
+    told_at: Floats
     under_way: Floats
     band: Floats
     deficit: Floats
@@ -246,25 +250,27 @@ def open_watch(address: int) -> Watch:
         matrix_f8(lines, 32),
         vector_f8(lines, 33),
         vector_i8(lines, 34),
-        matrix_f8(lines, 35),
-        matrix_f8(lines, 36),
-        vector_f8(lines, 37),
-        vector_f8(lines, 38),
-        vector_i8(lines, 39),
-        vector_i8(lines, 40),
-        matrix_f8(lines, 41),
-        vector_f8(lines, 42),
-        vector_i8(lines, 43),
-        vector_i8(lines, 44),
-        matrix_f8(lines, 45),
-        matrix_i8(lines, 46),
-        vector_f8(lines, 47),
-        vector_i8(lines, 48),
-        matrix_f8(lines, 49),
-        matrix_f8(lines, 50),
-        vector_f8(lines, 51),
-        vector_f8(lines, 52),
-        vector_i8(lines, 53),
+        vector_f8(lines, 35),
+        vector_f8(lines, 36),
+        matrix_f8(lines, 37),
+        matrix_f8(lines, 38),
+        vector_f8(lines, 39),
+        vector_f8(lines, 40),
+        vector_i8(lines, 41),
+        vector_i8(lines, 42),
+        matrix_f8(lines, 43),
+        vector_f8(lines, 44),
+        vector_i8(lines, 45),
+        vector_i8(lines, 46),
+        matrix_f8(lines, 47),
+        matrix_i8(lines, 48),
+        vector_f8(lines, 49),
+        vector_i8(lines, 50),
+        matrix_f8(lines, 51),
+        matrix_f8(lines, 52),
+        vector_f8(lines, 53),
+        vector_f8(lines, 54),
+        vector_i8(lines, 55),
     )
 
 
@@ -320,6 +326,8 @@ def watch_of(tables: SceneTables) -> Watch:
         sent=np.zeros((commands := commands_under_way(tables), n)),
         sent_at=np.full(commands, -np.inf),
         sent_count=np.zeros(1, dtype=np.int64),
+        told=np.zeros(n),
+        told_at=np.full(1, -np.inf),
         under_way=np.zeros((n, 2)),
         band=np.zeros((n, 2)),
         deficit=np.zeros(robots),

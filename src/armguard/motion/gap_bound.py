@@ -46,8 +46,8 @@ HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 # Places in a row that tells how a joint moves points, see LEVER_ROW: g(p) is
 # slope·p + level, and its Δ is `FROM ± TO`. Over a span of time all joints are at the
-# same place u of their lines, and both ends of these are looked at in turns; from the
-# middle to an end Δ changes by TURN, and its range by GROWTH.
+# same place u of their lines, and both ends of these are looked at: from the middle to
+# an end Δ changes by TURN, and TO by WIDEN; GROWTH is the most of that.
 SLOPE = 0  # n x axis, 3 numbers; 0 for a sliding joint
 LEVEL = 3
 FROM = 4
@@ -59,8 +59,14 @@ GRADIENT = 13  # g of the vertex that is looked at
 ALONG = 14  # the same where the joints are on their line
 OPEN = 15  # 1 while the end of its range is not yet decided
 TURN = 16
-GROWTH = 17
-HESSIAN = 18  # h by each joint of the chain
+WIDEN = 17
+GROWTH = 18
+CURVED = 19  # how ALONG changes from the middle of the line to its end
+RANGE = 20  # TO where it is looked at
+HESSIAN = 21  # h by each joint of the chain
+
+# Reach at both ends of a line, or twice the same.
+Ends = tuple[float, float]
 
 
 @kernel
@@ -125,8 +131,8 @@ def joint_ranges(
 @kernel
 def point_reach(
     n: Vec3, p: Vec3, line: bool, first: int, count: int, rows: Floats
-) -> float:
-    """`n·p` and how far it can grow, to the second order [m].
+) -> Ends:
+    """`n·p` and how far it can grow, to the second order, at both ends of a line [m].
 
     Args:
         n: Direction; 0 for the growth alone.
@@ -137,25 +143,25 @@ def point_reach(
         rows: Written by `joint_rows`, with ranges.
     """
     differentiate(p, first, count, rows)
-    way = dot(n, p)
-    bend = 0.0
+    if line:
+        return line_ends(dot(n, p), first, count, rows)
+    way = bend = 0.0
     for k in range(first, count):
         own = rows[k]
-        way += own[GRADIENT] * own[FROM]
         turned = 0.0
         for j in range(first, count):
             turned += own[HESSIAN + j] * rows[j, FROM]
+        way += own[GRADIENT] * own[FROM]
         bend += 0.5 * own[FROM] * turned
-        own[ALONG] = own[GRADIENT] + turned
-    if line:
-        bend += line_bow(first, count, rows)
-    return way + bend + widest(first, count, rows)
+        own[ALONG], own[RANGE] = own[GRADIENT] + turned, own[TO]
+    reach = dot(n, p) + way + bend + widest(first, count, rows)
+    return (reach, reach)
 
 
 @kernel
-def line_bow(first: int, count: int, rows: Floats) -> float:
-    """How much farther points get between the ends of a line than at these [m]."""
-    bow = grown = 0.0
+def line_ends(still: float, first: int, count: int, rows: Floats) -> Ends:
+    """The same at each end of the joints' line, and how much more in between."""
+    way = bend = grown = 0.0
     for k in range(first, count):
         own = rows[k]
         curved = mixed = 0.0
@@ -163,9 +169,26 @@ def line_bow(first: int, count: int, rows: Floats) -> float:
             h = own[HESSIAN + j]
             curved += h * rows[j, TURN]
             mixed += abs(h) * rows[j, GROWTH]
-        bow -= 0.5 * own[TURN] * curved
+        way += own[GRADIENT] * own[TURN]
+        bend += 0.5 * own[TURN] * curved
         grown += (abs(own[TURN]) + 0.5 * own[GROWTH]) * mixed
-    return max(bow, 0.0) + grown
+        own[CURVED] = curved
+    # Between the two ends of a line the way is above both by no more than it bows.
+    reach = still + bend + max(-bend, 0.0) + grown
+    return (
+        reach - way + line_end(-1.0, first, count, rows),
+        reach + way + line_end(1.0, first, count, rows),
+    )
+
+
+@kernel
+def line_end(sign: float, first: int, count: int, rows: Floats) -> float:
+    """What the ranges of the joints add at one end of their line."""
+    for k in range(first, count):
+        own = rows[k]
+        own[ALONG] = own[GRADIENT] + sign * own[CURVED]
+        own[RANGE] = own[TO] + sign * own[WIDEN]
+    return widest(first, count, rows)
 
 
 @kernel
@@ -204,11 +227,11 @@ def widest(first: int, count: int, rows: Floats) -> float:
                 continue
             doubt = 0.0
             for j in range(first, count):
-                doubt += abs(own[HESSIAN + j]) * rows[j, TO] * rows[j, OPEN]
+                doubt += abs(own[HESSIAN + j]) * rows[j, RANGE] * rows[j, OPEN]
             g = own[ALONG]
             if not abs(g) >= doubt:
                 continue
-            move = own[TO] if g >= 0.0 else -own[TO]
+            move = own[RANGE] if g >= 0.0 else -own[RANGE]
             own[OPEN] = 0.0
             total += g * move + 0.5 * own[HESSIAN + k] * move * move
             for j in range(first, count):
@@ -219,8 +242,8 @@ def widest(first: int, count: int, rows: Floats) -> float:
             continue
         doubt = 0.0
         for j in range(first, count):
-            doubt += abs(own[HESSIAN + j]) * rows[j, TO] * rows[j, OPEN]
-        total += own[TO] * (abs(own[ALONG]) + 0.5 * doubt)
+            doubt += abs(own[HESSIAN + j]) * rows[j, RANGE] * rows[j, OPEN]
+        total += own[RANGE] * (abs(own[ALONG]) + 0.5 * doubt)
     return total
 
 
@@ -234,7 +257,7 @@ def side_reach(
     first: int,
     count: int,
     rows: Floats,
-) -> float:
+) -> Ends:
     """Greatest `n·p` over a primitive's points and all positions, to second order [m].
 
     A vertex that could not be the one even if it moved as far as any point does is
@@ -249,22 +272,27 @@ def side_reach(
         first: First joint of the chain that counts.
         count: Length of the chain; no more than `first` for what stands still.
         rows: Written by `joint_rows`, with ranges.
+
+    Returns:
+        The same twice, or one for each end of the line.
     """
     origin = (row[1], row[2], row[3])
     if count <= first:
         if kind == HALF_SPACE:
-            return half_space_reach(row, n)
-        return float(row[0] + dot(n, add(origin, core_support(kind, row, n))))
-    if kind == SPHERE or kind == CAPSULE:
-        return float(
-            row[0] + segment_reach(kind, row, n, line, most, first, count, rows)
-        )
-    if kind == HULL:
-        return float(row[0] + hull_reach(row, n, line, most, first, count, rows))
+            reach = half_space_reach(row, n)
+        else:
+            reach = row[0] + dot(n, add(origin, core_support(kind, row, n)))
+        return (reach, reach)
     if kind == HALF_SPACE or kind == TRIANGLE:
         # Neither rides on a link.
-        return inf
-    return float(row[0] + box_reach(kind, row, n, line, most, first, count, rows))
+        return (inf, inf)
+    if kind == SPHERE or kind == CAPSULE:
+        one, other = segment_reach(kind, row, n, line, most, first, count, rows)
+    elif kind == HULL:
+        one, other = hull_reach(row, n, line, most, first, count, rows)
+    else:
+        one, other = box_reach(kind, row, n, line, most, first, count, rows)
+    return (row[0] + one, row[0] + other)
 
 
 @kernel
@@ -277,18 +305,19 @@ def segment_reach(
     first: int,
     count: int,
     rows: Floats,
-) -> float:
+) -> Ends:
     """Greatest reach of a sphere's centre, or of the ends of a capsule's axis [m]."""
-    one = (row[1], row[2], row[3])
+    p = (row[1], row[2], row[3])
     if kind == SPHERE:
-        return point_reach(n, one, line, first, count, rows)
-    other = (row[4], row[5], row[6])
-    if dot(n, other) > dot(n, one):
-        one, other = other, one
-    reach = point_reach(n, one, line, first, count, rows)
-    if dot(n, other) + most > reach:
-        reach = max(reach, point_reach(n, other, line, first, count, rows))
-    return reach
+        return point_reach(n, p, line, first, count, rows)
+    q = (row[4], row[5], row[6])
+    if dot(n, q) > dot(n, p):
+        p, q = q, p
+    one, other = point_reach(n, p, line, first, count, rows)
+    if dot(n, q) + most > min(one, other):
+        first_end, last_end = point_reach(n, q, line, first, count, rows)
+        one, other = max(one, first_end), max(other, last_end)
+    return (one, other)
 
 
 @kernel
@@ -301,7 +330,7 @@ def box_reach(
     first: int,
     count: int,
     rows: Floats,
-) -> float:
+) -> Ends:
     """Greatest reach of a box's corners, or of a curved core within a box [m].
 
     A curved core moves no farther than the box about it, on top of its own support.
@@ -312,21 +341,21 @@ def box_reach(
         z = row[5]
     elif kind != BOX and kind != ELLIPSOID:
         x = y = z = row[6]
-    reach = move = -inf
+    # A corner reaches as far as it is, and as its way leads.
+    one = other = way_one = way_other = -inf
     for c in range(8):
         p = corner(row, x, y, z, c)
         still = dot(n, p)
-        if kind == BOX:
-            if still + most > reach:
-                reach = max(reach, point_reach(n, p, line, first, count, rows))
+        if kind == BOX and still + most <= min(one, other):
             continue
-        way = point_reach((0.0, 0.0, 0.0), p, line, first, count, rows)
-        reach = max(reach, still + way)
-        move = max(move, way)
+        first_end, last_end = point_reach((0.0, 0.0, 0.0), p, line, first, count, rows)
+        one, other = max(one, still + first_end), max(other, still + last_end)
+        way_one, way_other = max(way_one, first_end), max(way_other, last_end)
     if kind == BOX:
-        return reach
+        return (one, other)
     origin = (row[1], row[2], row[3])
-    return float(min(reach, dot(n, add(origin, core_support(kind, row, n))) + move))
+    core = dot(n, add(origin, core_support(kind, row, n)))
+    return (min(one, core + way_one), min(other, core + way_other))
 
 
 @kernel
@@ -364,7 +393,7 @@ def hull_reach(
     first: int,
     count: int,
     rows: Floats,
-) -> float:
+) -> Ends:
     """Greatest reach of a hull's vertices [m]."""
     origin = (row[1], row[2], row[3])
     vertices = int(row[5])
@@ -374,18 +403,19 @@ def hull_reach(
     y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
     z = row[9] * n[0] + row[12] * n[1] + row[15] * n[2]
     base = dot(n, origin)
-    best = -inf
+    one = other = -inf
     for i in range(vertices):
         a, b, c = v[i], v[i + vertices], v[i + 2 * vertices]
-        if base + x * a + y * b + z * c + most <= best:
+        if base + x * a + y * b + z * c + most <= min(one, other):
             continue
         p = (
             origin[0] + row[7] * a + row[8] * b + row[9] * c,
             origin[1] + row[10] * a + row[11] * b + row[12] * c,
             origin[2] + row[13] * a + row[14] * b + row[15] * c,
         )
-        best = max(best, point_reach(n, p, line, first, count, rows))
-    return best
+        first_end, last_end = point_reach(n, p, line, first, count, rows)
+        one, other = max(one, first_end), max(other, last_end)
+    return (one, other)
 
 
 @kernel
@@ -468,14 +498,14 @@ def range_reach(
     a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
     count = 0 if body < 0 else int(m.length[body])
     if count <= first:
-        return float(side_reach(kind, a, n, False, 0.0, first, first, m.lever_rows))
+        return side_reach(kind, a, n, False, 0.0, first, first, m.lever_rows)[0]
     chain, rows = m.joints[body], m.lever_rows
     joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, rows)
     joint_ranges(chain, first, count, m.middle[plan], m.width[plan], rows)
     own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
     sizes = m.spread[plan]
     most = most_way(chain, first, count, own, sizes)
-    reach = side_reach(kind, a, n, False, most, first, count, rows)
+    reach, _ = side_reach(kind, a, n, False, most, first, count, rows)
     return float(reach + curvature(chain, first, count, own, m.joint_kind, sizes))
 
 
@@ -512,7 +542,7 @@ def line_reach(
     count = 0 if body < 0 else int(m.length[body])
     rows = m.lever_rows
     if count <= first:
-        still = side_reach(kind, a, n, False, 0.0, first, first, rows)
+        still, _ = side_reach(kind, a, n, False, 0.0, first, first, rows)
         return (still, still, 0.0)
     chain = m.joints[body]
     if box == WHOLE:
@@ -529,21 +559,18 @@ def line_reach(
     else:
         joint_rows(n, chain, first, count, m.box_axes, 0, m.joint_kind, rows)
     own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
-    one = other = 0.0
-    for end in range(2):
-        sign = 2.0 * end - 1.0
-        line_ranges(chain, first, count, at, box, sign, m)
-        most = most_way(chain, first, count, own, m.sizes)
-        one, other = other, side_reach(kind, a, n, True, most, first, count, rows)
+    line_ranges(chain, first, count, at, box, m)
+    most = most_way(chain, first, count, own, m.sizes)
+    one, other = side_reach(kind, a, n, True, most, first, count, rows)
     bend = curvature(chain, first, count, own, m.joint_kind, m.sizes)
     return (one, other, bend)
 
 
 @kernel
 def line_ranges(
-    chain: Ints, first: int, count: int, at: int, box: int, sign: float, m: Motion
+    chain: Ints, first: int, count: int, at: int, box: int, m: Motion
 ) -> None:
-    """Write the Δ of each joint at one end of a box's line, and its greatest size.
+    """Write the Δ of each joint on a box's line, and its greatest size.
 
     A joint's position in a span is `u · way + s · (wide + u · grow)`, with one u for
     all joints and an s of its own, each in [-1, 1]; in a box in a part of that.
@@ -552,9 +579,8 @@ def line_ranges(
     for k in range(first, count):
         b = chain[k]
         row, grow, part = m.lever_rows[k], m.node_grow[at, b], m.box_part[box, b]
-        width = m.node_wide[at, b] + u * grow
+        row[TO] = part * (m.node_wide[at, b] + u * grow)
         row[TURN] = half * (m.node_way[at, b] + m.box_place[box, b] * grow)
-        row[GROWTH] = part * half * abs(grow)
-        row[FROM] = sign * row[TURN]
-        row[TO] = part * (width + sign * half * grow)
-        m.sizes[b] = abs(row[TURN]) + part * (width + half * abs(grow))
+        row[WIDEN] = part * half * grow
+        row[GROWTH] = abs(row[WIDEN])
+        m.sizes[b] = abs(row[TURN]) + row[TO] + row[GROWTH]

@@ -67,7 +67,7 @@ BOX_LEVELS = 24
 WHOLE = BOX_LEVELS
 
 # Numbers kept of each joint while a pair's gap is bounded, and one for each joint.
-LEVER_ROW = 18
+LEVER_ROW = 21
 
 
 class Motion(NamedTuple):

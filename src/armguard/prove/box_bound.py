@@ -171,11 +171,11 @@ def directed_gap(
     """
     joint_rows(n, chains[0], 0, lengths[0], axes, 0, joint_kind, lever_rows)
     joint_ranges(chains[0], 0, lengths[0], middle, width, lever_rows)
-    gap = -side_reach(kind_a, row_a, n, False, sway_a, 0, lengths[0], lever_rows)
+    gap = -side_reach(kind_a, row_a, n, False, sway_a, 0, lengths[0], lever_rows)[0]
     back = scaled(-1.0, n)
     joint_rows(back, chains[1], 0, lengths[1], axes, 0, joint_kind, lever_rows)
     joint_ranges(chains[1], 0, lengths[1], middle, width, lever_rows)
-    gap -= side_reach(kind_b, row_b, back, False, sway_b, 0, lengths[1], lever_rows)
+    gap -= side_reach(kind_b, row_b, back, False, sway_b, 0, lengths[1], lever_rows)[0]
     return float(gap - bend)
 
 

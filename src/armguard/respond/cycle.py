@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import call_for_nothing
-from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.commands import time_passed
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
@@ -217,7 +217,7 @@ def hold(a: Response, v: Watch, m: Motion) -> None:
     for j in range(a.held.shape[0]):
         if v.sent_count[0] == 0:
             a.held[j] = m.q[j]
-        last = last_sent(j, v)
+        last = v.told[j]
         a.held[j] += last * time
         fastest = max(abs(last), -m.v_low[j], m.v_high[j])
         room = LEAD_TIME * fastest + 2.0 * m.joint_figures[j, POSITION_ERROR]

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, norm, scaled
-from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
@@ -339,7 +339,7 @@ def look_for_minimum(
     first = int(m.robot_figures[r, FIRST_JOINT])
     fastest = 0.0
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        fastest = max(fastest, abs(last_sent(j, v)) / m.joint_figures[j, VELOCITY])
+        fastest = max(fastest, abs(v.told[j]) / m.joint_figures[j, VELOCITY])
     memory[STANDS] = memory[STANDS] + dt if fastest < STILL_SHARE else 0.0
     patience = a.settings[r, PATIENCE]
     if memory[IDLE] > patience or memory[STANDS] > 0.5 * patience:

@@ -9,7 +9,7 @@ where to be, and no field leads.
 
 from math import exp
 
-from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.commands import time_passed
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     BRAKING,
@@ -132,7 +132,7 @@ def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     first = int(m.robot_figures[r, FIRST_JOINT])
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         if s.notes[r, LED] == NOBODY:
-            s.first_lag[j] = s.second_lag[j] = last_sent(j, v)
+            s.first_lag[j] = s.second_lag[j] = v.told[j]
         else:
             s.first_lag[j] += part * (a.asked[j] - s.first_lag[j])
             s.second_lag[j] += part * (s.first_lag[j] - s.second_lag[j])

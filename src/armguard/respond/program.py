@@ -25,7 +25,7 @@ from math import exp, inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.commands import time_passed
 from armguard.guard.contracts import GRANTED, allowed_speed, contract_of
 from armguard.guard.grips import open_grips
 from armguard.guard.layout import (
@@ -114,8 +114,10 @@ def add_pairs(response: int, lines: int) -> None:
     for r in range(a.notes.shape[0]):
         a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
         a.notes[r, LEADS_AWAY] = 0
+    dt = time_passed(v)
+    approach, holding = 1.0 - exp(-dt / APPROACH_TIME), 1.0 - exp(-dt / HOLDING_TIME)
     for k in range(int(w.out[NEAR_COUNT])):
-        add_pair(row_place(k, w), a, w, v, m)
+        add_pair(row_place(k, w), approach, holding, dt, a, w, v, m)
     for r in range(a.notes.shape[0]):
         first = int(m.robot_figures[r, FIRST_JOINT])
         end = first + int(m.robot_figures[r, JOINT_COUNT])
@@ -158,20 +160,20 @@ def frame_limits(
             slower = min(slower, top / abs(asked[j]))
     part = 1.0
     for j in range(first, end):
-        last, gain = last_sent(j, v), m.joint_figures[j, ACCELERATION] * dt
+        last, gain = v.told[j], m.joint_figures[j, ACCELERATION] * dt
         target[j] = slower * asked[j] if follows else 0.0
         change = abs(target[j] - last)
         if change > gain and not begins:
             part = min(part, gain / change)
     lost = 1.0
     for j in range(first, end):
-        last = abs(last_sent(j, v))
+        last = abs(v.told[j])
         if last > 0.0:
             lost = min(lost, m.joint_figures[j, DECELERATION] * dt / last)
     straight = a.settings[r, KIND] == SLOW or retreats(r, a)
     for j in range(first, end):
         figures = m.joint_figures[j]
-        last, gain = last_sent(j, v), figures[ACCELERATION] * dt
+        last, gain = v.told[j], figures[ACCELERATION] * dt
         gain = inf if begins else gain
         if part < 1.0:
             target[j] = last + part * (target[j] - last)
@@ -205,8 +207,28 @@ def speed_within(way: float, j: int, r: int, m: Motion) -> float:
 
 
 @kernel
-def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None:
-    """Add what a near pair asks of its robots to their programs."""
+def add_pair(
+    place: int,
+    nearer: float,
+    less: float,
+    dt: float,
+    a: Response,
+    w: Workspace,
+    v: Watch,
+    m: Motion,
+) -> None:
+    """Add what a near pair asks of its robots to their programs.
+
+    Args:
+        place: Where the pair's row of the answer starts.
+        nearer: Share of what it has left that it may lose in a cycle [-].
+        less: The same joint by joint [-].
+        dt: Time since the last commands [s].
+        a: Responses.
+        w: Workspace.
+        v: Watch.
+        m: Motion.
+    """
     raw, target = a.raw, a.target
     out = w.out
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
@@ -214,9 +236,7 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     pair_row(i, j, place, raw, w, m)
     left = out[place + CLEARANCE]
     resting = spare_at_rest(i, j, place, w, v, m)
-    dt = time_passed(v)
-    approach = (1.0 - exp(-dt / APPROACH_TIME)) * (left - SPARE)
-    holding = (1.0 - exp(-dt / HOLDING_TIME)) * (left - LEAST_SPARE)
+    approach, holding = nearer * (left - SPARE), less * (left - LEAST_SPARE)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
     meant = out[place + PROOF] == ALLOWED
@@ -242,8 +262,8 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        add_approach(r, part * approach, a, v, m)
-        add_holding(r, part * holding, a, v, m)
+        add_approach(r, part * approach, dt, a, v, m)
+        add_holding(r, part * holding, dt, a, v, m)
         if meant:
             add_contract(r, part, i, j, out[place + WITNESS], a, w, m)
 
@@ -291,17 +311,19 @@ def only_away(r: int, a: Response, m: Motion) -> None:
 
 
 @kernel
-def add_approach(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+def add_approach(
+    r: int, limit: float, dt: float, a: Response, v: Watch, m: Motion
+) -> None:
     """Add the row that lets a robot approach a pair, or has it open one.
 
     Args:
         r: The robot.
         limit: Its share of what the pair may lose in this cycle [m].
+        dt: Time since the last commands [s].
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
     """
-    dt = time_passed(v)
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
@@ -309,17 +331,19 @@ def add_approach(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None
     for j in range(first, end):
         if a.raw[j] != 0.0:
             figures = m.joint_figures[j]
-            speed = abs(last_sent(j, v)) + 0.5 * figures[ACCELERATION] * dt
+            speed = abs(v.told[j]) + 0.5 * figures[ACCELERATION] * dt
             slowest = max(slowest, speed / figures[DECELERATION])
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION] + slowest
     for j in range(first, end):
-        limit += a.raw[j] * time * last_sent(j, v)
+        limit += a.raw[j] * time * v.told[j]
         a.rows[at, j] = a.raw[j] * (dt + time)
     keep_row(r, first, end, at, limit, a)
 
 
 @kernel
-def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+def add_holding(
+    r: int, limit: float, dt: float, a: Response, v: Watch, m: Motion
+) -> None:
     """Add the row that keeps a pair provable, whichever joint stops first.
 
     A joint that closes the pair is given no credit for one that opens it: that one may
@@ -328,17 +352,17 @@ def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
     Args:
         r: The robot.
         limit: Its share of what the pair may lose in this cycle [m].
+        dt: Time since the last commands [s].
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
     """
-    dt = time_passed(v)
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
     for j in range(first, end):
-        figures, last = m.joint_figures[j], last_sent(j, v)
+        figures, last = m.joint_figures[j], v.told[j]
         gain = figures[ACCELERATION] * dt
         opens = a.raw[j] * last < 0.0
         # One that opens the pair now can close it only after it has come to rest.

@@ -8,7 +8,7 @@ for something after he has let go, when he engages it, or with another stop.
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.commands import last_sent, time_passed
+from armguard.guard.commands import time_passed
 from armguard.guard.watch import Watch
 from armguard.kernel import kernel
 from armguard.motion.figures import (
@@ -98,7 +98,7 @@ def moves(r: int, v: Watch, m: Motion) -> bool:
     """Whether a robot was told to move in the last cycle, so much that it matters."""
     first = int(m.robot_figures[r, FIRST_JOINT])
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        if abs(last_sent(j, v)) > NO_SPEED * m.joint_figures[j, VELOCITY]:
+        if abs(v.told[j]) > NO_SPEED * m.joint_figures[j, VELOCITY]:
             return True
     return False
 
@@ -159,7 +159,7 @@ def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
     told = asked = 0.0
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         top = m.joint_figures[j, VELOCITY]
-        told = max(told, abs(last_sent(j, v)) / top)
+        told = max(told, abs(v.told[j]) / top)
         asked = max(asked, abs(a.asked[j]) / top)
     waits = told < HELD_UP * asked
     s.memory[r, STANDS] = s.memory[r, STANDS] + time_passed(v) if waits else 0.0
