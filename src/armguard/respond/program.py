@@ -117,15 +117,22 @@ def add_pairs(response: int, lines: int) -> None:
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), a, w, v, m)
     for r in range(a.notes.shape[0]):
-        first = int(m.robot_figures[r, FIRST_JOINT])
-        end = first + int(m.robot_figures[r, JOINT_COUNT])
-        for k in range(a.notes[r, ROW_COUNT]):
-            at = r * ROWS + k
-            reached = 0.0
-            for j in range(first, end):
-                reached += a.rows[at, j] * a.target[j]
-            if not reached <= a.limits[at] + GRAIN:
-                a.notes[r, BREAKS] = 1
+        a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
+
+
+@kernel
+def breaks_rows(r: int, a: Response, m: Motion) -> bool:
+    """Whether a robot's target breaks a row of its program."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    for k in range(a.notes[r, ROW_COUNT]):
+        at = r * ROWS + k
+        reached = 0.0
+        for j in range(first, end):
+            reached += a.rows[at, j] * a.target[j]
+        if not reached <= a.limits[at] + GRAIN:
+            return True
+    return False
 
 
 @kernel
@@ -242,10 +249,15 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        add_approach(r, part * approach, a, v, m)
-        add_holding(r, part * holding, a, v, m)
+        # What is touched is opened whenever an arm drifts into it. Else nobody is moved
+        # who is to stand still, or to keep his path.
+        keeps_path = a.settings[r, KIND] == SLOW
+        opens = meant or (a.notes[r, ASKS] != 0 and not keeps_path)
+        add_approach(r, part * approach, opens, a, v, m)
+        add_holding(r, part * holding, opens, a, v, m)
         if meant:
-            add_contract(r, part, i, j, out[place + WITNESS], a, w, m)
+            distance = out[place + WITNESS]
+            add_contract(r, part, i, j, distance, not keeps_path, a, w, m)
 
 
 @kernel
@@ -291,12 +303,15 @@ def only_away(r: int, a: Response, m: Motion) -> None:
 
 
 @kernel
-def add_approach(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+def add_approach(
+    r: int, limit: float, opens: bool, a: Response, v: Watch, m: Motion
+) -> None:
     """Add the row that lets a robot approach a pair, or has it open one.
 
     Args:
         r: The robot.
         limit: Its share of what the pair may lose in this cycle [m].
+        opens: Whether it moves to open a pair that has too little left.
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
@@ -315,11 +330,13 @@ def add_approach(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None
     for j in range(first, end):
         limit += a.raw[j] * time * last_sent(j, v)
         a.rows[at, j] = a.raw[j] * (dt + time)
-    keep_row(r, first, end, at, limit, a)
+    keep_row(r, first, end, at, limit, opens, a)
 
 
 @kernel
-def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+def add_holding(
+    r: int, limit: float, opens: bool, a: Response, v: Watch, m: Motion
+) -> None:
     """Add the row that keeps a pair provable, whichever joint stops first.
 
     A joint that closes the pair is given no credit for one that opens it: that one may
@@ -328,6 +345,7 @@ def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
     Args:
         r: The robot.
         limit: Its share of what the pair may lose in this cycle [m].
+        opens: Whether it moves to open a pair that has too little left.
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
@@ -347,7 +365,7 @@ def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
         cost = part * (time + (speed + 0.5 * gain) / figures[DECELERATION])
         limit += a.raw[j] * cost * last
         a.rows[at, j] = a.raw[j] * (dt + cost)
-    keep_row(r, first, end, at, limit, a)
+    keep_row(r, first, end, at, limit, opens, a)
 
 
 @kernel
@@ -357,6 +375,7 @@ def add_contract(
     i: int,
     j: int,
     distance: float,
+    opens: bool,
     a: Response,
     w: Workspace,
     m: Motion,
@@ -369,6 +388,7 @@ def add_contract(
         i: First primitive.
         j: Second primitive.
         distance: Their distance [m].
+        opens: Whether it slows down harder than its stop is declared, if it has to.
         a: Responses; `raw` holds how fast each joint closes the pair.
         w: Workspace.
         m: Motion.
@@ -384,11 +404,13 @@ def add_contract(
     for q in range(first, end):
         a.rows[at, q] = a.raw[q]
     limit = part * GRANTED * allowed_speed(distance, time, h.contracts[k])
-    keep_row(r, first, end, at, limit, a)
+    keep_row(r, first, end, at, limit, opens, a)
 
 
 @kernel
-def keep_row(r: int, first: int, end: int, at: int, limit: float, a: Response) -> None:
+def keep_row(
+    r: int, first: int, end: int, at: int, limit: float, opens: bool, a: Response
+) -> None:
     """Scale a row to length 1, and keep it if a velocity in reach can break it."""
     rows = a.rows
     length = most = least = lowest = 0.0
@@ -405,8 +427,7 @@ def keep_row(r: int, first: int, end: int, at: int, limit: float, a: Response) -
         lowest += min(up, down)
     a.eased[at] = max(limit / length, least)
     a.limits[at] = a.eased[at]
-    if a.notes[r, ASKS] != 0:
-        # Nobody is moved who is to stand still.
+    if opens:
         a.limits[at] = max(limit / length, least - OPENING * (least - lowest))
     if not most <= a.limits[at]:
         a.notes[r, ROW_COUNT] += 1
