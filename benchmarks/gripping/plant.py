@@ -2,8 +2,9 @@
 
 Its figures are those the scene declares, and it uses them up: commands take effect
 after up to `command`, measurements are up to `sensing` old and off by up to
-`position_error`, velocities miss what was told by up to `tracking_error`. What it
-misses by stays the same for a while, so that errors do not average out.
+`position_error`, velocities miss what was told by up to `tracking_error`, and change no
+faster than by `acceleration`. What it misses by stays the same for a while, so that
+errors do not average out.
 """
 
 from collections import deque
@@ -81,7 +82,9 @@ class Plant:
             self._draw_error()
         # A robot that is held where it is does not drift.
         is_held = action > Action.FOLLOW and not told.any()
-        self.v = told if is_held else told + self._error
+        change = (told if is_held else told + self._error) - self.v
+        most = STOPPING["acceleration"] * self.period
+        self.v = self.v + np.clip(change, -most, most)
         self.q = self.q + self.v * self.period
         self.rows.append(self.q)
         return command
