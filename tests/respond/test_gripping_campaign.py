@@ -5,13 +5,14 @@ import pytest
 
 from armguard.benchmark.peers.coal_pairs import coal_pair
 from armguard.geometry import Box, Cylinder
+from gripping.records import Records
 from gripping.solids import box, cylinder, gaps
 from gripping.summary import is_broken, summed_up
 from gripping_campaign import run
 
 
 def test_a_sample_of_things_that_are_picked_and_placed():
-    found = summed_up("placing", run("placing", 6))
+    found = summed_up("placing", list(run("placing", range(6))))
     assert found["certified"] == found["episodes"] == 6
     assert found["grasps_done"] == found["placements_done"] == 6
     assert not is_broken(found)
@@ -19,7 +20,7 @@ def test_a_sample_of_things_that_are_picked_and_placed():
 
 
 def test_a_sample_of_operators_who_change_their_minds():
-    found = summed_up("changing", run("changing", 6))
+    found = summed_up("changing", list(run("changing", range(6))))
     assert found["episodes"] == 6
     assert found["changes_of_mind"] > 20
     assert found["things_touched_as_meant"] > 0
@@ -28,8 +29,8 @@ def test_a_sample_of_operators_who_change_their_minds():
 
 
 def test_the_same_seed_gives_the_same_episode():
-    one, other = (run("changing", 1, first=3)[0] for _ in range(2))
-    del one["wall_s"], other["wall_s"]
+    one, other = (next(run("changing", [3])) for _ in range(2))
+    del one["worked_s"], other["worked_s"]
     assert one == other
 
 
@@ -63,7 +64,29 @@ def test_the_judge_sees_the_same_distances_as_coal(seed):
 
 
 def test_an_episode_in_which_something_was_touched_breaks_the_promise():
-    episodes = run("changing", 1)
+    episodes = list(run("changing", [0]))
     assert not is_broken(summed_up("changing", episodes))
     episodes[0]["touched"] = [("hand", "thing00", 17)]
     assert is_broken(summed_up("changing", episodes))
+
+
+def test_what_was_run_is_known_and_not_run_again(tmp_path):
+    path = tmp_path / "found.json"
+    episodes = list(run("changing", range(4)))
+    records = Records(path, "one")
+    assert list(records.todo("changing", 0, 4)) == [0, 1, 2, 3]
+    records.add("changing", summed_up("changing", episodes[:1]))
+    records.add("changing", summed_up("changing", episodes[2:]))
+    again = Records(path, "one")
+    assert list(again.todo("changing", 0, 6)) == [1, 4, 5]
+    found = again.add("changing", summed_up("changing", episodes[1:2]))
+    whole = summed_up("changing", episodes)
+    for key in ("simulated_s", "worked_s"):
+        assert found.pop(key) == pytest.approx(whole.pop(key))
+    assert found.pop("version") == "one"
+    assert found == whole
+    # With other kernels all of them are to be run again, and nothing is mixed.
+    other = Records(path, "two")
+    assert list(other.todo("changing", 0, 2)) == [0, 1]
+    found = other.add("changing", summed_up("changing", episodes[:1]))
+    assert found["episodes"] == 1
