@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.cli.console import jsonable, say
 from gripping import changing_intent, pick_and_place
-from gripping.records import Records, version
+from gripping.records import Records
 from gripping.summary import is_broken, page, sentence, summed_up
 
 ROOT = Path(__file__).parents[1]
@@ -84,7 +84,7 @@ def tell(episode: dict[str, Any]) -> None:
 def main() -> int:
     """Run; write docs/gripping_campaign.json and .md; 1 if a promise is broken."""
     chosen = arguments()
-    records = Records(RESULTS, version())
+    records = Records(RESULTS)
     broken = False
     for kind in [chosen.kind] if chosen.kind else KINDS:
         seeds = range(chosen.first, chosen.first + chosen.episodes)

@@ -16,12 +16,7 @@ from armguard.respond import Guard
 from gripping.judge import FINGERS, Judge
 from gripping.leaving import leave
 from gripping.plant import Plant
-from gripping.workplace import (
-    PERIOD,
-    height_over,
-    opening,
-    side_by_side,
-)
+from gripping.workplace import GANTRY, PERIOD, side_by_side
 
 Floats = NDArray[np.float64]
 
@@ -136,8 +131,8 @@ class Fickle:
             wish[:3] = mind.stick
             return wish
         solid = self.judge.solids[mind.target]
-        low = height_over(solid)
-        wide = opening(solid) if mind.way != "closed" else NARROW
+        low = GANTRY.height_over(solid)
+        wide = GANTRY.opening(solid) if mind.way != "closed" else NARROW
         goal = np.array([solid.at[0], solid.at[1], low])
         if mind.way == "hand":
             goal[2] -= 0.1

@@ -6,7 +6,7 @@ episodes of something else: they are never added to.
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,9 @@ Figures = dict[str, Any]
 # Files of this folder that tell of episodes, and do not change any.
 TELLING = ("records.py", "summary.py")
 
+# Kinds that have files of their own.
+OF_ONE_KIND = ("panda",)
+
 # Figures that are no sums: how two of one name are put together.
 EXTREME = {
     "least_not_meant_mm": min,
@@ -29,11 +32,15 @@ EXTREME = {
 }
 
 
-def version() -> str:
-    """Hash of all that decides what comes of an episode."""
+def version(kind: str) -> str:
+    """Hash of all that decides what comes of an episode of a kind.
+
+    Files whose names begin with a robot's are of the kind with its name only.
+    """
     digest = sha256(kernel_digest().encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
-        if path.name not in TELLING:
+        others = path.name.startswith(OF_ONE_KIND) and not path.name.startswith(kind)
+        if path.name not in TELLING and not others:
             digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -43,10 +50,10 @@ class Records:
 
     Args:
         path: The file; it need not exist.
-        of: What episodes are run with, see `version`.
+        of: What episodes of a kind are run with, see `version`.
     """
 
-    def __init__(self, path: Path, of: str) -> None:
+    def __init__(self, path: Path, of: Callable[[str], str] = version) -> None:
         self.path = path
         self.of = of
         self.kinds: dict[str, Figures] = (
@@ -64,7 +71,7 @@ class Records:
         """Add figures of more episodes; all that is known of this kind."""
         known = self._known(kind)
         found = merged(known, figures) if known else figures
-        self.kinds[kind] = jsonable({**found, "version": self.of})
+        self.kinds[kind] = jsonable({**found, "version": self.of(kind)})
         text = json.dumps(self.kinds, indent=1) + "\n"
         # Who is killed while he writes loses nothing that was there.
         beside = self.path.with_suffix(".part")
@@ -75,7 +82,7 @@ class Records:
     def _known(self, kind: str) -> Figures:
         """Figures of a kind that more may be added to; empty if there are none."""
         figures = self.kinds.get(kind, {})
-        return figures if figures.get("version") == self.of else {}
+        return figures if figures.get("version") == self.of(kind) else {}
 
 
 def merged(one: Figures, other: Figures) -> Figures:

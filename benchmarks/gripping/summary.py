@@ -174,11 +174,11 @@ COLUMNS = (
 PAGE = """# Gripping: many episodes
 
 `make gripping` writes this page, and goes on where it was left: episodes of one version
-of kernels, plant, operators and judge are added up. An operator drives a gantry of three
-axes with a gripper of two fingers through `Guard.filter`, among blocks and cups that may
-be [gripped](gripping.md). The plant is late, is measured late, and misses what it is
-told by all that the scene declares: 4 ms, 4 ms, 2 mm/s each joint, the same for up to
-0.3 s.
+of kernels, plant, operators and judge are added up. An operator drives a gantry of
+three axes with a gripper of two fingers through `Guard.filter`, among blocks and cups
+that may be [gripped](gripping.md). The plant is late, is measured late, and misses what
+it is told by all that the scene declares: 4 ms, 4 ms, 2 mm/s each joint, the same for
+up to 0.3 s.
 
 - **placing**: one of up to six things on a table with walls, posts and boards is
   gripped, lifted, carried to a free place at up to 0.8 m/s and let go. Half of the
