@@ -92,9 +92,9 @@ class Plant:
         told = self._told.popleft()
         if len(self.rows) >= self._until:
             self._draw_error()
-        # A robot that is held where it is does not drift.
-        is_held = action > Action.FOLLOW and not told.any()
-        change = (told if is_held else told + self._error) - self.v
+        # A joint that is stopped does not drift.
+        drifts = (told != 0.0) | (action == Action.FOLLOW)
+        change = told + drifts * self._error - self.v
         most = STOPPING["acceleration"] * self.period
         self.v = self.v + np.clip(change, -most, most)
         self.q = self.q + self.v * self.period

@@ -7,6 +7,7 @@ episodes of something else: they are never added to.
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ EXTREME = {
 }
 
 
+@cache
 def version(kind: str) -> str:
     """Hash of all that decides what comes of an episode of a kind.
 

@@ -8,9 +8,14 @@ from gripping.gantry import FIGURES
 
 Figures = dict[str, Any]
 
-# Two joints may each miss what they are told, so a contact may be as much faster than
-# creep, and the judge's rounding on top [m/s].
-CREEP = Grasp().creep + 2.0 * FIGURES["tracking_error"] + 1e-6
+# Joints miss what they are told, so a contact may be as much faster than creep: two of
+# the gantry, or those of a Panda, by their levers and that of a finger; and the judge's
+# rounding on top [m/s].
+LEVERS = {"panda": 4.5}
+CREEP = {
+    kind: Grasp().creep + LEVERS.get(kind, 2.0) * FIGURES["tracking_error"] + 1e-6
+    for kind in ("placing", "changing", "panda")
+}
 
 # How far a contact that is meant may go, where what is held is as well known as a
 # measured position [m].
@@ -37,7 +42,7 @@ def summed_up(kind: str, episodes: list[Figures]) -> Figures:
         "deepest_mm": 1e3 * max(e["depth"] for e in episodes),
         "too_deep": sum(e["depth"] > DEPTH for e in episodes),
         "fastest_contact_mm_s": 1e3 * max(e["speed"] for e in episodes),
-        "too_fast": sum(e["speed"] > CREEP for e in episodes),
+        "too_fast": sum(e["speed"] > CREEP[kind] for e in episodes),
         "stops": dict(stops),
         "episodes_with_a_stop": sum(bool(e["stops"]) for e in episodes),
         "simulated_s": sum(e["simulated_s"] for e in episodes),
@@ -132,7 +137,8 @@ def row(kind: str, figures: Figures) -> str:
 def more(kind: str, figures: Figures) -> str:
     """What a kind of episodes has beside the table."""
     stops = ", ".join(f"{n} {name}" for name, n in figures["stops"].items()) or "none"
-    lines = [f"**{kind}**: stops: {stops}."]
+    cost = figures["worked_s"] / figures["episodes"]
+    lines = [f"**{kind}**: {cost:.1f} s of a core each. Stops: {stops}."]
     if kind != "changing":
         lines.append(
             f"Certified ways: {figures['certified']}; grasps meant "
@@ -191,15 +197,21 @@ up to 0.3 s.
   at up to 0.8 m/s, with the back of the hand, with closed fingers, at random. He means
   the thing he turned to, and the one he turned from until his fingers have been 8 mm
   from it.
+- **panda**: the same as placing, with a Panda that is led by its hand, and stops, is
+  late and misses what it is told by the same numbers, its joints in rad/s. Its arm, but
+  for hand and fingers, is 25 mm off everything on the way that is proven. An operator
+  whose hand slides while he pushes brings it back.
 
 A quarter of the robots respond with `slow`, all others with `deflect`.
 
 True states are judged, every cycle, by closed forms for upright boxes and cylinders
-that share nothing with the guard's distances. Whatever touches is one of: fingers and
+that share nothing with the guard's distances; those of the Panda by MuJoCo, by the
+convex hulls of its own meshes, up to 30 mm. Whatever touches is one of: fingers and
 the thing that is meant; what is held and the table, while it is lifted or put down. All
-else is not meant. A contact may be 2 mm deep and begin at 20 mm/s, beside what two
-joints miss their commands by (4 mm/s). The arm's own links are not judged against each
-other. Fingers that hold something are to stay where they are.
+else is not meant. A contact may be 2 mm deep and begin at 20 mm/s, beside what joints miss
+their commands by (4 mm/s for two of the gantry, 9 mm/s for those of the Panda). The
+arm's own links are not judged against each other. Fingers that hold something are to
+stay where they are.
 
 {head}
 {rows}

@@ -127,6 +127,11 @@ class Workplace:
             gripper=Gripper(link="hand", fingers=("left", "right"), coarse=self.coarse),
             response=self.response,
         )
+        self.add_solids(scene)
+        return scene
+
+    def add_solids(self, scene: Scene) -> None:
+        """Add all that stands there to a scene."""
         for name, solid in {**self.fixtures, **self.objects}.items():
             shape = (
                 Cylinder(radius=solid.radius, height=2.0 * float(solid.half[2]))
@@ -135,7 +140,6 @@ class Workplace:
             )
             pose = Pose(xyz=tuple(solid.at.tolist()))
             scene.add(shape, name=name, pose=pose, graspable=name in self.objects)
-        return scene
 
     def travel(self, tool: Tool) -> float:
         """Height of a hand that carries something above everything [m]."""

@@ -5,9 +5,14 @@ import pytest
 
 from armguard.benchmark.peers.coal_pairs import coal_pair
 from armguard.geometry import Box, Cylinder
+from armguard.respond import Guard
+from gripping.panda_arm import HAND, POSTURE, PandaArm
+from gripping.panda_episode import PANDA, scene_of_panda
+from gripping.panda_judge import SIGHT, PandaJudge
 from gripping.records import Records
 from gripping.solids import box, cylinder, gaps
 from gripping.summary import is_broken, summed_up
+from gripping.workplace import Workplace
 from gripping_campaign import run
 
 
@@ -15,6 +20,14 @@ def test_a_sample_of_things_that_are_picked_and_placed():
     found = summed_up("placing", list(run("placing", range(6))))
     assert found["certified"] == found["episodes"] == 6
     assert found["grasps_done"] == found["placements_done"] == 6
+    assert not is_broken(found)
+    assert found["least_not_meant_mm"] >= 5.0
+
+
+def test_a_panda_picks_and_places():
+    found = summed_up("panda", list(run("panda", range(2))))
+    assert found["certified"] == found["episodes"] == 2
+    assert found["grasps_done"] == found["placements_done"] == 2
     assert not is_broken(found)
     assert found["least_not_meant_mm"] >= 5.0
 
@@ -61,6 +74,35 @@ def test_the_judge_sees_the_same_distances_as_coal(seed):
         if ours > 0.0:
             assert ours == pytest.approx(theirs, abs=1e-6)
     assert min(seen.values()) > 20
+
+
+def test_the_judge_has_the_hand_of_a_panda_where_the_guard_has_it():
+    scene = scene_of_panda()
+    guard = Guard(scene, self_test=False)
+    arm = PandaArm(scene.robots["arm"].model, {})
+    frame = guard.tables.links[f"arm/{HAND}"]
+    rng = np.random.default_rng(1)
+    for k in range(20):
+        q = np.array([*rng.uniform(*arm.limits), rng.uniform(0.0, 0.04)])
+        guard.step(q, 100.0 * k)
+        T = np.eye(4)
+        T[:3] = guard._workspace.T_world[frame.body].reshape(3, 4)
+        assert arm.hand(q) == pytest.approx(T @ frame.T_body_link, abs=1e-9)
+
+
+def test_the_judge_of_a_panda_sees_what_a_finger_is_over():
+    # A block straight under the fingers' tips, and nothing else near the arm.
+    panda = scene_of_panda().robots["arm"].model
+    q = np.array([*POSTURE, 0.03])
+    x, y, z = PandaArm(panda, {}).hand(q)[:3, 3]
+    for under in (0.01, -0.001):
+        top = z - PANDA.tips - under
+        block = box((0.05, 0.08, 0.02), (x, y, top - 0.02))
+        place = Workplace({"block": block}, {}, "deflect", "octree", True, np.zeros(5))
+        judge = PandaJudge(place, PandaArm(panda, place.objects))
+        found = {pair: d for pair, d in judge.near(q).items() if d < SIGHT}
+        assert set(found) == {("left", "block"), ("right", "block")}
+        assert list(found.values()) == pytest.approx([under, under], abs=3e-4)
 
 
 def test_an_episode_in_which_something_was_touched_breaks_the_promise():
