@@ -208,10 +208,10 @@ True states are judged, every cycle, by closed forms for upright boxes and cylin
 that share nothing with the guard's distances; those of the Panda by MuJoCo, by the
 convex hulls of its own meshes, up to 30 mm. Whatever touches is one of: fingers and
 the thing that is meant; what is held and the table, while it is lifted or put down. All
-else is not meant. A contact may be 2 mm deep and begin at 20 mm/s, beside what joints miss
-their commands by (4 mm/s for two of the gantry, 9 mm/s for those of the Panda). The
-arm's own links are not judged against each other. Fingers that hold something are to
-stay where they are.
+else is not meant. A contact may be 2 mm deep and begin at 20 mm/s, beside what joints
+miss their commands by (4 mm/s for two of the gantry, 9 mm/s for those of the Panda).
+The arm's own links are not judged against each other. Fingers that hold something are
+to stay where they are.
 
 {head}
 {rows}

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from armguard.benchmark.peers.coal_pairs import coal_pair
-from armguard.geometry import Box, Cylinder
+from armguard.geometry import Box, Cylinder, Pose
 from armguard.respond import Guard
-from gripping.panda_arm import HAND, POSTURE, PandaArm
+from armguard.scene import Scene
+from gripping.panda_arm import BASE, HAND, POSTURE, PandaArm
 from gripping.panda_episode import PANDA, scene_of_panda
 from gripping.panda_judge import SIGHT, PandaJudge
 from gripping.records import Records
@@ -77,14 +78,15 @@ def test_the_judge_sees_the_same_distances_as_coal(seed):
 
 
 def test_the_judge_has_the_hand_of_a_panda_where_the_guard_has_it():
-    scene = scene_of_panda()
+    scene = Scene(mode="fixed")
+    scene.add_robot("panda", name="arm", base=Pose(xyz=BASE))
     guard = Guard(scene, self_test=False)
     arm = PandaArm(scene.robots["arm"].model, {})
     frame = guard.tables.links[f"arm/{HAND}"]
     rng = np.random.default_rng(1)
     for k in range(20):
         q = np.array([*rng.uniform(*arm.limits), rng.uniform(0.0, 0.04)])
-        guard.step(q, 100.0 * k)
+        guard.step(q, float(k))
         T = np.eye(4)
         T[:3] = guard._workspace.T_world[frame.body].reshape(3, 4)
         assert arm.hand(q) == pytest.approx(T @ frame.T_body_link, abs=1e-9)
