@@ -65,11 +65,14 @@ class Loop:
         guard: The guard.
         delay: Cycles until a command takes effect.
         rng: Draws what velocities miss the commands by; they miss none if None.
+        drift: What velocities always miss the commands by, by joint name [m/s]; an arm
+            that is held where it is does not drift.
     """
 
-    def __init__(self, guard, delay=1, rng=None):
+    def __init__(self, guard, delay=1, rng=None, drift=None):
         self.guard = guard
         self.rng = rng
+        self.drift = np.array([(drift or {}).get(name, 0.0) for name in guard.q_names])
         self.q = guard.home
         self.v = np.zeros_like(self.q)
         self.t = 0.0
@@ -84,6 +87,8 @@ class Loop:
         if self.rng is not None:
             most = FIGURES["tracking_error"]
             self.v = self.v + self.rng.uniform(-most, most, len(self.v))
+        if command.action == 0 or self.v.any():
+            self.v = self.v + self.drift
         self.q = self.q + self.v * PERIOD
         self.t += PERIOD
         self.commands.append(command)

@@ -20,9 +20,9 @@ def leave(plant: Plant, *, fingers: bool) -> bool:
         fingers: Whether fingers may move: not while they hold something.
     """
     still = np.zeros(len(plant.q))
-    command = plant.cycle(still)
+    command = plant.drive(still)
     for _ in range(int(LET_GO / plant.period)):
-        command = plant.cycle(still)
+        command = plant.drive(still)
     for _ in range(int(AWAY / plant.period)):
         nearest = command.verdict.nearest
         follows = command.action == Action.FOLLOW
@@ -30,6 +30,6 @@ def leave(plant: Plant, *, fingers: bool) -> bool:
             return True
         wish = SPEED * np.asarray(command.verdict.cues["arm"].escape)
         if not fingers:
-            wish[3:] = 0.0
-        command = plant.cycle(wish)
+            wish[plant.fingers] = 0.0
+        command = plant.drive(wish)
     return bool(command.action == Action.FOLLOW)

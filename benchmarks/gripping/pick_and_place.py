@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass
 from math import sqrt
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -12,18 +12,10 @@ from armguard.errors import GraspError
 from armguard.geometry import Pose
 from armguard.guard import Reason
 from armguard.respond import Action, Guard
-from gripping.gantry import BELOW, FINGER, HAND
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.leaving import leave
 from gripping.plant import Plant
-from gripping.workplace import (
-    ABOVE,
-    PERIOD,
-    Workplace,
-    cluttered,
-    height_over,
-    opening,
-)
+from gripping.workplace import GANTRY, PERIOD, Tool, Workplace, cluttered
 
 Floats = NDArray[np.float64]
 
@@ -59,22 +51,26 @@ class Outcome:
     failed: str | None = None
     tries_again: int = 0
     simulated_s: float = 0.0
-    wall_s: float = 0.0
+    worked_s: float = 0.0
 
 
 class Picker:
     """The operator.
 
     Args:
-        place: Where he works.
-        guard: The guard he drives through.
+        plant: What he drives.
+        judge: What he sees, and who judges him.
+        tool: Sizes of the hand and its fingers.
         rng: Draws how he drives.
     """
 
-    def __init__(self, place: Workplace, guard: Guard, rng: np.random.Generator):
-        self.guard = guard
-        self.plant = Plant(guard, rng)
-        self.judge = Judge(place, guard.tables.period)
+    def __init__(
+        self, plant: Plant, judge: Judge, tool: Tool, rng: np.random.Generator
+    ) -> None:
+        self.guard = plant.guard
+        self.plant = plant
+        self.judge = judge
+        self.tool = tool
         self.fast = rng.uniform(0.2, 0.8)
         self.slow = rng.uniform(*SLOW)
         self.closing = rng.uniform(*CLOSING)
@@ -142,14 +138,24 @@ class Picker:
 
 def run_episode(seed: int) -> dict[str, Any]:
     """One episode: its outcome, and what the judge found."""
-    begin = perf_counter()
+    begin = process_time()
     rng = np.random.default_rng([seed, 0])
     place, name, goal = cluttered(rng)
     guard = Guard(place.scene(), self_test=False)
-    travel = place.top + HAND[2] + BELOW + FINGER[2] + ABOVE
     outcome = Outcome(seed)
-    outcome.certified = is_certified(guard, place, name, goal, travel)
-    picker = Picker(place, guard, rng)
+    outcome.certified = is_certified(guard, place, name, goal)
+    judge = Judge(place, PERIOD)
+    picker = Picker(Plant(guard, rng), judge, GANTRY, rng)
+    pick_and_place(picker, place, name, goal, outcome)
+    outcome.worked_s = process_time() - begin
+    return told(picker, place, outcome)
+
+
+def pick_and_place(
+    picker: Picker, place: Workplace, name: str, goal: Floats, outcome: Outcome
+) -> None:
+    """Have something gripped and put down elsewhere; what came of it."""
+    travel = place.travel(picker.tool)
     outcome.failed = pick(picker, place, name, travel)
     outcome.grasped = outcome.failed is None
     if outcome.grasped:
@@ -158,7 +164,10 @@ def run_episode(seed: int) -> dict[str, Any]:
     picker.look()
     outcome.tries_again = picker.tries
     outcome.simulated_s = len(picker.plant.rows) * PERIOD
-    outcome.wall_s = perf_counter() - begin
+
+
+def told(picker: Picker, place: Workplace, outcome: Outcome) -> dict[str, Any]:
+    """Figures of an episode."""
     found = picker.judge.findings
     return {
         **asdict(outcome),
@@ -172,15 +181,20 @@ def run_episode(seed: int) -> dict[str, Any]:
     }
 
 
-def is_certified(
-    guard: Guard, place: Workplace, name: str, goal: Floats, travel: float
-) -> bool:
-    """Whether the way there and on is proven, without what is to be carried."""
+def ends_of_way(place: Workplace, name: str, goal: Floats, tool: Tool) -> Floats:
+    """Where hand and fingers go from one to the other, shape (7, 5) [m]."""
     meant = place.objects[name]
-    xy, low, opened = meant.at[:2], height_over(meant), opening(meant)
+    xy, opened = meant.at[:2], tool.opening(meant)
+    low, travel = tool.height_over(meant), place.travel(tool)
     ends = [(*xy, travel), (*xy, low), (*xy, travel)]
     ends += [(*goal, travel), (*goal, low), (*goal, travel)]
-    rows = np.array([place.home, *([*end, opened, opened] for end in ends)])
+    return np.array([place.home, *([*end, opened, opened] for end in ends)])
+
+
+def is_certified(guard: Guard, place: Workplace, name: str, goal: Floats) -> bool:
+    """Whether the way there and on is proven, without what is to be carried."""
+    meant = place.objects[name]
+    rows = ends_of_way(place, name, goal, GANTRY)
     guard.remove(name)
     clear = guard.check_path(rows).clear
     guard.place(name, Pose(xyz=tuple(meant.at.tolist())))
@@ -190,13 +204,15 @@ def is_certified(
 def pick(picker: Picker, place: Workplace, name: str, travel: float) -> str | None:
     """Grip something; why not if it fails."""
     meant = place.objects[name]
-    xy, low = meant.at[:2], height_over(meant)
-    if not picker.over(xy, travel, low, opening(meant)):
+    xy, low = meant.at[:2], picker.tool.height_over(meant)
+    if not picker.over(xy, travel, low, picker.tool.opening(meant)):
         return why(picker, "above it")
     picker.look()
     closing = np.array([0.0, 0.0, 0.0, -picker.closing, -picker.closing])
     for _ in range(TRIES):
-        arrived = picker.lead(np.array([*xy, low]), picker.slow, open_to=opening(meant))
+        arrived = picker.lead(
+            np.array([*xy, low]), picker.slow, open_to=picker.tool.opening(meant)
+        )
         closed = arrived and picker.push(closing, FINGERS, name)
         if closed:
             break
@@ -212,7 +228,7 @@ def pick(picker: Picker, place: Workplace, name: str, travel: float) -> str | No
     except GraspError as error:
         return f"grasp: {error}"
     picker.judge.grasp(picker.plant.q, name)
-    picker.plant.grip([3, 4])
+    picker.plant.grip(grips=True)
     return None
 
 
@@ -228,7 +244,7 @@ def put_down(
         return why(picker, "lifting it")
     lowering = np.array([0.0, 0.0, -picker.slow, 0.0, 0.0])
     for _ in range(TRIES):
-        above = picker.over(goal, travel, height_over(meant), None)
+        above = picker.over(goal, travel, picker.tool.height_over(meant), None)
         picker.look()
         down = above and picker.push(lowering, (HELD,), "table")
         if down:
@@ -245,9 +261,9 @@ def put_down(
     except GraspError as error:
         return f"release: {error}"
     picker.judge.release(picker.plant.q)
-    picker.plant.grip([])
+    picker.plant.grip(grips=False)
     here = picker.plant.seen[:3]
-    opened = picker.lead(here, picker.slow, open_to=opening(meant))
+    opened = picker.lead(here, picker.slow, open_to=picker.tool.opening(meant))
     away = opened and picker.lead(np.add(here, (0.0, 0.0, AWAY)), picker.slow)
     picker.look({(finger, name) for finger in FINGERS})
     if not away:

@@ -2,8 +2,9 @@
 
 Its figures are those the scene declares, and it uses them up: commands take effect
 after up to `command`, measurements are up to `sensing` old and off by up to
-`position_error`, velocities miss what was told by up to `tracking_error`. What it
-misses by stays the same for a while, so that errors do not average out.
+`position_error`, velocities miss what was told by up to `tracking_error`, and change no
+faster than by `acceleration`. What it misses by stays the same for a while, so that
+errors do not average out.
 """
 
 from collections import deque
@@ -26,7 +27,7 @@ class Plant:
     Attributes:
         q: True positions, shape (n,) [m].
         v: True velocities, shape (n,) [m/s].
-        seen: Positions as measured last [m].
+        measured: Positions as measured last, shape (n,) [m].
         rows: True positions after each cycle [m].
         stops: Named reasons of all stops, in order.
         command: The last command; None before the first cycle.
@@ -37,19 +38,22 @@ class Plant:
         rng: Draws delays and errors.
     """
 
+    # Joints of the fingers, the last ones.
+    fingers = slice(3, 5)
+
     def __init__(self, guard: Guard, rng: np.random.Generator) -> None:
         self.guard = guard
         self.rng = rng
         self.period = guard.tables.period
         self.q = guard.home
         self.v = np.zeros_like(self.q)
-        self.seen = self.q.copy()
+        self.measured = self.q.copy()
         self.rows: list[Floats] = []
         self.stops: list[str] = []
         self.command: Command | None = None
         self.stopped_for = 0.0
         self._action = Action.FOLLOW
-        self._still: list[int] = []
+        self._grips = False
         late = int(STOPPING["command"] / self.period + 1e-9)
         aged = int(STOPPING["sensing"] / self.period + 1e-9)
         delay, self._age = int(rng.integers(late + 1)), int(rng.integers(aged + 1))
@@ -62,16 +66,25 @@ class Plant:
         """Time [s]."""
         return (len(self.rows) + self._age) * self.period
 
+    @property
+    def seen(self) -> Floats:
+        """Where hand and fingers are as measured last: x, y, z, left, right [m]."""
+        return self.measured
+
     def cycle(self, wish: Floats) -> Command:
-        """One cycle; what the robot is told."""
+        """One cycle in which velocities of hand and fingers are asked for [m/s]."""
+        return self.drive(wish)
+
+    def drive(self, wish: Floats) -> Command:
+        """One cycle in which velocities of all joints are asked for."""
         now = self.time
         self._past.append((self.q, self.v))
         self._past.popleft()
         q, v = self._past[0]
         most = STOPPING["position_error"]
-        self.seen = q + self.rng.uniform(-most, most, len(q))
+        self.measured = q + self.rng.uniform(-most, most, len(q))
         stamp = len(self.rows) * self.period
-        command = self.guard.filter(self.seen, wish, stamp, velocity=v, now=now)
+        command = self.guard.filter(self.measured, wish, stamp, velocity=v, now=now)
         action = command.action
         self.stopped_for += self.period if action > Action.FOLLOW else -self.stopped_for
         self._note(command, action)
@@ -79,17 +92,20 @@ class Plant:
         told = self._told.popleft()
         if len(self.rows) >= self._until:
             self._draw_error()
-        # A robot that is held where it is does not drift.
-        is_held = action > Action.FOLLOW and not told.any()
-        self.v = told if is_held else told + self._error
+        # A joint that is stopped does not drift.
+        drifts = (told != 0.0) | (action == Action.FOLLOW)
+        change = told + drifts * self._error - self.v
+        most = STOPPING["acceleration"] * self.period
+        self.v = self.v + np.clip(change, -most, most)
         self.q = self.q + self.v * self.period
         self.rows.append(self.q)
         return command
 
-    def grip(self, fingers: list[int]) -> None:
-        """From now on these joints stand still against what they grip."""
-        self._still = fingers
-        self._error[fingers] = 0.0
+    def grip(self, *, grips: bool) -> None:
+        """From now on the fingers stand still against what they grip, or no more."""
+        self._grips = grips
+        if grips:
+            self._error[self.fingers] = 0.0
 
     def _draw_error(self) -> None:
         """Draw what velocities miss what is told by from now on, and for how long."""
@@ -97,7 +113,8 @@ class Plant:
         self._error = self.rng.uniform(-most, most, len(self.q))
         if self.rng.random() < 0.5:
             self._error = most * np.sign(self._error)
-        self._error[self._still] = 0.0
+        if self._grips:
+            self._error[self.fingers] = 0.0
         longest = int(SAME_ERROR / self.period)
         self._until = len(self.rows) + int(self.rng.integers(1, longest))
 

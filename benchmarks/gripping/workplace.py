@@ -23,8 +23,8 @@ TABLE = (1.0, 1.0, 0.05)
 # Things stand no farther from the middle than this along x and y [m].
 FIELD = 0.35
 
-# How far fingers are open beside what they are to grip [m].
-BESIDE = 0.015
+# How far fingers are open beside what they are to grip, and off their widest [m].
+BESIDE, OFF_WIDEST = 0.015, 0.004
 
 # Least distance of fingers from the table, and of the hand from what it grips [m].
 OVER_TABLE, OVER_OBJECT = 0.01, 0.012
@@ -37,6 +37,62 @@ ABOVE = 0.04
 
 # Distance of things that stand side by side [m].
 SIDE_BY_SIDE = 0.02
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Sizes of a hand that looks down, and of its fingers, about the hand's frame.
+
+    Attributes:
+        tips: How far below it the tips of the fingers are [m].
+        palm: How far below it the hand ends [m].
+        hand: Half of the hand's sizes along x and y [m].
+        finger: Half of a finger's size along x, and its size along y [m].
+        widest: Position of both fingers at which they are open farthest; at 0 they
+            touch each other [m].
+    """
+
+    tips: float
+    palm: float
+    hand: tuple[float, float]
+    finger: tuple[float, float]
+    widest: float
+
+    def opening(self, solid: Solid) -> float:
+        """Position of both fingers that are open beside something [m]."""
+        return min(half_width(solid) + BESIDE, self.widest - OFF_WIDEST)
+
+    def height_over(self, solid: Solid) -> float:
+        """Height of the hand that grips what stands on the table [m]."""
+        over_object = 2.0 * float(solid.half[2]) + self.palm + OVER_OBJECT
+        return max(self.tips + OVER_TABLE, over_object)
+
+    def columns(self, solid: Solid, xy: Floats) -> tuple[Solid, Solid, Solid]:
+        """What tool and object sweep where the object is gripped or put down at xy."""
+        low, tall = self.height_over(solid), 1.0
+        out = self.opening(solid) + self.finger[1]
+        tips, palm = low - self.tips, low - self.palm
+        fingers = box((self.finger[0], out, tall), (*xy, tips + tall))
+        hand = box((*self.hand, tall), (*xy, palm + tall))
+        return fingers, hand, solid.moved_to(np.array([*xy, solid.half[2]]))
+
+    def is_free(self, solid: Solid, xy: Floats, others: list[Solid]) -> bool:
+        """Whether an object can be gripped or put down at xy, straight from above."""
+        return all(
+            gaps(part, other) >= ROOM
+            for part in self.columns(solid, xy)
+            for other in others
+        )
+
+
+# The gantry's.
+GANTRY = Tool(
+    tips=BELOW + FINGER[2],
+    palm=HAND[2],
+    hand=(HAND[0], HAND[1]),
+    finger=(FINGER[0], CLOSED + FINGER[1]),
+    widest=WIDEST,
+)
 
 
 @dataclass(frozen=True)
@@ -71,6 +127,11 @@ class Workplace:
             gripper=Gripper(link="hand", fingers=("left", "right"), coarse=self.coarse),
             response=self.response,
         )
+        self.add_solids(scene)
+        return scene
+
+    def add_solids(self, scene: Scene) -> None:
+        """Add all that stands there to a scene."""
         for name, solid in {**self.fixtures, **self.objects}.items():
             shape = (
                 Cylinder(radius=solid.radius, height=2.0 * float(solid.half[2]))
@@ -79,13 +140,12 @@ class Workplace:
             )
             pose = Pose(xyz=tuple(solid.at.tolist()))
             scene.add(shape, name=name, pose=pose, graspable=name in self.objects)
-        return scene
 
-    @property
-    def top(self) -> float:
-        """Height of the highest thing [m]."""
+    def travel(self, tool: Tool) -> float:
+        """Height of a hand that carries something above everything [m]."""
         solids = [*self.objects.values(), *self.fixtures.values()]
-        return max(float(s.at[2] + s.half[2]) for s in solids)
+        top = max(float(s.at[2] + s.half[2]) for s in solids)
+        return top + tool.tips + HAND[2] + ABOVE
 
 
 def drawn_object(rng: np.random.Generator, xy: Floats) -> Solid:
@@ -103,34 +163,6 @@ def half_width(solid: Solid) -> float:
     return float(solid.half[1]) + solid.radius
 
 
-def opening(solid: Solid) -> float:
-    """Position of both fingers that are open beside something [m]."""
-    return min(half_width(solid) + BESIDE, WIDEST - 0.004)
-
-
-def height_over(solid: Solid) -> float:
-    """Height of the hand that grips what stands on the table [m]."""
-    finger = BELOW + FINGER[2] + OVER_TABLE
-    return max(finger, 2.0 * float(solid.half[2]) + HAND[2] + OVER_OBJECT)
-
-
-def columns(solid: Solid, xy: Floats) -> tuple[Solid, Solid, Solid]:
-    """What gripper and object sweep where the object is gripped or put down at xy."""
-    low, tall = height_over(solid), 1.0
-    out = CLOSED + opening(solid) + FINGER[1]
-    tips, palm = low - BELOW - FINGER[2], low - HAND[2]
-    fingers = box((FINGER[0], out, tall), (*xy, tips + tall))
-    hand = box((HAND[0], HAND[1], tall), (*xy, palm + tall))
-    return fingers, hand, solid.moved_to(np.array([*xy, solid.half[2]]))
-
-
-def is_free(solid: Solid, xy: Floats, others: list[Solid]) -> bool:
-    """Whether an object can be gripped or put down at xy, straight from above."""
-    return all(
-        gaps(part, other) >= ROOM for part in columns(solid, xy) for other in others
-    )
-
-
 def table() -> Solid:
     """The table."""
     return box(TABLE, (0.0, 0.0, -TABLE[2]))
@@ -145,8 +177,14 @@ def settings(rng: np.random.Generator) -> dict[str, object]:
     }
 
 
-def cluttered(rng: np.random.Generator) -> tuple[Workplace, str, Floats]:
+def cluttered(
+    rng: np.random.Generator, tool: Tool = GANTRY
+) -> tuple[Workplace, str, Floats]:
     """A table with clutter, the object that is meant, and a free place for it.
+
+    Args:
+        rng: Draws them.
+        tool: What grips it.
 
     Returns:
         The workplace, the object's name, and where it is to be put, shape (2,) [m].
@@ -163,16 +201,15 @@ def cluttered(rng: np.random.Generator) -> tuple[Workplace, str, Floats]:
         rest = [s for n, s in objects.items() if n != name] + walls
         clear = [w for w in walls if all(gaps(w, o) >= ROOM for o in objects.values())]
         goal = rng.uniform(-FIELD, FIELD, 2)
-        if clear != walls or not is_free(meant, meant.at[:2], rest):
+        if clear != walls or not tool.is_free(meant, meant.at[:2], rest):
             continue
-        if not is_free(meant, goal, rest):
+        if not tool.is_free(meant, goal, rest):
             continue
         fixtures = {f"wall{k}": wall for k, wall in enumerate(walls)}
         fixtures["table"] = table()
-        top = max(float(s.at[2] + s.half[2]) for s in [*objects.values(), *walls])
-        z = top + HAND[2] + BELOW + FINGER[2] + ABOVE
-        home = np.array([*rng.uniform(-FIELD, FIELD, 2), z, 0.03, 0.03])
+        home = np.array([*rng.uniform(-FIELD, FIELD, 2), 0.0, 0.03, 0.03])
         place = Workplace(objects, fixtures, home=home, **settings(rng))
+        home[2] = place.travel(tool)
         return place, name, goal
 
 

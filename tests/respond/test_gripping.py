@@ -32,6 +32,7 @@ DOWN, UP = 0.1, 0.2
 TOUCH, OPEN = 0.02, 0.04
 
 FINGERS = ("left", "right")
+FINGER_JOINTS = ("arm/open_left", "arm/open_right")
 
 
 def fingers(to, robot="arm"):
@@ -118,6 +119,51 @@ def test_contact_happens_at_creep_and_no_deeper_than_the_contract_says():
     # The table below pushes; the block on both sides does not.
     assert np.abs(cue.force[:2]).max() < 1e-9
     assert cue.urgency == 0.0
+
+
+# An arm that drifts against one side of what is between its fingers, as fast as its
+# figures say: the hand and the right finger both miss what they are told [m/s].
+DRIFT = {"arm/y": 0.002, "arm/open_right": -0.002}
+
+
+@pytest.mark.parametrize("response", ["slow", "deflect"])
+def test_drift_does_not_use_the_depth_of_a_contract_up(response):
+    guard = guard_of(pick_scene(response=response))
+    loop = Loop(guard, drift=DRIFT)
+    loop.push({"arm/z": -0.08}, 3750)
+    # Off the middle by far: the right finger touches first, and for long.
+    loop.push({"arm/y": 0.02, "arm/z": 0.0}, 100)
+    loop.push(dict.fromkeys(FINGER_JOINTS, -0.02), 4000)
+    assert loop.stops == []
+    assert -0.002 <= gaps(loop, "arm/right", "block").min() < 0.0
+    assert gaps(loop, "arm/left", "block")[-1] <= 0.0
+    # He asks for nothing, the contract is in force, and drift goes on.
+    loop.push({}, 2000)
+    assert loop.stops == []
+    assert gaps(loop, "arm/right", "block").min() >= -0.002
+    assert np.abs(loop.commands[-1].velocity).max() <= 0.006
+    guard.grasp("arm", "block")
+
+
+def test_a_finger_that_touches_does_not_hold_the_other_one_back():
+    guard = guard_of(pick_scene(response="slow"))
+    loop = Loop(guard)
+    assert loop.go({"arm/z": DOWN, "arm/y": 0.004}, speed=0.08)
+    loop.push({}, 50)
+    loop.rows.clear()
+    loop.push(dict.fromkeys(FINGER_JOINTS, -0.02), 3000)
+    assert loop.stops == []
+    found = [gaps(loop, f"arm/{finger}", "block") for finger in FINGERS]
+    assert all(-0.002 <= gap.min() < 0.0 for gap in found)
+    # The hand stays where it is led: nothing but fingers is slowed, or moves.
+    assert np.abs(np.diff([q[:3] for q, _ in loop.rows], axis=0)).max() < 1e-9
+
+
+def test_drift_beside_what_is_no_contract_moves_nobody_who_asks_for_nothing():
+    guard = guard_of(pick_scene())
+    loop = Loop(guard, drift=DRIFT)
+    loop.push({}, 1000)
+    assert not any(command.velocity.any() for command in loop.commands)
 
 
 def test_the_hand_may_not_touch_what_its_fingers_may():

@@ -87,6 +87,7 @@ from armguard.motion.pair_state import (
 from armguard.motion.state import (
     LOOKED,
     NEXT,
+    NOW,
     REACTION,
     SEGMENT,
     SETTLED,
@@ -99,6 +100,10 @@ Floats = NDArray[np.float64]
 # Share of what a contract bears that a response asks for: what is under way is as old
 # as the delays, and was told when the pair was farther apart [-].
 GRANTED = 0.8
+
+# Share of it that is told anew at most. What is under way goes on for a while, as it is
+# or as it misses what it is told, when the pair is nearer than it was [-].
+TOLD_ANEW = 0.95
 
 # What a pair has left of which nobody asks how much it is [m].
 PLENTY = 0.02
@@ -149,13 +154,15 @@ def prove_with_contract(
     if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
         spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], lines)
         closing, time = closing_told(i, j, plan_i, plan_j, place, w, v, m)
+        known, _ = closing_told(i, j, NOW, NOW, place, w, v, m)
+        share = TOLD_ANEW if closing > known + GRAIN else 1.0
         # What moves by itself may have come nearer since it was seen, and comes on.
         drift = object_speed(j, v)
         if drift > 0.0:
             spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
             closing += drift
         distance = w.out[place + WITNESS] - max(closing, 0.0) * time
-        most = speed_at(max(distance, 0.0), c)
+        most = share * speed_at(max(distance, 0.0), c)
         if c[STATE] == EXPIRED:
             # What is over still lets those who are near leave.
             most = 0.0

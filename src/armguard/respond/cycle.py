@@ -50,15 +50,22 @@ from armguard.respond.command import Blocked
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import NOTHING_ASKED, engage
 from armguard.respond.evasion import look_for_threats
+from armguard.respond.finger_pace import slow_fingers
 from armguard.respond.grip_keeping import keep_grips
 from armguard.respond.lead_state import open_lead
 from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away
-from armguard.respond.program import frame_limits, retreats, scale_back
+from armguard.respond.program import (
+    breaks_rows,
+    frame_limits,
+    retreats,
+    scale_back,
+)
 from armguard.respond.programs import solve_programs
 from armguard.respond.state import (
     BLOCKED,
     BREAKS,
+    CROWDED,
     DEFLECT,
     FIELD,
     FORM,
@@ -116,8 +123,14 @@ def respond(response: Longs, lines: Longs) -> int:
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
             kind = a.settings[r, KIND]
-            if kind == SLOW or retreats(r, a):
+            if retreats(r, a):
                 scale_back(r, a, m)
+            elif kind == SLOW:
+                slow_fingers(r, a, w, m)
+                scale_back(r, a, m)
+                if a.notes[r, CROWDED] == 0 and breaks_rows(r, a, m):
+                    # What is touched is opened, though that is nobody's way.
+                    open_programs |= 1 << r
             elif kind == DEFLECT or kind == FIELD:
                 open_programs |= 1 << r
     if a.solver[FUNCTION] != 0:

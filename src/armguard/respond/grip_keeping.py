@@ -37,14 +37,25 @@ def keep_grips(a: Response, w: Workspace, m: Motion) -> None:
 @kernel
 def keep_finger(body: int, g: int, a: Response, h: Grips, m: Motion) -> None:
     """Narrow the bounds of the joints that move a finger and not its gripper."""
-    hand = h.grippers[g, BODY]
     for k in range(m.length[body]):
         b = m.joints[body, k]
-        carries = False
-        for i in range(m.length[hand]):
-            carries |= m.joints[hand, i] == b
-        if carries:
+        if carries(b, h.grippers[g, BODY], m):
             continue
         j = m.q_index[b]
         a.low[j] = min(a.brake[j], a.target[j])
         a.high[j] = max(a.brake[j], a.target[j])
+
+
+@kernel
+def carries(b: int, hand: int, m: Motion) -> bool:
+    """Whether a joint moves a whole gripper, not a finger of it alone.
+
+    Args:
+        b: The joint's body.
+        hand: The body of the gripper's link.
+        m: Motion.
+    """
+    for i in range(m.length[hand]):
+        if m.joints[hand, i] == b:
+            return True
+    return False

@@ -64,12 +64,15 @@ from armguard.respond.state import (
     EQUALLY,
     KIND,
     LEADS_AWAY,
+    LESS,
+    NEARER,
     PRIORITY,
     RETREATS,
     ROW_COUNT,
     ROWS,
     SHARING,
     SLOW,
+    STEP,
     Response,
     open_response,
 )
@@ -115,19 +118,28 @@ def add_pairs(response: int, lines: int) -> None:
         a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
         a.notes[r, LEADS_AWAY] = 0
     dt = time_passed(v)
-    approach, holding = 1.0 - exp(-dt / APPROACH_TIME), 1.0 - exp(-dt / HOLDING_TIME)
+    a.pace[STEP] = dt
+    a.pace[NEARER] = 1.0 - exp(-dt / APPROACH_TIME)
+    a.pace[LESS] = 1.0 - exp(-dt / HOLDING_TIME)
     for k in range(int(w.out[NEAR_COUNT])):
-        add_pair(row_place(k, w), approach, holding, dt, a, w, v, m)
+        add_pair(row_place(k, w), a, w, v, m)
     for r in range(a.notes.shape[0]):
-        first = int(m.robot_figures[r, FIRST_JOINT])
-        end = first + int(m.robot_figures[r, JOINT_COUNT])
-        for k in range(a.notes[r, ROW_COUNT]):
-            at = r * ROWS + k
-            reached = 0.0
-            for j in range(first, end):
-                reached += a.rows[at, j] * a.target[j]
-            if not reached <= a.limits[at] + GRAIN:
-                a.notes[r, BREAKS] = 1
+        a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
+
+
+@kernel
+def breaks_rows(r: int, a: Response, m: Motion) -> bool:
+    """Whether a robot's target breaks a row of its program."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    for k in range(a.notes[r, ROW_COUNT]):
+        at = r * ROWS + k
+        reached = 0.0
+        for j in range(first, end):
+            reached += a.rows[at, j] * a.target[j]
+        if not reached <= a.limits[at] + GRAIN:
+            return True
+    return False
 
 
 @kernel
@@ -207,28 +219,8 @@ def speed_within(way: float, j: int, r: int, m: Motion) -> float:
 
 
 @kernel
-def add_pair(
-    place: int,
-    nearer: float,
-    less: float,
-    dt: float,
-    a: Response,
-    w: Workspace,
-    v: Watch,
-    m: Motion,
-) -> None:
-    """Add what a near pair asks of its robots to their programs.
-
-    Args:
-        place: Where the pair's row of the answer starts.
-        nearer: Share of what it has left that it may lose in a cycle [-].
-        less: The same joint by joint [-].
-        dt: Time since the last commands [s].
-        a: Responses.
-        w: Workspace.
-        v: Watch.
-        m: Motion.
-    """
+def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None:
+    """Add what a near pair asks of its robots to their programs."""
     raw, target = a.raw, a.target
     out = w.out
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
@@ -236,7 +228,8 @@ def add_pair(
     pair_row(i, j, place, raw, w, m)
     left = out[place + CLEARANCE]
     resting = spare_at_rest(i, j, place, w, v, m)
-    approach, holding = nearer * (left - SPARE), less * (left - LEAST_SPARE)
+    approach = a.pace[NEARER] * (left - SPARE)
+    holding = a.pace[LESS] * (left - LEAST_SPARE)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
     meant = out[place + PROOF] == ALLOWED
@@ -262,10 +255,15 @@ def add_pair(
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        add_approach(r, part * approach, dt, a, v, m)
-        add_holding(r, part * holding, dt, a, v, m)
+        # What is touched is opened whenever an arm drifts into it. Else nobody is moved
+        # who is to stand still, or to keep his path.
+        keeps_path = a.settings[r, KIND] == SLOW
+        opens = meant or (a.notes[r, ASKS] != 0 and not keeps_path)
+        add_approach(r, part * approach, opens, a, v, m)
+        add_holding(r, part * holding, opens, a, v, m)
         if meant:
-            add_contract(r, part, i, j, out[place + WITNESS], a, w, m)
+            distance = out[place + WITNESS]
+            add_contract(r, part, i, j, distance, not keeps_path, a, w, m)
 
 
 @kernel
@@ -312,18 +310,19 @@ def only_away(r: int, a: Response, m: Motion) -> None:
 
 @kernel
 def add_approach(
-    r: int, limit: float, dt: float, a: Response, v: Watch, m: Motion
+    r: int, limit: float, opens: bool, a: Response, v: Watch, m: Motion
 ) -> None:
     """Add the row that lets a robot approach a pair, or has it open one.
 
     Args:
         r: The robot.
         limit: Its share of what the pair may lose in this cycle [m].
-        dt: Time since the last commands [s].
+        opens: Whether it moves to open a pair that has too little left.
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
     """
+    dt = a.pace[STEP]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
@@ -337,12 +336,12 @@ def add_approach(
     for j in range(first, end):
         limit += a.raw[j] * time * v.told[j]
         a.rows[at, j] = a.raw[j] * (dt + time)
-    keep_row(r, first, end, at, limit, a)
+    keep_row(r, first, end, at, limit, opens, a)
 
 
 @kernel
 def add_holding(
-    r: int, limit: float, dt: float, a: Response, v: Watch, m: Motion
+    r: int, limit: float, opens: bool, a: Response, v: Watch, m: Motion
 ) -> None:
     """Add the row that keeps a pair provable, whichever joint stops first.
 
@@ -352,11 +351,12 @@ def add_holding(
     Args:
         r: The robot.
         limit: Its share of what the pair may lose in this cycle [m].
-        dt: Time since the last commands [s].
+        opens: Whether it moves to open a pair that has too little left.
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
     """
+    dt = a.pace[STEP]
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
@@ -371,7 +371,7 @@ def add_holding(
         cost = part * (time + (speed + 0.5 * gain) / figures[DECELERATION])
         limit += a.raw[j] * cost * last
         a.rows[at, j] = a.raw[j] * (dt + cost)
-    keep_row(r, first, end, at, limit, a)
+    keep_row(r, first, end, at, limit, opens, a)
 
 
 @kernel
@@ -381,6 +381,7 @@ def add_contract(
     i: int,
     j: int,
     distance: float,
+    opens: bool,
     a: Response,
     w: Workspace,
     m: Motion,
@@ -393,6 +394,7 @@ def add_contract(
         i: First primitive.
         j: Second primitive.
         distance: Their distance [m].
+        opens: Whether it slows down harder than its stop is declared, if it has to.
         a: Responses; `raw` holds how fast each joint closes the pair.
         w: Workspace.
         m: Motion.
@@ -408,11 +410,13 @@ def add_contract(
     for q in range(first, end):
         a.rows[at, q] = a.raw[q]
     limit = part * GRANTED * allowed_speed(distance, time, h.contracts[k])
-    keep_row(r, first, end, at, limit, a)
+    keep_row(r, first, end, at, limit, opens, a)
 
 
 @kernel
-def keep_row(r: int, first: int, end: int, at: int, limit: float, a: Response) -> None:
+def keep_row(
+    r: int, first: int, end: int, at: int, limit: float, opens: bool, a: Response
+) -> None:
     """Scale a row to length 1, and keep it if a velocity in reach can break it."""
     rows = a.rows
     length = most = least = lowest = 0.0
@@ -429,8 +433,7 @@ def keep_row(r: int, first: int, end: int, at: int, limit: float, a: Response) -
         lowest += min(up, down)
     a.eased[at] = max(limit / length, least)
     a.limits[at] = a.eased[at]
-    if a.notes[r, ASKS] != 0:
-        # Nobody is moved who is to stand still.
+    if opens:
         a.limits[at] = max(limit / length, least - OPENING * (least - lowest))
     if not most <= a.limits[at]:
         a.notes[r, ROW_COUNT] += 1

@@ -84,6 +84,12 @@ VELOCITIES = 0
 POSITIONS = 1
 ASKING = 1
 
+# What a cycle lets every pair lose, in `pace`.
+STEP = 0  # time since the last commands [s]
+NEARER = 1  # share of what a pair has left [-]
+LESS = 2  # the same joint by joint [-]
+PACE = 3
+
 
 class Response(NamedTuple):
     """Arrays of one guard's responses.
@@ -106,6 +112,7 @@ class Response(NamedTuple):
         eased: The same where the declared stop is to keep all of them, (r · ROWS,).
         away: Joint motion that leads away from what comes, shape (n,).
         speed: Share of its top speeds each robot may use, shape (r,) [-].
+        pace: See STEP, shape (PACE,).
         program: Memory of the program that is solved, see `programs`, shape (k,).
         solver: The solver's, see `daqp_memory`, shape (k,).
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
@@ -130,6 +137,7 @@ class Response(NamedTuple):
     eased: Floats
     away: Floats
     speed: Floats
+    pace: Floats
     program: Floats
     solver: Longs
     told: Floats
@@ -163,9 +171,10 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 15),
         vector_f8(lines, 16),
         vector_f8(lines, 17),
-        vector_i8(lines, 18),
-        vector_f8(lines, 19),
-        vector_i8(lines, 20),
+        vector_f8(lines, 18),
+        vector_i8(lines, 19),
+        vector_f8(lines, 20),
+        vector_i8(lines, 21),
     )
 
 
@@ -212,6 +221,7 @@ def response_of(tables: SceneTables, lead: Longs) -> Response:
         eased=np.zeros(robots * ROWS),
         away=np.zeros(n),
         speed=np.zeros(robots),
+        pace=np.zeros(PACE),
         program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),
         solver=daqp_memory(n + ROWS, PRIMAL_TOLERANCE, MOST_ITERATIONS),
         told=np.zeros(4 * n + 2 * robots),

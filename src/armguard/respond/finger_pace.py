@@ -1,0 +1,60 @@
+"""Fingers keep no pace with their arm: where they come too near they alone are slower.
+
+Who keeps an arm on its path slows down all its joints in proportion. A finger that has
+got to what it is to grip would so hold back the other one, which has not.
+"""
+
+from armguard.guard.grips import (
+    BODY,
+    END_FINGER,
+    FIRST_FINGER,
+    Grips,
+    open_grips,
+)
+from armguard.guard.workspace import GRIPS, Workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
+from armguard.motion.state import Motion
+from armguard.respond.grip_keeping import carries
+from armguard.respond.state import ROW_COUNT, ROWS, Response
+
+
+@kernel(inline=False)
+def slow_fingers(r: int, a: Response, w: Workspace, m: Motion) -> None:
+    """Slow the fingers of a robot where its target breaks a row that they can keep.
+
+    Args:
+        r: The robot.
+        a: Responses; `target` is changed, towards `brake`.
+        w: Workspace.
+        m: Motion.
+    """
+    h = open_grips(w.parts[GRIPS])
+    for g in range(h.grippers.shape[0]):
+        for f in range(h.grippers[g, FIRST_FINGER], h.grippers[g, END_FINGER]):
+            slow_finger(r, int(w.bodies[h.fingers[f, 0]]), g, a, h, m)
+
+
+@kernel
+def slow_finger(r: int, body: int, g: int, a: Response, h: Grips, m: Motion) -> None:
+    """Slow the joints that move a finger and not its gripper."""
+    for k in range(m.length[body]):
+        b = m.joints[body, k]
+        j = m.q_index[b]
+        if m.robot_of_joint[j] != r or carries(b, h.grippers[g, BODY], m):
+            continue
+        for row in range(a.notes[r, ROW_COUNT]):
+            slow_joint(j, r, r * ROWS + row, a, m)
+
+
+@kernel
+def slow_joint(j: int, r: int, at: int, a: Response, m: Motion) -> None:
+    """Take a joint's part of what breaks a row back, as far as its declared stop."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    own, target = a.rows[at, j], a.target[j]
+    broken = -a.eased[at]
+    for i in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        broken += a.rows[at, i] * a.target[i]
+    most = own * (target - a.brake[j])
+    if broken > 0.0 and most > 0.0:
+        a.target[j] = target - min(broken, most) / own
