@@ -49,6 +49,9 @@ from armguard.motion.figures import (
     FIRST_JOINT,
     JOINT_COUNT,
     POSITION_ERROR,
+    RAMP,
+    SETTLE,
+    TRACKING,
     VELOCITY,
 )
 from armguard.motion.pair_state import ALLOWED
@@ -185,7 +188,30 @@ def frame_limits(
         down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
         high[j] = max(min(last + gain, top, up), brake[j])
         low[j] = min(max(last - gain, -min(top, down)), brake[j])
+        lead_within_limits(j, a, w, m)
         target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
+    """Have a joint that surely crept beyond a limit come back, if nothing is there.
+
+    It is told as much as its drive may miss; what the declared stop leads it to then
+    counts as that.
+
+    Args:
+        j: The joint.
+        a: Responses; `low`, `high` and `brake` are narrowed.
+        w: Workspace.
+        m: Motion.
+    """
+    low, high, brake = a.low, a.high, a.brake
+    error, missed = m.joint_figures[j, POSITION_ERROR], m.joint_figures[j, TRACKING]
+    if m.q[j] - w.upper[j] > error:
+        high[j] = min(high[j], max(-missed, low[j]))
+    elif w.lower[j] - m.q[j] > error:
+        low[j] = max(low[j], min(missed, high[j]))
+    brake[j] = min(max(brake[j], low[j]), high[j])
 
 
 @kernel
@@ -196,12 +222,18 @@ def retreats(r: int, a: Response) -> bool:
 
 @kernel
 def speed_within(way: float, j: int, r: int, m: Motion) -> float:
-    """Greatest speed from which a joint stops within a way [rad/s]."""
+    """Greatest speed a joint can be told that stops within a way [rad/s].
+
+    What its drive may miss, the ramp of its stop and its swing count.
+    """
     if not way > 0.0:
         return 0.0
+    figures, robot = m.joint_figures[j], m.robot_figures[r]
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
-    d = m.joint_figures[j, DECELERATION]
-    return float(d * (sqrt(time * time + 2.0 * way / d) - time))
+    time += 0.5 * robot[RAMP] + figures[SETTLE] / figures[VELOCITY]
+    d = figures[DECELERATION]
+    speed = d * (sqrt(time * time + 2.0 * way / d) - time)
+    return float(max(speed - figures[TRACKING], 0.0))
 
 
 @kernel
