@@ -5,13 +5,15 @@ if what is under way goes on. Closing the pair faster by Δv costs
 
     Δv · (T + t)
 
-of it, T being the time until an order takes effect and t the time in which the slowest
-of its joints stops; and closing it at v costs v in each second. What is told may use up
-a share of h in each cycle and no more, so a pair is approached ever more slowly and
-never reached (a control barrier; a velocity damper whose gain follows the stopping
-figures). A second row takes care that h itself does not become negative: it gives no
-joint that closes the pair credit for one that opens it, since that one may stop sooner.
-So what slides along something keeps as far from it as its speed asks for.
+of it, T being the time until an order takes effect and t the time in which the joint
+stops; and closing it at v costs v in each second, what drives miss included. What is
+told may use up a share of h in each cycle and no more, so a pair is approached ever
+more slowly and never reached (a control barrier; a velocity damper whose gain follows
+the stopping figures). h is the least of late, so that errors of measurement do not
+matter, less what the pair may lose until what is told now takes effect. A second row
+takes care that h itself does not become negative: it gives no joint that closes the
+pair credit for one that opens it, since that one may stop sooner. So what slides along
+something keeps as far from it as its speed asks for.
 
 The rows are linear in u. A pair that has too little left, since an arm does not quite
 do what it is told, is opened again. Where that cannot be had of all pairs at once, rows
@@ -59,6 +61,7 @@ from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
 from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
 from armguard.respond.leaving import spare_at_rest
+from armguard.respond.spares import steady_spare
 from armguard.respond.state import (
     ASKS,
     BREAKS,
@@ -228,12 +231,18 @@ def speed_within(way: float, j: int, r: int, m: Motion) -> float:
     """
     if not way > 0.0:
         return 0.0
-    figures, robot = m.joint_figures[j], m.robot_figures[r]
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
-    time += 0.5 * robot[RAMP] + figures[SETTLE] / figures[VELOCITY]
+    figures, time = m.joint_figures[j], time_before_stop(j, r, m)
     d = figures[DECELERATION]
     speed = d * (sqrt(time * time + 2.0 * way / d) - time)
     return float(max(speed - figures[TRACKING], 0.0))
+
+
+@kernel
+def time_before_stop(j: int, r: int, m: Motion) -> float:
+    """Time a joint's speed costs besides braking: reaction, ramp and swing [s]."""
+    figures = m.joint_figures[j]
+    time = time_to_effect(r, m) + 0.5 * m.robot_figures[r, RAMP]
+    return float(time + figures[SETTLE] / figures[VELOCITY])
 
 
 @kernel
@@ -244,11 +253,8 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     pair_row(i, j, place, raw, w, m)
-    left = out[place + CLEARANCE]
+    left = steady_spare(i, j, out[place + CLEARANCE], a, v)
     resting = spare_at_rest(i, j, place, w, v, m)
-    dt = time_passed(v)
-    approach = (1.0 - exp(-dt / APPROACH_TIME)) * (left - SPARE)
-    holding = (1.0 - exp(-dt / HOLDING_TIME)) * (left - LEAST_SPARE)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
     meant = out[place + PROOF] == ALLOWED
@@ -274,8 +280,8 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        add_approach(r, part * approach, a, v, m)
-        add_holding(r, part * holding, a, v, m)
+        add_approach(r, part * (left - SPARE), a, v, m)
+        add_holding(r, part * (left - LEAST_SPARE), a, v, m)
         if meant:
             add_contract(r, part, i, j, out[place + WITNESS], a, w, m)
 
@@ -323,35 +329,35 @@ def only_away(r: int, a: Response, m: Motion) -> None:
 
 
 @kernel
-def add_approach(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+def add_approach(r: int, left: float, a: Response, v: Watch, m: Motion) -> None:
     """Add the row that lets a robot approach a pair, or has it open one.
 
     Args:
         r: The robot.
-        limit: Its share of what the pair may lose in this cycle [m].
+        left: Its share of what the pair may lose in all [m].
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
     """
     dt = time_passed(v)
+    part = 1.0 - exp(-dt / APPROACH_TIME)
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
-    slowest = 0.0
+    limit = part * left
     for j in range(first, end):
-        if a.raw[j] != 0.0:
-            figures = m.joint_figures[j]
-            speed = abs(last_sent(j, v)) + 0.5 * figures[ACCELERATION] * dt
-            slowest = max(slowest, speed / figures[DECELERATION])
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION] + slowest
-    for j in range(first, end):
-        limit += a.raw[j] * time * last_sent(j, v)
-        a.rows[at, j] = a.raw[j] * (dt + time)
+        figures, last = m.joint_figures[j], last_sent(j, v)
+        speed = abs(last) + 0.5 * figures[ACCELERATION] * dt
+        cost = a.raw[j] * (time_before_stop(j, r, m) + speed / figures[DECELERATION])
+        limit += cost * last
+        limit -= dt * a.raw[j] * a.missed[j]
+        a.rows[at, j] = a.raw[j] * dt + cost
+    limit -= part * lost_till_then(r, a, v, m)
     keep_row(r, first, end, at, limit, a)
 
 
 @kernel
-def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
+def add_holding(r: int, left: float, a: Response, v: Watch, m: Motion) -> None:
     """Add the row that keeps a pair provable, whichever joint stops first.
 
     A joint that closes the pair is given no credit for one that opens it: that one may
@@ -359,27 +365,57 @@ def add_holding(r: int, limit: float, a: Response, v: Watch, m: Motion) -> None:
 
     Args:
         r: The robot.
-        limit: Its share of what the pair may lose in this cycle [m].
+        left: Its share of what the pair may lose in all [m].
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
     """
     dt = time_passed(v)
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
+    part = 1.0 - exp(-dt / HOLDING_TIME)
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
+    limit = part * left
     for j in range(first, end):
         figures, last = m.joint_figures[j], last_sent(j, v)
         gain = figures[ACCELERATION] * dt
         opens = a.raw[j] * last < 0.0
         # One that opens the pair now can close it only after it has come to rest.
-        part = max(1.0 - abs(last) / gain, 0.0) if opens else 1.0
-        speed = 0.0 if opens else abs(last)
-        cost = part * (time + (speed + 0.5 * gain) / figures[DECELERATION])
-        limit += a.raw[j] * cost * last
-        a.rows[at, j] = a.raw[j] * (dt + cost)
+        share = max(1.0 - abs(last) / gain, 0.0) if opens else 1.0
+        speed = (0.0 if opens else abs(last)) + 0.5 * gain
+        time = time_before_stop(j, r, m) + speed / figures[DECELERATION]
+        cost = a.raw[j] * share * time
+        limit += cost * last
+        limit -= dt * max(a.raw[j] * a.missed[j], 0.0)
+        a.rows[at, j] = a.raw[j] * dt + cost
+    limit -= part * lost_till_then(r, a, v, m)
     keep_row(r, first, end, at, limit, a)
+
+
+@kernel
+def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
+    """What a pair may lose by a robot's motion until what is told now can matter [m].
+
+    What is told moves it, and its drives may miss that all at once.
+
+    Args:
+        r: The robot.
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        v: Watch.
+        m: Motion.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    closing = missed = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        closing += a.raw[j] * last_sent(j, v)
+        missed += abs(a.raw[j]) * m.joint_figures[j, TRACKING]
+    return float(time_to_effect(r, m) * (max(closing, 0.0) + missed))
+
+
+@kernel
+def time_to_effect(r: int, m: Motion) -> float:
+    """Time until what a robot is told now surely takes effect [s]."""
+    return float(m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION])
 
 
 @kernel

@@ -78,6 +78,12 @@ LEADS_AWAY = 8  # 1 if what is asked for opens near pairs of it, -1 if it closes
 ASKS = 9  # 1 if anything is asked of it
 NOTES = 10
 
+# Pairs of which is remembered what they have left, and places in the row of one.
+REMEMBERED = 2048
+PAIR_KEY = 0  # its two primitives
+MET = 1  # number of the cycle in which it was met last, NEVER if none
+NEVER = -2
+
 # What operators tell, in `asking`.
 FORM = 0
 VELOCITIES = 0
@@ -111,6 +117,9 @@ class Response(NamedTuple):
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
         lead: Lines of the ledger of what leads robots in their operators' place, see
             `lead_state`.
+        spares: What remembered pairs have left, see `spares`, shape (REMEMBERED,) [m].
+        spare_of: Which pairs, and when they were met, shape (REMEMBERED, 2).
+        missed: By how much each joint misses what it is told, shape (n,) [rad/s].
     """
 
     settings: Floats
@@ -134,6 +143,9 @@ class Response(NamedTuple):
     solver: Longs
     told: Floats
     lead: Longs
+    spares: Floats
+    spare_of: Longs
+    missed: Floats
 
 
 def response_ledger(response: Response) -> Ledger:
@@ -166,6 +178,9 @@ def open_response(lines: Longs) -> Response:
         vector_i8(lines, 18),
         vector_f8(lines, 19),
         vector_i8(lines, 20),
+        vector_f8(lines, 21),
+        matrix_i8(lines, 22),
+        vector_f8(lines, 23),
     )
 
 
@@ -216,4 +231,7 @@ def response_of(tables: SceneTables, lead: Longs) -> Response:
         solver=daqp_memory(n + ROWS, PRIMAL_TOLERANCE, MOST_ITERATIONS),
         told=np.zeros(4 * n + 2 * robots),
         lead=lead,
+        spares=np.zeros(REMEMBERED),
+        spare_of=np.full((REMEMBERED, 2), NEVER, dtype=np.int64),
+        missed=np.zeros(n),
     )
