@@ -19,6 +19,9 @@ FORGETTING_TIME = 0.03
 # Places at which a pair is looked for. Whoever finds none is told as it is measured.
 PROBES = 8
 
+# Cycles a pair may be unmet in and still be remembered: it is so far away only by error.
+UNMET = 30
+
 # Spreads pairs over the places.
 STRIDE = 31
 
@@ -38,15 +41,16 @@ def steady_spare(i: int, j: int, left: float, a: Response, v: Watch) -> float:
     free = -1
     for k in range(PROBES):
         slot = (i * STRIDE + j + k) % REMEMBERED
-        cycle = a.spare_of[slot, MET]
-        if cycle == now - 1 and a.spare_of[slot, PAIR_KEY] == key:
+        since = now - a.spare_of[slot, MET]
+        known = 0 < since <= UNMET
+        if known and a.spare_of[slot, PAIR_KEY] == key:
             kept = a.spares[slot]
             if isfinite(kept) and isfinite(left) and kept < left:
-                part = 1.0 - exp(-time_passed(v) / FORGETTING_TIME)
+                part = 1.0 - exp(-since * time_passed(v) / FORGETTING_TIME)
                 left = kept + part * (left - kept)
             free = slot
             break
-        if free < 0 and cycle != now and cycle != now - 1:
+        if free < 0 and not known and since != 0:
             free = slot
     if free >= 0:
         a.spare_of[free, PAIR_KEY], a.spare_of[free, MET] = key, now

@@ -82,7 +82,7 @@ NOTES = 10
 REMEMBERED = 2048
 PAIR_KEY = 0  # its two primitives
 MET = 1  # number of the cycle in which it was met last, NEVER if none
-NEVER = -2
+NEVER = -1000
 
 # What operators tell, in `asking`.
 FORM = 0
