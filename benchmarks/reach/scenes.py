@@ -4,21 +4,13 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from armguard.geometry import Box, Cylinder, PlacedShape
-from armguard.robot.limits import joint_limits
 from armguard.scene import Scene, bay_scene, load_scene
-from armguard.scene.scene import SceneRobot
 from armguard.scene.settings import ResponseName
 from closed_loop.scenes import two_pandas
 
 # Where the public planning scenes lie, beside the project.
 PUBLIC = Path(__file__).parents[2].parent / "shared" / "motionbench"
-
-# How far from their limits joints are at home, as what is measured is a little off
-# [rad or m].
-OFF_LIMITS = 2e-3
 
 # Time from one cycle to the next [s].
 PERIOD = 0.001
@@ -70,7 +62,7 @@ def build_scene(name: str, response: ResponseName) -> Scene:
             robot.model,
             name=robot.name,
             base=robot.base,
-            home=inside(robot),
+            home=robot.home,
             stopping=robot.stopping,
             response=response,
         )
@@ -84,19 +76,6 @@ def build_scene(name: str, response: ResponseName) -> Scene:
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     return scene
-
-
-def inside(robot: SceneRobot) -> dict[str, float]:
-    """Home, a little off the limits of its joints, so that noise is not beyond them.
-
-    Args:
-        robot: A robot of a published scene.
-    """
-    lower, upper = joint_limits(robot.model)
-    home = np.array([robot.home[joint] for joint in robot.model.q_names])
-    off = np.minimum(OFF_LIMITS, 0.25 * (upper - lower))
-    moved = np.clip(home, lower + off, upper - off)
-    return dict(zip(robot.model.q_names, moved.tolist(), strict=True))
 
 
 def boxed(part: PlacedShape) -> PlacedShape:

@@ -21,6 +21,7 @@ from armguard.guard.layout import (
     VALUE,
 )
 from armguard.guard.levels import Reason
+from armguard.guard.limits import report_limits
 from armguard.guard.memory import FORCE
 from armguard.guard.near_pairs import judge_pairs
 from armguard.guard.reindex import update_index
@@ -41,7 +42,6 @@ Longs = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 NOT_FINITE = int(Reason.NOT_FINITE)
-OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 WRONG_INPUT = int(Reason.WRONG_INPUT)
 
 
@@ -137,17 +137,6 @@ def positions_are_finite(q: Floats, lower: Floats, out: Floats) -> bool:
             out[VALUE] = q[k]
             return False
     return True
-
-
-@kernel
-def report_limits(q: Floats, lower: Floats, upper: Floats, out: Floats) -> None:
-    """Name the first joint outside its limits; it outranks every distance."""
-    for k in range(q.shape[0]):
-        if not (lower[k] <= q[k] <= upper[k]):
-            out[REASON] = OUT_OF_LIMITS
-            out[JOINT] = k
-            out[VALUE] = q[k]
-            return
 
 
 @kernel

@@ -17,10 +17,11 @@ from armguard.guard.commands import (
     send,
     set_drives,
 )
-from armguard.guard.cycle import clear_header, report_limits
+from armguard.guard.cycle import clear_header
 from armguard.guard.guarded_cycle import judge_input
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
+from armguard.guard.limits import report_measured_limits
 from armguard.guard.proofs import demand_stop
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
@@ -70,14 +71,14 @@ def open_cycle(q: Floats, lines: Longs) -> bool:
         Whether the input could be judged.
     """
     w = open_workspace(lines)
-    v = open_watch(w.parts[WATCH])
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     v.given[COMMANDED] = 1.0
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = v.told[j]
     clear_header(w)
     if not judge_input(q, w):
         return False
-    report_limits(q, w.lower, w.upper, w.out)
+    report_measured_limits(q, w, v, m)
     if w.out[REASON] == OUT_OF_LIMITS:
         call_for_nothing(w.parts[REFUSE], (w.parts[SELF],))
         return False

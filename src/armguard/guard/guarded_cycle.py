@@ -12,15 +12,12 @@ from armguard.address import call_for_nothing, pointer
 from armguard.guard.commands import is_as_told, look_under_way, set_drives
 from armguard.guard.contact_times import write_contact_times
 from armguard.guard.cues import write_cues
-from armguard.guard.cycle import (
-    clear_header,
-    positions_are_finite,
-    report_limits,
-)
+from armguard.guard.cycle import clear_header, positions_are_finite
 from armguard.guard.explain import explain_nearest
 from armguard.guard.grade import grade_robots
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, ROBOT, SPANS_TESTED
 from armguard.guard.levels import Reason
+from armguard.guard.limits import report_measured_limits
 from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.observe import observe
@@ -74,12 +71,13 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     """
     w = open_workspace(lines)
     out, parts = w.out, w.parts
-    open_watch(parts[WATCH]).given[COMMANDED] = 0.0
+    v, m = open_watch(parts[WATCH]), open_motion(parts[MOTION])
+    v.given[COMMANDED] = 0.0
     rows = clear_header(w)
     if not judge_input(q, w):
         return rows
     call_for_nothing(parts[CONCLUDE], (parts[SELF],))
-    report_limits(q, w.lower, w.upper, out)
+    report_measured_limits(q, w, v, m)
     if out[REASON] == OUT_OF_LIMITS:
         call_for_nothing(parts[REFUSE], (parts[SELF],))
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH

@@ -189,7 +189,7 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
     judge_motion(i, j, place, lines)
     if (
         witness[0] > w.margin[0]
-        and out[place + CLEARANCE] >= 0.0
+        and out[place + CLEARANCE] >= hidden_by_error(i, j, w, v)
         and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
     ):
         note_pair(i, j, NO_ROW, place, w, v)
@@ -198,6 +198,22 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
     if not witness[0] - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
         refine_pair(i, j, place, lines)
     return count + 1
+
+
+@kernel
+def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
+    """What errors of positions may make of what a pair has left, if it has nothing [m].
+
+    Where commands go through the guard such a pair is told in every cycle, not only in
+    those in which it is measured nearer: whoever chooses what to tell has to know it.
+    """
+    if v.given[COMMANDED] == 0.0:
+        return 0.0
+    m = open_motion(w.parts[MOTION])
+    blur = m.blur[i]
+    if j < w.settings[MOVING_COUNT]:
+        blur += m.blur[j]
+    return float(2.0 * blur)
 
 
 @kernel

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.motion.chains import Chains, chains
+from armguard.motion.outermost import true_limits
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -19,8 +20,7 @@ def scene_chains(tables: SceneTables) -> Chains:
         tables.q_index,
         tables.T_parent_joint,
         tables.axis,
-        tables.lower,
-        tables.upper,
+        *true_limits(tables),
         tables.kinds[:m],
         tables.bodies[:m],
         tables.local_rows[:m],
@@ -31,7 +31,7 @@ def displacement_bounds(tables: SceneTables, steps: Floats) -> Floats:
     """Bound how far any point of each moving primitive gets when joints move.
 
     A point moves no farther than the sum of |step| times lever over the joints above
-    it, from whatever configuration.
+    it, from whatever configuration that is not refused.
 
     Args:
         tables: A compiled scene.

@@ -11,7 +11,8 @@ POSITION_ERROR = 6  # [rad or m]
 VELOCITY_ERROR = 7  # [rad/s or m/s]
 CURVE = 8  # 1 where a table of measured stops takes the place of the formula
 TRACKING = 9  # how far a velocity may miss the commanded ones [rad/s or m/s]
-JOINT_FIGURES = 10
+LED_BEYOND = 10  # how far beyond a limit it may be where the guard leads it [rad or m]
+JOINT_FIGURES = 11
 
 # A row for each robot.
 MODE = 0  # FIXED, SPEED or PATH

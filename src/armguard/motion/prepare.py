@@ -15,6 +15,7 @@ from armguard.motion.chains import (
 from armguard.motion.displacement import scene_chains
 from armguard.motion.joint_stop import JOINT_STOP
 from armguard.motion.nearest import COLUMN
+from armguard.motion.outermost import led_beyond, true_limits
 from armguard.motion.state import (
     BOX_LEVELS,
     BUDGET,
@@ -133,8 +134,7 @@ def exact_levers(
                 tables.joint_kind,
                 tables.gain,
                 tables.q_index,
-                tables.lower,
-                tables.upper,
+                *true_limits(tables),
             ),
         )
     return levers
@@ -143,6 +143,7 @@ def exact_levers(
 def joint_figures(tables: SceneTables) -> Floats:
     """A row for each joint, shape (n, JOINT_FIGURES); zeros where none are needed."""
     rows = np.zeros((len(tables.q_names), place.JOINT_FIGURES))
+    rows[:, place.LED_BEYOND] = led_beyond(tables)
     for part in tables.robots:
         own = rows[part.first_joint : part.first_joint + part.joint_count]
         f = part.stopping

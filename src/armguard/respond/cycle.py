@@ -55,6 +55,7 @@ from armguard.respond.grip_keeping import keep_grips
 from armguard.respond.lead_state import open_lead
 from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away
+from armguard.respond.missed import note_missed
 from armguard.respond.program import (
     breaks_rows,
     frame_limits,
@@ -108,6 +109,7 @@ def respond(response: Longs, lines: Longs) -> int:
     a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     hold(a, v, m)
+    note_missed(a, v, m)
     take_asked(a, v, m)
     lead_robots(response.ctypes.data, w.parts[SELF])
     s = open_lead(a.lead)

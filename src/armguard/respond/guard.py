@@ -31,6 +31,7 @@ from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
     CROWDED,
     FORM,
+    NEVER,
     POSITIONS,
     ROW_COUNT,
     ROWS,
@@ -296,6 +297,8 @@ class Guard(Monitor):
         if self._response is not None:
             self._response.notes.fill(0)
             self._lead.notes.fill(0)
+            self._response.spare_of.fill(NEVER)
+            self._response.missed.fill(0.0)
 
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """See `compile_ahead`."""

@@ -5,13 +5,15 @@ if what is under way goes on. Closing the pair faster by Δv costs
 
     Δv · (T + t)
 
-of it, T being the time until an order takes effect and t the time in which the slowest
-of its joints stops; and closing it at v costs v in each second. What is told may use up
-a share of h in each cycle and no more, so a pair is approached ever more slowly and
-never reached (a control barrier; a velocity damper whose gain follows the stopping
-figures). A second row takes care that h itself does not become negative: it gives no
-joint that closes the pair credit for one that opens it, since that one may stop sooner.
-So what slides along something keeps as far from it as its speed asks for.
+of it, T being the time until an order takes effect and t the time in which the joint
+stops; and closing it at v costs v in each second, what drives miss included. What is
+told may use up a share of h in each cycle and no more, so a pair is approached ever
+more slowly and never reached (a control barrier; a velocity damper whose gain follows
+the stopping figures). h is the least of late, so that errors of measurement do not
+matter, less what the pair may lose until what is told now takes effect. A second row
+takes care that h itself does not become negative: it gives no joint that closes the
+pair credit for one that opens it, since that one may stop sooner. So what slides along
+something keeps as far from it as its speed asks for.
 
 The rows are linear in u. A pair that has too little left, since an arm does not quite
 do what it is told, is opened again. Where that cannot be had of all pairs at once, rows
@@ -49,6 +51,9 @@ from armguard.motion.figures import (
     FIRST_JOINT,
     JOINT_COUNT,
     POSITION_ERROR,
+    RAMP,
+    SETTLE,
+    TRACKING,
     VELOCITY,
 )
 from armguard.motion.pair_state import ALLOWED
@@ -56,6 +61,7 @@ from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
 from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
 from armguard.respond.leaving import spare_at_rest
+from armguard.respond.spares import steady_spare
 from armguard.respond.state import (
     ASKS,
     BREAKS,
@@ -121,10 +127,26 @@ def add_pairs(response: int, lines: int) -> None:
     a.pace[STEP] = dt
     a.pace[NEARER] = 1.0 - exp(-dt / APPROACH_TIME)
     a.pace[LESS] = 1.0 - exp(-dt / HOLDING_TIME)
+    write_costs(a, v, m)
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), a, w, v, m)
     for r in range(a.notes.shape[0]):
         a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
+
+
+@kernel
+def write_costs(a: Response, v: Watch, m: Motion) -> None:
+    """Write what each joint's velocity costs a pair until it has stopped.
+
+    A joint that opens a pair now can close it only after it has come to rest.
+    """
+    for j in range(a.closing_time.shape[0]):
+        figures, last = m.joint_figures[j], abs(v.told[j])
+        gain = figures[ACCELERATION] * a.pace[STEP]
+        time = time_before_stop(j, int(m.robot_of_joint[j]), m)
+        braking = 0.5 * gain / figures[DECELERATION]
+        a.closing_time[j] = time + last / figures[DECELERATION] + braking
+        a.opening_time[j] = max(1.0 - last / gain, 0.0) * (time + braking)
 
 
 @kernel
@@ -199,7 +221,30 @@ def frame_limits(
         down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
         high[j] = max(min(last + gain, top, up), brake[j])
         low[j] = min(max(last - gain, -min(top, down)), brake[j])
+        lead_within_limits(j, a, w, m)
         target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
+    """Have a joint that surely crept beyond a limit come back, if nothing is there.
+
+    It is told as much as its drive may miss; what the declared stop leads it to then
+    counts as that.
+
+    Args:
+        j: The joint.
+        a: Responses; `low`, `high` and `brake` are narrowed.
+        w: Workspace.
+        m: Motion.
+    """
+    low, high, brake = a.low, a.high, a.brake
+    error, missed = m.joint_figures[j, POSITION_ERROR], m.joint_figures[j, TRACKING]
+    if m.q[j] - w.upper[j] > error:
+        high[j] = min(high[j], max(-missed, low[j]))
+    elif w.lower[j] - m.q[j] > error:
+        low[j] = max(low[j], min(missed, high[j]))
+    brake[j] = min(max(brake[j], low[j]), high[j])
 
 
 @kernel
@@ -210,12 +255,24 @@ def retreats(r: int, a: Response) -> bool:
 
 @kernel
 def speed_within(way: float, j: int, r: int, m: Motion) -> float:
-    """Greatest speed from which a joint stops within a way [rad/s]."""
+    """Greatest speed a joint can be told that stops within a way [rad/s].
+
+    What its drive may miss, the ramp of its stop and its swing count.
+    """
     if not way > 0.0:
         return 0.0
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
-    d = m.joint_figures[j, DECELERATION]
-    return float(d * (sqrt(time * time + 2.0 * way / d) - time))
+    figures, time = m.joint_figures[j], time_before_stop(j, r, m)
+    d = figures[DECELERATION]
+    speed = d * (sqrt(time * time + 2.0 * way / d) - time)
+    return float(max(speed - figures[TRACKING], 0.0))
+
+
+@kernel
+def time_before_stop(j: int, r: int, m: Motion) -> float:
+    """Time a joint's speed costs besides braking: reaction, ramp and swing [s]."""
+    figures = m.joint_figures[j]
+    time = time_to_effect(r, m) + 0.5 * m.robot_figures[r, RAMP]
+    return float(time + figures[SETTLE] / figures[VELOCITY])
 
 
 @kernel
@@ -226,10 +283,8 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     pair_row(i, j, place, raw, w, m)
-    left = out[place + CLEARANCE]
+    left = steady_spare(i, j, out[place + CLEARANCE], a, v)
     resting = spare_at_rest(i, j, place, w, v, m)
-    approach = a.pace[NEARER] * (left - SPARE)
-    holding = a.pace[LESS] * (left - LEAST_SPARE)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
     meant = out[place + PROOF] == ALLOWED
@@ -259,8 +314,9 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         # who is to stand still, or to keep his path.
         keeps_path = a.settings[r, KIND] == SLOW
         opens = meant or (a.notes[r, ASKS] != 0 and not keeps_path)
-        add_approach(r, part * approach, opens, a, v, m)
-        add_holding(r, part * holding, opens, a, v, m)
+        lost = lost_till_then(r, a, v, m)
+        add_approach(r, part * (left - SPARE) - lost, opens, a, v, m)
+        add_holding(r, part * (left - LEAST_SPARE) - lost, opens, a, v, m)
         if meant:
             distance = out[place + WITNESS]
             add_contract(r, part, i, j, distance, not keeps_path, a, w, m)
@@ -310,13 +366,13 @@ def only_away(r: int, a: Response, m: Motion) -> None:
 
 @kernel
 def add_approach(
-    r: int, limit: float, opens: bool, a: Response, v: Watch, m: Motion
+    r: int, left: float, opens: bool, a: Response, v: Watch, m: Motion
 ) -> None:
     """Add the row that lets a robot approach a pair, or has it open one.
 
     Args:
         r: The robot.
-        limit: Its share of what the pair may lose in this cycle [m].
+        left: Its share of what the pair may lose in all [m].
         opens: Whether it moves to open a pair that has too little left.
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
@@ -326,22 +382,18 @@ def add_approach(
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
-    slowest = 0.0
+    limit = a.pace[NEARER] * left
     for j in range(first, end):
-        if a.raw[j] != 0.0:
-            figures = m.joint_figures[j]
-            speed = abs(v.told[j]) + 0.5 * figures[ACCELERATION] * dt
-            slowest = max(slowest, speed / figures[DECELERATION])
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION] + slowest
-    for j in range(first, end):
-        limit += a.raw[j] * time * v.told[j]
-        a.rows[at, j] = a.raw[j] * (dt + time)
+        cost = a.raw[j] * a.closing_time[j]
+        limit += cost * v.told[j]
+        limit -= dt * a.raw[j] * a.missed[j]
+        a.rows[at, j] = a.raw[j] * dt + cost
     keep_row(r, first, end, at, limit, opens, a)
 
 
 @kernel
 def add_holding(
-    r: int, limit: float, opens: bool, a: Response, v: Watch, m: Motion
+    r: int, left: float, opens: bool, a: Response, v: Watch, m: Motion
 ) -> None:
     """Add the row that keeps a pair provable, whichever joint stops first.
 
@@ -350,28 +402,50 @@ def add_holding(
 
     Args:
         r: The robot.
-        limit: Its share of what the pair may lose in this cycle [m].
+        left: Its share of what the pair may lose in all [m].
         opens: Whether it moves to open a pair that has too little left.
         a: Responses; `raw` holds how fast each joint closes the pair.
         v: Watch.
         m: Motion.
     """
     dt = a.pace[STEP]
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
+    limit = a.pace[LESS] * left
     for j in range(first, end):
-        figures, last = m.joint_figures[j], v.told[j]
-        gain = figures[ACCELERATION] * dt
-        opens = a.raw[j] * last < 0.0
-        # One that opens the pair now can close it only after it has come to rest.
-        part = max(1.0 - abs(last) / gain, 0.0) if opens else 1.0
-        speed = 0.0 if opens else abs(last)
-        cost = part * (time + (speed + 0.5 * gain) / figures[DECELERATION])
-        limit += a.raw[j] * cost * last
-        a.rows[at, j] = a.raw[j] * (dt + cost)
+        raw, last = a.raw[j], v.told[j]
+        time = a.opening_time[j] if raw * last < 0.0 else a.closing_time[j]
+        limit += raw * time * last
+        limit -= dt * max(raw * a.missed[j], 0.0)
+        a.rows[at, j] = raw * (dt + time)
     keep_row(r, first, end, at, limit, opens, a)
+
+
+@kernel
+def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
+    """What a pair may lose by a robot's motion until what is told now can matter [m].
+
+    What is told moves it, and its drives may miss that all at once.
+
+    Args:
+        r: The robot.
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        v: Watch.
+        m: Motion.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    closing = missed = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        closing += a.raw[j] * v.told[j]
+        missed += abs(a.raw[j]) * m.joint_figures[j, TRACKING]
+    return float(time_to_effect(r, m) * (max(closing, 0.0) + missed))
+
+
+@kernel
+def time_to_effect(r: int, m: Motion) -> float:
+    """Time until what a robot is told now surely takes effect [s]."""
+    return float(m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION])
 
 
 @kernel

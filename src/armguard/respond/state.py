@@ -78,6 +78,12 @@ LEADS_AWAY = 8  # 1 if what is asked for opens near pairs of it, -1 if it closes
 ASKS = 9  # 1 if anything is asked of it
 NOTES = 10
 
+# Pairs of which is remembered what they have left, and places in the row of one.
+REMEMBERED = 2048
+PAIR_KEY = 0  # its two primitives
+MET = 1  # number of the cycle in which it was met last, NEVER if none
+NEVER = -1000
+
 # What operators tell, in `asking`.
 FORM = 0
 VELOCITIES = 0
@@ -113,11 +119,17 @@ class Response(NamedTuple):
         away: Joint motion that leads away from what comes, shape (n,).
         speed: Share of its top speeds each robot may use, shape (r,) [-].
         pace: See STEP, shape (PACE,).
+        closing_time: Time for which a velocity of each joint counts that closes a
+            pair, until it has stopped, shape (n,) [s].
+        opening_time: The same of one that opens it, shape (n,) [s].
         program: Memory of the program that is solved, see `programs`, shape (k,).
         solver: The solver's, see `daqp_memory`, shape (k,).
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
         lead: Lines of the ledger of what leads robots in their operators' place, see
             `lead_state`.
+        spares: What remembered pairs have left, see `spares`, shape (REMEMBERED,) [m].
+        spare_of: Which pairs, and when they were met, shape (REMEMBERED, 2).
+        missed: By how much each joint misses what it is told, shape (n,) [rad/s].
     """
 
     settings: Floats
@@ -138,10 +150,15 @@ class Response(NamedTuple):
     away: Floats
     speed: Floats
     pace: Floats
+    closing_time: Floats
+    opening_time: Floats
     program: Floats
     solver: Longs
     told: Floats
     lead: Longs
+    spares: Floats
+    spare_of: Longs
+    missed: Floats
 
 
 def response_ledger(response: Response) -> Ledger:
@@ -172,9 +189,14 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 16),
         vector_f8(lines, 17),
         vector_f8(lines, 18),
-        vector_i8(lines, 19),
+        vector_f8(lines, 19),
         vector_f8(lines, 20),
         vector_i8(lines, 21),
+        vector_f8(lines, 22),
+        vector_i8(lines, 23),
+        vector_f8(lines, 24),
+        matrix_i8(lines, 25),
+        vector_f8(lines, 26),
     )
 
 
@@ -222,8 +244,13 @@ def response_of(tables: SceneTables, lead: Longs) -> Response:
         away=np.zeros(n),
         speed=np.zeros(robots),
         pace=np.zeros(PACE),
+        closing_time=np.zeros(n),
+        opening_time=np.zeros(n),
         program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),
         solver=daqp_memory(n + ROWS, PRIMAL_TOLERANCE, MOST_ITERATIONS),
         told=np.zeros(4 * n + 2 * robots),
         lead=lead,
+        spares=np.zeros(REMEMBERED),
+        spare_of=np.full((REMEMBERED, 2), NEVER, dtype=np.int64),
+        missed=np.zeros(n),
     )
