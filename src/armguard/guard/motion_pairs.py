@@ -205,7 +205,7 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
     """What errors of positions may make of what a pair has left, if it has nothing [m].
 
     Where commands go through the guard such a pair is told in every cycle, and not only
-    in those in which it is measured nearer: whoever chooses what to tell has to know it.
+    in those in which it is measured nearer: whoever chooses what to tell must know it.
     """
     if v.given[COMMANDED] == 0.0:
         return 0.0

@@ -27,9 +27,9 @@ def led_beyond(tables: SceneTables) -> Floats:
             continue
         time = f.sensing + tables.period + tables.late + f.command
         # It turns round no faster than a command can make it.
-        time = time + 0.5 * f.tracking_error / f.acceleration
+        turning = 0.5 * f.tracking_error / f.acceleration
         own = slice(part.first_joint, part.first_joint + part.joint_count)
-        beyond[own] = 2.0 * f.position_error + f.tracking_error * time
+        beyond[own] = 2.0 * f.position_error + f.tracking_error * (time + turning)
     return beyond
 
 
