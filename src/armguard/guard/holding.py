@@ -23,6 +23,7 @@ from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.motion import figures as place
 from armguard.motion.chains import anchor, primitive_levers, strokes
+from armguard.motion.outermost import true_limits
 from armguard.motion.state import Motion
 from armguard.robot.kinematics import FIXED, PRISMATIC
 from armguard.scene.gripping import Grasp
@@ -311,8 +312,7 @@ class Holding:
             tables.joint_kind,
             tables.gain,
             tables.q_index,
-            tables.lower,
-            tables.upper,
+            *true_limits(tables),
         )
         first, end = tables.holds.places[thing.name]
         rows = tables.standing[thing.name].rows(T)
@@ -581,8 +581,7 @@ class Holding:
                     tables.joint_kind,
                     tables.gain,
                     tables.q_index,
-                    tables.lower,
-                    tables.upper,
+                    *true_limits(tables),
                 )
                 radius += way[0]
             radius += float(np.linalg.norm(tables.T_parent_joint[body, [3, 7, 11]]))

@@ -19,7 +19,7 @@ FORGETTING_TIME = 0.03
 # Places at which a pair is looked for. Whoever finds none is told as it is measured.
 PROBES = 8
 
-# Cycles a pair may be unmet in and still be remembered: it may be hidden by error.
+# Cycles a pair may be unmet in and still be remembered: it may be far by error only.
 UNMET = 30
 
 # Spreads pairs over the places.
