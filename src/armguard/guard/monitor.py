@@ -126,8 +126,8 @@ class Monitor:
 
     Args:
         scene: What to guard.
-        budget: Spans of a stop path a cycle may test for all pairs together, at about
-            half a microsecond each; when they are used up, the arms stop.
+        budget: Spans of a stop path a cycle may test for all pairs together, at one to
+            five microseconds each; when they are used up, the arms stop.
         self_test: Whether a synthetic robot is led through every level first; for
             scenes in which stops are predicted.
         progress: Called with one sentence before anything that takes long.

@@ -57,7 +57,7 @@ class Guard(Monitor):
     Args:
         scene: What to guard.
         budget: See `Monitor`, from here to `clock`. A filtered cycle judges up to five
-            times, and may use it as often.
+            times, all of them out of one budget.
         self_test: Whether to test itself.
         compiling: Set where kernels are compiled ahead, which itself needs a guard.
         progress: Told before anything that takes long.
