@@ -13,6 +13,7 @@ from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import link_frame
+from closed_loop.convex_parts import convex_parts
 
 Floats = NDArray[np.float64]
 
@@ -31,8 +32,8 @@ class JudgeModel:
 
     A body of the model belongs to one 'robot/link' or object, so that what the scene
     does not check is left out body by body. Links that have exact geometry are built
-    from their files, not from what the guard made of them; MuJoCo takes the convex hull
-    of each mesh.
+    from their files, not from what the guard made of them; meshes in convex parts, of
+    which MuJoCo takes the hulls.
 
     Attributes:
         model: MuJoCo's model.
@@ -97,15 +98,14 @@ def mjcf(scene: Scene, tables: SceneTables, elements: Elements) -> str:
         )
         for k, (geometry, T) in enumerate(elements.get(owner, [])):
             at = f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
-            if isinstance(geometry, MeshFile):
-                mesh = f"m:{owner}:{k}"
-                corners = load_triangles(geometry).reshape(-1, 3)
-                vertices = as_text(np.unique(corners, axis=0).ravel())
-                assets += f'<mesh name="{mesh}" vertex="{vertices}"/>'
-                kind = f'type="mesh" mesh="{mesh}"'
-            else:
-                kind = kind_and_size(geometry)
-            shapes.append(f"<geom {kind} {MARGIN} {at}/>")
+            if not isinstance(geometry, MeshFile):
+                shapes.append(f"<geom {kind_and_size(geometry)} {MARGIN} {at}/>")
+                continue
+            triangles = load_triangles(geometry).reshape(-1, 3, 3)
+            for i, part in enumerate(convex_parts(triangles)):
+                mesh = f"m:{owner}:{k}:{i}"
+                assets += f'<mesh name="{mesh}" vertex="{as_text(part.ravel())}"/>'
+                shapes.append(f'<geom type="mesh" mesh="{mesh}" {MARGIN} {at}/>')
         body = int(tables.bodies[own[0]])
         geoms = "".join(shapes)
         inner.setdefault(body, "")

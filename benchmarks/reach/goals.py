@@ -14,6 +14,10 @@ Floats = NDArray[np.float64]
 # Configurations tried for a start or a goal that keeps every buffer.
 TRIES = 4000
 
+# What every pair has left at a start: nobody starts where he is held since errors of
+# measurement may hide that he is too near [m].
+START_ROOM = 0.02
+
 # Lines judged before a goal counts as one without a way.
 EDGES = 120
 
@@ -74,7 +78,7 @@ def draw_goal(arena: Arena, seed: int) -> Goal:
     """The goal of a trial; the same number is the same goal."""
     rng = np.random.default_rng([seed, 2026])
     kind = TURNS[seed % len(TURNS)]
-    start = free_state(arena, rng, arena.lower, arena.upper)
+    start = free_state(arena, rng, arena.lower, arena.upper, START_ROOM)
     low, high = arena.lower, arena.upper
     if kind == "tools":
         low, high = np.maximum(low, start - NEARBY), np.minimum(high, start + NEARBY)
@@ -103,7 +107,11 @@ def with_road(goal: Goal, road: str, way: list[Floats]) -> Goal:
 
 
 def free_state(
-    arena: Arena, rng: np.random.Generator, low: Floats, high: Floats
+    arena: Arena,
+    rng: np.random.Generator,
+    low: Floats,
+    high: Floats,
+    room: float = 0.0,
 ) -> Floats:
     """A random configuration that keeps every buffer, shape (n,).
 
@@ -112,6 +120,7 @@ def free_state(
         rng: Where it comes from.
         low: Least positions, shape (n,).
         high: Greatest positions, shape (n,).
+        room: What every pair has left there [m].
 
     Raises:
         RuntimeError: None was found.
@@ -120,7 +129,10 @@ def free_state(
         q = arena.home.copy()
         drawn = rng.uniform(low, high)
         q[arena.driven] = drawn[arena.driven]
-        if arena.checker.check_path([q]).clear:
+        if not arena.checker.check_path([q]).clear:
+            continue
+        nearest = arena.checker.judge_at_rest(q).nearest
+        if nearest is None or nearest.clearance >= room:
             return q
     raise RuntimeError(f"no configuration keeps its buffers in {TRIES} tries")
 
