@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from armguard.respond.tool import joint_velocity
 from reach.arena import Arena
 
 Floats = NDArray[np.float64]
@@ -31,6 +30,10 @@ TOOL_RISE = 1.5
 JOINT_THERE = 0.02
 TOOL_THERE = 0.010
 TURN_THERE = np.radians(3.0)
+
+
+# Damping of the inverse near singular poses [m²], [rad²].
+DAMPING = 4e-4
 
 
 class Asked:
@@ -268,7 +271,7 @@ def time_of(way: Floats) -> float:
 def joints_for(
     arena: Arena, twists: Mapping[str, Floats], jacobians: Sequence[Floats]
 ) -> Floats:
-    """Joint velocities for twists of tools, as a guard makes them, shape (n,)."""
+    """Joint velocities for twists of tools, by damped least squares, shape (n,)."""
     v = np.zeros(len(arena.velocity))
     for r in range(len(arena.robots)):
         own = slice(int(arena.first[r]), int(arena.first[r + 1]))
@@ -279,5 +282,6 @@ def joints_for(
         ]
         if wanted:
             J = np.concatenate([J for J, _ in wanted])
-            v[own] = joint_velocity(J, np.concatenate([t for _, t in wanted]))
+            twist = np.concatenate([t for _, t in wanted])
+            v[own] = J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(len(J)), twist)
     return v

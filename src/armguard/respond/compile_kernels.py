@@ -12,6 +12,10 @@ import numpy as np
 
 from armguard.address import kernel_address
 from armguard.geometry import Capsule, Pose, Sphere
+from armguard.geometry.pairs import measure
+from armguard.geometry.shapes import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.index.small_tree import compile_octree
 from armguard.respond.cycle import finish, respond
@@ -78,7 +82,21 @@ def compile_filter() -> None:
         kernel.compile(arguments)
 
 
-if __name__ == "__main__":
+def compile_here(guarded: bool) -> None:
+    """The part of a guard that starts: distances, fixed buffers, and the filter."""
+    row, out = np.zeros(ROW_WIDTH), np.zeros(WITNESS_WIDTH)
+    measure(int(ShapeKind.SPHERE), row, int(ShapeKind.SPHERE), row, out)
+    compile_cycle("fixed")
+    if guarded:
+        compile_filter()
+
+
+def compile_there(guarded: bool) -> None:
+    """The part of the other process: the octree, and the prediction of stops."""
     compile_octree()
-    if "guarded" in sys.argv[1:]:
+    if guarded:
         compile_cycle("path")
+
+
+if __name__ == "__main__":
+    compile_there("guarded" in sys.argv[1:])

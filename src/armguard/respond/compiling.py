@@ -1,30 +1,47 @@
-"""The one start in which kernels have to be compiled: said before, and done by two."""
+"""The one start in which kernels have to be compiled: said before, and done by two.
 
+Of several programs that start at once one compiles, and the others wait for it: each
+would do the same work, and all would take as long as all of it.
+"""
+
+import fcntl
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numba
-import numpy as np
 
-from armguard.geometry.pairs import measure
-from armguard.geometry.shapes import ShapeKind
-from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import KERNEL_CACHE
 
 # Longest the other process is waited for [s]; without it this one compiles all.
 PATIENCE = 600.0
 
-# Files of the cache without which a guard would have to compile.
-CYCLE = "cycle.run_cycle-*.nbi"
-GUARDED_CYCLE = "guarded_cycle.run_guarded_cycle-*.nbi"
+# Written to the cache when all is there that a guard needs, without and with stops.
+READY = "fixed.ready"
+GUARDED_READY = "guarded.ready"
+
+# Held by who compiles. It is let go of when he ends, however he does.
+LOCK = "compiling.lock"
 
 
-def is_compiled(cycle: str) -> bool:
-    """Whether a cycle's machine code lies in the cache of this installation."""
-    return any(KERNEL_CACHE.rglob(cycle))
+def is_compiled(guarded: bool) -> bool:
+    """Whether a guard's machine code lies in the cache of this installation."""
+    return (KERNEL_CACHE / (GUARDED_READY if guarded else READY)).exists()
+
+
+@contextmanager
+def only_compiler() -> Iterator[None]:
+    """Wait until nobody else compiles into this cache."""
+    KERNEL_CACHE.mkdir(parents=True, exist_ok=True)
+    with (KERNEL_CACHE / LOCK).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX)
+        except OSError:
+            # A folder that knows no locks: work may be done twice.
+            pass
+        yield
 
 
 def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None:
@@ -39,14 +56,26 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
         progress: Told before, since it takes a minute or more.
         guarded: Whether stops are to be predicted; their kernels take as long again.
     """
-    if numba.config.DISABLE_JIT:
-        return
-    if is_compiled(CYCLE) and (is_compiled(GUARDED_CYCLE) or not guarded):
+    if numba.config.DISABLE_JIT or is_compiled(guarded):
         return
     if progress is not None:
         minutes = "three or four minutes" if guarded else "over a minute"
         progress(f"compiling kernels for this machine; first start only, {minutes}")
+    with only_compiler():
+        if not is_compiled(guarded):
+            compile_by_two(guarded)
+            for ready in (READY, GUARDED_READY) if guarded else (READY,):
+                (KERNEL_CACHE / ready).touch()
+
+
+def compile_by_two(guarded: bool) -> None:
+    """Compile all a guard needs: half of it in another process, if there is a core."""
+    # Imported here: it makes a guard itself.
+    from armguard.respond.compile_kernels import compile_here, compile_there
+
     if (os.cpu_count() or 1) < 2:
+        compile_there(guarded)
+        compile_here(guarded)
         return
     other = subprocess.Popen(
         [
@@ -60,14 +89,7 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
         stderr=subprocess.DEVNULL,
     )
     try:
-        # Imported here: it makes a guard itself.
-        from armguard.respond.compile_kernels import compile_cycle, compile_filter
-
-        row, out = np.zeros(ROW_WIDTH), np.zeros(WITNESS_WIDTH)
-        measure(int(ShapeKind.SPHERE), row, int(ShapeKind.SPHERE), row, out)
-        compile_cycle("fixed")
-        if guarded:
-            compile_filter()
+        compile_here(guarded)
         other.wait(timeout=PATIENCE)
     except subprocess.TimeoutExpired:
         pass

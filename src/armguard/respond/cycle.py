@@ -75,9 +75,11 @@ from armguard.respond.state import (
     RETREATS,
     SLOW,
     STOP,
+    TWISTS,
     Response,
     open_response,
 )
+from armguard.respond.tool_asking import ask_for_tools
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -110,6 +112,8 @@ def respond(response: Longs, lines: Longs) -> int:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     hold(a, v, m)
     note_missed(a, v, m)
+    if a.asking[FORM] == TWISTS:
+        ask_for_tools(a, w, m)
     take_asked(a, v, m)
     lead_robots(response.ctypes.data, w.parts[SELF])
     s = open_lead(a.lead)

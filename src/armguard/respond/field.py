@@ -23,7 +23,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.vec3 import Vec3, norm, scaled
+from armguard.geometry.vec3 import Vec3, norm
 from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
@@ -36,7 +36,6 @@ from armguard.motion.figures import (
     ACCELERATION,
     FIRST_JOINT,
     JOINT_COUNT,
-    POSITION_ERROR,
     VELOCITY,
 )
 from armguard.motion.state import Motion
@@ -54,7 +53,6 @@ from armguard.respond.lead_state import (
     TOOL_BODY,
     Lead,
 )
-from armguard.respond.program import LIMIT_SPARE
 from armguard.respond.state import (
     ATTRACTION,
     FIELD_SPEED,
@@ -63,7 +61,7 @@ from armguard.respond.state import (
     REPULSION,
     Response,
 )
-from armguard.respond.tool_motion import joint_velocities, tool_columns, turn_between
+from armguard.respond.tool_motion import lead_tools, tool_columns, turn_between
 
 Floats = NDArray[np.float64]
 
@@ -89,9 +87,6 @@ STEEPEST = 0.5
 
 # Lever of joints below which they are not asked to push in full [m/rad].
 SHORT_LEVER = 0.1
-
-# Room a joint has to have to be moved in full towards its limit [rad].
-LIMIT_NEAR = 0.1
 
 # A push of less is none [m/s].
 NO_PUSH = 1e-12
@@ -126,39 +121,11 @@ def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> 
     rate = speed / memory[LEFT] if memory[LEFT] > 0.0 else 0.0
     body = s.notes[r, TOOL_BODY]
     aim = s.tool_aim[r]
-    tool_columns(body, (aim[12], aim[13], aim[14]), first, end, s.columns, w, m)
-    shift, turn = scaled(rate, shift), scaled(rate, turn)
-    joint_velocities(shift, turn, first, end, s.columns, s.square, s.pull)
-    if weigh_room(first, end, s, w, m):
-        joint_velocities(shift, turn, first, end, s.columns, s.square, s.pull)
-        for j in range(first, end):
-            s.pull[j] *= s.push[j]
+    tool_columns(body, (aim[12], aim[13], aim[14]), first, end, 0, s.columns, w, m)
+    for k in range(3):
+        s.twist[k], s.twist[k + 3] = rate * shift[k], rate * turn[k]
+    lead_tools(6, s.twist, first, end, s.columns, s.square, s.push, s.pull, w, m)
     limit_share(first, end, settings[FIELD_SPEED], s.pull, m)
-
-
-@kernel
-def weigh_room(first: int, end: int, s: Lead, w: Workspace, m: Motion) -> bool:
-    """Weigh a robot's columns by the room its joints have where they are to go.
-
-    The others take over what a joint near its limit would do.
-
-    Returns:
-        Whether any has little room; the roots of the weights are in `push`.
-
-    References:
-        Chan and Dubey, A weighted least-norm solution based scheme for avoiding joint
-        limits for redundant joint manipulators, 1995.
-    """
-    little = False
-    for j in range(first, end):
-        room = w.upper[j] - m.q[j] if s.pull[j] > 0.0 else m.q[j] - w.lower[j]
-        room -= 2.0 * m.joint_figures[j, POSITION_ERROR] + LIMIT_SPARE
-        part = min(max(room / LIMIT_NEAR, 0.0), 1.0)
-        little |= part < 1.0
-        s.push[j] = sqrt(part)
-        for k in range(6):
-            s.columns[j, k] *= s.push[j]
-    return little
 
 
 @kernel

@@ -31,17 +31,22 @@ from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
     CROWDED,
     FORM,
+    MOST_TWISTS,
     NEVER,
     POSITIONS,
     ROW_COUNT,
     ROWS,
     STATE,
+    TOOL_POINT,
+    TOOL_TWIST,
+    TWIST_COUNT,
+    TWISTS,
     VELOCITIES,
     Response,
     response_ledger,
     response_of,
 )
-from armguard.respond.tool import Tool, joint_velocity, tool_of
+from armguard.respond.tool import Tool, tool_of
 from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -189,6 +194,10 @@ class Guard(Monitor):
         """
         wanted: list[tuple[Tool, Floats]] = []
         fault = ""
+        if len(twists) > MOST_TWISTS:
+            fault = (
+                f"there are {len(twists)} twists; no more than {MOST_TWISTS} are led"
+            )
         for name, twist in twists.items():
             tool = self._tool(name)
             vector, wrong = as_vector(f"the twist of '{name}'", twist, 6)
@@ -199,8 +208,9 @@ class Guard(Monitor):
             elif vector is not None:
                 wanted.append((tool, vector))
             fault = fault or wrong
-        asked = None if fault else wanted
-        return self._filter(q, stamp, velocity, now, VELOCITIES, asked, fault)
+        if fault:
+            return self._filter(q, stamp, velocity, now, VELOCITIES, None, fault)
+        return self._filter(q, stamp, velocity, now, TWISTS, wanted, fault)
 
     def engage(self, name: str | None = None) -> None:
         """Give a robot back to its operator after a stop, or all of them.
@@ -334,7 +344,7 @@ class Guard(Monitor):
             elif isinstance(asked, np.ndarray):
                 into[:] = asked
             else:
-                self._ask_for_tools(asked, into)
+                self._tell_twists(asked, response)
             unsolved = respond(self._response_lines, self._lines)
             if unsolved and not response.solver[FUNCTION]:
                 unsolved = self._solve(unsolved, response)
@@ -427,18 +437,15 @@ class Guard(Monitor):
             and value.shape == self._shape
         )
 
-    def _ask_for_tools(
-        self, wanted: Sequence[tuple[Tool, Floats]], asked: Floats
+    def _tell_twists(
+        self, wanted: Sequence[tuple[Tool, Floats]], response: Response
     ) -> None:
-        """Write velocities of all joints for twists of tools, shape (n,)."""
-        asked.fill(0.0)
-        T_world = self._workspace.T_world
-        for part in self._parts_of_q:
-            own = [(t, twist) for t, twist in wanted if t.own == part]
-            if own:
-                J = np.concatenate([tool.jacobian(T_world) for tool, _ in own])
-                twists = np.concatenate([twist for _, twist in own])
-                asked[part] = joint_velocity(J, twists)
+        """Write twists of tools for the cycle."""
+        response.asking[TWIST_COUNT] = len(wanted)
+        for row, (tool, twist) in zip(response.twists, wanted, strict=False):
+            row[:TOOL_POINT] = tool.robot, tool.body
+            row[TOOL_POINT:TOOL_TWIST] = tool.p_body
+            row[TOOL_TWIST:] = twist
 
     def _tool(self, name: str) -> Tool | None:
         """How a tool follows the joints of its robot; None if there is none."""

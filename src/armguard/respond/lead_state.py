@@ -75,6 +75,7 @@ class Lead(NamedTuple):
         weight: Scratch: greatest push of each robot, and their sum, shape (r, 2).
         columns: Scratch for how a tool follows each joint, shape (n, 6).
         square: Scratch for linear equations, shape (6, 7).
+        twist: Scratch for the velocity of a tool, shape (6,) [m/s], [rad/s].
     """
 
     notes: Longs
@@ -90,6 +91,7 @@ class Lead(NamedTuple):
     weight: Floats
     columns: Floats
     square: Floats
+    twist: Floats
 
 
 def lead_ledger(lead: Lead) -> Ledger:
@@ -114,6 +116,7 @@ def open_lead(lines: Longs) -> Lead:
         matrix_f8(lines, 10),
         matrix_f8(lines, 11),
         matrix_f8(lines, 12),
+        vector_f8(lines, 13),
     )
 
 
@@ -134,4 +137,5 @@ def lead_of(tables: SceneTables) -> Lead:
         weight=np.zeros((robots, 2)),
         columns=np.zeros((n, 6)),
         square=np.zeros((6, 7)),
+        twist=np.zeros(6),
     )

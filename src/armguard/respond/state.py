@@ -88,7 +88,17 @@ NEVER = -1000
 FORM = 0
 VELOCITIES = 0
 POSITIONS = 1
-ASKING = 1
+TWISTS = 2
+TWIST_COUNT = 1  # how many twists there are
+ASKING = 2
+
+# Twists that can be told at once, and what is told of each.
+MOST_TWISTS = 8
+TOOL_ROBOT = 0
+TOOL_BODY = 1
+TOOL_POINT = 2  # its origin in its body, 3 numbers [m]
+TOOL_TWIST = 5  # 6 numbers [m/s], [rad/s]
+TWIST_ROW = 11
 
 # What a cycle lets every pair lose, in `pace`.
 STEP = 0  # time since the last commands [s]
@@ -104,6 +114,10 @@ class Response(NamedTuple):
         settings: Settings of each robot, shape (r, SETTINGS).
         notes: What is remembered and found of each, shape (r, NOTES).
         asking: See FORM, shape (ASKING,).
+        twists: Twists of tools they ask for, shape (MOST_TWISTS, TWIST_ROW).
+        tool_columns: Scratch for how tools follow joints, shape (n, 6 MOST_TWISTS).
+        tool_square: Scratch for linear equations, see `joint_velocities`.
+        tool_speeds: Scratch for the twists of one robot, shape (6 MOST_TWISTS,).
         asked: Velocities the operators ask for, shape (n,).
         goal: Positions they ask for, shape (n,).
         far: How far the joints are from these, shape (n,).
@@ -135,6 +149,10 @@ class Response(NamedTuple):
     settings: Floats
     notes: Longs
     asking: Longs
+    twists: Floats
+    tool_columns: Floats
+    tool_square: Floats
+    tool_speeds: Floats
     asked: Floats
     goal: Floats
     far: Floats
@@ -173,30 +191,34 @@ def open_response(lines: Longs) -> Response:
         matrix_f8(lines, 0),
         matrix_i8(lines, 1),
         vector_i8(lines, 2),
-        vector_f8(lines, 3),
-        vector_f8(lines, 4),
-        vector_f8(lines, 5),
+        matrix_f8(lines, 3),
+        matrix_f8(lines, 4),
+        matrix_f8(lines, 5),
         vector_f8(lines, 6),
         vector_f8(lines, 7),
         vector_f8(lines, 8),
         vector_f8(lines, 9),
         vector_f8(lines, 10),
         vector_f8(lines, 11),
-        matrix_f8(lines, 12),
+        vector_f8(lines, 12),
         vector_f8(lines, 13),
         vector_f8(lines, 14),
         vector_f8(lines, 15),
-        vector_f8(lines, 16),
+        matrix_f8(lines, 16),
         vector_f8(lines, 17),
         vector_f8(lines, 18),
         vector_f8(lines, 19),
         vector_f8(lines, 20),
-        vector_i8(lines, 21),
+        vector_f8(lines, 21),
         vector_f8(lines, 22),
-        vector_i8(lines, 23),
+        vector_f8(lines, 23),
         vector_f8(lines, 24),
-        matrix_i8(lines, 25),
+        vector_i8(lines, 25),
         vector_f8(lines, 26),
+        vector_i8(lines, 27),
+        vector_f8(lines, 28),
+        matrix_i8(lines, 29),
+        vector_f8(lines, 30),
     )
 
 
@@ -229,6 +251,10 @@ def response_of(tables: SceneTables, lead: Longs) -> Response:
         settings=settings,
         notes=np.zeros((robots, NOTES), dtype=np.int64),
         asking=np.zeros(ASKING, dtype=np.int64),
+        twists=np.zeros((MOST_TWISTS, TWIST_ROW)),
+        tool_columns=np.zeros((n, 6 * MOST_TWISTS)),
+        tool_square=np.zeros((6 * MOST_TWISTS, 6 * MOST_TWISTS + 1)),
+        tool_speeds=np.zeros(6 * MOST_TWISTS),
         asked=np.zeros(n),
         goal=np.zeros(n),
         far=np.zeros(n),

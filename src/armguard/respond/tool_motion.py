@@ -1,7 +1,4 @@
-"""How a tool follows the joints of its robot, in the loop: columns, turns, the inverse.
-
-The same as `tool`, for what may not allocate.
-"""
+"""How tools follow the joints of their robot: columns, turns, the damped inverse."""
 
 from math import atan2, pi, sqrt
 
@@ -11,15 +8,22 @@ from numpy.typing import NDArray
 from armguard.geometry.vec3 import Vec3, norm, scaled
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
+from armguard.motion.figures import POSITION_ERROR
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
-from armguard.respond.tool import DAMPING
+from armguard.respond.program import LIMIT_SPARE
 from armguard.robot.kinematics import FIXED, PRISMATIC
 
 Floats = NDArray[np.float64]
 
 # Sine of an angle below which its axis is not to be had from differences [-].
 NO_AXIS = 1e-9
+
+# Damping of the inverse where a tool is near a singular pose [m], [rad].
+DAMPING = 0.02
+
+# How far from its limit a joint begins to be left to the others [rad].
+LIMIT_NEAR = 0.1
 
 
 @kernel
@@ -28,6 +32,7 @@ def tool_columns(
     p_body: Vec3,
     first: int,
     end: int,
+    at: int,
     columns: Floats,
     w: Workspace,
     m: Motion,
@@ -39,12 +44,13 @@ def tool_columns(
         p_body: Its origin there [m].
         first: First joint of the robot.
         end: One behind its last.
-        columns: Overwritten for these joints, shape (n, 6) [m/rad], [-].
+        at: First of the 6 columns that are overwritten for these joints.
+        columns: Columns of several tools, shape (n, 6k) [m/rad], [-].
         w: Workspace.
         m: Motion.
     """
     for j in range(first, end):
-        for k in range(6):
+        for k in range(at, at + 6):
             columns[j, k] = 0.0
     T = w.T_world[body]
     x, y, z = p_body
@@ -58,9 +64,9 @@ def tool_columns(
             own, gain = columns[m.q_index[body]], m.gain[body, 0]
             way = joint_way(point, body, m.axes[body], m)
             for k in range(3):
-                own[k] += gain * way[k]
+                own[at + k] += gain * way[k]
                 if m.joint_kind[body] != PRISMATIC:
-                    own[k + 3] += gain * m.axes[body, k]
+                    own[at + k + 3] += gain * m.axes[body, k]
         body = int(m.parent[body])
 
 
@@ -109,65 +115,144 @@ def turned_by(
 
 @kernel
 def joint_velocities(
-    linear: Vec3,
-    angular: Vec3,
+    size: int,
+    twists: Floats,
     first: int,
     end: int,
     columns: Floats,
     square: Floats,
     speeds: Floats,
 ) -> None:
-    """Write joint velocities for a twist of a tool, by damped least squares.
+    """Write joint velocities for twists of a robot's tools, by damped least squares.
 
     Args:
-        linear: Velocity of its origin [m/s].
-        angular: Its angular velocity [rad/s].
+        size: How many numbers the twists have.
+        twists: Velocity of each tool's origin and its angular velocity, shape
+            (6k,) [m/s], [rad/s].
         first: First joint of the robot.
         end: One behind its last.
-        columns: From `tool_columns`.
-        square: Scratch, shape (6, 7).
+        columns: From `tool_columns`, shape (n, 6k).
+        square: Scratch, shape (6k, 6k + 1).
         speeds: Overwritten for these joints, shape (n,).
 
     References:
         Wampler, Manipulator inverse kinematic solutions based on vector formulations
         and damped least-squares methods, 1986.
     """
-    for i in range(6):
-        for k in range(6):
+    for i in range(size):
+        for k in range(size):
             total = DAMPING * DAMPING if i == k else 0.0
             for j in range(first, end):
                 total += columns[j, i] * columns[j, k]
             square[i, k] = total
-    for k in range(3):
-        square[k, 6], square[k + 3, 6] = linear[k], angular[k]
-    solve_positive(square)
+        square[i, size] = twists[i]
+    solve_positive(size, square)
     for j in range(first, end):
         speeds[j] = 0.0
-        for k in range(6):
-            speeds[j] += columns[j, k] * square[k, 6]
+        for k in range(size):
+            speeds[j] += columns[j, k] * square[k, size]
 
 
 @kernel
-def solve_positive(square: Floats) -> None:
+def lead_tools(
+    size: int,
+    twists: Floats,
+    first: int,
+    end: int,
+    columns: Floats,
+    square: Floats,
+    weights: Floats,
+    speeds: Floats,
+    w: Workspace,
+    m: Motion,
+) -> None:
+    """Write joint velocities for twists, and leave joints near their limits out of it.
+
+    Args:
+        size: See `joint_velocities`, from here to `square`.
+        twists: Velocities of the tools.
+        first: First joint of the robot.
+        end: One behind its last.
+        columns: From `tool_columns`; weighed.
+        square: Scratch.
+        weights: Scratch, shape (n,).
+        speeds: Overwritten for the robot's joints, shape (n,).
+        w: Workspace.
+        m: Motion.
+    """
+    joint_velocities(size, twists, first, end, columns, square, speeds)
+    if not weigh_room(size, first, end, speeds, columns, weights, w, m):
+        return
+    joint_velocities(size, twists, first, end, columns, square, speeds)
+    for j in range(first, end):
+        speeds[j] *= weights[j]
+
+
+@kernel
+def weigh_room(
+    size: int,
+    first: int,
+    end: int,
+    speeds: Floats,
+    columns: Floats,
+    weights: Floats,
+    w: Workspace,
+    m: Motion,
+) -> bool:
+    """Weigh a robot's columns by the room its joints have where they are to go.
+
+    The others take over what a joint near its limit would do.
+
+    Args:
+        size: How many numbers the twists have.
+        first: First joint of the robot.
+        end: One behind its last.
+        speeds: From `joint_velocities`.
+        columns: From `tool_columns`; weighed.
+        weights: Roots of the weights, overwritten for these joints, shape (n,).
+        w: Workspace.
+        m: Motion.
+
+    Returns:
+        Whether any has little room.
+
+    References:
+        Chan and Dubey, A weighted least-norm solution based scheme for avoiding joint
+        limits for redundant joint manipulators, 1995.
+    """
+    little = False
+    for j in range(first, end):
+        room = w.upper[j] - m.q[j] if speeds[j] > 0.0 else m.q[j] - w.lower[j]
+        room -= 2.0 * m.joint_figures[j, POSITION_ERROR] + LIMIT_SPARE
+        part = min(max(room / LIMIT_NEAR, 0.0), 1.0)
+        little |= part < 1.0
+        weights[j] = sqrt(part)
+        for k in range(size):
+            columns[j, k] *= weights[j]
+    return little
+
+
+@kernel
+def solve_positive(size: int, square: Floats) -> None:
     """Solve a positive definite system in place, by Cholesky.
 
     Args:
-        square: Matrix, and beside it the right side, which becomes the solution, shape
-            (k, k + 1).
+        size: How many equations there are.
+        square: Matrix, and beside it the right side, which becomes the solution; no
+            fewer than (size, size + 1).
     """
-    k = square.shape[0]
-    for i in range(k):
+    for i in range(size):
         for j in range(i + 1):
             total = square[i, j]
             for c in range(j):
                 total -= square[i, c] * square[j, c]
             square[i, j] = sqrt(total) if i == j else total / square[j, j]
-    for i in range(k):
+    for i in range(size):
         for c in range(i):
-            square[i, k] -= square[i, c] * square[c, k]
-        square[i, k] /= square[i, i]
-    for back in range(k):
-        i = k - 1 - back
-        for c in range(i + 1, k):
-            square[i, k] -= square[c, i] * square[c, k]
-        square[i, k] /= square[i, i]
+            square[i, size] -= square[i, c] * square[c, size]
+        square[i, size] /= square[i, i]
+    for back in range(size):
+        i = size - 1 - back
+        for c in range(i + 1, size):
+            square[i, size] -= square[c, i] * square[c, size]
+        square[i, size] /= square[i, i]

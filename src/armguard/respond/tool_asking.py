@@ -1,0 +1,50 @@
+"""Twists that operators ask of their tools, as velocities of their robots' joints.
+
+Several tools of one robot are led at once, as far as its joints can.
+"""
+
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
+from armguard.motion.state import Motion
+from armguard.respond.state import (
+    TOOL_BODY,
+    TOOL_POINT,
+    TOOL_ROBOT,
+    TOOL_TWIST,
+    TWIST_COUNT,
+    Response,
+)
+from armguard.respond.tool_motion import lead_tools, tool_columns
+
+
+@kernel
+def ask_for_tools(a: Response, w: Workspace, m: Motion) -> None:
+    """Write what is asked of all joints; nothing of robots without a twist.
+
+    Args:
+        a: Responses; `twists` are written already, `asked` is written.
+        w: Workspace, after a cycle was opened.
+        m: Motion.
+    """
+    for j in range(a.asked.shape[0]):
+        a.asked[j] = 0.0
+    for r in range(a.notes.shape[0]):
+        first = int(m.robot_figures[r, FIRST_JOINT])
+        end = first + int(m.robot_figures[r, JOINT_COUNT])
+        size = 0
+        for t in range(a.asking[TWIST_COUNT]):
+            told = a.twists[t]
+            if told[TOOL_ROBOT] != r:
+                continue
+            p = (told[TOOL_POINT], told[TOOL_POINT + 1], told[TOOL_POINT + 2])
+            body = int(told[TOOL_BODY])
+            tool_columns(body, p, first, end, size, a.tool_columns, w, m)
+            for k in range(6):
+                a.tool_speeds[size + k] = told[TOOL_TWIST + k]
+            size += 6
+        if size > 0:
+            lead_tools(
+                size, a.tool_speeds, first, end, a.tool_columns, a.tool_square,
+                a.raw, a.asked, w, m,
+            )  # fmt: skip

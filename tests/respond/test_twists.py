@@ -1,0 +1,99 @@
+"""Twists of tools become joint velocities that do what was asked, near limits too."""
+
+import numpy as np
+import pytest
+
+from armguard import Action, Guard, Reason, bay_scene
+from armguard.motion.figures import POSITION_ERROR
+from armguard.respond.program import LIMIT_SPARE
+from armguard.respond.state import MOST_TWISTS
+from bay_loop import LEFT, RIGHT, bay_loop, tool_pose
+
+STEP = 1e-6
+TWIST = np.array([0.03, -0.02, 0.04, 0.05, -0.04, 0.03])
+
+
+@pytest.fixture(scope="module")
+def guard():
+    return Guard(bay_scene("path"), self_test=False)
+
+
+def asked_for(guard, q, twists):
+    """Joint velocities a guard makes of twists at a configuration."""
+    guard.reset()
+    still = np.zeros(len(q))
+    command = guard.filter_twists(q, twists, 0.0, velocity=still)
+    assert command.verdict.reason is not Reason.WRONG_COMMAND
+    return guard._response.asked.copy()
+
+
+def twist_of(guard, q, v, name):
+    """How a tool moves at joint velocities, by central differences, shape (6,)."""
+    before, after = (tool_pose(guard, q + s * STEP * v, name) for s in (-0.5, 0.5))
+    turn = (after[:3, :3] @ before[:3, :3].T - np.eye(3)) / STEP
+    linear = (after[:3, 3] - before[:3, 3]) / STEP
+    return np.array([*linear, turn[2, 1], turn[0, 2], turn[1, 0]])
+
+
+def test_the_tools_of_both_arms_move_as_asked(guard):
+    q = guard.home
+    v = asked_for(guard, q, {"left": TWIST, "right": -TWIST})
+    assert twist_of(guard, q, v, "left") == pytest.approx(TWIST, abs=2e-3)
+    assert twist_of(guard, q, v, "right") == pytest.approx(-TWIST, abs=2e-3)
+
+
+def test_who_is_not_named_is_asked_for_nothing(guard):
+    v = asked_for(guard, guard.home, {"left": TWIST})
+    assert np.abs(v[LEFT]).max() > 0.0
+    assert np.all(v[RIGHT] == 0.0)
+
+
+def test_two_tools_of_an_arm_are_led_at_once(guard):
+    q = guard.home
+    # What the elbow does for the tool is asked of it as well: both can be had.
+    free = asked_for(guard, q, {"left": TWIST})
+    elbow = twist_of(guard, q, free, "left/link4")
+    v = asked_for(guard, q, {"left": TWIST, "left/link4": elbow})
+    assert twist_of(guard, q, v, "left") == pytest.approx(TWIST, abs=3e-3)
+    assert twist_of(guard, q, v, "left/link4") == pytest.approx(elbow, abs=3e-3)
+
+
+def test_the_others_take_over_what_a_joint_at_its_limit_would_do(guard):
+    free = asked_for(guard, guard.home, {"left": TWIST})
+    k = int(np.abs(free[LEFT]).argmax())
+    q = guard.home.copy()
+    tables, away = guard.tables, 2.0 * guard._motion.joint_figures[k, POSITION_ERROR]
+    kept = tables.upper.copy()
+    side = tables.upper if free[k] > 0.0 else tables.lower
+    # The limit is brought to the joint, for its arm to be where it was.
+    limits = (tables.lower.copy(), tables.upper.copy())
+    side[k] = q[k] + np.sign(free[k]) * (away + 0.5 * LIMIT_SPARE)
+    try:
+        v = asked_for(guard, q, {"left": TWIST})
+    finally:
+        tables.lower[:], tables.upper[:] = limits
+    assert np.all(tables.upper == kept)
+    assert v[k] == 0.0
+    assert twist_of(guard, q, v, "left") == pytest.approx(TWIST, abs=5e-3)
+
+
+def test_more_twists_than_can_be_led_are_refused(guard):
+    guard.reset()
+    links = [name for name in guard.tables.links if name.startswith("left/")]
+    names = [*links, *(f"right/{name[5:]}" for name in links)][: MOST_TWISTS + 1]
+    assert len(names) > MOST_TWISTS
+    twists = dict.fromkeys(names, TWIST)
+    command = guard.filter_twists(guard.home, twists, 0.0)
+    assert command.action is Action.STOP
+    assert command.verdict.reason is Reason.WRONG_COMMAND
+    assert str(MOST_TWISTS) in command.verdict.why
+
+
+def test_a_tool_goes_where_it_is_led(guard):
+    guard.reset()
+    loop = bay_loop(guard)
+    before = tool_pose(guard, loop.q, "left")
+    loop.run({"left": [0.0, 0.0, 0.04, 0.0, 0.0, 0.0]}, 500, "filter_twists")
+    way = tool_pose(guard, loop.q, "left")[:3, 3] - before[:3, 3]
+    assert loop.stops == []
+    assert way == pytest.approx([0.0, 0.0, 0.02], abs=3e-3)
