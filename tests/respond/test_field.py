@@ -34,7 +34,7 @@ def turn_to(T, aim):
 
 @numba.njit
 def solve(square):
-    solve_positive(square)
+    solve_positive(square.shape[0], square)
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,9 @@ from bay_loop import LEFT, RIGHT, bay_loop, tool_pose
 STEP = 1e-6
 TWIST = np.array([0.03, -0.02, 0.04, 0.05, -0.04, 0.03])
 
+# From home to where no joint is at an end and nothing is near [rad].
+BENT = np.array([0.1, -0.2, -0.5, -0.5, 0.3, 0.4, 0.1])
+
 
 @pytest.fixture(scope="module")
 def guard():
@@ -58,23 +61,27 @@ def test_two_tools_of_an_arm_are_led_at_once(guard):
     assert twist_of(guard, q, v, "left/link4") == pytest.approx(elbow, abs=3e-3)
 
 
-def test_the_others_take_over_what_a_joint_at_its_limit_would_do(guard):
-    free = asked_for(guard, guard.home, {"left": TWIST})
-    k = int(np.abs(free[LEFT]).argmax())
-    q = guard.home.copy()
-    tables, away = guard.tables, 2.0 * guard._motion.joint_figures[k, POSITION_ERROR]
-    kept = tables.upper.copy()
-    side = tables.upper if free[k] > 0.0 else tables.lower
-    # The limit is brought to the joint, for its arm to be where it was.
+@pytest.mark.parametrize("k", range(7))
+def test_the_others_take_over_what_a_joint_at_its_limit_would_do(guard, k):
+    q, tables = guard.home.copy(), guard.tables
+    q[LEFT] += BENT
+    free = asked_for(guard, q, {"left": TWIST})
     limits = (tables.lower.copy(), tables.upper.copy())
-    side[k] = q[k] + np.sign(free[k]) * (away + 0.5 * LIMIT_SPARE)
+    # The limit is brought to the joint, for its arm to be where it was.
+    away = 2.0 * guard._motion.joint_figures[k, POSITION_ERROR] + 0.5 * LIMIT_SPARE
+    side = tables.upper if free[k] > 0.0 else tables.lower
+    side[k] = q[k] + np.sign(free[k]) * away
     try:
         v = asked_for(guard, q, {"left": TWIST})
     finally:
         tables.lower[:], tables.upper[:] = limits
-    assert np.all(tables.upper == kept)
-    assert v[k] == 0.0
-    assert twist_of(guard, q, v, "left") == pytest.approx(TWIST, abs=5e-3)
+    assert v[k] == 0.0 != free[k]
+    without = free.copy()
+    without[k] = 0.0
+    missed = np.linalg.norm(twist_of(guard, q, v, "left") - TWIST)
+    lost = np.linalg.norm(twist_of(guard, q, without, "left") - TWIST)
+    # An elbow and a shoulder that turns it do what no other joint can.
+    assert missed < (0.25 if k in (2, 3) else 0.1) * lost
 
 
 def test_more_twists_than_can_be_led_are_refused(guard):
@@ -83,7 +90,8 @@ def test_more_twists_than_can_be_led_are_refused(guard):
     names = [*links, *(f"right/{name[5:]}" for name in links)][: MOST_TWISTS + 1]
     assert len(names) > MOST_TWISTS
     twists = dict.fromkeys(names, TWIST)
-    command = guard.filter_twists(guard.home, twists, 0.0)
+    still = np.zeros(len(guard.home))
+    command = guard.filter_twists(guard.home, twists, 0.0, velocity=still)
     assert command.action is Action.STOP
     assert command.verdict.reason is Reason.WRONG_COMMAND
     assert str(MOST_TWISTS) in command.verdict.why
