@@ -211,7 +211,8 @@ swing. A thing that hits an arm goes on through it, and does not move it.
 
 True states are judged, every cycle, by MuJoCo: an arm and the thing, and an arm and
 anything else (secondary). The scenes have no unknown space to go into. Distances are
-seen up to 60 mm.
+seen up to 60 mm. Cycle times are those of the machine the episodes ran on, whatever
+else it did meanwhile.
 
 *Evadable* is what an off-line search finds a way out of: of some 440 straight ways in
 joint space, sped up and slowed down as declared, at the speed the arm may evade at,
