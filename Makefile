@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | filter-peer | audit-pairs | room   ARGS="..." is passed on
+#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | filter-peer | audit-pairs | room   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping filter-peer audit-pairs room format clean
+.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading filter-peer audit-pairs room format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what the guard needs, then what tests and benchmarks need.
@@ -50,6 +50,9 @@ ways-out: .venv/dev
 
 gripping: .venv/dev
 	$(BIN)/python benchmarks/gripping_campaign.py $(ARGS)
+
+evading: .venv/dev
+	$(BIN)/python benchmarks/evading_campaign.py $(ARGS)
 
 filter-peer: .venv/dev
 	$(BIN)/python benchmarks/filter_peer.py $(ARGS)

@@ -6,7 +6,7 @@ episodes of something else: they are never added to.
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -25,7 +25,7 @@ TELLING = ("records.py", "summary.py")
 OF_ONE_KIND = ("panda",)
 
 # Figures that are no sums: how two of one name are put together.
-EXTREME = {
+EXTREME: Mapping[str, Callable[[float, float], float]] = {
     "least_not_meant_mm": min,
     "deepest_mm": max,
     "fastest_contact_mm_s": max,
@@ -53,11 +53,18 @@ class Records:
     Args:
         path: The file; it need not exist.
         of: What episodes of a kind are run with, see `version`.
+        extreme: Figures that are no sums, and how two of one name are put together.
     """
 
-    def __init__(self, path: Path, of: Callable[[str], str] = version) -> None:
+    def __init__(
+        self,
+        path: Path,
+        of: Callable[[str], str] = version,
+        extreme: Mapping[str, Callable[[float, float], float]] = EXTREME,
+    ) -> None:
         self.path = path
         self.of = of
+        self.extreme = extreme
         self.kinds: dict[str, Figures] = (
             json.loads(path.read_text("utf-8")) if path.exists() else {}
         )
@@ -72,7 +79,7 @@ class Records:
     def add(self, kind: str, figures: Figures) -> Figures:
         """Add figures of more episodes; all that is known of this kind."""
         known = self._known(kind)
-        found = merged(known, figures) if known else figures
+        found = merged(known, figures, self.extreme) if known else figures
         self.kinds[kind] = jsonable({**found, "version": self.of(kind)})
         text = json.dumps(self.kinds, indent=1) + "\n"
         # Who is killed while he writes loses nothing that was there.
@@ -87,15 +94,19 @@ class Records:
         return figures if figures.get("version") == self.of(kind) else {}
 
 
-def merged(one: Figures, other: Figures) -> Figures:
+def merged(
+    one: Figures,
+    other: Figures,
+    extreme: Mapping[str, Callable[[float, float], float]],
+) -> Figures:
     """Figures of two sets of episodes that have none in common."""
     found: Figures = {}
     for key in other:
         a, b = one[key], other[key]
         if key == "seeds":
             found[key] = joined([*a, *b])
-        elif key in EXTREME:
-            found[key] = EXTREME[key](a, b)
+        elif key in extreme:
+            found[key] = extreme[key](a, b)
         elif isinstance(b, dict):
             found[key] = dict(Counter(a) + Counter(b))
         elif isinstance(b, list):
