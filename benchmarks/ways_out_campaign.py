@@ -6,8 +6,9 @@ make ways-out ARGS="--states 500"      some of them
 States lie on straight lines between random configurations, where the nearest pair is
 about as near as it may be: up to 4 mm nearer, or up to 2 mm farther. The arms rest
 there. Asked for are the way out that the cues tell, and then each joint alone, both
-ways. A way counts as out if what is told moves, and no pair that was too near comes
-nearer by it; that is measured anew, at rest. Where none is told, `PINCHED` has to be,
+ways. A way counts as out if what is told moves, no pair that was too near comes nearer
+by it, and one of them, if there is any, comes to be farther; that is measured anew, at
+rest. Where none is told, `PINCHED` has to be,
 and the pinch is looked for in the same independent way: every joint, both ways, brings
 some pair nearer that is too near.
 """
@@ -115,17 +116,20 @@ def told(guard: Guard, q: Floats, wish: Floats) -> tuple[Floats, tuple[Blocked, 
 
 
 def leads_out(guard: Guard, q: Floats, velocity: Floats) -> bool:
-    """Whether a motion brings nothing nearer that is too near."""
+    """Whether a motion opens what is too near, and brings nothing of it nearer."""
     size = float(np.abs(velocity).max())
     if size < 1e-9:
         return False
     before = clearances(guard, q)
     after = clearances(guard, q + STEP * velocity / size)
-    return all(
-        after.get(pair, np.inf) >= clearance - GRAIN
+    changes = [
+        after.get(pair, np.inf) - clearance
         for pair, clearance in before.items()
         if clearance < 0.0
-    )
+    ]
+    if not changes:
+        return True
+    return min(changes) >= -GRAIN and max(changes) > GRAIN
 
 
 def judge(guard: Guard, q: Floats, count: Count) -> None:

@@ -20,6 +20,7 @@ from armguard.guard.watch import (
     LATE,
     PERIOD,
     RECOVERING,
+    RESTING,
     RUNNING,
     STOPPING,
     Watch,
@@ -44,7 +45,11 @@ NOT_FOLLOWED = int(Reason.NOT_FOLLOWED)
 
 @kernel
 def look_under_way(v: Watch, m: Motion) -> None:
-    """Write between which velocities joints were told to be and may not be yet."""
+    """Write between which velocities joints were told to be and may not be yet.
+
+    A robot that rests is held, as it is before the first command: that does not count
+    as driving it.
+    """
     room, count = v.sent_at.shape[0], v.sent_count[0]
     for j in range(m.q.shape[0]):
         r = int(m.robot_of_joint[j])
@@ -53,11 +58,14 @@ def look_under_way(v: Watch, m: Motion) -> None:
         # Before the first command it was told to stand still.
         low, high = (0.0, 0.0) if count <= room else (inf, -inf)
         known = count <= room
+        least, most = inf, -inf
         for back in range(min(room, count)):
             k = (count - 1 - back) % room
             if back == 0:
                 low = high = v.sent[k, j]
             low, high = min(low, v.sent[k, j]), max(high, v.sent[k, j])
+            if v.held[k, r] == 0:
+                least, most = min(least, v.sent[k, j]), max(most, v.sent[k, j])
             if v.sent_at[k] <= since:
                 known = True
                 break
@@ -67,7 +75,9 @@ def look_under_way(v: Watch, m: Motion) -> None:
             # Cycles come so often that older ones are forgotten, and may be under way.
             high = m.joint_figures[j, VELOCITY]
             low = -high
+            least, most = low, high
         v.under_way[j, 0], v.under_way[j, 1] = low, high
+        v.driven_to[j, 0], v.driven_to[j, 1] = least, most
 
 
 @kernel
@@ -76,21 +86,33 @@ def set_drives(v: Watch, m: Motion) -> None:
 
     Told to stop now, they are driven to what is under way; told a cycle later, to what
     is wanted in this cycle as well. Where nobody filters commands, to their top speeds.
+    What is held neither moves nor misses anything.
     """
     n = m.q.shape[0]
     for j in range(n):
         top, error = m.joint_figures[j, VELOCITY], m.joint_figures[j, TRACKING]
         low, high = -top, top
         if v.given[COMMANDED] != 0.0:
-            low, high = v.under_way[j, 0], v.under_way[j, 1]
+            low, high = v.driven_to[j, 0], v.driven_to[j, 1]
         for plan in range(2):
             if plan == NEXT and v.given[COMMANDED] != 0.0:
                 low, high = min(low, v.wanted[j]), max(high, v.wanted[j])
-            m.driven[plan * n + j, 0] = min(high + error, top)
-            m.driven[plan * n + j, 1] = min(error - low, top)
+            m.driven[plan * n + j, 0] = max(min(high + error, top), 0.0)
+            m.driven[plan * n + j, 1] = max(min(error - low, top), 0.0)
         if v.given[COMMANDED] == 0.0:
             m.driven[NOW * n + j, 0] = m.driven[NOW * n + j, 1] = top
             m.driven[NEXT * n + j, 0] = m.driven[NEXT * n + j, 1] = top
+
+
+@kernel
+def hold_still(r: int, v: Watch, m: Motion) -> None:
+    """Take the velocities of a robot that rests for 0, which they may be as measured.
+
+    It is held until it is told to move: what is measured besides is error.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        m.v_low[j] = m.v_high[j] = 0.0
 
 
 @kernel
@@ -188,10 +210,11 @@ def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
 def send(v: Watch, m: Motion) -> None:
     """Settle what every joint is told in this cycle, and remember it."""
     count, time = v.sent_count[0], time_passed(v)
+    k = count % v.sent_at.shape[0]
     for r in range(v.phase.shape[0]):
+        v.held[k, r] = int(v.phase[r] == RESTING)
         if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
             lead_to_rest(r, time, v, m)
-    k = count % v.sent_at.shape[0]
     v.sent_at[k] = v.told_at[0] = moment(v)
     for j in range(v.wanted.shape[0]):
         v.sent[k, j] = v.told[j] = v.wanted[j]

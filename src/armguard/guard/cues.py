@@ -32,7 +32,7 @@ from armguard.guard.proofs import LOOK_AHEAD, NEAR_CUE, robot_of
 from armguard.guard.watch import SLOW_TIME, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
+from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT, VELOCITY
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import Motion
@@ -128,6 +128,9 @@ def finish_cue(r: int, escape: int, w: Workspace, m: Motion, v: Watch) -> None:
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     length = 0.0
     for j in range(first, end):
+        # What opens fastest, each joint as it can: metres and radians are no match.
+        top = m.joint_figures[j, VELOCITY]
+        out[escape + j] *= top * top
         length += out[escape + j] * out[escape + j]
     length = sqrt(length)
     for j in range(first, end):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from armguard.address import call_for_nothing
 from armguard.guard.change import judge_change
 from armguard.guard.commands import (
+    hold_still,
     is_new,
     keep_under_way,
     send,
@@ -97,7 +98,7 @@ def close_cycle(judged: int, lines: int) -> None:
     w = open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     if judged != 0:
-        begin_recoveries(v)
+        begin_recoveries(v, m)
         prove_wanted(w.parts[SELF])
         end_recoveries(v)
         for r in range(v.recover.shape[0]):
@@ -108,7 +109,7 @@ def close_cycle(judged: int, lines: int) -> None:
 
 
 @kernel
-def begin_recoveries(v: Watch) -> None:
+def begin_recoveries(v: Watch, m: Motion) -> None:
     """Let robots at rest try to leave what is too near."""
     recover = v.recover
     for r in range(recover.shape[0]):
@@ -117,6 +118,8 @@ def begin_recoveries(v: Watch) -> None:
         may |= recover[r] == AT_REST and phase == RESTING
         may |= recover[r] == AT_WORK and phase == RUNNING
         if may:
+            if phase == RESTING:
+                hold_still(r, v, m)
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
         elif recover[r] != GIVES_UP:

@@ -186,17 +186,19 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
         remember_plane(i, j, w, witness)
         return count
     open_row(i, j, place, w)
+    distance = witness[0]
+    if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
+        # Links are farther apart than what encloses them.
+        refine_pair(i, j, place, lines)
     judge_motion(i, j, place, lines)
     if (
-        witness[0] > w.margin[0]
+        distance > w.margin[0]
         and out[place + CLEARANCE] >= hidden_by_error(i, j, w, v)
         and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
     ):
         note_pair(i, j, NO_ROW, place, w, v)
         return count
     note_pair(i, j, count, place, w, v)
-    if not witness[0] - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
-        refine_pair(i, j, place, lines)
     return count + 1
 
 

@@ -428,13 +428,16 @@ def relief_of(
         spare -= m.blur[j]
     if not spare < SINK:
         return 0.0
+    for side in range(2):
+        r = robot_i if side == 0 else robot_j
+        if r >= 0:
+            v.deficit[r] = max(v.deficit[r], -spare)
     most = 0.0
     for side in range(2):
         r = robot_i if side == 0 else robot_j
         if r < 0:
             continue
-        v.deficit[r] = max(v.deficit[r], -spare)
-        if v.phase[r] == RUNNING:
+        if v.phase[r] == RUNNING and is_driven_nearer(r, i, j, place, lines):
             return 0.0
         if v.phase[r] == RECOVERING:
             v.relieved[r] = 1
@@ -453,6 +456,8 @@ def relief_of(
 def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
     """Whether what a robot is told opens a pair, wherever in its error each joint is.
 
+    The other robot's errors count as well if it is driven.
+
     Args:
         r: The robot.
         i: Lower primitive.
@@ -466,11 +471,38 @@ def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
         return False
     pair_row(i, j, place, v.row, w, m)
     closing = 0.0
+    for q in range(v.row.shape[0]):
+        own = int(m.robot_of_joint[q])
+        if own == r:
+            closing += v.row[q] * v.wanted[q]
+        if own == r or v.phase[own] == RUNNING:
+            closing += abs(v.row[q]) * m.joint_figures[q, TRACKING]
+    return closing < 0.0
+
+
+@kernel(inline=False)
+def is_driven_nearer(r: int, i: int, j: int, place: int, lines: int) -> bool:
+    """Whether anything a robot is or was told, and may do yet, closes a pair.
+
+    Args:
+        r: The robot.
+        i: Lower primitive.
+        j: Higher primitive.
+        place: Where the pair's row starts.
+        lines: Address of the ledger of the workspace.
+    """
+    w = open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    if v.given[COMMANDED] == 0.0:
+        return True
+    pair_row(i, j, place, v.row, w, m)
     first = int(m.robot_figures[r, FIRST_JOINT])
     for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        closing += v.row[q] * v.wanted[q]
-        closing += abs(v.row[q]) * m.joint_figures[q, TRACKING]
-    return closing < 0.0
+        low = min(v.under_way[q, 0], v.wanted[q])
+        high = max(v.under_way[q, 1], v.wanted[q])
+        if max(v.row[q] * low, v.row[q] * high) > 0.0:
+            return True
+    return False
 
 
 @kernel

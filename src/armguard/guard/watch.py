@@ -115,11 +115,14 @@ class Watch(NamedTuple):
         wanted: Velocities to be told to the joints in this cycle, shape (n,).
         sent: What they were told before, in turn, shape (c, n).
         sent_at: When, shape (c,) [s].
+        held: 1 where each robot was told to stay where it rests, shape (c, r).
         sent_count: How often, shape (1,) [-].
         told: What they were told last, shape (n,).
         told_at: When; long ago if never, shape (1,) [s].
         under_way: Least and greatest velocity each joint may have been told and not
             reached yet, shape (n, 2).
+        driven_to: The same without what was told to robots that rest, which are held
+            and do not drift; inf and -inf if nothing else is under way, shape (n, 2).
         band: Between which velocities each joint was or was driven to in the last
             cycle, shape (n, 2).
         deficit: How much nearer than it must be at rest any pair of each robot is,
@@ -181,10 +184,12 @@ class Watch(NamedTuple):
     wanted: Floats
     sent: Floats
     sent_at: Floats
+    held: Longs
     sent_count: Longs
     told: Floats
     told_at: Floats
     under_way: Floats
+    driven_to: Floats
     band: Floats
     deficit: Floats
     relief: Floats
@@ -249,28 +254,30 @@ def open_watch(address: int) -> Watch:
         vector_f8(lines, 31),
         matrix_f8(lines, 32),
         vector_f8(lines, 33),
-        vector_i8(lines, 34),
-        vector_f8(lines, 35),
+        matrix_i8(lines, 34),
+        vector_i8(lines, 35),
         vector_f8(lines, 36),
-        matrix_f8(lines, 37),
+        vector_f8(lines, 37),
         matrix_f8(lines, 38),
-        vector_f8(lines, 39),
-        vector_f8(lines, 40),
-        vector_i8(lines, 41),
-        vector_i8(lines, 42),
-        matrix_f8(lines, 43),
-        vector_f8(lines, 44),
-        vector_i8(lines, 45),
-        vector_i8(lines, 46),
-        matrix_f8(lines, 47),
-        matrix_i8(lines, 48),
-        vector_f8(lines, 49),
-        vector_i8(lines, 50),
-        matrix_f8(lines, 51),
-        matrix_f8(lines, 52),
-        vector_f8(lines, 53),
-        vector_f8(lines, 54),
-        vector_i8(lines, 55),
+        matrix_f8(lines, 39),
+        matrix_f8(lines, 40),
+        vector_f8(lines, 41),
+        vector_f8(lines, 42),
+        vector_i8(lines, 43),
+        vector_i8(lines, 44),
+        matrix_f8(lines, 45),
+        vector_f8(lines, 46),
+        vector_i8(lines, 47),
+        vector_i8(lines, 48),
+        matrix_f8(lines, 49),
+        matrix_i8(lines, 50),
+        vector_f8(lines, 51),
+        vector_i8(lines, 52),
+        matrix_f8(lines, 53),
+        matrix_f8(lines, 54),
+        vector_f8(lines, 55),
+        vector_f8(lines, 56),
+        vector_i8(lines, 57),
     )
 
 
@@ -325,10 +332,12 @@ def watch_of(tables: SceneTables) -> Watch:
         wanted=np.zeros(n),
         sent=np.zeros((commands := commands_under_way(tables), n)),
         sent_at=np.full(commands, -np.inf),
+        held=np.zeros((commands, robots), dtype=np.int64),
         sent_count=np.zeros(1, dtype=np.int64),
         told=np.zeros(n),
         told_at=np.full(1, -np.inf),
         under_way=np.zeros((n, 2)),
+        driven_to=np.zeros((n, 2)),
         band=np.zeros((n, 2)),
         deficit=np.zeros(robots),
         relief=np.zeros(robots),

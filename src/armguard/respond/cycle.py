@@ -4,7 +4,7 @@ What is asked for -> who follows -> limits -> rows -> the target, or a program t
 solved -> (proof) -> what is told, and what is held.
 """
 
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ from armguard.respond.finger_pace import slow_fingers
 from armguard.respond.grip_keeping import keep_grips
 from armguard.respond.lead_state import open_lead
 from armguard.respond.leading import follow_lead, lead_robots, note_leads
-from armguard.respond.leaving import lead_away
+from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
 from armguard.respond.program import (
     breaks_rows,
@@ -64,6 +64,7 @@ from armguard.respond.program import (
 )
 from armguard.respond.programs import solve_programs
 from armguard.respond.state import (
+    ASKS,
     BLOCKED,
     BREAKS,
     CROWDED,
@@ -75,6 +76,7 @@ from armguard.respond.state import (
     RETREATS,
     SLOW,
     STOP,
+    TANGLED,
     TWISTS,
     Response,
     open_response,
@@ -129,7 +131,10 @@ def respond(response: Longs, lines: Longs) -> int:
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
             kind = a.settings[r, KIND]
-            if retreats(r, a):
+            if a.notes[r, TANGLED] != 0:
+                # Whatever its response: only some joints together lead out.
+                open_programs |= 1 << r
+            elif retreats(r, a):
                 scale_back(r, a, m)
             elif kind == SLOW:
                 slow_fingers(r, a, w, m)
@@ -208,13 +213,20 @@ def settle_target(
     """Take the declared stop where nothing was found; say who leaves what is near."""
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
+    tangled = a.notes[r, TANGLED] != 0 and v.evades[r] == 0
     moves, room = False, False
     for j in range(first, end):
         if unsolved != 0:
             a.target[j] = a.brake[j]
-        moves |= abs(a.target[j]) > NOTHING_ASKED
         room |= a.low[j] < 0.0 or a.high[j] > 0.0
-    if unsolved != 0:
+    if tangled:
+        room = sure_share(r, a, w, v, m) < inf
+    for j in range(first, end):
+        if tangled and a.notes[r, ASKS] == 0:
+            # The way out was looked for only to know whether there is one.
+            a.target[j] = a.brake[j]
+        moves |= abs(a.target[j]) > NOTHING_ASKED
+    if unsolved != 0 and not tangled:
         v.last[FORCED] = NO_WAY
         a.notes[r, BLOCKED] = BLOCKED_NO_WAY
     if a.notes[r, RETREATS] == 0:

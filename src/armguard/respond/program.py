@@ -60,13 +60,14 @@ from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
 from armguard.respond.evasion import time_until
 from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
-from armguard.respond.leaving import spare_at_rest
+from armguard.respond.leaving import SURELY, spare_at_rest
 from armguard.respond.spares import steady_spare
 from armguard.respond.state import (
     ASKS,
     BREAKS,
     BY_PRIORITY,
     CROWDED,
+    EITHER_WAY,
     EQUALLY,
     KIND,
     LEADS_AWAY,
@@ -79,6 +80,7 @@ from armguard.respond.state import (
     SHARING,
     SLOW,
     STEP,
+    TANGLED,
     Response,
     open_response,
 )
@@ -122,16 +124,47 @@ def add_pairs(response: int, lines: int) -> None:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
         a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
-        a.notes[r, LEADS_AWAY] = 0
+        a.notes[r, LEADS_AWAY] = a.notes[r, TANGLED] = 0
     dt = time_passed(v)
     a.pace[STEP] = dt
     a.pace[NEARER] = 1.0 - exp(-dt / APPROACH_TIME)
     a.pace[LESS] = 1.0 - exp(-dt / HOLDING_TIME)
     write_costs(a, v, m)
+    note_ways_out(a, w, v, m)
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), a, w, v, m)
     for r in range(a.notes.shape[0]):
         a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
+
+
+@kernel(inline=False)
+def note_ways_out(a: Response, w: Workspace, v: Watch, m: Motion) -> None:
+    """Note which way joints lead out of what is too near to robots that are to leave.
+
+    Where no way of a joint opens all of it, rows say how it may help the others.
+    """
+    leaves = False
+    for r in range(a.notes.shape[0]):
+        leaves |= a.notes[r, RETREATS] != 0
+    if not leaves:
+        return
+    for j in range(a.ways_out.shape[0]):
+        a.ways_out[j] = 0
+    for k in range(int(w.out[NEAR_COUNT])):
+        place = row_place(k, w)
+        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
+        meant = w.out[place + PROOF] == ALLOWED
+        if meant or not spare_at_rest(i, j, place, w, v, m) < SINK:
+            continue
+        pair_row(i, j, place, a.raw, w, m)
+        for q in range(a.ways_out.shape[0]):
+            if abs(a.raw[q]) > NO_ROW:
+                way = -1 if a.raw[q] > 0.0 else 1
+                known = a.ways_out[q]
+                a.ways_out[q] = way if known == 0 or known == way else EITHER_WAY
+    for q in range(a.ways_out.shape[0]):
+        if a.ways_out[q] == EITHER_WAY:
+            a.notes[m.robot_of_joint[q], TANGLED] = 1
 
 
 @kernel
@@ -297,10 +330,13 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
             a.notes[r, LEADS_AWAY] = -1
         elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
-        leads_away = resting < SINK and a.notes[r, RETREATS] != 0 and not meant
-        leads_away |= v.evades[r] != 0 and time_until(i, j, place, a, w, v, m) < inf
-        if leads_away:
+        if v.evades[r] != 0 and time_until(i, j, place, a, w, v, m) < inf:
             only_away(r, a, m)
+            continue
+        if resting < SINK and a.notes[r, RETREATS] != 0 and not meant:
+            only_out(r, a, m)
+            if a.notes[r, TANGLED] != 0 and a.notes[r, ROW_COUNT] < ROWS:
+                add_opening(r, a, m)
             continue
         part = 1.0
         if robot_j >= 0 and robot_i != robot_j:
@@ -362,6 +398,40 @@ def only_away(r: int, a: Response, m: Motion) -> None:
         if low[j] > high[j]:
             low[j] = high[j] = 0.0
         target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def only_out(r: int, a: Response, m: Motion) -> None:
+    """Let each joint of a robot move only as it leads out of all that is too near."""
+    target, low, high = a.target, a.low, a.high
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if a.ways_out[j] == -1:
+            high[j] = min(high[j], 0.0)
+        elif a.ways_out[j] == 1:
+            low[j] = max(low[j], 0.0)
+        if low[j] > high[j]:
+            low[j] = high[j] = 0.0
+        target[j] = min(max(target[j], low[j]), high[j])
+
+
+@kernel
+def add_opening(r: int, a: Response, m: Motion) -> None:
+    """Add the row that has a robot surely open a pair.
+
+    Args:
+        r: The robot.
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        m: Motion.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    at = r * ROWS + a.notes[r, ROW_COUNT]
+    missed = 0.0
+    for j in range(first, end):
+        a.rows[at, j] = a.raw[j]
+        missed += abs(a.raw[j]) * m.joint_figures[j, TRACKING]
+    keep_row(r, first, end, at, -SURELY * missed, True, a)
 
 
 @kernel

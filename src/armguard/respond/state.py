@@ -76,7 +76,12 @@ BREAKS = 6  # 1 if its target breaks a row
 CROWDED = 7  # 1 if there were more rows than room
 LEADS_AWAY = 8  # 1 if what is asked for opens near pairs of it, -1 if it closes any
 ASKS = 9  # 1 if anything is asked of it
-NOTES = 10
+TANGLED = 10  # 1 if a joint that opens one pair that is too near closes another one
+NOTES = 11
+
+# Which way a joint may move of a robot that leaves what is too near, in `ways_out`:
+# 1 or -1 where only that way opens all of it, 0 where it moves none.
+EITHER_WAY = 2  # one way opens a pair, and the other way another one
 
 # Pairs of which is remembered what they have left, and places in the row of one.
 REMEMBERED = 2048
@@ -131,6 +136,7 @@ class Response(NamedTuple):
         limits: What they must not exceed, shape (r · ROWS,).
         eased: The same where the declared stop is to keep all of them, (r · ROWS,).
         away: Joint motion that leads away from what comes, shape (n,).
+        ways_out: Which way each joint leads out of what is too near, shape (n,).
         speed: Share of its top speeds each robot may use, shape (r,) [-].
         pace: See STEP, shape (PACE,).
         closing_time: Time for which a velocity of each joint counts that closes a
@@ -166,6 +172,7 @@ class Response(NamedTuple):
     limits: Floats
     eased: Floats
     away: Floats
+    ways_out: Longs
     speed: Floats
     pace: Floats
     closing_time: Floats
@@ -208,17 +215,18 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 17),
         vector_f8(lines, 18),
         vector_f8(lines, 19),
-        vector_f8(lines, 20),
+        vector_i8(lines, 20),
         vector_f8(lines, 21),
         vector_f8(lines, 22),
         vector_f8(lines, 23),
         vector_f8(lines, 24),
-        vector_i8(lines, 25),
-        vector_f8(lines, 26),
-        vector_i8(lines, 27),
-        vector_f8(lines, 28),
-        matrix_i8(lines, 29),
-        vector_f8(lines, 30),
+        vector_f8(lines, 25),
+        vector_i8(lines, 26),
+        vector_f8(lines, 27),
+        vector_i8(lines, 28),
+        vector_f8(lines, 29),
+        matrix_i8(lines, 30),
+        vector_f8(lines, 31),
     )
 
 
@@ -268,6 +276,7 @@ def response_of(tables: SceneTables, lead: Longs) -> Response:
         limits=np.zeros(robots * ROWS),
         eased=np.zeros(robots * ROWS),
         away=np.zeros(n),
+        ways_out=np.zeros(n, dtype=np.int64),
         speed=np.zeros(robots),
         pace=np.zeros(PACE),
         closing_time=np.zeros(n),
