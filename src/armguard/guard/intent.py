@@ -94,7 +94,7 @@ Floats = NDArray[np.float64]
 
 CAPSULE = int(ShapeKind.CAPSULE)
 
-# What is meant goes on to be meant until it, or the way, is this much farther, or faster
+# What is meant goes on to be until it, or the way, is this much farther, or faster
 # [-].
 NEAR_AGAIN = 1.25
 FAST_AGAIN = 1.5
