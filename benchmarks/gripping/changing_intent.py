@@ -2,7 +2,8 @@
 
 At any time he turns to another thing, or to another way of driving: slowly from above,
 as one who wants to grip; at speed, straight at it; with the back of the hand; or with
-closed fingers. Now and then he drives with the stick at random.
+closed fingers. Now and then he drives with the stick at random: what that leads slowly
+to he cannot but mean.
 """
 
 from dataclasses import dataclass
@@ -13,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.respond import Guard
+from gripping.gantry import BELOW
 from gripping.judge import FINGERS, Judge
 from gripping.leaving import leave
 from gripping.plant import Plant
+from gripping.solids import box, gaps
 from gripping.workplace import GANTRY, PERIOD, side_by_side
 
 Floats = NDArray[np.float64]
@@ -35,6 +38,11 @@ CLEAR = 0.008
 
 # How far fingers are open that he has closed [m].
 NARROW = 0.006
+
+# A stick at random means what the straight way of the middle between the fingers leads
+# to, this near to it and within this length, if it is no faster than that: what the
+# scene declares [m, m, m/s].
+AIM, AHEAD, SLOW = 0.01, 0.1, 0.1
 
 # He lets go of an arm that was stopped for this long [s].
 STOPPED = 0.2
@@ -98,22 +106,45 @@ class Fickle:
         if k >= self.mind.until:
             self.look()
             self.mind = self.another(k)
-            self.meant.add(self.mind.target)
+            if self.mind.way != "random":
+                self.meant.add(self.mind.target)
             self.changes += 1
-        self.plant.cycle(self.wish())
+        wish = self.wish()
+        if self.mind.way == "random":
+            self.mean(self.headed_for(wish[:3]))
+        self.plant.cycle(wish)
         if self.plant.stopped_for > STOPPED:
             leave(self.plant, fingers=True)
-        if len(self.meant) > 1:
-            self.forget()
+        self.forget()
+
+    def is_at(self, q: Floats, name: str) -> bool:
+        """Whether a finger is at a thing."""
+        return any(self.judge.gap(q, finger, name) <= CLEAR for finger in FINGERS)
+
+    def headed_for(self, stick: Floats) -> set[str]:
+        """Things he is at and that a stick leads slowly to."""
+        q = self.plant.q
+        speed = float(np.sqrt(stick @ stick))
+        near = {name for name in self.names if self.is_at(q, name)}
+        if not near or speed > SLOW:
+            return set()
+        middle = q[:3] + np.array([0.0, 0.5 * (q[3] - q[4]), -BELOW])
+        way = np.linspace(0.0, AHEAD, 51)[:, None] * (stick / speed)
+        points = box(np.zeros(3), middle + way)
+        solids = self.judge.solids
+        return {n for n in near if float(gaps(points, solids[n]).min()) <= AIM}
+
+    def mean(self, names: set[str]) -> None:
+        """From now on he may touch these as well."""
+        if not names <= self.meant:
+            self.look()
+            self.meant |= names
 
     def forget(self) -> None:
         """Forget what he turned away from, once he has left it."""
         q = self.plant.q
-        left = {
-            name
-            for name in self.meant - {self.mind.target}
-            if all(self.judge.gap(q, finger, name) > CLEAR for finger in FINGERS)
-        }
+        kept = set() if self.mind.way == "random" else {self.mind.target}
+        left = {name for name in self.meant - kept if not self.is_at(q, name)}
         if left:
             self.look()
             self.meant -= left

@@ -196,7 +196,8 @@ up to 0.3 s.
   operator turns to another one, or drives another way: slowly to grip, straight at it
   at up to 0.8 m/s, with the back of the hand, with closed fingers, at random. He means
   the thing he turned to, and the one he turned from until his fingers have been 8 mm
-  from it.
+  from it. A stick at random means what the middle between the fingers is slowly, at up
+  to 0.1 m/s, and straight led to within 10 mm of, which is what the scene declares.
 - **panda**: the same as placing, with a Panda that is led by its hand, and stops, is
   late and misses what it is told by the same numbers, its joints in rad/s. Its arm, but
   for hand and fingers, is 25 mm off everything on the way that is proven. An operator

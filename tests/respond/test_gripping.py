@@ -200,6 +200,39 @@ def test_beside_what_is_meant_is_no_intent():
         assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
 
 
+def placed(guard, **places):
+    """A loop that begins where some of the arm's joints are elsewhere than at home."""
+    loop = Loop(guard)
+    for joint, place in places.items():
+        loop.q[guard.q_names.index(f"arm/{joint}")] = place
+    return loop
+
+
+def test_who_passes_by_slowly_does_not_mean_it_however_near_he_is():
+    # The middle is 8 mm beside the block, where standing still means it. Here it passes
+    # along the block, whose edge is in the way of a finger.
+    guard = guard_of(pick_scene())
+    loop = placed(guard, x=0.028, y=0.01, z=DOWN)
+    for _ in range(2000):
+        loop.cycle({"arm/y": -0.08})
+        assert not guard.contracts
+    assert gaps(loop, "arm/left", "block").min() >= FLOOR
+
+
+def test_what_is_not_meant_any_more_is_come_no_nearer_to():
+    # Fingers reach 5 mm below the top of the block and are 3 mm off it.
+    guard = guard_of(pick_scene())
+    loop = placed(guard, z=0.155, open_left=0.03, open_right=0.03)
+    assert loop.go({"arm/z": 0.145}, speed=0.08)
+    assert loop.go(fingers(TOUCH + 0.003), speed=0.02)
+    near = gaps(loop, "arm/left", "block")[-1]
+    assert near < FLOOR
+    assert {c.b for c in guard.contracts} == {"block"}
+    loop.push({"arm/y": -0.05}, 2000)
+    assert gaps(loop, "arm/left", "block").min() > near - 0.0015
+    assert loop.stops == []
+
+
 def test_only_links_that_are_fingers_may_touch():
     # The same gripper, of which the scene calls one link a finger.
     scene = Scene(mode="path")

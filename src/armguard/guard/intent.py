@@ -94,7 +94,8 @@ Floats = NDArray[np.float64]
 
 CAPSULE = int(ShapeKind.CAPSULE)
 
-# What is meant goes on to be meant until it is this much farther, or faster [-].
+# What is meant goes on to be until it, or the way, is this much farther, or faster
+# [-].
 NEAR_AGAIN = 1.25
 FAST_AGAIN = 1.5
 
@@ -107,7 +108,8 @@ FROM_MIDDLE = 0.25
 # What is slower than this leads nowhere [m/s].
 STANDS = 1e-4
 
-# What is put down comes towards its support by at least this share of its speed [-].
+# What is meant is come nearer to by at least this share: of how far the middle of the
+# fingers is from it, by its way, and of the speed of what is put down [-].
 TOWARDS = 0.5
 
 
@@ -198,7 +200,7 @@ def score_of(
     near, fast = thing[OBJECT_NEAR], thing[INTENT_SPEED]
     aim = thing[AIM]
     if o == own[MEANT]:
-        near, fast, aim = near * NEAR_AGAIN, fast * FAST_AGAIN, inf
+        near, aim, fast = near * NEAR_AGAIN, aim * NEAR_AGAIN, fast * FAST_AGAIN
     if not fingers_distance(g, o, near, h, w) <= near:
         if own[SPENT_ON] == o:
             own[SPENT_ON] = -1
@@ -223,7 +225,14 @@ def score_of(
     for k in range(3):
         way[4 + k] = middle[k] + ahead[k]
     beside = max(row_distance(way, first, int(thing[END]), w), 0.0)
-    if not beside <= aim:
+    if o == own[MEANT]:
+        # Who hardly moves his hand, as while his fingers close, has not turned away.
+        turned = not beside <= aim and speed > thing[OBJECT_CREEP]
+    else:
+        # A way that leads past it, or off it: to be near something is not to mean it.
+        comes = beside <= (1.0 - TOWARDS) * from_middle or not speed > STANDS
+        turned = not beside <= aim or not comes
+    if turned:
         return inf
     return float(beside + FROM_MIDDLE * from_middle)
 

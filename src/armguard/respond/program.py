@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from armguard.guard.commands import time_passed
 from armguard.guard.contracts import GRANTED, allowed_speed, contract_of
-from armguard.guard.grips import open_grips
+from armguard.guard.grips import BY_INTENT, ENDING, STATE, open_grips
+from armguard.guard.grips import KIND as CONTRACT_KIND
 from armguard.guard.layout import (
     CLEARANCE,
     FIRST,
@@ -553,7 +554,11 @@ def add_contract(
     at = r * ROWS + a.notes[r, ROW_COUNT]
     for q in range(first, end):
         a.rows[at, q] = a.raw[q]
-    limit = part * GRANTED * allowed_speed(distance, time, h.contracts[k])
+    c = h.contracts[k]
+    limit = part * GRANTED * allowed_speed(distance, time, c)
+    if c[STATE] == ENDING and c[CONTRACT_KIND] == BY_INTENT:
+        # What is not meant any more is come no nearer to.
+        limit = 0.0
     keep_row(r, first, end, at, limit, opens, a)
 
 
