@@ -47,7 +47,7 @@ from armguard.guard.workspace import (
 )
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
-from armguard.motion.state import NEXT, NOW, Motion, open_motion
+from armguard.motion.state import NEXT, NOW, TESTS, Motion, open_motion
 from armguard.motion.stop_path import bound_reaches, plan_stops
 
 Floats = NDArray[np.float64]
@@ -144,6 +144,9 @@ def prove_wanted(lines: int) -> None:
     for k in range(len(SHARES)):
         if not take_back(SHARES[k], v, m):
             return
+        if SHARES[k] == 0.0:
+            # What was spent on more than that is no reason to stop what is under way.
+            m.effort[TESTS] = 0
         judge_again(lines)
 
 
