@@ -1,6 +1,6 @@
 """Gripping: what is meant succeeds, what is not meant is never touched.
 
-make gripping                              10,000 episodes each, 500 of a Panda, hours
+make gripping                              10,000 episodes each, 500 of a Panda
 make gripping ARGS="--episodes 500 --seconds 600"   some of them, for so long at most
 make gripping ARGS="--kind changing --first 17 --episodes 1 --show"   one of them
 
@@ -15,128 +15,61 @@ In `panda` he places with a Panda. Judged are true states, by closed forms that 
 nothing with the guard's distances, and those of the Panda's own meshes by MuJoCo.
 """
 
-import argparse
-import json
-import multiprocessing
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from math import ceil
+from functools import cache
 from pathlib import Path
-from time import monotonic
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from armguard.cli.console import jsonable, say
+from episodes import records
+from episodes.campaign import Campaign, Episode
 from gripping import changing_intent, panda_episode, pick_and_place
-from gripping.records import Records
-from gripping.summary import is_broken, page, sentence, summed_up
+from gripping.summary import EXTREME, is_broken, page, sentence, summed_up
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "docs" / "gripping_campaign.json"
+HERE = Path(__file__).parent
 
-KINDS: Mapping[str, Callable[[int], dict[str, Any]]] = {
-    "placing": pick_and_place.run_episode,
-    "changing": changing_intent.run_episode,
-    "panda": panda_episode.run_episode,
-}
-
-# Share of the episodes that are run of a kind where all are run [-].
-SHARES = {"panda": 0.05}
-
-# After so many episodes what they came to is written down.
-WRITTEN = 100
+# Files that tell of episodes, and do not change any; and kinds with files of their own.
+TELLING = ("summary.py",)
+OF_ONE_KIND = ("panda",)
 
 
-def run(
-    kind: str,
-    seeds: Iterable[int],
-    *,
-    processes: int = 1,
-    seconds: float | None = None,
-) -> Iterator[dict[str, Any]]:
-    """Figures of episodes as they become ready, in the order of their seeds.
+@cache
+def version(kind: str) -> str:
+    """Hash of all that decides what comes of an episode of a kind.
 
-    Args:
-        kind: Which, a key of `KINDS`.
-        seeds: Their seeds.
-        processes: How many work at a time; 1 works in this one.
-        seconds: Time after which no more are waited for [s]; None for no end.
+    Files whose names begin with a robot's are of the kind with its name only.
     """
-    end = None if seconds is None else monotonic() + seconds
-    for episode in answers(kind, seeds, processes):
-        yield episode
-        if end is not None and monotonic() > end:
-            return
+    files = [
+        path
+        for path in sorted((HERE / "gripping").glob("*.py"))
+        if path.name not in TELLING
+        and (path.name.startswith(kind) or not path.name.startswith(OF_ONE_KIND))
+    ]
+    return records.version(kind, files)
 
 
-def answers(
-    kind: str, seeds: Iterable[int], processes: int
-) -> Iterator[dict[str, Any]]:
-    """Figures of episodes as they become ready, by seed."""
-    if processes == 1:
-        yield from map(KINDS[kind], seeds)
-        return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(KINDS[kind], seeds)
+def is_told(episode: Episode) -> bool:
+    """Whether something is to be looked at in an episode."""
+    return bool(episode["touched"] or episode["stops"] or episode.get("failed"))
 
 
-def tell(episode: dict[str, Any]) -> None:
-    """An episode in which something is to be looked at, on standard output."""
-    if episode["touched"] or episode["stops"] or episode.get("failed"):
-        print(json.dumps(jsonable(episode)), flush=True)
-
-
-def main() -> int:
-    """Run; write docs/gripping_campaign.json and .md; 1 if a promise is broken."""
-    chosen = arguments()
-    records = Records(RESULTS)
-    broken = False
-    for kind in [chosen.kind] if chosen.kind else KINDS:
-        share = 1.0 if chosen.kind else SHARES.get(kind, 1.0)
-        count = ceil(share * chosen.episodes)
-        seeds = range(chosen.first, chosen.first + count)
-        todo = seeds if chosen.show else records.todo(kind, seeds.start, seeds.stop)
-        say(f"{kind}: {count} episodes")
-        waiting: list[dict[str, Any]] = []
-        for episode in run(
-            kind, todo, processes=chosen.processes, seconds=chosen.seconds
-        ):
-            tell(episode)
-            waiting.append(episode)
-            if len(waiting) >= WRITTEN and not chosen.show:
-                records.add(kind, summed_up(kind, waiting))
-                waiting = []
-        if chosen.show:
-            print(json.dumps(jsonable(waiting), indent=1))
-            broken |= is_broken(summed_up(kind, waiting))
-            continue
-        if waiting:
-            records.add(kind, summed_up(kind, waiting))
-        figures = records.kinds.get(kind)
-        if figures is not None:
-            print(sentence(kind, figures))
-            broken |= is_broken(figures)
-    if not chosen.show:
-        text = page(records.kinds)
-        RESULTS.with_suffix(".md").write_text(text, encoding="utf-8")
-        say(f"wrote {RESULTS.relative_to(ROOT)} and its page")
-    return int(broken)
-
-
-def arguments() -> argparse.Namespace:
-    """What the user asks for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--episodes", type=int, default=10_000, help="of each kind")
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--kind", choices=tuple(KINDS), help="all if left out")
-    parser.add_argument("--seconds", type=float, help="bound for each kind [s]")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--show", action="store_true", help="episodes, no results")
-    return parser.parse_args()
+CAMPAIGN = Campaign(
+    results=HERE.parent / "docs" / "gripping_campaign.json",
+    kinds={
+        "placing": pick_and_place.run_episode,
+        "changing": changing_intent.run_episode,
+        "panda": panda_episode.run_episode,
+    },
+    version=version,
+    extreme=EXTREME,
+    summed_up=summed_up,
+    sentence=sentence,
+    page=page,
+    is_broken=is_broken,
+    is_told=is_told,
+    shares={"panda": 0.05},
+)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(CAMPAIGN.main(__doc__))

@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 
 from closed_loop.judge import SIGHT
-from gripping.summary import joined
+from episodes.records import TOLD, joined
 
 Figures = dict[str, Any]
 
 # Least share of the things that can be evaded that are to be [-].
 SHARE = 0.95
-
-# Seeds that are told of each kind of what went wrong.
-TOLD = 20
 
 # How two figures of one name are put together that are no sums.
 EXTREME: Mapping[str, Callable[[float, float], float]] = {

@@ -1,9 +1,11 @@
 """What many episodes of gripping came to, in figures and on a page."""
 
 from collections import Counter
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from armguard.scene import Grasp
+from episodes.records import TOLD, joined
 from gripping.gantry import FIGURES
 
 Figures = dict[str, Any]
@@ -25,8 +27,13 @@ DEPTH = Grasp().depth + 1e-4
 # a few cycles [m].
 SLIPPED = 5e-4
 
-# Seeds that are told of those in which something went wrong.
-TOLD = 20
+# Figures that are no sums: how two of one name are put together.
+EXTREME: Mapping[str, Callable[[float, float], float]] = {
+    "least_not_meant_mm": min,
+    "deepest_mm": max,
+    "fastest_contact_mm_s": max,
+    "fingers_moved_most_mm": max,
+}
 
 
 def summed_up(kind: str, episodes: list[Figures]) -> Figures:
@@ -68,17 +75,6 @@ def summed_up(kind: str, episodes: list[Figures]) -> Figures:
             "changes_of_mind": sum(e["changes"] for e in episodes),
             "things_touched_as_meant": sum(e["meant"] for e in episodes),
         }
-    return found
-
-
-def joined(ranges: list[list[int]]) -> list[list[int]]:
-    """Ranges of seeds, each with its end, where one follows another as one."""
-    found: list[list[int]] = []
-    for first, end in sorted(ranges):
-        if found and found[-1][1] == first:
-            found[-1] = [found[-1][0], end]
-        else:
-            found.append([first, end])
     return found
 
 

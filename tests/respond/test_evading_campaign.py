@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from episodes.records import Records
+from evading.episode import run_episode
 from evading.judge import Findings
 from evading.places import PERIOD, Place, Thing
 from evading.search import Search, spread_out
 from evading.summary import EXTREME, is_broken, percentile, share, summed_up
 from evading.throws import BEFORE, drawn_throw
-from evading_campaign import run
-from gripping.records import Records
+from evading_campaign import CAMPAIGN
 
 BALL = Thing((0.06, 0.06, 0.06), (0.0, 0.0, 0.0), False, 0.6)
 
@@ -22,7 +23,7 @@ def thrown():
 
 
 def test_the_judge_finds_the_contacts_of_arms_that_do_not_evade():
-    episodes = list(run("bay", range(3), evade=False))
+    episodes = [run_episode("bay", seed, evade=False) for seed in range(3)]
     assert all(e["hit"] is not None and e["mover_least"] <= 0.0 for e in episodes)
     assert all(e["hit_at"] == pytest.approx(e["until_hit"], abs=0.1) for e in episodes)
     found = summed_up(episodes)
@@ -32,7 +33,7 @@ def test_the_judge_finds_the_contacts_of_arms_that_do_not_evade():
 
 
 def test_arms_that_evade_touch_nothing_else():
-    episodes = list(run("bay", range(3)))
+    episodes = list(CAMPAIGN.run("bay", range(3)))
     found = summed_up(episodes)
     assert found["episodes"] == 3
     assert found["secondary"] == 0
@@ -101,14 +102,14 @@ def test_times_are_looked_at_from_far_apart_to_near():
 
 
 def test_the_same_seed_gives_the_same_episode():
-    one, other = (next(run("bay", [2])) for _ in range(2))
+    one, other = (next(CAMPAIGN.run("bay", [2])) for _ in range(2))
     for episode in (one, other):
         del episode["worked_s"], episode["cycle_times"]
     assert one == other
 
 
 def test_figures_are_added_up_and_known_again(tmp_path):
-    episodes = list(run("bay", range(3)))
+    episodes = list(CAMPAIGN.run("bay", range(3)))
     path = tmp_path / "found.json"
     records = Records(path, lambda place: f"{place} 1", EXTREME)
     records.add("bay", summed_up(episodes[:1]))

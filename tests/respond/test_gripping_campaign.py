@@ -7,18 +7,18 @@ from armguard.benchmark.peers.coal_pairs import coal_pair
 from armguard.geometry import Box, Cylinder, Pose
 from armguard.respond import Guard
 from armguard.scene import Scene
+from episodes.records import Records
 from gripping.panda_arm import BASE, HAND, POSTURE, PandaArm
 from gripping.panda_episode import PANDA, scene_of_panda
 from gripping.panda_judge import SIGHT, PandaJudge
-from gripping.records import Records
 from gripping.solids import box, cylinder, gaps
-from gripping.summary import is_broken, summed_up
+from gripping.summary import EXTREME, is_broken, summed_up
 from gripping.workplace import Workplace
-from gripping_campaign import run
+from gripping_campaign import CAMPAIGN
 
 
 def test_a_sample_of_things_that_are_picked_and_placed():
-    found = summed_up("placing", list(run("placing", range(6))))
+    found = summed_up("placing", list(CAMPAIGN.run("placing", range(6))))
     assert found["certified"] == found["episodes"] == 6
     assert found["grasps_done"] == found["placements_done"] == 6
     assert not is_broken(found)
@@ -26,7 +26,7 @@ def test_a_sample_of_things_that_are_picked_and_placed():
 
 
 def test_a_panda_picks_and_places():
-    found = summed_up("panda", list(run("panda", range(2))))
+    found = summed_up("panda", list(CAMPAIGN.run("panda", range(2))))
     assert found["certified"] == found["episodes"] == 2
     assert found["grasps_done"] == found["placements_done"] == 2
     assert not is_broken(found)
@@ -34,7 +34,7 @@ def test_a_panda_picks_and_places():
 
 
 def test_a_sample_of_operators_who_change_their_minds():
-    found = summed_up("changing", list(run("changing", range(6))))
+    found = summed_up("changing", list(CAMPAIGN.run("changing", range(6))))
     assert found["episodes"] == 6
     assert found["changes_of_mind"] > 20
     assert found["things_touched_as_meant"] > 0
@@ -43,7 +43,7 @@ def test_a_sample_of_operators_who_change_their_minds():
 
 
 def test_the_same_seed_gives_the_same_episode():
-    one, other = (next(run("changing", [3])) for _ in range(2))
+    one, other = (next(CAMPAIGN.run("changing", [3])) for _ in range(2))
     del one["worked_s"], other["worked_s"]
     assert one == other
 
@@ -108,7 +108,7 @@ def test_the_judge_of_a_panda_sees_what_a_finger_is_over():
 
 
 def test_an_episode_in_which_something_was_touched_breaks_the_promise():
-    episodes = list(run("changing", [0]))
+    episodes = list(CAMPAIGN.run("changing", [0]))
     assert not is_broken(summed_up("changing", episodes))
     episodes[0]["touched"] = [("hand", "thing00", 17)]
     assert is_broken(summed_up("changing", episodes))
@@ -116,12 +116,12 @@ def test_an_episode_in_which_something_was_touched_breaks_the_promise():
 
 def test_what_was_run_is_known_and_not_run_again(tmp_path):
     path = tmp_path / "found.json"
-    episodes = list(run("changing", range(4)))
-    records = Records(path, lambda kind: f"{kind} 1")
+    episodes = list(CAMPAIGN.run("changing", range(4)))
+    records = Records(path, lambda kind: f"{kind} 1", EXTREME)
     assert list(records.todo("changing", 0, 4)) == [0, 1, 2, 3]
     records.add("changing", summed_up("changing", episodes[:1]))
     records.add("changing", summed_up("changing", episodes[2:]))
-    again = Records(path, lambda kind: f"{kind} 1")
+    again = Records(path, lambda kind: f"{kind} 1", EXTREME)
     assert list(again.todo("changing", 0, 6)) == [1, 4, 5]
     found = again.add("changing", summed_up("changing", episodes[1:2]))
     whole = summed_up("changing", episodes)
@@ -130,7 +130,7 @@ def test_what_was_run_is_known_and_not_run_again(tmp_path):
     assert found.pop("version") == "changing 1"
     assert found == whole
     # With other kernels all of them are to be run again, and nothing is mixed.
-    other = Records(path, lambda kind: f"{kind} 2")
+    other = Records(path, lambda kind: f"{kind} 2", EXTREME)
     assert list(other.todo("changing", 0, 2)) == [0, 1]
     found = other.add("changing", summed_up("changing", episodes[:1]))
     assert found["episodes"] == 1

@@ -6,45 +6,42 @@ episodes of something else: they are never added to.
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from functools import cache
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from armguard.cli.console import jsonable
 from armguard.kernel import kernel_digest
-from gripping.summary import TOLD, joined
 
 Figures = dict[str, Any]
 
-# Files of this folder that tell of episodes, and do not change any.
-TELLING = ("records.py", "summary.py")
-
-# Kinds that have files of their own.
-OF_ONE_KIND = ("panda",)
-
-# Figures that are no sums: how two of one name are put together.
-EXTREME: Mapping[str, Callable[[float, float], float]] = {
-    "least_not_meant_mm": min,
-    "deepest_mm": max,
-    "fastest_contact_mm_s": max,
-    "fingers_moved_most_mm": max,
-}
+# So many seeds in which something was found are told.
+TOLD = 20
 
 
-@cache
-def version(kind: str) -> str:
-    """Hash of all that decides what comes of an episode of a kind.
+def version(what: str, files: Iterable[Path]) -> str:
+    """Hash of the kernels and of all files that decide what comes of an episode.
 
-    Files whose names begin with a robot's are of the kind with its name only.
+    Args:
+        what: What the episodes are of.
+        files: The files.
     """
-    digest = sha256(kernel_digest().encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        others = path.name.startswith(OF_ONE_KIND) and not path.name.startswith(kind)
-        if path.name not in TELLING and not others:
-            digest.update(path.name.encode() + path.read_bytes())
+    digest = sha256(what.encode() + kernel_digest().encode())
+    for path in files:
+        digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def joined(ranges: list[list[int]]) -> list[list[int]]:
+    """Ranges of seeds, each with its end, where one follows another as one."""
+    found: list[list[int]] = []
+    for first, end in sorted(ranges):
+        if found and found[-1][1] == first:
+            found[-1] = [found[-1][0], end]
+        else:
+            found.append([first, end])
+    return found
 
 
 class Records:
@@ -59,8 +56,8 @@ class Records:
     def __init__(
         self,
         path: Path,
-        of: Callable[[str], str] = version,
-        extreme: Mapping[str, Callable[[float, float], float]] = EXTREME,
+        of: Callable[[str], str],
+        extreme: Mapping[str, Callable[[float, float], float]],
     ) -> None:
         self.path = path
         self.of = of

@@ -1,0 +1,1 @@
+"""Campaigns of many episodes, each drawn from its seed: run, kept, told."""
