@@ -131,24 +131,35 @@ def add_pairs(response: int, lines: int) -> None:
     a.pace[NEARER] = 1.0 - exp(-dt / APPROACH_TIME)
     a.pace[LESS] = 1.0 - exp(-dt / HOLDING_TIME)
     write_costs(a, v, m)
-    note_ways_out(a, w, v, m)
+    if anybody_leaves(a):
+        note_ways_out(response, lines)
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), a, w, v, m)
     for r in range(a.notes.shape[0]):
         a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
 
 
+@kernel
+def anybody_leaves(a: Response) -> bool:
+    """Whether any robot is to leave what is too near to it."""
+    for r in range(a.notes.shape[0]):
+        if a.notes[r, RETREATS] != 0:
+            return True
+    return False
+
+
 @kernel(inline=False)
-def note_ways_out(a: Response, w: Workspace, v: Watch, m: Motion) -> None:
+def note_ways_out(response: int, lines: int) -> None:
     """Note which way joints lead out of what is too near to robots that are to leave.
 
     Where no way of a joint opens all of it, rows say how it may help the others.
+
+    Args:
+        response: Address of the ledger of the responses.
+        lines: Address of the ledger of the workspace, after a cycle was opened.
     """
-    leaves = False
-    for r in range(a.notes.shape[0]):
-        leaves |= a.notes[r, RETREATS] != 0
-    if not leaves:
-        return
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for j in range(a.ways_out.shape[0]):
         a.ways_out[j] = 0
     for k in range(int(w.out[NEAR_COUNT])):
