@@ -58,7 +58,7 @@ from armguard.motion.figures import (
 )
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
-from armguard.respond.evasion import time_until
+from armguard.respond.evasion import gets_out_of_its_way
 from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
 from armguard.respond.leaving import spare_at_rest
 from armguard.respond.spares import steady_spare
@@ -292,13 +292,14 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         r = robot_i if side == 0 else robot_j
         if r < 0 or (side == 1 and r == robot_i):
             continue
+        if v.evades[r] != 0 and gets_out_of_its_way(r, j, v):
+            continue
         asked = 0.0 if meant else closing_of(r, raw, a.asked, m)
         if asked > GRAIN:
             a.notes[r, LEADS_AWAY] = -1
         elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
         leads_away = resting < SINK and a.notes[r, RETREATS] != 0 and not meant
-        leads_away |= v.evades[r] != 0 and time_until(i, j, place, a, w, v, m) < inf
         if leads_away:
             only_away(r, a, m)
             continue
@@ -360,7 +361,8 @@ def only_away(r: int, a: Response, m: Motion) -> None:
         elif raw[j] < -NO_ROW:
             low[j] = max(low[j], 0.0)
         if low[j] > high[j]:
-            low[j] = high[j] = 0.0
+            # Which of them is led back from its limit is led back.
+            low[j] = high[j] = high[j] if high[j] < 0.0 else max(low[j], 0.0)
         target[j] = min(max(target[j], low[j]), high[j])
 
 
