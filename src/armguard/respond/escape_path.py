@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.pairs import measure_by
 from armguard.geometry.place import place_row
-from armguard.guard.proofs import standing_need, time_since
+from armguard.guard.memory import TOKEN
+from armguard.guard.motion_pairs import asks_index
+from armguard.guard.proofs import robot_of, standing_need, time_since
 from armguard.guard.watch import Watch, open_watch
 from armguard.guard.workspace import MEASURE, MOTION, WATCH, Workspace, open_workspace
+from armguard.index.octree_query import primitives_in_box
+from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.figures import (
@@ -72,6 +76,11 @@ POSTURES = 4
 # An arm that comes so near to all else is thought not to get farther [m], unless it is
 # there already, and comes no nearer than by this [m].
 ROOM, GRAZES = 0.012, 2e-3
+
+# So near to a posture the index is asked for primitives [m], and so many of them take
+# as long as to look at another posture.
+FOUND_WITHIN = 0.03
+FOUND_AT_ONCE = 16
 
 # How far from its limit a joint is thought to come to rest, beyond errors [rad or m].
 LIMIT_ROOM = 2e-3
@@ -201,7 +210,7 @@ def least_gap(
         least = min(least, gap)
         if not gap > TOUCHED:
             part = min(time / plan[HORIZON], 1.0)
-            return HIT_AT_ONCE + (HIT - HIT_AT_ONCE) * part
+            return float(HIT_AT_ONCE + (HIT - HIT_AT_ONCE) * part)
         if least < bound or time > plan[HORIZON]:
             break
         time += max(STEP, (gap - least) / plan[RATE])
@@ -281,16 +290,18 @@ def free_until(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> float:
     for k in range(1, POSTURES + 1):
         time = end * k / POSTURES
         stand_on_way(r, time, e, w, v, m)
-        if meets_others(e, w, v, m):
+        if meets_others(r, e, w, v, m):
             return last
         last = time
     return inf
 
 
 @kernel
-def meets_others(e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
+def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
     """Whether the placed robot is too near to itself or to what does not come."""
     own = e.counts[OWN_COUNT]
+    rows, boxes = w.world.rows, w.world.boxes
+    by_index = asks_index(w) != 0
     for k in range(own):
         i = int(e.own[k])
         for c in range(k + 1, own):
@@ -299,9 +310,38 @@ def meets_others(e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
                 return True
         for c in range(e.counts[OTHER_COUNT]):
             j = int(e.others[c])
-            if meets(i, j, w.world.rows[j], w.world.boxes[j], e, w, v, m):
+            if meets(i, j, rows[j], boxes[j], e, w, v, m):
+                return True
+        for c in range(found_near(i, e, w) if by_index else 0):
+            j = int(w.candidates[c])
+            if may_be_met(r, j, e, w, v) and meets(i, j, rows[j], boxes[j], e, w, v, m):
                 return True
     return False
+
+
+@kernel
+def found_near(i: int, e: Escape, w: Workspace) -> int:
+    """How many primitives the index finds near a placed one, in `candidates`."""
+    for k in range(3):
+        w.look_box[k] = e.boxes[i, k] - FOUND_WITHIN
+        w.look_box[k + 3] = e.boxes[i, k + 3] + FOUND_WITHIN
+    w.memory[TOKEN] += 1
+    token = w.memory[TOKEN]
+    found = primitives_in_box(i, w.look_box, w.octree, w.seen, token, w.candidates)
+    # It takes about as long as to look at a posture.
+    e.counts[SPENT] += 1 + found // FOUND_AT_ONCE
+    return int(found)
+
+
+@kernel
+def may_be_met(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> bool:
+    """Whether a primitive is there, none of a robot's, and does not come at it."""
+    if robot_of(j, v) == r or w.octree.residency[j, STATUS] == ABSENT:
+        return False
+    for c in range(e.counts[COMER_COUNT]):
+        if e.comers[c] == j:
+            return False
+    return True
 
 
 @kernel

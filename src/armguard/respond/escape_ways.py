@@ -119,11 +119,7 @@ def write_way(k: int, r: int, share: float, e: Escape, m: Motion) -> float:
             part = 1.0 if base == 2 else MIXED
             e.trial[j] += part * e.spreads[spread, j]
     fill_speed(r, share, e, m)
-    go = GOES[0]
-    for c in range(len(GOES)):
-        if c == length:
-            go = GOES[c]
-    return go
+    return GOES[length]
 
 
 @kernel

@@ -11,11 +11,9 @@ no way, it stays.
 from math import inf
 
 from armguard.guard.commands import time_passed
-from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND
-from armguard.guard.near_pairs import row_place
-from armguard.guard.proofs import robot_of
+from armguard.guard.motion_pairs import asks_index
+from armguard.guard.proofs import robot_of, time_since
 from armguard.guard.watch import (
-    FEW,
     RECOVERING,
     RESTING,
     RUNNING,
@@ -34,7 +32,14 @@ from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion, open_motion
-from armguard.respond.escape_path import ENOUGH, NEAR, judge_way, speed_of
+from armguard.respond.engagement import NOTHING_ASKED
+from armguard.respond.escape_path import (
+    ENOUGH,
+    NEAR,
+    judge_way,
+    may_be_met,
+    speed_of,
+)
 from armguard.respond.escape_state import (
     COMER_COUNT,
     DONE,
@@ -155,9 +160,12 @@ def evades(
         for j in range(first, end):
             a.asked[j] = e.way[j] if notes[HAS_WAY] != 0 else 0.0
         return True
-    if notes[EVADING] == 0 or phase != RECOVERING:
+    asks = False
+    for j in range(first, end):
+        asks |= abs(a.asked[j]) > NOTHING_ASKED
+    if notes[EVADING] == 0 or (phase != RECOVERING and (asks or not comes)):
         return False
-    # It is out of the way, but not yet where it may stay whatever comes.
+    # It is out of the way, and stands there until nobody could tell it to stop.
     if not comes:
         e.memory[r, DONE] += time_passed(v)
     notes[HAS_WAY] = 0
@@ -191,15 +199,13 @@ def look_for_comers(
         if not speed > SLOWEST or w.octree.residency[j, STATUS] == ABSENT:
             continue
         comes, way = True, 0.0
+        since = time_since(v.seen_at[j], v, m)
         for k in range(3):
             x = v.object_velocity[j, k]
-            low = boxes[j, k] + min(ahead * x, 0.0)
-            high = boxes[j, k + 3] + max(ahead * x, 0.0)
-            comes &= low - BESIDE < reach[k + 3] and high + BESIDE > reach[k]
-            if x > 0.0:
-                way += x * (reach[k + 3] - boxes[j, k])
-            else:
-                way += x * (reach[k] - boxes[j, k + 3])
+            low, high = boxes[j, k] + since * x, boxes[j, k + 3] + since * x
+            comes &= low + min(ahead * x, 0.0) - BESIDE < reach[k + 3]
+            comes &= high + max(ahead * x, 0.0) + BESIDE > reach[k]
+            way += x * (reach[k + 3] - low if x > 0.0 else reach[k] - high)
         if not comes or counts[COMER_COUNT] == MOST_COMERS:
             continue
         e.comers[counts[COMER_COUNT]] = j
@@ -224,39 +230,20 @@ def is_threatened(
 
 @kernel
 def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
-    """Find all that a robot may run into on its way."""
-    e.counts[OTHER_COUNT] = 0
-    if w.groups.shape[0] <= FEW:
-        for j in range(w.groups.shape[0]):
-            add_other(r, j, e, w, v)
+    """Find what a robot may run into, unless the index is going to be asked."""
+    counts, reach = e.counts, e.reach
+    counts[OTHER_COUNT] = 0
+    if asks_index(w) != 0:
         return
-    # In a large scene those that are near now have to do.
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
-        if robot_of(i, v) == r:
-            add_other(r, j, e, w, v)
-        elif robot_of(j, v) == r:
-            add_other(r, i, e, w, v)
-
-
-@kernel
-def add_other(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> None:
-    """Note a primitive that a robot may run into, once."""
-    counts, reach, box = e.counts, e.reach, w.world.boxes[j]
-    if robot_of(j, v) == r or w.octree.residency[j, STATUS] == ABSENT:
-        return
-    for k in range(3):
-        if box[k] > reach[k + 3] + REACH or reach[k] > box[k + 3] + REACH:
-            return
-    for c in range(counts[COMER_COUNT]):
-        if e.comers[c] == j:
-            return
-    for c in range(counts[OTHER_COUNT] if w.groups.shape[0] > FEW else 0):
-        if e.others[c] == j:
-            return
-    e.others[counts[OTHER_COUNT]] = j
-    counts[OTHER_COUNT] += 1
+    for j in range(w.groups.shape[0]):
+        if not may_be_met(r, j, e, w, v):
+            continue
+        box, near = w.world.boxes[j], True
+        for k in range(3):
+            near &= box[k] < reach[k + 3] + REACH and reach[k] < box[k + 3] + REACH
+        if near:
+            e.others[counts[OTHER_COUNT]] = j
+            counts[OTHER_COUNT] += 1
 
 
 @kernel
