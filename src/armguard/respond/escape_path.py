@@ -78,9 +78,10 @@ POSTURES = 4
 ROOM, GRAZES = 0.012, 2e-3
 
 # So near to a posture the index is asked for primitives [m], and so many of them take
-# as long as to look at another posture.
+# as long as to place one; to ask takes as long as to place some.
 FOUND_WITHIN = 0.03
-FOUND_AT_ONCE = 16
+FOUND_AT_ONCE = 4
+ASKING = 4
 
 # How far from its limit a joint is thought to come to rest, beyond errors [rad or m].
 LIMIT_ROOM = 2e-3
@@ -190,7 +191,7 @@ def stand_on_way(
         i = e.own[k]
         place_row(w.world.kinds[i], w.local_rows[i], e.T[w.bodies[i]], e.rows[i])
         row_bounds(w.world.kinds[i], e.rows[i], 0.0, e.boxes[i])
-    e.counts[SPENT] += 1
+    e.counts[SPENT] += e.counts[OWN_COUNT]
 
 
 @kernel
@@ -328,8 +329,7 @@ def found_near(i: int, e: Escape, w: Workspace) -> int:
     w.memory[TOKEN] += 1
     token = w.memory[TOKEN]
     found = primitives_in_box(i, w.look_box, w.octree, w.seen, token, w.candidates)
-    # It takes about as long as to look at a posture.
-    e.counts[SPENT] += 1 + found // FOUND_AT_ONCE
+    e.counts[SPENT] += ASKING + found // FOUND_AT_ONCE
     return int(found)
 
 

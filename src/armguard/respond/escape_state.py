@@ -19,18 +19,21 @@ Longs = NDArray[np.int64]
 EVADING = 0  # 1 while it gets out of the way of something
 HAS_WAY = 1  # 1 if a way was chosen; else it is to stay
 NEXT_TRY = 2  # the way that is judged next
-ESCAPE_NOTES = 3
+KNOWN = 3  # 1 + the best way it knows while it waits; 0 if it knows none
+TRIED = 4  # how many it judged while it waits since it knew a good one
+ESCAPE_NOTES = 5
 
 # The same in numbers.
 LEFT = 0  # time for which the chosen way goes on [s]
 DONE = 1  # time since nothing comes any more [s]
-ESCAPE_MEMORY = 2
+WORTH = 2  # what the best way it knows while it waits is worth [m]
+ESCAPE_MEMORY = 3
 
 # Places in `Escape.counts`, what a robot's ways are judged with in this cycle.
 OWN_COUNT = 0  # its primitives
 COMER_COUNT = 1  # primitives that come at it
 OTHER_COUNT = 2  # all else that is near its reach
-SPENT = 3  # postures that were looked at
+SPENT = 3  # primitives that were placed
 COUNTS = 4
 
 # Places in `Escape.plan`, the way that is judged.

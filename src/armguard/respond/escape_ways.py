@@ -34,7 +34,7 @@ FULL_FROM = 0.4
 MIXED = 0.7
 
 # How long an arm goes on in a direction before it comes to rest [s].
-GOES = (0.2, 0.45, 0.9)
+GOES = (0.2, 0.45, 0.8, 1.3)
 
 # Shorter than this a vector has no direction [m], and no joint leads along it [m/s].
 NO_LENGTH = 1e-6

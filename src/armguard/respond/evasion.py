@@ -1,11 +1,12 @@
 """Getting out of the way: what comes at a robot, when, and which way leads off.
 
 An object that was seen with a velocity is thought to keep it. Where that would bring it
-too near to a robot within the robot's `evade_time`, if that goes on as it is asked to,
-ways out are judged by where they lead until all that comes has passed, and the best one
-is taken. It is judged anew in every cycle, with some others. The robot is given back
-when it may go on as it is asked to. All other pairs keep what they need: if that leaves
-no way, it stays.
+too near to a robot that goes on as it is asked to, ways out are judged by where they
+lead until all that comes has passed. As long as a good one is known the robot waits
+until its `evade_time`; then, or if none is good, it takes the best one. That one is
+judged anew in every cycle, with some others. The robot stands aside until what comes
+has passed, or it may go on as it is asked to. All other pairs keep what they need: if
+that leaves no way, it stays.
 """
 
 from math import inf
@@ -43,16 +44,20 @@ from armguard.respond.escape_path import (
 from armguard.respond.escape_state import (
     COMER_COUNT,
     DONE,
+    ESCAPE_NOTES,
     EVADING,
     HAS_WAY,
     HORIZON,
+    KNOWN,
     LEFT,
     MOST_COMERS,
     NEXT_TRY,
     OTHER_COUNT,
     OWN_COUNT,
     SPENT,
+    TRIED,
     WHEN,
+    WORTH,
     Escape,
     open_escape,
 )
@@ -67,9 +72,9 @@ from armguard.respond.state import (
 # What comes more slowly does not come [m/s].
 SLOWEST = 0.01
 
-# Beyond `evade_time` is looked for what comes for so long [s], and so far beside it
-# [m].
-LOOK_BEYOND = 0.5
+# What comes is looked for so many times as far ahead as `evade_time` [-], and so far
+# beside its way [m].
+FORESIGHT = 2.0
 BESIDE = 0.15
 
 # What comes has passed when it is so far behind a robot [m]; longer than so long is not
@@ -89,8 +94,16 @@ BETTER = 8e-3
 # So far from a robot all else is looked at [m].
 REACH = 0.6
 
-# Postures that are looked at in a cycle for a robot, beyond those of the way it is on.
-POSTURES = 80
+# Primitives that are placed in a cycle for a robot, beyond those of the way it is on.
+PLACED = 1400
+
+# Up to this share of its `evade_time` a robot looks for a good way before it moves [-].
+LOOKS_UNTIL = 0.5
+
+# What a robot knows of ways out while it waits.
+GOOD = 0  # a good one
+SOME = 1  # some, and there are others
+BEST = 2  # the best one, which is not good
 
 # A robot that leaves what is too near is held for so long when nothing comes any more
 # [s].
@@ -121,8 +134,6 @@ def look_for_threats(response: int, lines: int) -> None:
             v.evades[r] = 1
             for c in range(e.counts[COMER_COUNT]):
                 v.evaded[e.comers[c]] |= 1 << r
-        else:
-            e.notes[r, EVADING] = e.notes[r, HAS_WAY] = 0
 
 
 @kernel
@@ -145,17 +156,22 @@ def evades(
     """Go on by a cycle: say whether a robot gets out of the way, and ask for it."""
     phase, notes = v.phase[r], e.notes[r]
     if phase != RUNNING and phase != RESTING and phase != RECOVERING:
+        forget_ways(r, e, m)
         return False
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     look_for_comers(r, a, e, w, v, m)
     comes = e.counts[COMER_COUNT] > 0
     if comes and is_threatened(r, response, lines, a, e, v, m):
-        if notes[EVADING] == 0:
-            notes[EVADING], notes[NEXT_TRY] = 1, 0
-        e.memory[r, DONE] = 0.0
+        left = e.plan[WHEN] / a.settings[r, EVADE_TIME]
         look_across(r, e, w, v, m)
         look_for_others(r, e, w, v)
+        if notes[EVADING] == 0:
+            known = look_for_way(r, response, lines, a, e, m)
+            if (known == GOOD and left > 1.0) or (known == SOME and left > LOOKS_UNTIL):
+                return False
+            notes[EVADING], notes[NEXT_TRY] = 1, max(notes[KNOWN] - 1, 0)
+        e.memory[r, DONE] = 0.0
         choose_way(r, response, lines, a, e, v, m)
         for j in range(first, end):
             a.asked[j] = e.way[j] if notes[HAS_WAY] != 0 else 0.0
@@ -163,15 +179,60 @@ def evades(
     asks = False
     for j in range(first, end):
         asks |= abs(a.asked[j]) > NOTHING_ASKED
-    if notes[EVADING] == 0 or (phase != RECOVERING and (asks or not comes)):
-        return False
-    # It is out of the way, and stands there until nobody could tell it to stop.
     if not comes:
         e.memory[r, DONE] += time_passed(v)
+    ends = phase != RECOVERING and (asks or not comes)
+    if notes[EVADING] == 0 or ends or e.memory[r, DONE] > LINGERS:
+        forget_ways(r, e, m)
+        return False
+    # It is out of the way, and stands there until nobody could tell it to stop.
     notes[HAS_WAY] = 0
     for j in range(first, end):
         a.asked[j] = 0.0
-    return bool(e.memory[r, DONE] <= LINGERS)
+    return True
+
+
+@kernel
+def forget_ways(r: int, e: Escape, m: Motion) -> None:
+    """Forget what a robot did and knew about what came."""
+    for k in range(ESCAPE_NOTES):
+        e.notes[r, k] = 0
+    e.memory[r, LEFT] = e.memory[r, DONE] = 0.0
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        e.way[j] = 0.0
+
+
+@kernel
+def look_for_way(
+    r: int, response: int, lines: int, a: Response, e: Escape, m: Motion
+) -> int:
+    """Go on to judge ways of a robot that waits: GOOD, SOME or BEST is known.
+
+    The best one it knows is judged anew.
+    """
+    notes, memory, share = e.notes[r], e.memory[r], a.settings[r, EVADE_SPEED]
+    ways = way_count(r, m)
+    memory[WORTH] = -inf
+    if notes[KNOWN] != 0:
+        go = write_way(notes[KNOWN] - 1, r, share, e, m)
+        memory[WORTH] = judge_way(r, go, -inf, 1, response, lines)
+    e.counts[SPENT] = 0
+    for _ in range(ways):
+        if memory[WORTH] >= CLEAR:
+            notes[TRIED] = 0
+            return GOOD
+        if notes[TRIED] == ways:
+            return BEST
+        if e.counts[SPENT] > PLACED:
+            break
+        go = write_way(notes[NEXT_TRY], r, share, e, m)
+        worth = judge_way(r, go, memory[WORTH], 1, response, lines)
+        if worth > memory[WORTH]:
+            notes[KNOWN], memory[WORTH] = notes[NEXT_TRY] + 1, worth
+        notes[NEXT_TRY] = (notes[NEXT_TRY] + 1) % ways
+        notes[TRIED] += 1
+    return SOME
 
 
 @kernel
@@ -191,7 +252,7 @@ def look_for_comers(
         for k in range(3):
             reach[k] = min(reach[k], boxes[i, k])
             reach[k + 3] = max(reach[k + 3], boxes[i, k + 3])
-    ahead = a.settings[r, EVADE_TIME] + LOOK_BEYOND
+    ahead = FORESIGHT * a.settings[r, EVADE_TIME]
     horizon = 0.0
     for c in range(v.movers.shape[0]):
         j = int(v.movers[c])
@@ -225,7 +286,7 @@ def is_threatened(
     worth = judge_way(r, ASKED, -inf, 0, response, lines)
     if e.notes[r, EVADING] != 0:
         return worth < CLEAR
-    return worth < NEAR and e.plan[WHEN] < a.settings[r, EVADE_TIME]
+    return worth < NEAR and e.plan[WHEN] < FORESIGHT * a.settings[r, EVADE_TIME]
 
 
 @kernel
@@ -269,9 +330,11 @@ def choose_way(
             notes[HAS_WAY] = 0
     e.counts[SPENT] = 0
     ways = way_count(r, m)
-    wanted = best + BETTER
+    # Who stands well aside stays there.
+    stays = notes[HAS_WAY] == 0 and best >= CLEAR
+    wanted = inf if stays else best + BETTER
     for _ in range(ways):
-        if wanted > ENOUGH or e.counts[SPENT] > POSTURES:
+        if wanted > ENOUGH or e.counts[SPENT] > PLACED:
             break
         go = write_way(notes[NEXT_TRY], r, a.settings[r, EVADE_SPEED], e, m)
         worth = judge_way(r, go, wanted, 1, response, lines)
