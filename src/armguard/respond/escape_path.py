@@ -40,6 +40,7 @@ from armguard.respond.escape_state import (
     GO,
     HALT,
     HORIZON,
+    NOW_GAP,
     OTHER_COUNT,
     OWN_COUNT,
     RATE,
@@ -69,6 +70,11 @@ HIT, HIT_AT_ONCE = -0.1, -0.2
 
 # Least step in time at which a way is looked at, and most of them.
 STEP, STEPS = 0.02, 48
+
+# Share of the bound on how fast points of an arm move with which they are thought to
+# approach what comes: joints that all lead the farthest point straight there are rare
+# [-].
+APPROACHES = 0.5
 
 # Postures of a way that are compared with all else.
 POSTURES = 4
@@ -149,7 +155,7 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
     coming = 0.0
     for c in range(e.counts[COMER_COUNT]):
         coming = max(coming, speed_of(int(e.comers[c]), v))
-    plan[RATE] = fastest + coming
+    plan[RATE] = APPROACHES * fastest + coming
 
 
 @kernel
@@ -204,8 +210,14 @@ def least_gap(
     plan[WHEN], plan[GAP] = inf, inf
     time = 0.0
     for _ in range(STEPS):
-        stand_on_way(r, time, e, w, v, m)
-        gap = gap_to_comers(time, e, w, v, m)
+        if time > 0.0 or plan[NOW_GAP] != plan[NOW_GAP]:
+            stand_on_way(r, time, e, w, v, m)
+            gap = gap_to_comers(time, e, w, v, m)
+        else:
+            # All ways begin there.
+            gap = plan[NOW_GAP]
+        if time == 0.0:
+            plan[NOW_GAP] = gap
         if gap < NEAR:
             plan[WHEN] = min(plan[WHEN], time)
         least = min(least, gap)

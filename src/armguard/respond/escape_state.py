@@ -43,12 +43,13 @@ GO = 2  # time after the delay at which it begins to come to rest [s]
 FALL = 3  # time in which it does [s]
 HALT = 4  # when something else stops it; infinite if nothing does [s]
 HORIZON = 5  # when all that comes has passed [s]
-RATE = 6  # bound on how fast any of its points can approach what comes [m/s]
+RATE = 6  # how fast any of its points may approach what comes [m/s]
 WHEN = 7  # when something came nearer than is called near; infinite if never [s]
 GAP = 8  # the least gap that was found [m]
 WHO = 9  # primitive it was found for
 WHOM = 10  # primitive that came
-PLAN = 11
+NOW_GAP = 11  # the gap where the robot is; not a number if nobody looked yet [m]
+PLAN = 12
 
 # Primitives that come at a robot at once that are looked at.
 MOST_COMERS = 16

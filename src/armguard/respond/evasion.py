@@ -9,7 +9,7 @@ has passed, or it may go on as it is asked to. All other pairs keep what they ne
 that leaves no way, it stays.
 """
 
-from math import inf
+from math import inf, nan
 
 from armguard.guard.commands import time_passed
 from armguard.guard.motion_pairs import asks_index
@@ -52,6 +52,7 @@ from armguard.respond.escape_state import (
     LEFT,
     MOST_COMERS,
     NEXT_TRY,
+    NOW_GAP,
     OTHER_COUNT,
     OWN_COUNT,
     SPENT,
@@ -95,15 +96,17 @@ BETTER = 8e-3
 REACH = 0.6
 
 # Primitives that are placed in a cycle for a robot, beyond those of the way it is on.
-PLACED = 1400
+PLACED = 800
 
-# Up to this share of its `evade_time` a robot looks for a good way before it moves [-].
+# Up to this share of its `evade_time` a robot looks for a way before it moves [-]. If it
+# knows one that is not good it judges no more than so many: it would get worse.
 LOOKS_UNTIL = 0.5
+LOOKS_AT = 64
 
 # What a robot knows of ways out while it waits.
 GOOD = 0  # a good one
-SOME = 1  # some, and there are others
-BEST = 2  # the best one, which is not good
+SOME = 1  # none that it would take already; it may look for others
+BEST = 2  # the best one for now, which is not good
 
 # A robot that leaves what is too near is held for so long when nothing comes any more
 # [s].
@@ -222,7 +225,8 @@ def look_for_way(
         if memory[WORTH] >= CLEAR:
             notes[TRIED] = 0
             return GOOD
-        if notes[TRIED] == ways:
+        leads_out = memory[WORTH] > 0.0 and notes[TRIED] >= LOOKS_AT
+        if leads_out or notes[TRIED] == ways:
             return BEST
         if e.counts[SPENT] > PLACED:
             break
@@ -273,6 +277,7 @@ def look_for_comers(
         counts[COMER_COUNT] += 1
         horizon = max(horizon, (way / speed + BEHIND) / speed)
     e.plan[HORIZON] = min(horizon, FARTHEST)
+    e.plan[NOW_GAP] = nan
 
 
 @kernel
