@@ -8,7 +8,12 @@ import pytest
 from approach import FIGURES, PERIOD
 from armguard.errors import SceneError
 from armguard.geometry import Box, Capsule, Pose, Sphere
+from armguard.guard.workspace import MOTION, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.state import open_motion
 from armguard.respond import Blocked, Guard
+from armguard.respond.program import only_away
+from armguard.respond.state import open_response
 from armguard.scene import Scene
 from armguard.scene.settings import ResponseSettings
 from arms import simple_arm
@@ -133,7 +138,7 @@ def test_nor_can_an_object_that_stands_still_have_one():
         guard.place("behind", Pose(xyz=(0.0, -0.7, 0.2)), 0.0, velocity=(0, 1, 0))
 
 
-def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), joints=2, gone=None):
+def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), gone=None, wrong_at=None):
     """Have a cart come straight at an arm of links of 0.5 m, and go past.
 
     Args:
@@ -142,14 +147,14 @@ def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), joints=2, gone=Non
         velocity: Its velocity there [m/s].
         seconds: For how long.
         wish: What the operator asks for [rad/s].
-        joints: How many the arm has.
         gone: When the cart is taken away; None if it is not [s].
+        wrong_at: When the operator tells what is no number; None if never [s].
 
     Returns:
         Least gap to the cart, joint positions and why the arm did not follow, of each
         cycle.
     """
-    q, v = np.zeros(joints), np.zeros(joints)
+    q, v = np.zeros(2), np.zeros(2)
     gaps, rows, blocked = [], [], []
     for k in range(int(seconds / PERIOD)):
         time = k * PERIOD
@@ -160,7 +165,10 @@ def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), joints=2, gone=Non
             gaps.append(links_gap(q, centre))
         elif gone - PERIOD < time:
             guard.remove("cart")
-        command = guard.filter(q, np.array(wish), time, velocity=v, now=time)
+        asked = np.array(wish)
+        if wrong_at is not None and abs(time - wrong_at) < 0.5 * PERIOD:
+            asked[:] = np.nan
+        command = guard.filter(q, asked, time, velocity=v, now=time)
         v = command.velocity
         q = q + v * PERIOD
         rows.append(q)
@@ -180,21 +188,21 @@ def links_gap(q, centre):
     return least - ARM - CART
 
 
-def tall_cart_guard(*, joints=2, crowd=0, behind=None, **response):
+def tall_cart_guard(*, top_speed=0.6, crowd=0, behind=None, **response):
     """An arm along x that turns about z, and a tall cart that may come."""
     scene = Scene(mode="path")
     scene.add_robot(
-        simple_arm(joints=joints, length=0.5),
+        simple_arm(joints=2, length=0.5),
         name="arm",
         stopping=FIGURES,
         response=ResponseSettings(evade=True, **response),
-        home={f"joint{k + 1}": 0.0 for k in range(joints)},
+        home={"joint1": 0.0, "joint2": 0.0},
     )
     scene.add(
         Capsule(start=(0.0, 0.0, -0.3), end=(0.0, 0.0, 0.3), radius=CART),
         name="cart",
         pose=Pose(xyz=(0.0, 5.0, 0.3)),
-        top_speed=0.6,
+        top_speed=top_speed,
     )
     if behind is not None:
         box = Box(half_extents=(1.0, 0.05, 1.0))
@@ -266,3 +274,52 @@ def test_what_it_does_is_the_same_again():
 
 def test_an_evading_arm_needs_no_wider_margin():
     assert tall_cart_guard().tables.margin == Scene(mode="path").margin
+
+
+def test_an_arm_that_was_stopped_evades_when_it_rests():
+    least, _, blocked = past(
+        tall_cart_guard(), (1.9, 0.0), (-0.5, 0.0), 2.4, wrong_at=0.2
+    )
+    assert Blocked.STOPPED in blocked
+    assert Blocked.EVADING in blocked
+    assert least > 0.02
+
+
+def test_what_passes_near_by_stops_nobody_who_could_evade_it():
+    # It misses by 40 mm, and could be at the arm before that stands still for certain.
+    guard = tall_cart_guard(top_speed=5.0)
+    least, rows, blocked = past(guard, (1.18, 1.0), (0.0, -0.4), 4.0)
+    assert least == pytest.approx(0.04, abs=1e-3)
+    assert np.abs(rows).max() < 1e-6
+    assert Blocked.STOPPED not in blocked
+    assert runs_of(blocked) == 1
+    assert blocked[-1] is Blocked.NOT
+
+
+@kernel(inline=False, entry=True)
+def keep_away(response, lines):
+    """Let each joint of the first robot move only as it leads away."""
+    w = open_workspace(lines)
+    only_away(0, open_response(response), open_motion(w.parts[MOTION]))
+
+
+@pytest.mark.parametrize(
+    ("raw", "low", "high", "kept"),
+    [
+        (1.0, -0.5, 0.5, (-0.5, 0.0)),
+        (-1.0, -0.5, 0.5, (0.0, 0.5)),
+        (0.0, -0.5, 0.5, (-0.5, 0.5)),
+        # Led back from its upper limit, or its lower one: it goes on.
+        (-1.0, -0.5, -0.02, (-0.02, -0.02)),
+        (1.0, 0.02, 0.5, (0.02, 0.02)),
+    ],
+)
+def test_a_joint_that_is_led_back_from_its_limit_goes_on(raw, low, high, kept):
+    guard = tall_cart_guard()
+    guard.filter([0.0, 0.0], [0.0, 0.0], 0.0, velocity=[0.0, 0.0], now=0.0)
+    response = guard._response
+    response.raw[:], response.low[:], response.high[:] = raw, low, high
+    response.target[:] = 0.1
+    keep_away(guard._response_lines, guard._lines)
+    assert (response.low[0], response.high[0]) == kept
+    assert response.target[0] == np.clip(0.1, *kept)

@@ -12,7 +12,9 @@ that leaves no way, it stays.
 from math import inf, nan
 
 from armguard.guard.commands import time_passed
+from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND
 from armguard.guard.motion_pairs import asks_index
+from armguard.guard.near_pairs import row_place
 from armguard.guard.proofs import robot_of, time_since
 from armguard.guard.watch import (
     RECOVERING,
@@ -32,6 +34,7 @@ from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.ledger import ledger_at
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
+from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion, open_motion
 from armguard.respond.engagement import NOTHING_ASKED
 from armguard.respond.escape_path import (
@@ -98,8 +101,8 @@ REACH = 0.6
 # Primitives that are placed in a cycle for a robot, beyond those of the way it is on.
 PLACED = 800
 
-# Up to this share of its `evade_time` a robot looks for a way before it moves [-]. If it
-# knows one that is not good it judges no more than so many: it would get worse.
+# Up to this share of its `evade_time` a robot looks for a way before it moves [-]. If
+# it knows one that is not good it judges no more than so many: it would get worse.
 LOOKS_UNTIL = 0.5
 LOOKS_AT = 64
 
@@ -185,14 +188,32 @@ def evades(
     if not comes:
         e.memory[r, DONE] += time_passed(v)
     ends = phase != RECOVERING and (asks or not comes)
-    if notes[EVADING] == 0 or ends or e.memory[r, DONE] > LINGERS:
+    stands = notes[EVADING] != 0 and not ends and e.memory[r, DONE] <= LINGERS
+    if not (stands or (comes and is_beset(r, e, w, v))):
         forget_ways(r, e, m)
         return False
     # It is out of the way, and stands there until nobody could tell it to stop.
-    notes[HAS_WAY] = 0
+    notes[EVADING], notes[HAS_WAY] = 1, 0
     for j in range(first, end):
         a.asked[j] = 0.0
     return True
+
+
+@kernel
+def is_beset(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
+    """Whether a robot would be stopped for what passes it, and could not evade then."""
+    if v.phase[r] != RUNNING or v.must[r] == 0:
+        return False
+    for k in range(int(w.out[NEAR_COUNT])):
+        place = row_place(k, w)
+        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
+        proof = w.out[place + PROOF]
+        if robot_of(i, v) != r or proof == PROVEN or proof == ALLOWED:
+            continue
+        for c in range(e.counts[COMER_COUNT]):
+            if e.comers[c] == j:
+                return True
+    return False
 
 
 @kernel
