@@ -67,7 +67,7 @@ class ResponseSettings:
             operator wants.
         evade_speed: Share of its top speeds it then uses at most [-].
         evade_time: It begins when an object that goes on straight would be too near in
-            this time [s].
+            this time, or up to twice as early if it knows no good way out [s].
         field_speed: Share of its top speeds a field moves it at, at most [-].
         attraction: Under "field": speed towards the goal by what is left of the way,
             near its end [1/s].
