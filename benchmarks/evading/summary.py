@@ -200,7 +200,8 @@ is seen 0.6 to 2 s before it would touch. Its way, which ends 0.4 m behind the p
 where it would touch, is free of all that stands and 0.1 m off the other arm. The guard
 is told its pose and velocity every 4 to 20 ms, up to 8 ms late, and a top speed of up
 to 1.3 times its speed. The arms have `response: {{evade: true}}`, all else as it is if
-left out: half of their top speeds, 0.4 s before. A cycle is 4 ms.
+left out: half of their top speeds, 1 s before, or up to 2 s if they know no good way.
+A cycle is 4 ms.
 
 The plant is late and misses what it is told by all that the scene declares: delays,
 errors of position, of velocity and of tracking, the same for up to 0.3 s. It does not
@@ -215,7 +216,7 @@ else it did meanwhile.
 joint space, sped up and slowed down as declared, at the speed the arm may evade at,
 begun with the declared delays after the thing is first seen, one keeps 5 mm to it and
 to all else, from then on until its way is over, by the same judge. So the search may
-begin earlier than 0.4 s before. It knows where the thing will be, and errors of
+begin earlier than the arm. It knows where the thing will be, and errors of
 tracking do not trouble it. What it does not find may still be evadable.
 
 Of an arm that was hit and could have evaded is told why: *it never began* to; *it began

@@ -1,12 +1,19 @@
 """Getting out of the way of what comes, where there is a way."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from approach import FIGURES, PERIOD
 from armguard.errors import SceneError
-from armguard.geometry import Pose, Sphere
+from armguard.geometry import Box, Capsule, Pose, Sphere
+from armguard.guard.workspace import MOTION, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.state import open_motion
 from armguard.respond import Blocked, Guard
+from armguard.respond.leaving import only_out
+from armguard.respond.state import open_response
 from armguard.scene import Scene
 from armguard.scene.settings import ResponseSettings
 from arms import simple_arm
@@ -129,3 +136,190 @@ def test_nor_can_an_object_that_stands_still_have_one():
     guard = cart_guard(behind=-1.5)
     with pytest.raises(SceneError, match="no top_speed"):
         guard.place("behind", Pose(xyz=(0.0, -0.7, 0.2)), 0.0, velocity=(0, 1, 0))
+
+
+def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), gone=None, wrong_at=None):
+    """Have a cart come straight at an arm of links of 0.5 m, and go past.
+
+    Args:
+        guard: The guard.
+        begin: Where the cart is first, in the plane [m].
+        velocity: Its velocity there [m/s].
+        seconds: For how long.
+        wish: What the operator asks for [rad/s].
+        gone: When the cart is taken away; None if it is not [s].
+        wrong_at: When the operator tells what is no number; None if never [s].
+
+    Returns:
+        Least gap to the cart, joint positions and why the arm did not follow, of each
+        cycle.
+    """
+    q, v = np.zeros(2), np.zeros(2)
+    gaps, rows, blocked = [], [], []
+    for k in range(int(seconds / PERIOD)):
+        time = k * PERIOD
+        centre = np.array(begin) + time * np.array(velocity)
+        if gone is None or time < gone:
+            at = Pose(xyz=(*centre, 0.3))
+            guard.place("cart", at, time, velocity=(*velocity, 0.0))
+            gaps.append(links_gap(q, centre))
+        elif gone - PERIOD < time:
+            guard.remove("cart")
+        asked = np.array(wish)
+        if wrong_at is not None and abs(time - wrong_at) < 0.5 * PERIOD:
+            asked[:] = np.nan
+        command = guard.filter(q, asked, time, velocity=v, now=time)
+        v = command.velocity
+        q = q + v * PERIOD
+        rows.append(q)
+        blocked.append(command.blocked["arm"])
+    return min(gaps), np.array(rows), blocked
+
+
+def links_gap(q, centre):
+    """True distance of an arm and a cart that is taller than it, by hand [m]."""
+    least, at, turn = np.inf, np.zeros(2), 0.0
+    for angle in q:
+        turn += angle
+        tip = np.array([np.cos(turn), np.sin(turn)])
+        along = np.clip((centre - at) @ tip, 0.1, 0.5)
+        least = min(least, float(np.linalg.norm(centre - at - along * tip)))
+        at = at + 0.5 * tip
+    return least - ARM - CART
+
+
+def tall_cart_guard(*, top_speed=0.6, crowd=0, behind=None, **response):
+    """An arm along x that turns about z, and a tall cart that may come."""
+    scene = Scene(mode="path")
+    scene.add_robot(
+        simple_arm(joints=2, length=0.5),
+        name="arm",
+        stopping=FIGURES,
+        response=ResponseSettings(evade=True, **response),
+        home={"joint1": 0.0, "joint2": 0.0},
+    )
+    scene.add(
+        Capsule(start=(0.0, 0.0, -0.3), end=(0.0, 0.0, 0.3), radius=CART),
+        name="cart",
+        pose=Pose(xyz=(0.0, 5.0, 0.3)),
+        top_speed=top_speed,
+    )
+    if behind is not None:
+        box = Box(half_extents=(1.0, 0.05, 1.0))
+        scene.add(box, name="wall", pose=Pose(xyz=(1.0, behind, 0.3)))
+    for k in range(crowd):
+        at = (3.0 + 0.1 * (k % 10), 3.0 + 0.1 * (k // 10), 0.3)
+        scene.add(Sphere(radius=0.01), name=f"ball{k}", pose=Pose(xyz=at))
+    return Guard(scene, self_test=False)
+
+
+def runs_of(blocked):
+    """How often the arm began to get out of the way."""
+    evades = [why is Blocked.EVADING for why in blocked]
+    return sum(now and not before for before, now in pairwise([False, *evades]))
+
+
+def test_an_arm_steps_aside_of_what_comes_along_it():
+    # No joint leads away from the cart: all of them move the tip across its way.
+    least, rows, blocked = past(tall_cart_guard(), (1.9, 0.0), (-0.5, 0.0), 2.4)
+    assert least > 0.02
+    assert np.abs(rows[:, 0]).max() > 0.1
+    assert runs_of(blocked) == 1
+
+
+def test_what_misses_is_no_threat():
+    _, rows, blocked = past(tall_cart_guard(), (1.3, 1.0), (0.0, -0.4), 4.0)
+    assert Blocked.EVADING not in blocked
+    assert np.abs(rows).max() < 1e-6
+
+
+def test_it_stands_aside_until_the_cart_has_passed_and_is_given_back():
+    _, rows, blocked = past(tall_cart_guard(), (0.9, 1.0), (0.0, -0.4), 6.0)
+    assert runs_of(blocked) == 1
+    assert blocked[-1] is Blocked.NOT
+    passed = int(4.5 / PERIOD)
+    assert np.abs(rows[passed:] - rows[-1]).max() < 1e-6
+
+
+def test_it_is_given_back_when_the_cart_is_gone():
+    _, _, blocked = past(tall_cart_guard(), (0.9, 1.0), (0.0, -0.4), 2.5, gone=1.7)
+    assert Blocked.EVADING in blocked
+    assert blocked[-1] is Blocked.NOT
+    assert Blocked.STOPPED not in blocked
+
+
+def test_an_operator_who_leads_into_the_way_of_what_comes_is_not_followed():
+    guard = tall_cart_guard()
+    least, _, blocked = past(guard, (0.6, 1.2), (0.0, -0.4), 4.5, wish=(0.2, 0.0))
+    assert least > 0.02
+    assert Blocked.EVADING in blocked
+
+
+@pytest.mark.parametrize("crowd", [0, 150])
+def test_ways_that_lead_into_something_are_not_taken(crowd):
+    # Below the arm there is a wall: it has to fold upwards.
+    guard = tall_cart_guard(behind=-0.15, crowd=crowd, evade_time=2.0)
+    least, rows, _ = past(guard, (0.9, 1.0), (0.0, -0.4), 2.4)
+    assert least > 0.02
+    tips = 0.5 * (np.sin(rows[:, 0]) + np.sin(rows.sum(axis=1)))
+    assert tips.min() - ARM > -0.1 + 0.005
+
+
+def test_what_it_does_is_the_same_again():
+    first, again = (
+        past(tall_cart_guard(), (0.8, 0.9), (0.1, -0.4), 2.0)[1] for _ in range(2)
+    )
+    assert (first == again).all()
+
+
+def test_an_evading_arm_needs_no_wider_margin():
+    assert tall_cart_guard().tables.margin == Scene(mode="path").margin
+
+
+def test_an_arm_that_was_stopped_evades_when_it_rests():
+    least, _, blocked = past(
+        tall_cart_guard(), (1.9, 0.0), (-0.5, 0.0), 2.4, wrong_at=0.2
+    )
+    assert Blocked.STOPPED in blocked
+    assert Blocked.EVADING in blocked
+    assert least > 0.02
+
+
+def test_what_passes_near_by_stops_nobody_who_could_evade_it():
+    # It misses by 40 mm, and could be at the arm before that stands still for certain.
+    guard = tall_cart_guard(top_speed=5.0)
+    least, rows, blocked = past(guard, (1.18, 1.0), (0.0, -0.4), 4.0)
+    assert least == pytest.approx(0.04, abs=1e-3)
+    assert np.abs(rows).max() < 1e-6
+    assert Blocked.STOPPED not in blocked
+    assert runs_of(blocked) == 1
+    assert blocked[-1] is Blocked.NOT
+
+
+@kernel(inline=False, entry=True)
+def keep_away(response, lines):
+    """Let each joint of the first robot move only as it leads out."""
+    w = open_workspace(lines)
+    only_out(0, open_response(response), open_motion(w.parts[MOTION]))
+
+
+@pytest.mark.parametrize(
+    ("way", "low", "high", "kept"),
+    [
+        (-1, -0.5, 0.5, (-0.5, 0.0)),
+        (1, -0.5, 0.5, (0.0, 0.5)),
+        (0, -0.5, 0.5, (-0.5, 0.5)),
+        # Led back from its upper limit, or its lower one: it goes on.
+        (1, -0.5, -0.02, (-0.02, -0.02)),
+        (-1, 0.02, 0.5, (0.02, 0.02)),
+    ],
+)
+def test_a_joint_that_is_led_back_from_its_limit_goes_on(way, low, high, kept):
+    guard = tall_cart_guard()
+    guard.filter([0.0, 0.0], [0.0, 0.0], 0.0, velocity=[0.0, 0.0], now=0.0)
+    response = guard._response
+    response.ways_out[:], response.low[:], response.high[:] = way, low, high
+    response.target[:] = 0.1
+    keep_away(guard._response_lines, guard._lines)
+    assert (response.low[0], response.high[0]) == kept
+    assert response.target[0] == np.clip(0.1, *kept)

@@ -323,6 +323,11 @@ def prove_pair(
     distance = out[place + WITNESS]
     need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
+    if is_evaded(i, j, v) and m.span[SEGMENT] == 0.0:
+        by_levers = distance - whole - m.reach[plan_i, i]
+        if not by_levers >= 0.0:
+            v.relieved[robot_of(i, v)] = 1
+        return (PROVEN, by_levers)
     floor = w.buffers[w.groups[i], w.groups[j]]
     relief = relief_of(i, j, place, distance - whole, floor, lines, v, m)
     if relief != 0.0:
@@ -376,6 +381,26 @@ def prove_pair(
     if exact == PROVEN or by_exact > by_spans:
         return (exact, by_exact)
     return (proof, by_spans)
+
+
+@kernel
+def is_evaded(i: int, j: int, v: Watch) -> bool:
+    """Whether a robot is getting out of the way of an object.
+
+    It comes, whatever the robot does: a stop in its way protects from nothing. Where
+    it will be is foreseen, and the robot led by that.
+
+    Args:
+        i: Primitive of the robot.
+        j: Primitive of the object.
+        v: Watch.
+    """
+    if j >= v.evaded.shape[0] or v.evaded[j] == 0:
+        return False
+    r = robot_of(i, v)
+    if r < 0 or v.phase[r] != RECOVERING:
+        return False
+    return bool((v.evaded[j] >> r) & 1 != 0)
 
 
 @kernel
@@ -441,9 +466,6 @@ def relief_of(
             return 0.0
         if v.phase[r] == RECOVERING:
             v.relieved[r] = 1
-            if v.evades[r] != 0 and object_speed(j, v) > 0.0:
-                # It comes, whatever the robot does; getting away is better than not.
-                return float(SINK - spare)
             if not surely_opens(r, i, j, place, lines):
                 return 0.0
             most = max(most, v.relief[r] + SINK)

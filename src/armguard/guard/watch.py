@@ -138,6 +138,8 @@ class Watch(NamedTuple):
         evades: 1 for a robot that gets out of the way of what comes, shape (r,).
         object_velocity: Velocity each of them was seen with, shape (p, 3) or (0, 3)
             [m/s].
+        evaded: Robots that get out of the way of each of them, a bit for each, shape
+            (p,) or (0,).
         judged_pairs: Pairs judged in this cycle, and their rows or -1, shape (k, 3).
         judged_left: What each of them had left; -inf where that says little, (k,) [m].
         judged_count: How many; -1 if there were too many, shape (1,).
@@ -200,6 +202,7 @@ class Watch(NamedTuple):
     recover: Longs
     evades: Longs
     object_velocity: Floats
+    evaded: Longs
     judged_pairs: Longs
     judged_left: Floats
     judged_count: Longs
@@ -270,14 +273,15 @@ def open_watch(address: int) -> Watch:
         vector_i8(lines, 47),
         vector_i8(lines, 48),
         matrix_f8(lines, 49),
-        matrix_i8(lines, 50),
-        vector_f8(lines, 51),
-        vector_i8(lines, 52),
-        matrix_f8(lines, 53),
+        vector_i8(lines, 50),
+        matrix_i8(lines, 51),
+        vector_f8(lines, 52),
+        vector_i8(lines, 53),
         matrix_f8(lines, 54),
-        vector_f8(lines, 55),
+        matrix_f8(lines, 55),
         vector_f8(lines, 56),
-        vector_i8(lines, 57),
+        vector_f8(lines, 57),
+        vector_i8(lines, 58),
     )
 
 
@@ -348,6 +352,7 @@ def watch_of(tables: SceneTables) -> Watch:
         recover=np.zeros(robots, dtype=np.int64),
         evades=np.zeros(robots, dtype=np.int64),
         object_velocity=np.zeros((len(speeds), 3)),
+        evaded=np.zeros(len(speeds), dtype=np.int64),
         judged_pairs=np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
         judged_left=np.zeros(JUDGED_ROOM),
         judged_count=np.zeros(1, dtype=np.int64),

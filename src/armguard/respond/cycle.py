@@ -121,7 +121,7 @@ def respond(response: Longs, lines: Longs) -> int:
     s = open_lead(a.lead)
     if w.parts[INTENT] != NOWHERE:
         call_for_nothing(w.parts[INTENT], (a.asked.ctypes.data, w.parts[SELF]))
-    look_for_threats(a, w, v, m)
+    look_for_threats(response.ctypes.data, w.parts[SELF])
     for r in range(a.notes.shape[0]):
         follows = follow_lead(r, engage(r, a, v, m), a, s, v)
         frame_limits(r, follows, a, w, v, m)
@@ -231,8 +231,11 @@ def settle_target(
         a.notes[r, BLOCKED] = BLOCKED_NO_WAY
     if a.notes[r, RETREATS] == 0:
         return
-    if moves and v.evades[r] != 0:
-        v.recover[r] = AT_WORK if v.phase[r] == RUNNING else AT_REST
+    if v.evades[r] != 0:
+        if v.phase[r] == RUNNING:
+            v.recover[r] = AT_WORK
+        elif moves:
+            v.recover[r] = AT_REST
     elif moves and lead_away(r, a, w, v, m):
         v.recover[r] = LEAVES if v.phase[r] == RESTING else 0
     elif v.phase[r] == RECOVERING:

@@ -1,91 +1,373 @@
 """Getting out of the way: what comes at a robot, when, and which way leads off.
 
 An object that was seen with a velocity is thought to keep it. Where that would bring it
-too near to a robot within the robot's `evade_time`, whatever the robot does, the robot
-is led away from it, joint by joint. All other pairs keep what they need: if that leaves
-no way, it stays.
+too near to a robot that goes on as it is asked to, ways out are judged by where they
+lead until all that comes has passed. As long as a good one is known the robot waits
+until its `evade_time`; then, or if none is good, it takes the best one. That one is
+judged anew in every cycle, with some others. The robot stands aside until what comes
+has passed, or it may go on as it is asked to. All other pairs keep what they need: if
+that leaves no way, it stays.
 """
 
-from math import inf
+from math import inf, nan
 
-from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
+from armguard.guard.commands import time_passed
+from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND
+from armguard.guard.motion_pairs import asks_index
 from armguard.guard.near_pairs import row_place
-from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import robot_of, standing_need
-from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
-from armguard.guard.workspace import Workspace
+from armguard.guard.proofs import robot_of, time_since
+from armguard.guard.watch import (
+    RECOVERING,
+    RESTING,
+    RUNNING,
+    Watch,
+    open_watch,
+)
+from armguard.guard.workspace import (
+    MOTION,
+    MOVING_COUNT,
+    WATCH,
+    Workspace,
+    open_workspace,
+)
+from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT, VELOCITY
-from armguard.motion.state import Motion
-from armguard.respond.state import EVADE_SPEED, EVADE_TIME, Response
+from armguard.ledger import ledger_at
+from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
+from armguard.motion.pair_state import ALLOWED, PROVEN
+from armguard.motion.state import Motion, open_motion
+from armguard.respond.engagement import NOTHING_ASKED
+from armguard.respond.escape_path import (
+    ENOUGH,
+    NEAR,
+    judge_way,
+    may_be_met,
+    speed_of,
+)
+from armguard.respond.escape_state import (
+    COMER_COUNT,
+    DONE,
+    ESCAPE_NOTES,
+    EVADING,
+    HAS_WAY,
+    HORIZON,
+    KNOWN,
+    LEFT,
+    MOST_COMERS,
+    NEXT_TRY,
+    NOW_GAP,
+    OTHER_COUNT,
+    OWN_COUNT,
+    SPENT,
+    TRIED,
+    WHEN,
+    WORTH,
+    Escape,
+    open_escape,
+)
+from armguard.respond.escape_ways import look_across, way_count, write_way
+from armguard.respond.state import (
+    EVADE_SPEED,
+    EVADE_TIME,
+    Response,
+    open_response,
+)
 
 # What comes more slowly does not come [m/s].
 SLOWEST = 0.01
 
+# What comes is looked for so many times as far ahead as `evade_time` [-], and so far
+# beside its way [m].
+FORESIGHT = 2.0
+BESIDE = 0.15
 
-@kernel
-def look_for_threats(a: Response, w: Workspace, v: Watch, m: Motion) -> None:
-    """Find robots that something comes at, and ask for a way that leads off."""
+# What comes has passed when it is so far behind a robot [m]; longer than so long is not
+# looked ahead [s].
+BEHIND = 0.15
+FARTHEST = 8.0
+
+# How long a robot is thought to do what it is asked to [s].
+ASKED = 0.25
+
+# Who got out of the way is given back when what comes misses him by so much [m].
+CLEAR = 0.045
+
+# By how much another way has to be better [m].
+BETTER = 8e-3
+
+# So far from a robot all else is looked at [m].
+REACH = 0.6
+
+# Primitives that are placed in a cycle for a robot, beyond those of the way it is on.
+PLACED = 800
+
+# Up to this share of its `evade_time` a robot looks for a way before it moves [-]. If
+# it knows one that is not good it judges no more than so many: it would get worse.
+LOOKS_UNTIL = 0.5
+LOOKS_AT = 64
+
+# What a robot knows of ways out while it waits.
+GOOD = 0  # a good one
+SOME = 1  # none that it would take already; it may look for others
+BEST = 2  # the best one for now, which is not good
+
+# A robot that leaves what is too near is held for so long when nothing comes any more
+# [s].
+LINGERS = 0.1
+
+
+@kernel(inline=False)
+def look_for_threats(response: int, lines: int) -> None:
+    """Find robots that something comes at, and ask for a way that leads off.
+
+    Args:
+        response: Address of the ledger of the responses; `asked` is written already.
+        lines: Address of the ledger of the workspace, after a cycle was opened.
+    """
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(v.evades.shape[0]):
         v.evades[r] = 0
-    for j in range(a.away.shape[0]):
-        a.away[j] = 0.0
+    for k in range(v.movers.shape[0]):
+        v.evaded[v.movers[k]] = 0
     if v.movers.shape[0] == 0:
         return
+    e = open_escape(a.escape)
+    for r in range(v.evades.shape[0]):
+        if a.settings[r, EVADE_TIME] == 0.0:
+            continue
+        if evades(r, response, lines, a, e, w, v, m):
+            v.evades[r] = 1
+            for c in range(e.counts[COMER_COUNT]):
+                v.evaded[e.comers[c]] |= 1 << r
+
+
+@kernel
+def gets_out_of_its_way(r: int, j: int, v: Watch) -> bool:
+    """Whether a robot is getting out of the way of a primitive."""
+    return bool(j < v.evaded.shape[0] and (v.evaded[j] >> r) & 1 != 0)
+
+
+@kernel
+def evades(
+    r: int,
+    response: int,
+    lines: int,
+    a: Response,
+    e: Escape,
+    w: Workspace,
+    v: Watch,
+    m: Motion,
+) -> bool:
+    """Go on by a cycle: say whether a robot gets out of the way, and ask for it."""
+    phase, notes = v.phase[r], e.notes[r]
+    if phase != RUNNING and phase != RESTING and phase != RECOVERING:
+        forget_ways(r, e, m)
+        return False
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    look_for_comers(r, a, e, w, v, m)
+    comes = e.counts[COMER_COUNT] > 0
+    if comes and is_threatened(r, response, lines, a, e, v, m):
+        left = e.plan[WHEN] / a.settings[r, EVADE_TIME]
+        look_across(r, e, w, v, m)
+        look_for_others(r, e, w, v)
+        if notes[EVADING] == 0:
+            known = look_for_way(r, response, lines, a, e, m)
+            if (known == GOOD and left > 1.0) or (known == SOME and left > LOOKS_UNTIL):
+                return False
+            notes[EVADING], notes[NEXT_TRY] = 1, max(notes[KNOWN] - 1, 0)
+        e.memory[r, DONE] = 0.0
+        choose_way(r, response, lines, a, e, v, m)
+        for j in range(first, end):
+            a.asked[j] = e.way[j] if notes[HAS_WAY] != 0 else 0.0
+        return True
+    asks = False
+    for j in range(first, end):
+        asks |= abs(a.asked[j]) > NOTHING_ASKED
+    if not comes:
+        e.memory[r, DONE] += time_passed(v)
+    ends = phase != RECOVERING and (asks or not comes)
+    stands = notes[EVADING] != 0 and not ends and e.memory[r, DONE] <= LINGERS
+    if not (stands or (comes and is_beset(r, e, w, v))):
+        forget_ways(r, e, m)
+        return False
+    # It is out of the way, and stands there until nobody could tell it to stop.
+    notes[EVADING], notes[HAS_WAY] = 1, 0
+    for j in range(first, end):
+        a.asked[j] = 0.0
+    return True
+
+
+@kernel
+def is_beset(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
+    """Whether a robot would be stopped for what passes it, and could not evade then."""
+    if v.phase[r] != RUNNING or v.must[r] == 0:
+        return False
     for k in range(int(w.out[NEAR_COUNT])):
         place = row_place(k, w)
         i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
-        time = time_until(i, j, place, a, w, v, m)
-        if time == inf:
+        proof = w.out[place + PROOF]
+        if robot_of(i, v) != r or proof == PROVEN or proof == ALLOWED:
             continue
-        r = robot_of(i, v)
-        phase = v.phase[r]
-        if phase != RUNNING and phase != RESTING and phase != RECOVERING:
-            continue
-        v.evades[r] = 1
-        weight = 1.0 - time / a.settings[r, EVADE_TIME]
-        pair_row(i, j, place, a.raw, w, m)
-        for q in range(a.away.shape[0]):
-            a.away[q] -= weight * a.raw[q]
-    for r in range(v.evades.shape[0]):
-        if v.evades[r] != 0:
-            ask_away(r, a, m)
+        for c in range(e.counts[COMER_COUNT]):
+            if e.comers[c] == j:
+                return True
+    return False
 
 
 @kernel
-def time_until(
-    i: int, j: int, place: int, a: Response, w: Workspace, v: Watch, m: Motion
-) -> float:
-    """Time until an object that comes at a robot is too near to it, at rest [s].
+def forget_ways(r: int, e: Escape, m: Motion) -> None:
+    """Forget what a robot did and knew about what came."""
+    for k in range(ESCAPE_NOTES):
+        e.notes[r, k] = 0
+    e.memory[r, LEFT] = e.memory[r, DONE] = 0.0
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        e.way[j] = 0.0
 
-    Returns:
-        That; infinite if it does not come, or later than the robot looks ahead.
+
+@kernel
+def look_for_way(
+    r: int, response: int, lines: int, a: Response, e: Escape, m: Motion
+) -> int:
+    """Go on to judge ways of a robot that waits: GOOD, SOME or BEST is known.
+
+    The best one it knows is judged anew.
     """
-    if j < m.rate.shape[0] or j >= v.object_velocity.shape[0]:
-        return inf
-    r = robot_of(i, v)
-    ahead = a.settings[r, EVADE_TIME]
-    if ahead == 0.0:
-        return inf
-    at = place + WITNESS
-    coming = 0.0
-    for k in range(3):
-        coming -= w.out[at + 7 + k] * v.object_velocity[j, k]
-    if not coming > SLOWEST:
-        return inf
-    spare = w.out[at] - standing_need(i, j, w, v, m) - m.blur[i]
-    time = max(spare, 0.0) / coming
-    return float(time) if time < ahead else inf
+    notes, memory, share = e.notes[r], e.memory[r], a.settings[r, EVADE_SPEED]
+    ways = way_count(r, m)
+    memory[WORTH] = -inf
+    if notes[KNOWN] != 0:
+        go = write_way(notes[KNOWN] - 1, r, share, e, m)
+        memory[WORTH] = judge_way(r, go, -inf, 1, response, lines)
+    e.counts[SPENT] = 0
+    for _ in range(ways):
+        if memory[WORTH] >= CLEAR:
+            notes[TRIED] = 0
+            return GOOD
+        leads_out = memory[WORTH] > 0.0 and notes[TRIED] >= LOOKS_AT
+        if leads_out or notes[TRIED] == ways:
+            return BEST
+        if e.counts[SPENT] > PLACED:
+            break
+        go = write_way(notes[NEXT_TRY], r, share, e, m)
+        worth = judge_way(r, go, memory[WORTH], 1, response, lines)
+        if worth > memory[WORTH]:
+            notes[KNOWN], memory[WORTH] = notes[NEXT_TRY] + 1, worth
+        notes[NEXT_TRY] = (notes[NEXT_TRY] + 1) % ways
+        notes[TRIED] += 1
+    return SOME
 
 
 @kernel
-def ask_away(r: int, a: Response, m: Motion) -> None:
-    """Ask for the way that leads off, as fast as the robot may, and for no other."""
+def look_for_comers(
+    r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
+) -> None:
+    """Find what may come near a robot soon; write how long that takes to pass."""
+    counts, reach, boxes = e.counts, e.reach, w.world.boxes
+    counts[OWN_COUNT] = counts[COMER_COUNT] = 0
+    for k in range(3):
+        reach[k], reach[k + 3] = inf, -inf
+    for i in range(w.settings[MOVING_COUNT]):
+        if robot_of(i, v) != r:
+            continue
+        e.own[counts[OWN_COUNT]] = i
+        counts[OWN_COUNT] += 1
+        for k in range(3):
+            reach[k] = min(reach[k], boxes[i, k])
+            reach[k + 3] = max(reach[k + 3], boxes[i, k + 3])
+    ahead = FORESIGHT * a.settings[r, EVADE_TIME]
+    horizon = 0.0
+    for c in range(v.movers.shape[0]):
+        j = int(v.movers[c])
+        speed = speed_of(j, v)
+        if not speed > SLOWEST or w.octree.residency[j, STATUS] == ABSENT:
+            continue
+        comes, way = True, 0.0
+        since = time_since(v.seen_at[j], v, m)
+        for k in range(3):
+            x = v.object_velocity[j, k]
+            low, high = boxes[j, k] + since * x, boxes[j, k + 3] + since * x
+            comes &= low + min(ahead * x, 0.0) - BESIDE < reach[k + 3]
+            comes &= high + max(ahead * x, 0.0) + BESIDE > reach[k]
+            way += x * (reach[k + 3] - low if x > 0.0 else reach[k] - high)
+        if not comes or counts[COMER_COUNT] == MOST_COMERS:
+            continue
+        e.comers[counts[COMER_COUNT]] = j
+        counts[COMER_COUNT] += 1
+        horizon = max(horizon, (way / speed + BEHIND) / speed)
+    e.plan[HORIZON] = min(horizon, FARTHEST)
+    e.plan[NOW_GAP] = nan
+
+
+@kernel
+def is_threatened(
+    r: int, response: int, lines: int, a: Response, e: Escape, v: Watch, m: Motion
+) -> bool:
+    """Whether what comes gets too near to a robot that goes on as it is asked to."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        e.trial[j] = a.asked[j] if v.phase[r] != RESTING else 0.0
+    worth = judge_way(r, ASKED, -inf, 0, response, lines)
+    if e.notes[r, EVADING] != 0:
+        return worth < CLEAR
+    return worth < NEAR and e.plan[WHEN] < FORESIGHT * a.settings[r, EVADE_TIME]
+
+
+@kernel
+def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
+    """Find what a robot may run into, unless the index is going to be asked."""
+    counts, reach = e.counts, e.reach
+    counts[OTHER_COUNT] = 0
+    if asks_index(w) != 0:
+        return
+    for j in range(w.groups.shape[0]):
+        if not may_be_met(r, j, e, w, v):
+            continue
+        box, near = w.world.boxes[j], True
+        for k in range(3):
+            near &= box[k] < reach[k + 3] + REACH and reach[k] < box[k + 3] + REACH
+        if near:
+            e.others[counts[OTHER_COUNT]] = j
+            counts[OTHER_COUNT] += 1
+
+
+@kernel
+def choose_way(
+    r: int, response: int, lines: int, a: Response, e: Escape, v: Watch, m: Motion
+) -> None:
+    """Judge to stay, the way a robot is on, and some others; take the best."""
+    notes, memory = e.notes[r], e.memory[r]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
-    most = 0.0
     for j in range(first, end):
-        most = max(most, abs(a.away[j]) / m.joint_figures[j, VELOCITY])
-    for j in range(first, end):
-        share = a.settings[r, EVADE_SPEED]
-        a.asked[j] = share * a.away[j] / most if most > 0.0 else 0.0
+        e.trial[j] = 0.0
+    best = judge_way(r, 0.0, -inf, 0, response, lines)
+    if not memory[LEFT] > 0.0 or best >= ENOUGH:
+        notes[HAS_WAY] = 0
+    if notes[HAS_WAY] != 0:
+        for j in range(first, end):
+            e.trial[j] = e.way[j]
+        worth = judge_way(r, memory[LEFT], -inf, 1, response, lines)
+        if worth > best - BETTER:
+            best = worth
+        else:
+            notes[HAS_WAY] = 0
+    e.counts[SPENT] = 0
+    ways = way_count(r, m)
+    # Who stands well aside stays there.
+    stays = notes[HAS_WAY] == 0 and best >= CLEAR
+    wanted = inf if stays else best + BETTER
+    for _ in range(ways):
+        if wanted > ENOUGH or e.counts[SPENT] > PLACED:
+            break
+        go = write_way(notes[NEXT_TRY], r, a.settings[r, EVADE_SPEED], e, m)
+        worth = judge_way(r, go, wanted, 1, response, lines)
+        if worth >= wanted:
+            for j in range(first, end):
+                e.way[j] = e.trial[j]
+            notes[HAS_WAY], memory[LEFT] = 1, go
+            wanted = worth + BETTER
+        notes[NEXT_TRY] = (notes[NEXT_TRY] + 1) % ways
+    memory[LEFT] -= time_passed(v)

@@ -23,6 +23,7 @@ from armguard.respond.compiling import compile_ahead
 from armguard.respond.cycle import finish, respond
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import Standing
+from armguard.respond.escape_state import escape_ledger, escape_of
 from armguard.respond.goals import engage_lead, find_retreat, set_goal
 from armguard.respond.lead_state import lead_ledger, lead_of
 from armguard.respond.program import add_pairs
@@ -307,6 +308,7 @@ class Guard(Monitor):
         if self._response is not None:
             self._response.notes.fill(0)
             self._lead.notes.fill(0)
+            self._escape.notes.fill(0)
             self._response.spare_of.fill(NEVER)
             self._response.missed.fill(0.0)
 
@@ -408,7 +410,11 @@ class Guard(Monitor):
         self._addresses[ADD_PAIRS] = kernel_address(add_pairs, 2)
         self._lead = lead_of(self.tables)
         self._lead_ledger = lead_ledger(self._lead)
-        response = response_of(self.tables, self._lead_ledger.lines)
+        self._escape = escape_of(self.tables)
+        self._escape_ledger = escape_ledger(self._escape)
+        response = response_of(
+            self.tables, self._lead_ledger.lines, self._escape_ledger.lines
+        )
         self._response_ledger = response_ledger(response)
         self._response_lines = self._response_ledger.lines
         self._parts_of_q = tuple(

@@ -1,4 +1,7 @@
-"""Ways out of what is too near: how fast a robot has to go to surely get away.
+"""Ways out of what is too near: which they are, and how fast one surely gets away.
+
+A joint moves only as it opens every pair that is too near. Where it opens one and
+closes another, either way may do: then rows say what joints have to do together.
 
 A joint misses what it is told by its tracking error. What is told to a robot that
 leaves has to open each pair that is too near even so: it begins at a speed at which it
@@ -15,15 +18,27 @@ from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
 from armguard.guard.proofs import SINK, object_speed, robot_of, standing_need
-from armguard.guard.watch import RESTING, Watch
-from armguard.guard.workspace import Workspace
+from armguard.guard.watch import RESTING, Watch, open_watch
+from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
+from armguard.ledger import ledger_at
 from armguard.motion.figures import ACCELERATION, FIRST_JOINT, JOINT_COUNT, TRACKING
 from armguard.motion.pair_state import ALLOWED
-from armguard.motion.state import SETTLED, Motion
-from armguard.respond.state import ASKS, Response
+from armguard.motion.state import SETTLED, Motion, open_motion
+from armguard.respond.evasion import gets_out_of_its_way
+from armguard.respond.state import (
+    ASKS,
+    EITHER_WAY,
+    RETREATS,
+    TANGLED,
+    Response,
+    open_response,
+)
 
 Floats = NDArray[np.float64]
+
+# What moves a pair by less than this at unit speed does not move it [m s/rad].
+NO_ROW = 1e-9
 
 # How much faster it goes than what just leads away, as the way bends [-].
 SURELY = 1.25
@@ -38,6 +53,64 @@ def spare_at_rest(
     if robot_of(j, v) >= 0:
         return float(spare - m.blur[j])
     return float(spare - object_speed(j, v) * m.span[SETTLED])
+
+
+@kernel
+def anybody_leaves(a: Response) -> bool:
+    """Whether any robot is to leave what is too near to it."""
+    for r in range(a.notes.shape[0]):
+        if a.notes[r, RETREATS] != 0:
+            return True
+    return False
+
+
+@kernel(inline=False)
+def note_ways_out(response: int, lines: int) -> None:
+    """Note which way joints lead out of what is too near to robots that are to leave.
+
+    Where no way of a joint opens all of it, rows say how it may help the others.
+
+    Args:
+        response: Address of the ledger of the responses.
+        lines: Address of the ledger of the workspace, after a cycle was opened.
+    """
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    for j in range(a.ways_out.shape[0]):
+        a.ways_out[j] = 0
+    for k in range(int(w.out[NEAR_COUNT])):
+        place = row_place(k, w)
+        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
+        meant = w.out[place + PROOF] == ALLOWED
+        if meant or not spare_at_rest(i, j, place, w, v, m) < SINK:
+            continue
+        if gets_out_of_its_way(robot_of(i, v), j, v):
+            continue
+        pair_row(i, j, place, a.raw, w, m)
+        for q in range(a.ways_out.shape[0]):
+            if abs(a.raw[q]) > NO_ROW:
+                way = -1 if a.raw[q] > 0.0 else 1
+                known = a.ways_out[q]
+                a.ways_out[q] = way if known == 0 or known == way else EITHER_WAY
+    for q in range(a.ways_out.shape[0]):
+        if a.ways_out[q] == EITHER_WAY:
+            a.notes[m.robot_of_joint[q], TANGLED] = 1
+
+
+@kernel
+def only_out(r: int, a: Response, m: Motion) -> None:
+    """Let each joint of a robot move only as it leads out of all that is too near."""
+    target, low, high = a.target, a.low, a.high
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if a.ways_out[j] == -1:
+            high[j] = min(high[j], 0.0)
+        elif a.ways_out[j] == 1:
+            low[j] = max(low[j], 0.0)
+        if low[j] > high[j]:
+            # Which of them is led back from its limit is led back.
+            low[j] = high[j] = high[j] if high[j] < 0.0 else max(low[j], 0.0)
+        target[j] = min(max(target[j], low[j]), high[j])
 
 
 @kernel

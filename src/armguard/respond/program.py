@@ -59,16 +59,22 @@ from armguard.motion.figures import (
 )
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
-from armguard.respond.evasion import time_until
+from armguard.respond.evasion import gets_out_of_its_way
 from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
-from armguard.respond.leaving import SURELY, spare_at_rest
+from armguard.respond.leaving import (
+    NO_ROW,
+    SURELY,
+    anybody_leaves,
+    note_ways_out,
+    only_out,
+    spare_at_rest,
+)
 from armguard.respond.spares import steady_spare
 from armguard.respond.state import (
     ASKS,
     BREAKS,
     BY_PRIORITY,
     CROWDED,
-    EITHER_WAY,
     EQUALLY,
     KIND,
     LEADS_AWAY,
@@ -105,9 +111,6 @@ OPENING = 0.5
 # How far from its limit a joint is stopped, beyond errors of its position [rad].
 LIMIT_SPARE = 1e-3
 
-# A row shorter than this moves nothing [m s/rad].
-NO_ROW = 1e-9
-
 # What a velocity may break a row by and still count as keeping it [m/s].
 GRAIN = 1e-9
 
@@ -137,46 +140,6 @@ def add_pairs(response: int, lines: int) -> None:
         add_pair(row_place(k, w), a, w, v, m)
     for r in range(a.notes.shape[0]):
         a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
-
-
-@kernel
-def anybody_leaves(a: Response) -> bool:
-    """Whether any robot is to leave what is too near to it."""
-    for r in range(a.notes.shape[0]):
-        if a.notes[r, RETREATS] != 0:
-            return True
-    return False
-
-
-@kernel(inline=False)
-def note_ways_out(response: int, lines: int) -> None:
-    """Note which way joints lead out of what is too near to robots that are to leave.
-
-    Where no way of a joint opens all of it, rows say how it may help the others.
-
-    Args:
-        response: Address of the ledger of the responses.
-        lines: Address of the ledger of the workspace, after a cycle was opened.
-    """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    for j in range(a.ways_out.shape[0]):
-        a.ways_out[j] = 0
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
-        meant = w.out[place + PROOF] == ALLOWED
-        if meant or not spare_at_rest(i, j, place, w, v, m) < SINK:
-            continue
-        pair_row(i, j, place, a.raw, w, m)
-        for q in range(a.ways_out.shape[0]):
-            if abs(a.raw[q]) > NO_ROW:
-                way = -1 if a.raw[q] > 0.0 else 1
-                known = a.ways_out[q]
-                a.ways_out[q] = way if known == 0 or known == way else EITHER_WAY
-    for q in range(a.ways_out.shape[0]):
-        if a.ways_out[q] == EITHER_WAY:
-            a.notes[m.robot_of_joint[q], TANGLED] = 1
 
 
 @kernel
@@ -337,14 +300,13 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         r = robot_i if side == 0 else robot_j
         if r < 0 or (side == 1 and r == robot_i):
             continue
+        if v.evades[r] != 0 and gets_out_of_its_way(r, j, v):
+            continue
         asked = 0.0 if meant else closing_of(r, raw, a.asked, m)
         if asked > GRAIN:
             a.notes[r, LEADS_AWAY] = -1
         elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
-        if v.evades[r] != 0 and time_until(i, j, place, a, w, v, m) < inf:
-            only_away(r, a, m)
-            continue
         if resting < SINK and a.notes[r, RETREATS] != 0 and not meant:
             only_out(r, a, m)
             if a.notes[r, TANGLED] != 0 and a.notes[r, ROW_COUNT] < ROWS:
@@ -395,36 +357,6 @@ def part_of(r: int, other: int, own: float, its: float, settings: Floats) -> flo
         if settings[r, PRIORITY] < settings[other, PRIORITY]:
             return 0.0 if its > 0.0 else 1.0
     return own / (own + its) if own + its > 0.0 else 0.5
-
-
-@kernel
-def only_away(r: int, a: Response, m: Motion) -> None:
-    """Let each joint of a robot move only as it leads away, whatever the others do."""
-    raw, target, low, high = a.raw, a.target, a.low, a.high
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        if raw[j] > NO_ROW:
-            high[j] = min(high[j], 0.0)
-        elif raw[j] < -NO_ROW:
-            low[j] = max(low[j], 0.0)
-        if low[j] > high[j]:
-            low[j] = high[j] = 0.0
-        target[j] = min(max(target[j], low[j]), high[j])
-
-
-@kernel
-def only_out(r: int, a: Response, m: Motion) -> None:
-    """Let each joint of a robot move only as it leads out of all that is too near."""
-    target, low, high = a.target, a.low, a.high
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        if a.ways_out[j] == -1:
-            high[j] = min(high[j], 0.0)
-        elif a.ways_out[j] == 1:
-            low[j] = max(low[j], 0.0)
-        if low[j] > high[j]:
-            low[j] = high[j] = 0.0
-        target[j] = min(max(target[j], low[j]), high[j])
 
 
 @kernel

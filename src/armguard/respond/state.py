@@ -147,6 +147,8 @@ class Response(NamedTuple):
         told: What is handed out, see `Command`, shape (4 n + 2 r,).
         lead: Lines of the ledger of what leads robots in their operators' place, see
             `lead_state`.
+        escape: Lines of the ledger of ways out of the way of what comes, see
+            `escape_state`.
         spares: What remembered pairs have left, see `spares`, shape (REMEMBERED,) [m].
         spare_of: Which pairs, and when they were met, shape (REMEMBERED, 2).
         missed: By how much each joint misses what it is told, shape (n,) [rad/s].
@@ -184,6 +186,7 @@ class Response(NamedTuple):
     spares: Floats
     spare_of: Longs
     missed: Floats
+    escape: Longs
 
 
 def response_ledger(response: Response) -> Ledger:
@@ -227,15 +230,17 @@ def open_response(lines: Longs) -> Response:
         vector_f8(lines, 29),
         matrix_i8(lines, 30),
         vector_f8(lines, 31),
+        vector_i8(lines, 32),
     )
 
 
-def response_of(tables: SceneTables, lead: Longs) -> Response:
+def response_of(tables: SceneTables, lead: Longs, escape: Longs) -> Response:
     """Arrays for the responses of a scene.
 
     Args:
         tables: The scene.
         lead: Lines of the ledger of what leads robots; whoever owns it keeps it.
+        escape: Lines of the ledger of ways out of the way; the same.
     """
     n, robots = len(tables.q_names), len(tables.robots)
     settings = np.zeros((robots, SETTINGS))
@@ -288,4 +293,5 @@ def response_of(tables: SceneTables, lead: Longs) -> Response:
         spares=np.zeros(REMEMBERED),
         spare_of=np.full((REMEMBERED, 2), NEVER, dtype=np.int64),
         missed=np.zeros(n),
+        escape=escape,
     )

@@ -134,7 +134,7 @@ class ResponseModel(Strict):
     far_start: FarStart = "ramp"
     evade: bool = False
     evade_speed: Positive = 0.5
-    evade_time: Positive = 0.4
+    evade_time: Positive = 1.0
     field_speed: Positive = 0.3
     attraction: Positive = 5.0
     repulsion: Positive = 0.08

@@ -217,12 +217,6 @@ class Scene:
         """Signed distance up to which pairs are reported [m]."""
         if self._margin is not None:
             return self._margin
-        # What is to be evaded has to be seen before it is near.
-        longest = max(
-            (r.response.evade_time for r in self._robots.values() if r.response.evade),
-            default=0.0,
-        )
-        fastest = max((t.top_speed for t in self._objects.values()), default=0.0)
         # What pushes a robot has to be seen from where its push begins.
         farthest = max(
             (
@@ -232,8 +226,7 @@ class Scene:
             ),
             default=0.0,
         )
-        beyond = max(MARGIN_BEYOND_BUFFER, longest * fastest, farthest)
-        return self.largest_buffer + beyond
+        return self.largest_buffer + max(MARGIN_BEYOND_BUFFER, farthest)
 
     @property
     def q_names(self) -> tuple[str, ...]:

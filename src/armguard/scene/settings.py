@@ -66,7 +66,8 @@ class ResponseSettings:
         evade: Whether it moves out of the way of objects that come at it, whatever its
             operator wants.
         evade_speed: Share of its top speeds it then uses at most [-].
-        evade_time: It begins when an object would be too near in this time [s].
+        evade_time: It begins when an object that goes on straight would be too near in
+            this time, or up to twice as early if it knows no good way out [s].
         field_speed: Share of its top speeds a field moves it at, at most [-].
         attraction: Under "field": speed towards the goal by what is left of the way,
             near its end [1/s].
@@ -87,7 +88,7 @@ class ResponseSettings:
     far_start: FarStart = "ramp"
     evade: bool = False
     evade_speed: float = 0.5
-    evade_time: float = 0.4
+    evade_time: float = 1.0
     field_speed: float = 0.3
     attraction: float = 5.0
     repulsion: float = 0.08
