@@ -219,6 +219,20 @@ def test_who_passes_by_slowly_does_not_mean_it_however_near_he_is():
     assert gaps(loop, "arm/left", "block").min() >= FLOOR
 
 
+def test_a_finger_that_runs_into_it_does_not_mean_it():
+    # Low beside the block: slowly on, and one of two fingers meets it end on.
+    guard = guard_of(pick_scene())
+    loop = placed(guard, x=-0.12, y=-0.035, z=DOWN)
+    for _ in range(3000):
+        loop.cycle({"arm/x": 0.06})
+        assert not guard.contracts
+    assert gaps(loop, "arm/left", "block").min() >= FLOOR
+    # With the block between them both pass it.
+    loop = placed(guard_of(pick_scene()), x=-0.12, z=DOWN)
+    assert loop.go({"arm/x": 0.0}, speed=0.06)
+    assert {c.b for c in loop.guard.contracts} == {"block"}
+
+
 def test_what_is_not_meant_any_more_is_come_no_nearer_to():
     # Fingers reach 5 mm below the top of the block and are 3 mm off it.
     guard = guard_of(pick_scene())
@@ -302,6 +316,17 @@ def test_random_episodes_succeed_and_touch_nothing_else():
         assert least >= FLOOR
 
 
+def wish_to_grip(loop, xy):
+    """What an operator wishes who grips a block: over it, down to it, and closed."""
+    x, y, z = loop.q[:3]
+    beside = max(abs(xy[0] - x), abs(xy[1] - y))
+    goal = (*xy, DOWN) if beside < 0.003 else (x, y, UP) if z < UP - 0.02 else (*xy, UP)
+    wish = np.clip(4.0 * (np.array(goal) - loop.q[:3]), -0.08, 0.08)
+    down = beside < 0.003 and z < DOWN + 0.003
+    closing = np.clip((TOUCH if down else OPEN) - loop.q[3:], -0.02, 0.02)
+    return dict(zip(loop.guard.q_names, (*wish, *closing), strict=True))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
     # Three blocks side by side, 20 mm apart, an operator who changes his mind, and an
@@ -313,8 +338,9 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
     loop = Loop(guard, delay=2, rng=rng)
     assert loop.go({"arm/z": 0.2}, speed=0.3, within=5e-3)
     touched, least = set(), np.inf
-    for _ in range(60):
+    for n in range(60):
         wish = dict.fromkeys(guard.q_names, 0.0)
+        means = blocks[f"b{rng.integers(3)}"] if n % 15 == 7 else None
         speed = rng.choice([0.02, 0.06, 0.3])
         for axis, size in (("x", 1.0), ("y", 0.2), ("z", 1.0)):
             wish[f"arm/{axis}"] = speed * size * rng.uniform(-1.0, 1.0)
@@ -322,7 +348,10 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
         closing = rng.uniform(-0.05, 0.03)
         wish["arm/open_left"] = wish["arm/open_right"] = closing
         loop.rows.clear()
-        for _ in range(100):
+        for cycle in range(100 if means is None else 3000):
+            if means is not None:
+                # Who was stopped lets go first.
+                wish = wish_to_grip(loop, means) if cycle > 20 else {}
             loop.cycle(wish)
             meant = int(guard._grips.grippers[0, MEANT])
             at = boxes_at(guard, loop.q)

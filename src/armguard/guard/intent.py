@@ -1,9 +1,10 @@
 """What is meant to be gripped, or put down: read from where slow motion leads.
 
 Fingers that are slow, and near an object that may be gripped, mean it if the way of the
-middle between them leads there. One object is meant by a gripper at a time: another one
-only when the first keeps all it needs without a contract. What is held is meant to be
-put down where it may rest if it is slow and comes towards that.
+middle between them leads there, and none of them runs into it on that way. One object
+is meant by a gripper at a time: another one only when the first keeps all it needs
+without a contract. What is held is meant to be put down where it may rest if it is slow
+and comes towards that.
 
 What operators ask for is read, not what they are granted: who pushes on at speed does
 not mean it, however much the guard slows him.
@@ -22,6 +23,7 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.contracts import open_contract
+from armguard.guard.finger_way import runs_into
 from armguard.guard.grips import (
     AIM,
     BODY,
@@ -234,6 +236,12 @@ def score_of(
         turned = not beside <= aim or not comes
     if turned:
         return inf
+    several = own[END_FINGER] - own[FIRST_FINGER] > 1
+    if several and from_middle > 0.0 and speed > thing[OBJECT_CREEP]:
+        # It is not between the fingers yet, and has to come there.
+        for f in range(own[FIRST_FINGER], own[END_FINGER]):
+            if runs_into(f, o, scaled(1.0 / speed, moves), thing[OBJECT_NEAR], h, w):
+                return inf
     return float(beside + FROM_MIDDLE * from_middle)
 
 

@@ -105,29 +105,45 @@ class Command:
     """What to tell the robots in this cycle; immutable, safe to keep.
 
     Attributes:
-        velocity: Velocity of each joint, in the order of `q_names`, shape (n,)
-            [rad/s or m/s]. Always to be sent, also while a robot stops.
-        position: The same for robots that are told positions: where the velocities
-            lead until the next cycle, shape (n,) [rad or m].
         verdict: What was measured, what was proven, and why.
     """
 
-    __slots__ = ("_asked", "_blocked", "_far", "_phases", "_robots", "position",
-                 "velocity", "verdict")  # fmt: skip
+    # It is cut into its parts when they are asked for: a cycle has to make it.
+    __slots__ = ("_robots", "_told", "verdict")
 
     def __init__(
         self, told: Floats, robots: Sequence[RobotPart], verdict: Verdict
     ) -> None:
-        r = len(robots)
-        n = (len(told) - 2 * r) // 4
-        self.velocity = told[:n]
-        self.position = told[n : 2 * n]
-        self._asked = told[2 * n : 3 * n]
-        self._far = told[3 * n : 4 * n]
-        self._blocked = told[len(told) - 2 * r : len(told) - r]
-        self._phases = told[len(told) - r :]
+        self._told = told
         self._robots = robots
         self.verdict = verdict
+
+    def _of_joints(self, k: int) -> Floats:
+        """The k-th of the four numbers that are told of every joint."""
+        n = (len(self._told) - 2 * len(self._robots)) // 4
+        return self._told[k * n : (k + 1) * n]
+
+    def _of_robots(self, k: int) -> Floats:
+        """The k-th of the two numbers that are told of every robot."""
+        r = len(self._robots)
+        first = len(self._told) - (2 - k) * r
+        return self._told[first : first + r]
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity of each joint, in the order of `q_names`, shape (n,) [rad/s or m/s].
+
+        Always to be sent, also while a robot stops.
+        """
+        return self._of_joints(0)
+
+    @property
+    def position(self) -> Floats:
+        """The same for robots that are told positions, shape (n,) [rad or m].
+
+        Where the velocities lead until the next cycle.
+        """
+        return self._of_joints(1)
 
     @property
     def actions(self) -> Mapping[str, Action]:
@@ -137,7 +153,7 @@ class Command:
             part.name: Action.FOLLOW
             if phase in DRIVEN
             else ACTIONS.get(levels[part.name], Action.STOP)
-            for part, phase in zip(self._robots, self._phases, strict=True)
+            for part, phase in zip(self._robots, self._of_robots(1), strict=True)
         }
 
     @property
@@ -150,24 +166,26 @@ class Command:
         """Why each robot does not simply follow its operator."""
         return {
             part.name: Blocked(int(why))
-            for part, why in zip(self._robots, self._blocked, strict=True)
+            for part, why in zip(self._robots, self._of_robots(0), strict=True)
         }
 
     @property
     def far_joints(self) -> tuple[str, ...]:
         """Joints that are told positions far from where they are."""
+        far = self._of_joints(3)
         return tuple(
             f"{part.name}/{joint}"
             for part in self._robots
             for k, joint in enumerate(part.joints)
-            if self._far[part.first_joint + k] > part.response.far
+            if far[part.first_joint + k] > part.response.far
         )
 
     @property
     def passed(self) -> Mapping[str, float]:
         """How much of what its operator asked for each robot was told, in [0, 1]."""
+        told, asked = self._of_joints(0), self._of_joints(2)
         return {
-            part.name: share_passed(self.velocity[own], self._asked[own])
+            part.name: share_passed(told[own], asked[own])
             for part in self._robots
             for own in (slice(part.first_joint, part.first_joint + part.joint_count),)
         }

@@ -1,0 +1,87 @@
+"""Whether a finger that goes on as its hand does runs into a thing, or passes it.
+
+What is gripped comes between the fingers. A finger that runs into it meets it where it
+cannot hold it, however slowly: that is no grasp.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import stack
+from armguard.geometry.pairs import measure_by
+from armguard.geometry.place import place_row
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.vec3 import Vec3, scaled
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard.grips import END, FIRST, Grips
+from armguard.guard.near_pairs import boxes_apart
+from armguard.guard.workspace import MEASURE, Workspace
+from armguard.kernel import kernel
+
+Floats = NDArray[np.float64]
+
+# A finger that comes as near as that on its way runs into it [m].
+GRAZE = 1e-3
+
+# Steps along a way; who is not past by then counts as running into it [-].
+STEPS = 24
+
+
+@kernel(inline=False)
+def runs_into(f: int, o: int, way: Vec3, length: float, h: Grips, w: Workspace) -> bool:
+    """Whether a finger that goes straight on runs into an object.
+
+    Args:
+        f: The finger.
+        o: The object.
+        way: Unit vector it goes along, as its hand does.
+        length: How far [m].
+        h: Grips.
+        w: Workspace.
+    """
+    T = numba.carray(stack(12), (12,), np.float64)
+    row = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
+    for k in range(12):
+        T[k] = 0.0
+    T[0] = T[5] = T[10] = 1.0
+    for i in range(h.fingers[f, 0], h.fingers[f, 1]):
+        for j in range(int(h.objects[o, FIRST]), int(h.objects[o, END])):
+            if boxes_apart(w.world.boxes, i, j, length):
+                continue
+            if meets(i, j, way, length, T, row, w):
+                return True
+    return False
+
+
+@kernel
+def meets(
+    i: int, j: int, way: Vec3, length: float, T: Floats, row: Floats, w: Workspace
+) -> bool:
+    """Whether a primitive that goes straight on comes to another one.
+
+    It goes on by what is left between them, which is as far as it surely may; that is
+    less and less only where it comes to it.
+
+    Args:
+        i: The primitive.
+        j: The other one.
+        way: Unit vector.
+        length: How far [m].
+        T: A frame that is not turned, shape (12,); its place is overwritten.
+        row: Scratch, shape (16,).
+        w: Workspace.
+    """
+    kinds, rows = w.world.kinds, w.world.rows
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    gone, steps = 0.0, 0
+    while gone < length and steps < STEPS:
+        x, y, z = scaled(gone, way)
+        T[3], T[7], T[11] = x, y, z
+        place_row(kinds[i], rows[i], T, row)
+        measure_by(w.parts[MEASURE], kinds[i], row, kinds[j], rows[j], witness)
+        if not witness[0] > GRAZE:
+            return True
+        gone += witness[0]
+        steps += 1
+    return gone < length
