@@ -469,6 +469,9 @@ def relief_of(
             if not surely_opens(r, i, j, place, lines):
                 return 0.0
             most = max(most, v.relief[r] + SINK)
+    if most > 0.0 and object_speed(j, v) > 0.0:
+        # It comes nearer by itself. Who leaves it goes on: stopped he would be met.
+        most = inf
     relief = min(SINK - spare, most)
     # What surely does not touch has to stay so.
     return float(min(relief, floor) if spare + floor >= 0.0 else relief)
