@@ -93,8 +93,9 @@ def note_ways_out(response: int, lines: int) -> None:
                 known = a.ways_out[q]
                 a.ways_out[q] = way if known == 0 or known == way else EITHER_WAY
     for q in range(a.ways_out.shape[0]):
-        if a.ways_out[q] == EITHER_WAY:
-            a.notes[m.robot_of_joint[q], TANGLED] = 1
+        r = m.robot_of_joint[q]
+        if a.ways_out[q] == EITHER_WAY and a.notes[r, RETREATS] != 0:
+            a.notes[r, TANGLED] = 1
 
 
 @kernel
