@@ -7,10 +7,11 @@ ARGS ?=
 .PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading filter-peer audit-pairs room format clean
 .DELETE_ON_ERROR:
 
-# Two environments in one: what the guard needs, then what tests and benchmarks need.
+# Two environments in one: what guard and station need, then what tests and benchmarks
+# need as well.
 .venv/core: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[robots,station,view]'
 	touch $@
 
 .venv/dev: .venv/core

@@ -65,7 +65,9 @@ class Plant:
         delay = int(rng.integers(int(late / SUBSTEP + 1e-9) + 1))
         age = int(rng.integers(int(aged / SUBSTEP + 1e-9) + 1))
         self._age = age * SUBSTEP
-        self._told = deque([np.zeros_like(q)] * delay)
+        self._told = deque(
+            [(np.zeros_like(q), np.ones(len(q), dtype=np.bool_))] * delay
+        )
         self._past = deque([(self.q, self.v)] * (age + 1))
         self._error, self._until = np.zeros_like(q), 0
 
@@ -97,8 +99,8 @@ class Plant:
             # A joint that is stopped does not drift.
             drives[own] = (command.velocity[own] != 0.0) | (action == Action.FOLLOW)
         for _ in range(round(PERIOD / SUBSTEP)):
-            self._told.append(command.velocity)
-            self._move(self._told.popleft(), drives)
+            self._told.append((command.velocity, drives))
+            self._move(*self._told.popleft())
         self.cycles += 1
         return command
 

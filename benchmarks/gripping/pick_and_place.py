@@ -33,6 +33,9 @@ SLOW_FROM, SLOW = 0.1, (0.05, 0.09)
 # What is gripped is first lifted by this, and what was let go is left by this [m].
 LIFTED, AWAY = 0.03, 0.15
 
+# How fast he goes back to where he began, to try again [m/s].
+BACK = 0.1
+
 # Speed at which fingers are asked to close and to open [m/s].
 CLOSING, OPENING = (0.02, 0.06), 0.05
 
@@ -116,12 +119,20 @@ class Picker:
         self.judge.look(self.plant.rows, may_touch or set())
 
     def over(self, xy: Floats, travel: float, low: float, opened: float | None) -> bool:
-        """Go above a place: up, across and down to where he becomes slow."""
-        for _ in range(TRIES):
-            here = self.plant.seen
-            first = max(min(travel, here[2] + self.hurry), here[2])
+        """Go above a place: up, across and down to where he becomes slow.
+
+        Who tries again does so from over where he began: something may hang over where
+        he has come to in a hurry.
+        """
+        begin = self.plant.seen[:2].copy()
+        for again in range(TRIES):
+            if again and not self.lead(np.array([*begin, self.plant.seen[2]]), BACK):
+                self.again(fingers=opened is not None)
+                continue
+            height = self.plant.seen[2]
+            first = max(min(travel, height + self.hurry), height)
             if (
-                self.lead(np.array([here[0], here[1], first]), self.fast)
+                self.lead(np.array([*begin, first]), self.fast)
                 and self.lead(np.array([*xy, travel]), self.fast, open_to=opened)
                 and self.lead(np.array([*xy, min(low + SLOW_FROM, travel)]), self.fast)
             ):

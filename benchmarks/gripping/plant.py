@@ -57,7 +57,7 @@ class Plant:
         late = int(STOPPING["command"] / self.period + 1e-9)
         aged = int(STOPPING["sensing"] / self.period + 1e-9)
         delay, self._age = int(rng.integers(late + 1)), int(rng.integers(aged + 1))
-        self._told = deque([np.zeros_like(self.q)] * delay)
+        self._told = deque([(np.zeros_like(self.q), Action.FOLLOW)] * delay)
         self._past = deque([(self.q, self.v)] * (self._age + 1))
         self._error, self._until = np.zeros_like(self.q), 0
 
@@ -88,12 +88,13 @@ class Plant:
         action = command.action
         self.stopped_for += self.period if action > Action.FOLLOW else -self.stopped_for
         self._note(command, action)
-        self._told.append(command.velocity)
-        told = self._told.popleft()
-        if len(self.rows) >= self._until:
+        self._told.append((command.velocity, action))
+        told, takes_effect = self._told.popleft()
+        # A stop is as declared: it is not sped up again.
+        if len(self.rows) >= self._until and takes_effect == Action.FOLLOW:
             self._draw_error()
         # A joint that is stopped does not drift.
-        drifts = (told != 0.0) | (action == Action.FOLLOW)
+        drifts = (told != 0.0) | (takes_effect == Action.FOLLOW)
         change = told + drifts * self._error - self.v
         most = STOPPING["acceleration"] * self.period
         self.v = self.v + np.clip(change, -most, most)

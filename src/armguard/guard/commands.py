@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.levels import Reason
 from armguard.guard.observe import blame_joint, now_of
-from armguard.guard.stops import GRAIN, unknown_age
+from armguard.guard.stops import GRAIN, effect_time, unknown_age
 from armguard.guard.watch import (
     COMMANDED,
     LATE,
@@ -27,6 +27,7 @@ from armguard.guard.watch import (
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
+    ACCELERATION,
     COMMAND,
     DECELERATION,
     FIRST_JOINT,
@@ -191,6 +192,9 @@ def moment(v: Watch) -> float:
 def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
     """Tell a robot to stand still: at once if it rests, else as its stop is declared.
 
+    The stop begins with what a joint may have got to by then: one that has not come
+    up to what it was told yet is not sped up to it.
+
     Args:
         r: The robot.
         time: Since its last command [s].
@@ -201,8 +205,13 @@ def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         v.wanted[j] = 0.0
         if v.phase[r] == STOPPING:
+            figures = m.joint_figures[j]
+            rises = max(effect_time(r, v, m) - v.fastest_at[r], 0.0)
+            most = v.fastest[j] + figures[ACCELERATION] * rises
             last = v.told[j]
-            lost = m.joint_figures[j, DECELERATION] * time
+            if abs(last) > most:
+                last = most if last > 0.0 else -most
+            lost = figures[DECELERATION] * time
             v.wanted[j] = max(last - lost, 0.0) if last > 0.0 else min(last + lost, 0.0)
 
 

@@ -96,10 +96,12 @@ Floats = NDArray[np.float64]
 
 CAPSULE = int(ShapeKind.CAPSULE)
 
-# What is meant goes on to be until it, or the way, is this much farther, or faster
-# [-].
+# What is meant goes on to be until it, or the way, is this much farther [-].
 NEAR_AGAIN = 1.25
-FAST_AGAIN = 1.5
+
+# What is to be meant is led at no more than this share of the speed that ends it: what
+# is faster than declared is never meant [-].
+STEADY = 0.95
 
 # Another object has to be so much nearer to the way than the one that is meant [m].
 NEARER = 0.005
@@ -199,10 +201,11 @@ def score_of(
     first = int(thing[FIRST])
     if w.octree.residency[first, STATUS] == ABSENT or own[COARSE_NOW] != 0:
         return inf
-    near, fast = thing[OBJECT_NEAR], thing[INTENT_SPEED]
-    aim = thing[AIM]
+    near, aim, fast = thing[OBJECT_NEAR], thing[AIM], thing[INTENT_SPEED]
     if o == own[MEANT]:
-        near, aim, fast = near * NEAR_AGAIN, aim * NEAR_AGAIN, fast * FAST_AGAIN
+        near, aim = near * NEAR_AGAIN, aim * NEAR_AGAIN
+    else:
+        fast *= STEADY
     if not fingers_distance(g, o, near, h, w) <= near:
         if own[SPENT_ON] == o:
             own[SPENT_ON] = -1
@@ -351,39 +354,39 @@ def mean(g: int, o: int, h: Grips, v: Watch) -> None:
 def read_placing(k: int, u: Floats, h: Grips, w: Workspace, m: Motion) -> None:
     """Bring a held object's contract with what it may rest on into force, or end it."""
     c = h.contracts[k]
-    if c[STATE] == DORMANT and comes_slowly(c, 1.0, u, w, m):
+    if c[STATE] == DORMANT and comes_slowly(c, False, u, w, m):
         # It is over when the object has lifted clear again.
         c[REARM] = NEAR_AGAIN * c[NEAR]
         open_contract(k, h)
     elif c[STATE] == IN_FORCE and c[REARM] > c[NEAR]:
         if c[NEAREST] <= 0.0:
             c[REARM] = c[LIFT]
-        elif not comes_slowly(c, FAST_AGAIN, u, w, m):
+        elif not comes_slowly(c, True, u, w, m):
             c[STATE] = ENDING
 
 
 @kernel
-def comes_slowly(c: Floats, slack: float, u: Floats, w: Workspace, m: Motion) -> bool:
+def comes_slowly(c: Floats, again: bool, u: Floats, w: Workspace, m: Motion) -> bool:
     """Whether a held object is near what it may rest on, slow, and comes towards it.
 
     Args:
         c: Their contract; the object is its body A.
-        slack: How much faster it may be, to go on with it [-]; 1 to begin.
+        again: It did so already, and may move away again.
         u: Velocities of all joints.
         w: Workspace.
         m: Motion.
     """
     if not c[NEAREST] <= c[NEAR]:
-        return slack > 1.0
+        return again
     a, b = int(c[FIRST_A]), int(c[FIRST_B])
     point = (c[POINT], c[POINT + 1], c[POINT + 2])
     moves = velocity_of(point, int(w.bodies[a]), u, m)
     if b < m.rate.shape[0]:
         moves = sub(moves, velocity_of(point, int(w.bodies[b]), u, m))
     speed = norm(moves)
-    if not speed <= slack * c[SPEED]:
+    if again:
+        return bool(speed <= c[SPEED])
+    if not speed <= STEADY * c[SPEED]:
         return False
-    if slack > 1.0:
-        return True
     n = (c[NORMAL], c[NORMAL + 1], c[NORMAL + 2])
     return bool(dot(n, moves) >= TOWARDS * speed and speed > STANDS)

@@ -42,7 +42,7 @@ from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.segment import run_segment
 from armguard.guard.self_test import SelfTestLine, SelfTestReport
 from armguard.guard.self_test import self_test as run_self_test
-from armguard.guard.verdict import Names, NearPair, Verdict
+from armguard.guard.verdict import NearPair, Verdict, first_row_of, names_of
 from armguard.guard.watch import (
     HAS_VELOCITY,
     NOW_TIME,
@@ -575,9 +575,7 @@ class Monitor:
         self._shape = (len(tables.q_names),)
         self._memory[FORCE] = 1
         guarded = self._guarded
-        first_row = layout.HEADER
-        if guarded:
-            first_row += len(tables.robots) * layout.ROBOT_WIDTH + len(tables.q_names)
+        first_row = first_row_of(tables)
         self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
         self._nowhere = np.zeros(0)
         self._robot_places = {part.name: r for r, part in enumerate(tables.robots)}
@@ -646,20 +644,7 @@ class Monitor:
         )
         self._open_ledger(workspace)
         self._holding.warm_up(self._lines)
-        self._names = Names(
-            joints=tables.q_names,
-            lower=tables.lower,
-            upper=tables.upper,
-            bodies=tables.body_names,
-            labels=tables.labels,
-            model_errors=tables.model_errors,
-            exact_errors=tables.exact.errors,
-            checkable_pairs=tables.checkable_pairs,
-            robots=tuple(part.name for part in tables.robots) if guarded else (),
-            first_row=first_row,
-            disproved=self._watch.disproved,
-            tables=snapshot(tables),
-        )
+        self._names = names_of(snapshot(tables), self._watch.disproved)
 
     def _address_proofs(self) -> None:
         """Compile, or load, what judges motions, and tell the loop where it lies."""

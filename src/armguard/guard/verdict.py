@@ -81,6 +81,41 @@ class Names:
     tables: SceneTables | None = None
 
 
+def first_row_of(tables: SceneTables) -> int:
+    """Where the rows of near pairs start in the verdicts of a scene."""
+    if all(part.mode == "fixed" for part in tables.robots):
+        return layout.HEADER
+    return layout.HEADER + len(tables.robots) * layout.ROBOT_WIDTH + len(tables.q_names)
+
+
+def names_of(tables: SceneTables, disproved: NDArray[np.int64] | None = None) -> Names:
+    """Names for the verdicts of a scene.
+
+    Args:
+        tables: The scene; kept, so it must not change.
+        disproved: 1 where a joint has broken a declared figure, as long as the guard
+            lives, shape (n,); of none if it is left out.
+    """
+    guarded = any(part.mode != "fixed" for part in tables.robots)
+    robots = tuple(part.name for part in tables.robots) if guarded else ()
+    if disproved is None:
+        disproved = np.zeros(len(tables.q_names), dtype=np.int64)
+    return Names(
+        joints=tables.q_names,
+        lower=tables.lower,
+        upper=tables.upper,
+        bodies=tables.body_names,
+        labels=tables.labels,
+        model_errors=tables.model_errors,
+        exact_errors=tables.exact.errors,
+        checkable_pairs=tables.checkable_pairs,
+        robots=robots,
+        first_row=first_row_of(tables),
+        disproved=disproved,
+        tables=tables,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class NearPair:
     """Two primitives within the reporting margin.
@@ -249,6 +284,19 @@ class Verdict:
         self._fault = fault
         self.stamp = stamp
         self.cycle_time = cycle_time
+
+    @property
+    def numbers(self) -> Floats:
+        """All numbers of the verdict as `armguard.guard.layout` places them.
+
+        With the names of the scene, `names_of`, they make the same verdict again.
+        """
+        return self._data
+
+    @property
+    def fault(self) -> str:
+        """What was wrong with the input, in words; empty if nothing was."""
+        return self._fault
 
     @property
     def reason(self) -> Reason:

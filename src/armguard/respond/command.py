@@ -130,6 +130,14 @@ class Command:
         return self._told[first : first + r]
 
     @property
+    def numbers(self) -> Floats:
+        """All numbers that were told, shape (4 n + 2 r,).
+
+        With the robots of the scene and the verdict they make the same command again.
+        """
+        return self._told
+
+    @property
     def velocity(self) -> Floats:
         """Velocity of each joint, in the order of `q_names`, shape (n,) [rad/s or m/s].
 

@@ -1,0 +1,11 @@
+"""What can go wrong at the edge, before the loop or beside it."""
+
+from armguard.errors import ArmguardError
+
+
+class StationError(ArmguardError):
+    """The station cannot do what it was asked for."""
+
+
+class RingError(StationError):
+    """There is no ring, or no room in it."""

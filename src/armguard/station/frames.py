@@ -1,0 +1,178 @@
+"""What the loop writes into its ring: every cycle, and everything else that happens.
+
+A frame is a row of float64, so that a recording gives back the very bits of what went
+in and of what came out:
+
+    header (HEADER) | q (n) | velocity (n) | stamps (r) | asked (k) | told (t) |
+    verdict (v) | text (UTF-8, padded to whole words)
+
+A frame that is no cycle has only a header and a text.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# Places in the header. Numbers of words follow where sections differ in length.
+KIND = 0
+CYCLE = 1  # number of the cycle; of what is no cycle, of the next one
+MONOTONIC = 2  # when it was written, on the machine's monotonic clock [s]
+WALL = 3  # the same on its wall clock [s]
+FORM = 4
+NOW = 5  # time of the cycle as the guard was told, NaN if it was not [s]
+HAS_VELOCITY = 6
+RECEIVED = 7  # when what the cycle was asked with came in, monotonic, NaN if unknown
+ENDED = 8  # when the cycle had been judged, monotonic [s]
+CYCLE_TIME = 9  # [s]
+JOINTS = 10
+ROBOTS = 11
+ASKED = 12
+TOLD = 13
+VERDICT = 14
+TEXT = 15  # length of the text [bytes]
+HEADER = 16
+
+
+class Kind(IntEnum):
+    """What a frame is about."""
+
+    CYCLE = 1
+    """A cycle: what went in, what came out."""
+
+    EVENT = 2
+    """Something done to the guard between two cycles, as a call with arguments."""
+
+    CHECKPOINT = 3
+    """All that the guard remembers, see `armguard.guard.checkpoint`."""
+
+    NOTE = 4
+    """Something to be told, which changes nothing."""
+
+
+class Form(IntEnum):
+    """What was asked of a cycle."""
+
+    STEP = 0
+    """Nothing: `step`."""
+
+    VELOCITIES = 1
+    POSITIONS = 2
+    TWISTS = 3
+    """Rows of six; the text names the tools."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame that was read.
+
+    Attributes:
+        kind: What it is about.
+        cycle: Number of the cycle.
+        monotonic: When it was written, on the monotonic clock [s].
+        wall: The same on the wall clock [s].
+        form: What was asked of the cycle.
+        now: Time of the cycle as it was told; None if it was not [s].
+        received: When what was asked came in, monotonic; NaN if that is not known [s].
+        ended: When the cycle had been judged, monotonic [s].
+        cycle_time: What judging it took [s].
+        q: Measured joint positions, shape (n,) [rad or m].
+        velocity: Measured velocities; None if there were none, shape (n,).
+        stamps: Stamp of each robot; NaN where there was none, shape (r,) [s].
+        asked: What was asked for, shape (n,), or (6 k,) of k twists.
+        told: What the robots were told, as `Command` cuts it.
+        verdict: The verdict's numbers, see `armguard.guard.layout`.
+        text: Words: of a cycle what was wrong with its input and which tools were
+            asked for, of an event its name and arguments.
+    """
+
+    kind: Kind
+    cycle: int
+    monotonic: float
+    wall: float
+    form: Form = Form.STEP
+    now: float | None = None
+    received: float = np.nan
+    ended: float = np.nan
+    cycle_time: float = 0.0
+    q: Floats = field(default_factory=lambda: np.zeros(0))
+    velocity: Floats | None = None
+    stamps: Floats = field(default_factory=lambda: np.zeros(0))
+    asked: Floats = field(default_factory=lambda: np.zeros(0))
+    told: Floats = field(default_factory=lambda: np.zeros(0))
+    verdict: Floats = field(default_factory=lambda: np.zeros(0))
+    text: Mapping[str, Any] = field(default_factory=dict)
+
+
+def frame_of(row: Floats) -> Frame:
+    """The frame a row holds; its arrays are views of the row.
+
+    Raises:
+        ValueError: The row is no frame.
+    """
+    if len(row) < HEADER:
+        raise ValueError(f"a frame of {len(row)} numbers has no header")
+    head = row[:HEADER]
+    kind = Kind(int(head[KIND]))
+    lengths = [int(head[k]) for k in (JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT)]
+    size = int(head[TEXT])
+    if min(lengths) < 0 or HEADER + sum(lengths) + words(size) != len(row):
+        raise ValueError(f"a frame of {len(row)} numbers tells another length")
+    parts, at = [], HEADER
+    for length in lengths:
+        parts.append(row[at : at + length])
+        at += length
+    q, velocity, stamps, asked, told, verdict = parts
+    now = float(head[NOW])
+    return Frame(
+        kind=kind,
+        cycle=int(head[CYCLE]),
+        monotonic=float(head[MONOTONIC]),
+        wall=float(head[WALL]),
+        form=Form(int(head[FORM])),
+        now=None if np.isnan(now) else now,
+        received=float(head[RECEIVED]),
+        ended=float(head[ENDED]),
+        cycle_time=float(head[CYCLE_TIME]),
+        q=q,
+        velocity=velocity if head[HAS_VELOCITY] else None,
+        stamps=stamps,
+        asked=asked,
+        told=told,
+        verdict=verdict,
+        text=json.loads(row[at:].tobytes()[:size]) if size else {},
+    )
+
+
+def words(size: int) -> int:
+    """Words that hold a number of bytes."""
+    return (size + 7) // 8
+
+
+def text_frame(
+    kind: Kind, cycle: int, monotonic: float, wall: float, text: Mapping[str, Any]
+) -> Floats:
+    """The row of a frame that is no cycle."""
+    data = text_of(text)
+    row = np.zeros(HEADER + words(len(data)))
+    row[:4] = kind, cycle, monotonic, wall
+    row[NOW] = row[RECEIVED] = row[ENDED] = np.nan
+    row[TEXT] = len(data)
+    put_text(data, row[HEADER:])
+    return row
+
+
+def text_of(text: Mapping[str, Any]) -> bytes:
+    """The bytes of a text."""
+    return json.dumps(text).encode()
+
+
+def put_text(data: bytes, room: Floats) -> None:
+    """Write a text into the words at the end of a row."""
+    room.view(np.uint8)[: len(data)] = np.frombuffer(data, np.uint8)
