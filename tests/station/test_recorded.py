@@ -64,6 +64,8 @@ def test_every_form_is_written_with_its_bits(tmp_path: Path):
     assert found[3].text["call"] == "place"
     assert found[3].text["name"] == "cart"
     assert found[4].form is Form.STEP
+    assert (found[4].poses == guard.poses).all()
+    assert guard.poses.shape == (len(guard.tables.parent), 12)
     assert found[4].verdict.tobytes() == verdict.numbers.tobytes()
 
 

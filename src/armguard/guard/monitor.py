@@ -182,6 +182,14 @@ class Monitor:
         return self.tables.q_names
 
     @property
+    def poses(self) -> NDArray[np.float64]:
+        """Poses of all bodies as they were judged last, shape (b, 12).
+
+        The upper three rows of their transforms. The guard's own array: only to look.
+        """
+        return self._poses
+
+    @property
     def home(self) -> NDArray[np.float64]:
         """Home configuration, a copy, shape (n,) [rad or m]."""
         return self.tables.home.copy()
@@ -568,6 +576,7 @@ class Monitor:
         capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
         T_world = np.zeros((bodies, 12))
         world = world_at_home(tables, T_world)
+        self._poses = T_world
         self.index = build_index(tables, world)
         for thing in tables.standing.values():
             if not thing.present:

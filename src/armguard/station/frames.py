@@ -4,7 +4,7 @@ A frame is a row of float64, so that a recording gives back the very bits of wha
 in and of what came out:
 
     header (HEADER) | q (n) | velocity (n) | stamps (r) | asked (k) | told (t) |
-    verdict (v) | text (UTF-8, padded to whole words)
+    verdict (v) | poses (12 b) | text (UTF-8, padded to whole words)
 
 A frame that is no cycle has only a header and a text.
 """
@@ -36,8 +36,9 @@ ROBOTS = 11
 ASKED = 12
 TOLD = 13
 VERDICT = 14
-TEXT = 15  # length of the text [bytes]
-HEADER = 16
+POSES = 15
+TEXT = 16  # length of the text [bytes]
+HEADER = 17
 
 
 class Kind(IntEnum):
@@ -88,6 +89,7 @@ class Frame:
         asked: What was asked for, shape (n,), or (6 k,) of k twists.
         told: What the robots were told, as `Command` cuts it.
         verdict: The verdict's numbers, see `armguard.guard.layout`.
+        poses: Poses of all bodies that were judged, see `Monitor.poses`, shape (b, 12).
         text: Words: of a cycle what was wrong with its input and which tools were
             asked for, of an event its name and arguments.
     """
@@ -107,6 +109,7 @@ class Frame:
     asked: Floats = field(default_factory=lambda: np.zeros(0))
     told: Floats = field(default_factory=lambda: np.zeros(0))
     verdict: Floats = field(default_factory=lambda: np.zeros(0))
+    poses: Floats = field(default_factory=lambda: np.zeros((0, 12)))
     text: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -120,7 +123,8 @@ def frame_of(row: Floats) -> Frame:
         raise ValueError(f"a frame of {len(row)} numbers has no header")
     head = row[:HEADER]
     kind = Kind(int(head[KIND]))
-    lengths = [int(head[k]) for k in (JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT)]
+    places = (JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT, POSES)
+    lengths = [int(head[k]) for k in places]
     size = int(head[TEXT])
     if min(lengths) < 0 or HEADER + sum(lengths) + words(size) != len(row):
         raise ValueError(f"a frame of {len(row)} numbers tells another length")
@@ -128,7 +132,7 @@ def frame_of(row: Floats) -> Frame:
     for length in lengths:
         parts.append(row[at : at + length])
         at += length
-    q, velocity, stamps, asked, told, verdict = parts
+    q, velocity, stamps, asked, told, verdict, poses = parts
     now = float(head[NOW])
     return Frame(
         kind=kind,
@@ -146,6 +150,7 @@ def frame_of(row: Floats) -> Frame:
         asked=asked,
         told=told,
         verdict=verdict,
+        poses=poses.reshape(-1, 12),
         text=json.loads(row[at:].tobytes()[:size]) if size else {},
     )
 

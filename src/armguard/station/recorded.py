@@ -49,6 +49,7 @@ class RecordedGuard:
         self._monotonic, self._wall = monotonic, wall
         self._robots = tuple(part.name for part in guard.tables.robots)
         self._joints = len(guard.q_names)
+        self._poses = guard.poses.reshape(-1)
         self._nowhere = np.full(self._joints, np.nan)
 
     def step(
@@ -279,7 +280,9 @@ class RecordedGuard:
             text = frames.text_of({"fault": verdict.fault, "tools": list(tools)})
         wish = asked if form in (Form.STEP, Form.TWISTS) else as_row(asked, n)
         k, t, v = len(wish), len(told), len(numbers)
-        row = self._ring.reserve(HEADER + 2 * n + r + k + t + v + words(len(text)))
+        poses = self._poses
+        p = len(poses)
+        row = self._ring.reserve(HEADER + 2 * n + r + k + t + v + p + words(len(text)))
         ended = self._monotonic()
         row[:HEADER] = (
             Kind.CYCLE,
@@ -297,6 +300,7 @@ class RecordedGuard:
             k,
             t,
             v,
+            p,
             len(text),
         )
         at = HEADER
@@ -318,6 +322,8 @@ class RecordedGuard:
         at += t
         row[at : at + v] = numbers
         at += v
+        row[at : at + p] = poses
+        at += p
         if text:
             frames.put_text(text, row[at:])
         self._ring.commit()
