@@ -42,15 +42,21 @@ LEFT_OUT: dict[str, frozenset[str]] = {
     "grips": frozenset("swap fingers members velocity".split()),
     "response": frozenset(
         (
-            "settings twists tool_columns tool_square tool_speeds raw rows limits eased "
-            "program solver lead escape"
+            "settings twists tool_columns tool_square tool_speeds raw rows limits "
+            "eased program solver lead escape"
         ).split()
     ),
     "lead": frozenset("pull push weight columns square twist".split()),
 }
 
 # What of the tables changes with who holds what.
-TABLES_KEPT = ("parent", "T_parent_joint", "checked", "robot_of_primitive", "base_reach")
+TABLES_KEPT = (
+    "parent",
+    "T_parent_joint",
+    "checked",
+    "robot_of_primitive",
+    "base_reach",
+)
 
 # What of each is kept, where most of it does not.
 KEPT: dict[str, frozenset[str]] = {

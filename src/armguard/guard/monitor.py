@@ -630,7 +630,9 @@ class Monitor:
                 "another version; a guard of the very same scene can take it over"
             )
         places = self._places_of(about["changed"])
-        where = {k: np.zeros_like(v) for k, v in whereabouts(self.index, places).items()}
+        where = {
+            k: np.zeros_like(v) for k, v in whereabouts(self.index, places).items()
+        }
         write_back(numbers, {**remembered, **where})
         self._last_stamp = about["last_stamp"]
         self._holding.holders.clear()

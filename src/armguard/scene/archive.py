@@ -44,8 +44,8 @@ from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSetting
 PARTS: dict[str, type] = {
     part.__name__: part
     for part in (
-        *SHAPES.values(), Allowance, CollisionElement, CubeSettings, Cylinder, DisabledPair,
-        FittedLink, Grasp, Gripper, IndexSettings, Joint, Link, MeshFile, Mimic,
+        *SHAPES.values(), Allowance, CollisionElement, CubeSettings, Cylinder,
+        DisabledPair, FittedLink, Grasp, Gripper, IndexSettings, Joint, Link, MeshFile, Mimic,
         PlacedShape, Pose, ResponseSettings, RobotModel, SceneObject, SceneRobot,
         StopTable, StoppingFigures, Surface,
     )

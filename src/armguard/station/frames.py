@@ -189,7 +189,14 @@ def text_frame(
 
 def text_of(text: Mapping[str, Any]) -> bytes:
     """The bytes of a text."""
-    return json.dumps(text).encode()
+    return json.dumps(text, default=as_json).encode()
+
+
+def as_json(value: Any) -> Any:
+    """A value of NumPy as JSON has it; of anything else how it is written."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return str(value)
 
 
 def put_text(data: bytes, room: Floats) -> None:

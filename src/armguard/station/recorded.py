@@ -86,8 +86,10 @@ class RecordedGuard:
     ) -> Command:
         """See `Guard.filter`; `received` is when it came in, monotonic [s]."""
         command = self.guard.filter(q, v_desired, stamp, velocity=velocity, now=now)
-        asked: ArrayLike = v_desired if not isinstance(v_desired, Mapping) else (
-            by_name(v_desired, self.guard.q_names)
+        asked: ArrayLike = (
+            v_desired
+            if not isinstance(v_desired, Mapping)
+            else (by_name(v_desired, self.guard.q_names))
         )
         self._write_command(
             Form.VELOCITIES, q, velocity, stamp, now, asked, command, received
@@ -185,7 +187,8 @@ class RecordedGuard:
         if region is not None:
             where = {
                 "half_extents": list(region.half_extents),
-                "pose": region.pose.matrix().tolist(),
+                "xyz": list(region.pose.xyz),
+                "rpy": list(region.pose.rpy),
                 "frame": region.frame,
             }
         self.note(
