@@ -1,5 +1,8 @@
 """Parts of service and client that need no process."""
 
+import contextlib
+import logging
+import os
 import subprocess
 import sys
 import time
@@ -10,6 +13,7 @@ import pytest
 
 from armguard.scene import bay_scene, compile_scene
 from armguard.station.client.clock import ServiceClock
+from armguard.station.service.complaints import PatientHandler
 from armguard.station.service.counters import (
     BUCKETS,
     DROPS,
@@ -120,3 +124,19 @@ def test_the_service_clock_is_known_to_half_the_quickest_round_trip():
     assert clock() - time.monotonic() == pytest.approx(away, abs=1e-3)
     clock.share()
     assert clock.offset == clock.bound == 0.0
+
+
+def test_a_log_that_nobody_reads_makes_nobody_wait(tmp_path):
+    read, write = os.pipe()
+    with os.fdopen(read, "rb"), os.fdopen(write, "w") as stream:
+        handler = PatientHandler(stream)
+        record = logging.makeLogRecord({"msg": "x" * 1000, "levelname": "WARNING"})
+        for _ in range(5000):
+            handler.emit(record)
+        assert handler._lines.qsize() <= 1000
+        handler.finish(0.1)
+        # Let the thread go on, so that the pipe can be closed.
+        os.set_blocking(read, False)
+        while handler._lines.qsize() or handler._writing:
+            with contextlib.suppress(BlockingIOError):
+                os.read(read, 1 << 16)

@@ -413,7 +413,7 @@ class Service:
             name = bytes(payload[HELLO.size : HELLO.size + 64]).decode(errors="replace")
             peer = Peer(door.sender, name, address, door.sequence, now)
             self._peers.greet(peer)
-            log.info("%r at %s:%s says hello", name, *address)
+            self._complaints.name("hello", f"{name!r} at {address} is here", now)
         peer.every, peer.sensor = every, bool(flags & SENSOR)
         self.counters.count(HELLOS)
         self._welcome(peer, door.stamp, now)
