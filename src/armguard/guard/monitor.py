@@ -648,7 +648,12 @@ class Monitor:
         """Arrays that a checkpoint keeps, by name, and the digest of their layout."""
         if not self._kept:
             self._kept = self._arrays_kept()
-            self._layout = layout_of(self._kept, (*self.q_names, *self._robot_places))
+            things = self.tables.standing.items()
+            self._layout = layout_of(
+                self._kept,
+                [*self.q_names, *self._robot_places, len(self.tables.kinds)],
+                [[name, thing.first, thing.count] for name, thing in things],
+            )
         return self._kept, self._layout
 
     def _arrays_kept(self) -> dict[str, NDArray[Any]]:
