@@ -13,6 +13,7 @@ import pytest
 
 from armguard.scene import bay_scene, compile_scene
 from armguard.station.client.clock import ServiceClock
+from armguard.station.service import machine
 from armguard.station.service.complaints import PatientHandler
 from armguard.station.service.counters import (
     BUCKETS,
@@ -140,3 +141,14 @@ def test_a_log_that_nobody_reads_makes_nobody_wait(tmp_path):
         while handler._lines.qsize() or handler._writing:
             with contextlib.suppress(BlockingIOError):
                 os.read(read, 1 << 16)
+
+
+def test_what_the_machine_refuses_is_a_sentence(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    assert "no real-time scheduling: " in machine.ask_realtime()
+    assert "CAP_SYS_NICE" in machine.ask_realtime()
+    assert "not bound to processor 3: " in machine.ask_cpu(3)
