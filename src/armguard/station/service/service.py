@@ -2,7 +2,6 @@
 
 import gc
 import logging
-import os
 import secrets
 import select
 import socket
@@ -14,7 +13,7 @@ import numpy as np
 
 from armguard.scene import Scene
 from armguard.station.errors import ServiceError
-from armguard.station.ring import RingWriter, in_memory
+from armguard.station.ring import RingWriter
 from armguard.station.service import machine
 from armguard.station.service.answers import STOP_LEVEL, Answers
 from armguard.station.service.calls import Calls, read_call, region_of
@@ -30,6 +29,7 @@ from armguard.station.service.counters import (
 from armguard.station.service.door import Door
 from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Address, Peer, Peers
+from armguard.station.service.rings import new_ring
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.states import States
 from armguard.station.service.welcome import (
@@ -113,7 +113,7 @@ class Service:
         self._socket = listening(settings.bind, settings.port)
         self.port: int = self._socket.getsockname()[1]
         self.session = secrets.randbits(63) | 1
-        path = settings.ring or in_memory() / f"armguard-{self.port}-{os.getpid()}"
+        path = settings.ring or new_ring(self.port)
         try:
             self.ring = RingWriter(path, settings.ring_size)
             try:
