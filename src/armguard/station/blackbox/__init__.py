@@ -1,0 +1,1 @@
+"""Edge: what the loop wrote down, kept, told and run again."""
