@@ -9,3 +9,7 @@ class StationError(ArmguardError):
 
 class RingError(StationError):
     """There is no ring, or no room in it."""
+
+
+class RecordingError(StationError):
+    """A recording cannot be read, or cannot do what it was asked for."""

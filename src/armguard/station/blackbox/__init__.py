@@ -1,1 +1,8 @@
-"""Edge: what the loop wrote down, kept, told and run again."""
+"""Edge: what remembers the guard: recorder, recovery, replay and comparison.
+
+Needs the packages of `armguard[station]`.
+"""
+
+from armguard.station.blackbox.recording import Recording, open_recording
+
+__all__ = ["Recording", "open_recording"]
