@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from armguard.guard.levels import Level
+from armguard.guard.proofs import LOOK_AHEAD
+from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.station.blackbox.report.distribution import distribution
 from armguard.station.blackbox.report.findings import Findings
 from armguard.station.blackbox.report.palette import (
@@ -36,9 +38,11 @@ Floats = NDArray[np.float64]
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', sans-serif"
 
-# Nothing beyond this is drawn of clearances and of slack [mm], [ms].
+# Nothing beyond this is drawn of clearances [mm].
 FARTHEST = 120.0
-LONGEST = 250.0
+
+# The guard looks so far ahead; more slack than this it does not tell [s].
+LOOKED = LOOK_AHEAD * SLOW_TIME_DEFAULT * (1.0 - 1e-6)
 
 # Bins of a histogram of times, for each tenfold.
 BINS_EACH_TENFOLD = 16
@@ -72,8 +76,10 @@ def level_bars(findings: Findings) -> go.Figure:
                 "line": {"color": "#ffffff", "width": 1},
                 "pattern": {
                     "shape": PATTERNS[level],
-                    "solidity": 0.15,
+                    "fillmode": "overlay",
                     "fgcolor": INK,
+                    "fgopacity": 0.22,
+                    "size": 7,
                 },
             },
             text=[
@@ -94,7 +100,7 @@ def level_bars(findings: Findings) -> go.Figure:
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
     )
     figure.update_xaxes(ticksuffix=" %", range=[0, 100])
-    figure.update_yaxes(autorange="reversed")
+    figure.update_yaxes(autorange="reversed", automargin=True)
     return styled(figure)
 
 
@@ -102,6 +108,7 @@ def time_line(findings: Findings) -> go.Figure:
     """Levels, clearance, slack and cycle time over the whole recording."""
     line = timeline(findings.series)
     robots = findings.robots or ("all",)
+    unit, size = unit_of(findings.series.duration)
     heights = [0.10 + 0.05 * len(robots), 0.35, 0.22, 0.22]
     figure = make_subplots(
         rows=4,
@@ -110,12 +117,14 @@ def time_line(findings: Findings) -> go.Figure:
         row_heights=heights,
         vertical_spacing=0.035,
     )
-    figure.add_trace(level_strip(line, robots), row=1, col=1)
+    figure.add_trace(level_strip(line, robots, size), row=1, col=1)
     clearance = np.where(line.clearance * 1e3 > FARTHEST, np.nan, line.clearance * 1e3)
-    add_line(figure, 2, line, clearance, BLUE, "%{y:.1f} mm left")
-    slack = np.where(line.slack * 1e3 > LONGEST, np.nan, line.slack * 1e3)
-    add_line(figure, 3, line, slack, GREEN, "%{y:.0f} ms until a stop")
-    add_line(figure, 4, line, line.cycle_time * 1e6, FAINT, "longest cycle %{y:.0f} µs")
+    add_line(figure, 2, line, clearance, BLUE, "%{y:.1f} mm left", size)
+    slack = np.where(line.slack >= LOOKED, np.nan, line.slack * 1e3)
+    add_line(figure, 3, line, slack, GREEN, "%{y:.0f} ms until a stop", size)
+    add_line(
+        figure, 4, line, line.cycle_time * 1e6, FAINT, "longest cycle %{y:.0f} µs", size
+    )
     figure.add_hline(
         y=0.0,
         row=2,
@@ -127,7 +136,7 @@ def time_line(findings: Findings) -> go.Figure:
     )
     stops = findings.stops
     figure.add_scatter(
-        x=[halt.at - findings.begin for halt in stops],
+        x=[(halt.at - findings.begin) / size for halt in stops],
         y=[0.0] * len(stops),
         mode="markers",
         marker={"symbol": "triangle-down", "size": 10, "color": VERMILLION},
@@ -140,14 +149,14 @@ def time_line(findings: Findings) -> go.Figure:
         ("level", "clearance [mm]", "slack [ms]", "cycle [µs]"), start=1
     ):
         figure.update_yaxes(title_text=title, row=row, col=1)
-    figure.update_yaxes(type="log", row=4, col=1)
+    figure.update_yaxes(type="log", dtick=1, row=4, col=1)
     figure.update_yaxes(autorange="reversed", row=1, col=1)
-    figure.update_xaxes(title_text="time since the first cycle [s]", row=4, col=1)
+    figure.update_xaxes(title_text=f"time since the first cycle [{unit}]", row=4, col=1)
     figure.update_layout(height=640, showlegend=False, hovermode="x")
     return styled(figure)
 
 
-def level_strip(line: Timeline, robots: Sequence[str]) -> go.Heatmap:
+def level_strip(line: Timeline, robots: Sequence[str], size: float) -> go.Heatmap:
     """Levels as coloured cells, one row for each robot."""
     steps = [float(level) for level in Level]
     place = {level: k for k, level in enumerate(steps)}
@@ -161,7 +170,7 @@ def level_strip(line: Timeline, robots: Sequence[str]) -> go.Heatmap:
     words = [WORDS[level] for level in Level]
     text = [["" if c != c else words[int(c)] for c in row] for row in codes.tolist()]
     return go.Heatmap(
-        x=rounded(line.t),
+        x=rounded(line.t / size),
         y=[in_plot(name) for name in robots],
         z=[[None if c != c else int(c) for c in row] for row in codes.tolist()],
         text=text,
@@ -180,10 +189,11 @@ def add_line(
     values: Floats,
     colour: str,
     told: str,
+    size: float,
 ) -> None:
     """A line of the worst of each bucket."""
     figure.add_scatter(
-        x=rounded(line.t),
+        x=rounded(line.t / size),
         y=[None if v != v else float(f"{v:.4g}") for v in values.tolist()],
         mode="lines",
         line={"color": colour, "width": 1.6, "shape": "hvh"},
@@ -200,16 +210,17 @@ def slack_histogram(findings: Findings) -> go.Figure:
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.1, shared_yaxes=False)
     for col, (values, most, least, title, colour) in enumerate(
         (
-            (series.slack, LONGEST, 0.0, "time until a stop [ms]", GREEN),
+            (series.slack, LOOKED * 1e3, 0.0, "time until a stop [ms]", GREEN),
             (series.clearance, FARTHEST, -20.0, "clearance [mm]", BLUE),
         ),
         start=1,
     ):
         number = values.astype(np.float64) * 1e3
-        known = np.isfinite(number)
+        # What is too far away to matter is told in words.
+        known = np.isfinite(number) & (number < most)
         edges = np.linspace(least, most, 51)
         held, _ = np.histogram(
-            np.clip(number[known], least, most), edges, weights=series.held[known]
+            np.clip(number[known], least, None), edges, weights=series.held[known]
         )
         figure.add_bar(
             x=((edges[1:] + edges[:-1]) / 2.0).tolist(),
@@ -282,14 +293,15 @@ def time_histogram(findings: Findings) -> go.Figure:
         x=float(np.log10(findings.deadline)),
         line={"color": VERMILLION, "width": 2},
         annotation_text=f"deadline {short_time(findings.deadline)}",
-        annotation_position="bottom right",
+        annotation_position="top right",
+        annotation_yshift=-70,
         annotation_font={"color": VERMILLION},
     )
     decades = range(-7, 2)
     figure.update_xaxes(
         tickvals=list(decades),
         ticktext=[round_time(10.0**k) for k in decades],
-        title_text="judging",
+        title_text="time",
     )
     figure.update_yaxes(type="log", title_text="cycles", dtick=1)
     figure.update_layout(
@@ -297,7 +309,6 @@ def time_histogram(findings: Findings) -> go.Figure:
         barmode="overlay",
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
     )
-    figure.update_xaxes(title_text="time")
     return styled(figure)
 
 
@@ -309,9 +320,16 @@ def round_time(seconds: float) -> str:
     return f"{seconds * 1e9:.0f} ns"
 
 
+def unit_of(length: float) -> tuple[str, float]:
+    """Unit of a time axis, and how long it is [s]."""
+    if length < 300.0:
+        return "s", 1.0
+    return ("min", 60.0) if length < 3.0 * 3600.0 else ("h", 3600.0)
+
+
 def rounded(t: Floats) -> list[float]:
     """Times a page needs no more digits of."""
-    return [round(value, 4) for value in t.tolist()]
+    return [round(value, 5) for value in t.tolist()]
 
 
 def styled(figure: go.Figure) -> go.Figure:

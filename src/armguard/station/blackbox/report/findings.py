@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from armguard.guard.levels import Level, Reason
-from armguard.guard.verdict import Names
+from armguard.guard.verdict import Names, names_of
+from armguard.scene.compile import compile_scene
+from armguard.station.blackbox.recording import Recording
 from armguard.station.blackbox.report.block import blocks
 from armguard.station.blackbox.report.closest import Closest, ClosestPairs
 from armguard.station.blackbox.report.distribution import Distribution, distribution
 from armguard.station.blackbox.report.halts import CauseCount, Halt, Halts, by_cause
-from armguard.station.blackbox.report.model import ModelFacts
+from armguard.station.blackbox.report.model import ModelFacts, model_facts
 from armguard.station.blackbox.report.near_misses import (
     Closeness,
     NearMiss,
@@ -32,12 +34,12 @@ class Happening:
     """Something that was done to the guard, or told.
 
     Attributes:
-        t: When, since the first cycle [s].
+        at: When, on the monotonic clock [s].
         kind: Call, checkpoint or note.
         text: Its name and arguments.
     """
 
-    t: float
+    at: float
     kind: Kind
     text: Mapping[str, Any]
 
@@ -183,12 +185,17 @@ class Findings:
             "deadline_misses": self.misses,
             "ages": {name: told(ages) for name, ages in self.ages().items()},
             "events": [
-                {"t": event.t, "kind": event.kind.name, **event.text}
+                {"t": event.at - begin, "kind": event.kind.name, **event.text}
                 for event in self.events
             ],
             "problems": list(self.problems),
             "model": None if self.model is None else self.model.to_dict(),
         }
+
+
+def is_news(event: Happening) -> bool:
+    """Whether an event is more than what every recording writes again and again."""
+    return event.kind is not Kind.CHECKPOINT and event.text.get("note") != "scene"
 
 
 def told(numbers: Distribution | None) -> dict[str, float] | None:
@@ -219,10 +226,10 @@ def gather(
         names: Names of the scene they were judged in.
         source: Name of the file.
         info: What the recording says of itself.
-        problems: What the file lacks.
+        problems: What the file lacks; looked at when all frames are read.
         model: What it was judged with.
         closeness: What counts as a near miss.
-        progress: Called with the number of cycles read.
+        progress: Called with the number of cycles that were read since the last call.
     """
     tables = names.tables
     if tables is None:
@@ -231,26 +238,26 @@ def gather(
     series = SeriesMaker(len(names.robots), tables.period)
     halts, closest = Halts(names), ClosestPairs(names)
     near = NearMisses(names, closeness)
-    events: list[Frame] = []
-    foreign = whole = read = 0
+    events: list[Happening] = []
+    foreign = whole = 0
     begin = wall = float("nan")
     for block in blocks(frames, names):
         if block.frames and begin != begin:
             begin, wall = block.frames[0].monotonic, block.frames[0].wall
         for part in (series, halts, closest, near):
             part.add(block)
-        events += block.events
+        # Not as frames: those of scenes and checkpoints bring them with them.
+        events += [Happening(e.monotonic, e.kind, e.text) for e in block.events]
         foreign += block.foreign
         whole += int(block.whole.sum())
-        read += len(block.frames)
         if progress is not None:
-            progress(read)
+            progress(len(block.frames))
     lacks = list(problems)
     if foreign:
         lacks.append(
             f"{foreign} cycles do not fit the scene in the file and are left out"
         )
-    if not read:
+    if begin != begin:
         lacks.append("there is no cycle in it")
     return Findings(
         source=source,
@@ -265,11 +272,43 @@ def gather(
         closeness=closeness,
         closest=closest.pairs(),
         whole=whole,
-        events=[Happening(e.monotonic - begin, e.kind, e.text) for e in events],
+        events=[event for event in events if is_news(event)],
         problems=lacks,
         model=model,
         sensing=tuple(
             float("nan") if part.stopping is None else part.stopping.sensing
             for part in tables.robots
         ),
+    )
+
+
+def findings_of(
+    recording: Recording,
+    *,
+    closeness: Closeness | None = None,
+    prove_seconds: float = 0.0,
+    progress: Callable[[int], None] | None = None,
+) -> Findings:
+    """All that a recording holds, in the scene that is in it.
+
+    Args:
+        recording: The recording.
+        closeness: What counts as a near miss.
+        prove_seconds: Time for proofs that are not kept on this machine [s].
+        progress: See `gather`.
+
+    Raises:
+        RecordingError: There is no scene in it.
+    """
+    scene = recording.scene()
+    first, *more = [path.name for path in recording.paths]
+    return gather(
+        recording.frames(),
+        names_of(compile_scene(scene)),
+        source=first if not more else f"{first} and {len(more)} more",
+        info=recording.info,
+        problems=recording.problems,
+        model=model_facts(scene, prove_seconds),
+        closeness=closeness,
+        progress=progress,
     )

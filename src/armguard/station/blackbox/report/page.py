@@ -1,15 +1,22 @@
 """The page: one file of HTML that asks nobody for anything."""
 
+from pathlib import Path
+
 import plotly.graph_objects as go
 from plotly.io import to_html
 from plotly.offline import get_plotlyjs
 
 from armguard.station.blackbox.report import figures, sections, sections_of_record
 from armguard.station.blackbox.report.findings import Findings
-from armguard.station.blackbox.report.sentences import NOT, summary, when
+from armguard.station.blackbox.report.sentences import (
+    NOT,
+    more_left,
+    summary,
+    when,
+)
 from armguard.station.blackbox.report.spoken import Sense
 from armguard.station.blackbox.report.style import CSS
-from armguard.station.blackbox.report.tables import paragraph, section
+from armguard.station.blackbox.report.tables import level_key, paragraph, section
 from armguard.station.blackbox.report.words import (
     duration,
     millimetres,
@@ -17,6 +24,7 @@ from armguard.station.blackbox.report.words import (
     share,
     short_time,
 )
+from armguard.station.errors import StationError
 
 # Whatever a name in the recording holds: the page may fetch nothing from anywhere.
 POLICY = (
@@ -57,7 +65,7 @@ def page(findings: Findings) -> str:
         tiles(findings),
         paragraph(NOT, "small faint"),
         "<nav>"
-        + "".join(f'<a href="#{name}">{word}</a>' for name, word in PLACES)
+        + " ".join(f'<a href="#{name}">{word}</a>' for name, word in PLACES)
         + "</nav>",
         sections_of_record.what(findings),
     ]
@@ -74,6 +82,7 @@ def page(findings: Findings) -> str:
                     "recording. Drag to look closer, double-click to go back.",
                     "faint small",
                 ),
+                level_key(),
                 plot(figures.time_line(findings), "plot-timeline"),
             ),
             sections.near_misses(findings),
@@ -83,11 +92,11 @@ def page(findings: Findings) -> str:
                 "slack",
                 "How much was left",
                 paragraph(
-                    "For how long how much was left until a stop had to be ordered. "
-                    "Where no pair was near, nothing is counted.",
+                    "For how long how much was left until a stop had to be ordered.",
                     "faint small",
                 ),
                 plot(figures.slack_histogram(findings), "plot-slack"),
+                paragraph(more_left(findings), "small"),
             ),
             sections_of_record.times(
                 findings, plot(figures.time_histogram(findings), "plot-times")
@@ -110,6 +119,20 @@ def page(findings: Findings) -> str:
         + "\n".join(parts)
         + "</main></body></html>\n"
     )
+
+
+def write_page(findings: Findings, path: Path) -> None:
+    """Write the page into a file.
+
+    Raises:
+        StationError: It cannot be written.
+    """
+    try:
+        path.write_text(page(findings), encoding="utf-8")
+    except OSError as error:
+        raise StationError(
+            f"{path}: the page cannot be written: {error.strerror}"
+        ) from error
 
 
 def tiles(findings: Findings) -> str:

@@ -71,6 +71,7 @@ def levels(findings: Findings, plot: str) -> str:
         ),
         plot,
         table(heads, rows, numbers=range(1, len(heads))),
+        "" if findings.robots else paragraph(FIXED, "faint small"),
     )
 
 
@@ -96,13 +97,14 @@ def near_misses(findings: Findings) -> str:
                 told.subject or NOTHING,
                 millimetres(told.distance),
                 millimetres(told.needed),
-                millimetres(miss.nearest.distance),
+                millimetres(miss.clearance),
                 duration(miss.ended - miss.began),
-                told.sense.value if miss.level >= Level.STOP else NOTHING,
+                NOTHING if told.cause is None else told.cause.value,
             ]
         )
     heads = (
-        "time", "level", "pair", "distance", "needed", "nearest", "lasted", "stop was",
+        "time", "level", "pair", "distance", "needed", "least clearance", "lasted",
+        "made by",
     )  # fmt: skip
     parts = [
         paragraph(f"Here {what}; what is less than a second apart is one.", "faint")
@@ -124,6 +126,8 @@ def near_misses(findings: Findings) -> str:
     return section("near", f"Near misses: {len(misses)}", *parts)
 
 
+FIXED = "All robots are of mode “fixed”, whose level is one for all of them."
+
 KEY = (
     '<p class="key small faint">Plots, from 2 s before to 3 s after:'
     f'<i style="border-color:{BLUE}"></i>distance of the nearest pair'
@@ -138,7 +142,7 @@ def one_near_miss(findings: Findings, number: int, miss: NearMiss) -> str:
     lines = [told.why]
     if told.remedy:
         lines.append(f"What would have let this cycle pass: {told.remedy}.")
-    if miss.nearest_at != miss.at and miss.nearest.why != told.why:
+    if miss.nearest_at != miss.at and miss.nearest.clearance is not None:
         lines.append(
             f"Least clearance {millimetres(miss.clearance)} at "
             f"{clock(miss.nearest_at - begin)}: {miss.nearest.why}"
@@ -189,7 +193,12 @@ def stops(findings: Findings) -> str:
     if rows:
         parts += [
             "<h3>Were they needed?</h3>",
-            table(("stops", "number", "share", "which means"), rows, numbers=(1, 2)),
+            table(
+                ("stops", "number", "share", "which means"),
+                rows,
+                numbers=(1, 2),
+                times=(0,),
+            ),
             paragraph(
                 "By the guard's own classes. A stop is ordered in the first cycle that "
                 "lacks something, so it hardly ever lacks much.",
@@ -203,7 +212,7 @@ def stops(findings: Findings) -> str:
         )  # fmt: skip
         parts += [
             "<h3>By cause</h3>",
-            table(heads, causes, numbers=(1, 2, 4)),
+            table(heads, causes, numbers=(1, 2, 4), times=(0,)),
         ]
     told = advice(findings)
     if told:
@@ -273,7 +282,7 @@ def contracts(findings: Findings) -> str:
         ]
     if calls:
         rows: list[list[Cell]] = [
-            [clock(e.t), str(e.text["call"]), arguments(e.text)]
+            [clock(e.at - findings.begin), str(e.text["call"]), arguments(e.text)]
             for e in calls[:MOST_EVENTS]
         ]
         parts += [
@@ -290,7 +299,7 @@ def events(findings: Findings) -> str:
     others = [e for e in findings.events if e.text.get("call") not in CONTRACTS]
     rows: list[list[Cell]] = [
         [
-            clock(e.t),
+            clock(e.at - findings.begin),
             e.kind.name.lower(),
             str(e.text.get("call", e.text.get("note", ""))),
             arguments(e.text),

@@ -24,7 +24,7 @@ from armguard.station.blackbox.report.words import (
 )
 
 # What a recording says of itself that has a place of its own on the page.
-SHOWN = ("names", "robots", "bodies", "settings")
+SHOWN = ("names", "robots", "bodies", "settings", "note", "period", "archive")
 
 # Gaps that are listed.
 MOST_GAPS = 20
@@ -169,16 +169,16 @@ def model(facts_: ModelFacts | None, info: Mapping[str, object]) -> str:
         "fits contained", "figures assumed", "fingerprint",
     )  # fmt: skip
     assumed = sum(r.assumed for r in facts_.robots)
+    hashed = info.get("scene_hash", info.get("archive", "not told"))
     parts = [
         table(heads, rows, numbers=(3,)),
         facts(
             [
-                ("scene hash", str(info.get("scene_hash", "not told"))),
+                ("scene hash", str(hashed)),
                 ("objects", facts_.objects),
                 ("buffer at most", millimetres(facts_.buffer)),
                 ("pairs told from", millimetres(facts_.margin)),
-                ("period", f"{short_time(facts_.period)}, at most "
-                           f"{short_time(facts_.late)} later"),
+                ("period", late_period(facts_)),
                 ("allowed pairs", ", ".join(f"{n} {who}" for who, n in
                                             facts_.allowed.items()) or "none"),
                 ("claims and proofs", claims(facts_.claims)),
@@ -200,6 +200,14 @@ def model(facts_: ModelFacts | None, info: Mapping[str, object]) -> str:
             )
         )
     return section("model", "Model, figures and proofs", *parts)
+
+
+def late_period(facts_: ModelFacts) -> str:
+    """The declared period, and how late a cycle may be."""
+    told = short_time(facts_.period)
+    if not facts_.late:
+        return f"{told}, no cycle may be late"
+    return f"{told}, a cycle may be {short_time(facts_.late)} late"
 
 
 def claims(found: Claims) -> str:

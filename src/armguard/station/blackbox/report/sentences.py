@@ -3,7 +3,10 @@
 from datetime import UTC, datetime
 from math import isfinite
 
+import numpy as np
+
 from armguard.guard.levels import Level
+from armguard.station.blackbox.report.figures import LOOKED
 from armguard.station.blackbox.report.findings import Findings
 from armguard.station.blackbox.report.spoken import Sense
 from armguard.station.blackbox.report.words import (
@@ -39,26 +42,23 @@ def summary(findings: Findings) -> str:
         f"judged {len(series.t):,} times: {count(len(stops), 'stop')}"
     ]
     if stops:
-        parts.append(f" ({senses(findings)})")
+        needless = len(findings.stops_that_were(Sense.NEEDLESS))
+        parts.append(f" ({needless or 'none'} of them needless)")
     parts.append(f", {count(near, 'near miss', 'near misses')}. ")
     parts.append(nearest_sentence(findings))
     if findings.faults:
         parts.append(
             f" In {count(findings.faults, 'cycle')} the input could not be believed."
         )
-    if findings.problems or series.missing or len(series.gaps):
+    if findings.problems or series.missing:
         parts.append(" The recording is not whole; see below.")
+    if len(series.gaps):
+        parts.append(
+            f" There is {count(len(series.gaps), 'gap')} in it."
+            if len(series.gaps) == 1
+            else f" There are {count(len(series.gaps), 'gap')} in it."
+        )
     return "".join(parts)
-
-
-def senses(findings: Findings) -> str:
-    """Stops by what they were good for."""
-    told = []
-    for sense in Sense:
-        number = len(findings.stops_that_were(sense))
-        if number:
-            told.append(f"{number} {sense.value}")
-    return ", ".join(told)
 
 
 def nearest_sentence(findings: Findings) -> str:
@@ -106,3 +106,15 @@ def moving_share(findings: Findings) -> str:
     series = findings.series
     stopped = series.held[series.level >= Level.STOP].sum()
     return share(series.judged - float(stopped), series.judged)
+
+
+def more_left(findings: Findings) -> str:
+    """For how long there was more left than is drawn."""
+    series = findings.series
+    far = float(series.held[~(series.slack < LOOKED)].sum())
+    alone = float(series.held[np.isinf(series.clearance)].sum())
+    return (
+        f"The guard looks {LOOKED * 1e3:.0f} ms ahead: for {duration(far)} "
+        f"({share(far, series.judged)}) more than that was left. No pair was within "
+        f"the margin for {duration(alone)} ({share(alone, series.judged)})."
+    )

@@ -86,14 +86,25 @@ def small_plot(series: Series, t: float, begin: float, end: float) -> str:
         told = "0 s" if second == 0 else f"{second:+d}"
         parts.append(words(x(second), HEIGHT - 6, told, "middle"))
     parts.append(line(x(0), y0, x(0), y1, FAINT, "2 3"))
-    parts.append(path(times, distance, seen, top, x, y, BLUE, 2.0))
-    parts.append(path(times, need, seen, top, x, y, VERMILLION, 1.6, "5 3"))
+    places = drawn(left, seen)
+    parts.append(path(places, times, distance, seen, top, x, y, BLUE, 2.0))
+    parts.append(path(places, times, need, seen, top, x, y, VERMILLION, 1.6, "5 3"))
     parts.append(levels(series.level[span], times, x, y1 + 8))
     parts.append("</svg>")
     return "".join(parts)
 
 
+def drawn(left: Floats, seen: NDArray[np.bool_]) -> list[int]:
+    """Cycles that are drawn: of each few the one with the least left."""
+    if len(left) <= POINTS:
+        return list(range(len(left)))
+    edges = np.linspace(0, len(left), POINTS + 1).astype(int).tolist()
+    known = np.where(seen, left, np.inf)
+    return [a + int(known[a:b].argmin()) for a, b in pairwise(edges)]
+
+
 def path(
+    places: list[int],
     times: Floats,
     values: Floats,
     seen: NDArray[np.bool_],
@@ -105,16 +116,8 @@ def path(
     dashes: str = "",
 ) -> str:
     """A line through values, broken where there are none."""
-    places = np.arange(len(times))
-    if len(places) > POINTS:
-        # The least of each few: what comes near must be seen.
-        edges = np.linspace(0, len(times), POINTS + 1).astype(int)
-        masked = np.where(seen, values, np.inf)
-        places = np.array(
-            [a + int(masked[a:b].argmin()) for a, b in pairwise(edges) if b > a]
-        )
     pieces, pen = [], "M"
-    for k in places.tolist():
+    for k in places:
         if not seen[k]:
             pen = "M"
             continue

@@ -17,8 +17,8 @@ class Sense(Enum):
     """The arms were too near or too fast, or a stop was not what was declared."""
 
     EARLY = "early"
-    """With a closer fit, fresher data or a faster reaction it would have come later.
-    Whether it would have come at all, nobody knows."""
+    """With a closer fit, fresher data or a faster reaction it would have come later, or
+    not at all: nobody knows."""
 
     NEEDLESS = "needless"
     """Nothing was too near: the input could not be believed, or the guard's own limits

@@ -20,7 +20,7 @@ a { color: var(--mark); }
 section { background: var(--card); border: 1px solid var(--line); border-radius: 10px;
   padding: 18px 20px; margin: 16px 0; }
 .tiles { display: grid; gap: 12px; margin: 16px 0;
-  grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); }
+  grid-template-columns: repeat(auto-fit, minmax(132px, 1fr)); }
 .tile { background: var(--card); border: 1px solid var(--line); border-radius: 10px;
   padding: 12px 14px; }
 .tile b { display: block; font-size: 1.45rem; line-height: 1.2;
@@ -36,6 +36,7 @@ td { border-bottom: 1px solid var(--line); padding: 6px 10px 6px 0;
   vertical-align: top; overflow-wrap: anywhere; }
 td.n, th.n { text-align: right; white-space: nowrap; overflow-wrap: normal;
   font-variant-numeric: tabular-nums; }
+td.n + td:not(.n), th.n + th:not(.n) { padding-left: 14px; }
 td.t { white-space: nowrap; font-variant-numeric: tabular-nums; }
 tr:target td { background: #eaf4fb; }
 .chip { display: inline-block; border-radius: 4px; padding: 1px 7px; font-size: .8rem;
@@ -47,7 +48,7 @@ tr:target td { background: #eaf4fb; }
 .key i { display: inline-block; width: 22px; height: 0; margin: 0 5px 3px 14px;
   border-top: 3px solid; vertical-align: middle; }
 .note { border-left: 4px solid var(--warn); padding: 4px 12px; background: #fdf3ec; }
-.plot { width: 100%; }
+.plot { width: 100%; overflow: hidden; }
 code { font-size: .88em; overflow-wrap: anywhere; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 3px 18px;
   margin: 6px 0; font-size: .92rem; }

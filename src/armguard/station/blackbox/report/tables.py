@@ -75,6 +75,11 @@ def chip(level: Level) -> Html:
     )
 
 
+def level_key() -> str:
+    """The word of every colour that a level has."""
+    return "<p>" + " ".join(chip(level).text for level in Level) + "</p>"
+
+
 def link(target: str, text: str) -> Html:
     """A link to a place on this page."""
     return Html(f'<a href="#{safe(target)}">{safe(text)}</a>')
