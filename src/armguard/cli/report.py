@@ -41,7 +41,7 @@ def report(
     """
     from armguard.station.blackbox import open_recording
     from armguard.station.blackbox.report import Closeness, findings_of, write_page
-    from armguard.station.blackbox.report.sentences import summary
+    from armguard.station.blackbox.report.sentences import advice, summary
 
     found = open_recording(recording)
     with progress_bar("reading", int(found.info.get("cycles", 0))) as advance:
@@ -61,6 +61,8 @@ def report(
         for problem in findings.problems:
             say(f"note: {problem}")
         out.print(summary(findings), markup=False)
+        if told := advice(findings):
+            out.print(told, markup=False)
         out.print(f"page written to {page}", markup=False)
     raise typer.Exit(CLEAR)
 

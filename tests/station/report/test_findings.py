@@ -7,16 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armguard import bay_scene
 from armguard.cli.console import jsonable
 from armguard.guard import Level, Reason
+from armguard.guard.layout import REASON
 from armguard.guard.nuisance import Cause
 from armguard.guard.verdict import names_of
 from armguard.scene import compile_scene
 from armguard.station.blackbox import open_recording
+from armguard.station.blackbox.recorder import Recorder, RecorderSettings
 from armguard.station.blackbox.report import Closeness, findings_of, gather
 from armguard.station.blackbox.report.spoken import Sense, sense_of
 from armguard.station.blackbox.report.timeline import timeline
-from armguard.station.frames import Kind
+from armguard.station.frames import Kind, text_frame
+from armguard.station.recorded import RecordedGuard
+from armguard.station.ring import RingReader, RingWriter
 
 from .conftest import BEGIN, CYCLES, EVIL, FAULT_AT, GAP, GAP_AT, PERIOD, Evening
 
@@ -271,8 +276,37 @@ def test_a_recording_without_a_cycle_says_so(names):
 def test_cycles_of_another_scene_are_left_out_and_told(evening: Evening, names):
     foreign = replace(evening.frames[100], q=np.zeros(3), kind=Kind.CYCLE)
     found = gather([*evening.frames, foreign], names)
-    assert "1 cycles do not fit" in found.problems[0]
+    assert found.problems == ["left out, since not of the scene in the file: 1 cycles"]
     assert len(found.series.t) == CYCLES
+
+
+def test_a_reason_of_a_newer_version_is_left_out_and_told(evening: Evening, names):
+    (last,) = [f for f in evening.frames if f.cycle == CYCLES - 1]
+    numbers = last.verdict.copy()
+    numbers[REASON] = 99.0
+    newer = replace(last, verdict=numbers, cycle=CYCLES)
+    found = gather([*evening.frames, newer], names)
+    assert "a newer one does" in found.problems[0]
+    assert len(found.series.t) == CYCLES
+
+
+def test_files_of_another_scene_are_left_out_by_name(evening: Evening, tmp_path):
+    (tmp_path / "recording-1.mcap").write_bytes(evening.file.read_bytes())
+    (tmp_path / "recording-2.mcap").write_bytes(evening.file.read_bytes())
+    ring = RingWriter(tmp_path / "ring", 1 << 20)
+    reader = RingReader(tmp_path / "ring")
+    RecordedGuard(evening.guard, ring).describe(bay_scene(), {"version": "0.1.0"})
+    other = Recorder(tmp_path / "other", RecorderSettings())
+    for row in reader.unread():
+        other.take(row)
+    other.take(text_frame(Kind.EVENT, 0, 0.0, 0.0, {"call": "reset"}))
+    other.end()
+    (file,) = (tmp_path / "other").glob("recording-*.mcap")
+    file.rename(tmp_path / "recording-3.mcap")
+    found = findings_of(open_recording(tmp_path))
+    assert len(found.series.t) == 2 * CYCLES
+    told = "left out, since of another scene than recording-1.mcap: recording-3.mcap"
+    assert told in found.problems
 
 
 @pytest.mark.parametrize("cause", [None, *Cause])

@@ -9,10 +9,17 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from armguard import Guard, Pose, Scene, Sphere
 from armguard.cli.app import app, main
+from armguard.guard.verdict import names_of
+from armguard.scene.bay import bay_path
 from armguard.station.blackbox import open_recording
-from armguard.station.blackbox.report import findings_of, page
+from armguard.station.blackbox.report import findings_of, gather, page, write_page
 from armguard.station.blackbox.report.page import PLACES
+from armguard.station.frames import frame_of
+from armguard.station.recorded import RecordedGuard
+from armguard.station.ring import RingReader, RingWriter
+from arms import simple_arm
 
 from .conftest import EVIL, Evening
 
@@ -190,9 +197,47 @@ def test_what_cannot_be_read_or_written_is_said_in_words(
 
 
 def test_a_recording_is_motion_that_may_be_run(evening: Evening):
-    from armguard.scene.bay import bay_path
-
     arguments = ["run", str(bay_path()), "--trajectory", str(evening.file), "--json"]
     answer = json.loads(CliRunner().invoke(app, arguments).stdout)
     assert answer["cycles"] == 3000
     assert answer["faults"] == 1
+
+
+@pytest.fixture(scope="module")
+def fixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page about arms of mode "fixed", one of them with a name full of tags."""
+    folder = tmp_path_factory.mktemp("fixed")
+    scene = Scene(mode="fixed", period=0.01, buffer=0.03)
+    scene.add_robot(simple_arm(joints=1), name="<b>arm<b>", home={"joint1": 0.0})
+    scene.add(Sphere(radius=0.05), name="ball", pose=Pose(xyz=(0.0, 0.35, 0.2)))
+    guard = Guard(scene, self_test=False)
+    ring = RingWriter(folder / "ring", 1 << 20)
+    reader = RingReader(folder / "ring")
+    clock = [0.0]
+    taped = RecordedGuard(guard, ring, monotonic=lambda: clock[0])
+    for k in range(200):
+        clock[0] = 0.01 * k
+        taped.step([0.01 * k], clock[0])
+    frames = [frame_of(row) for row in reader.unread()]
+    findings = gather(frames, names_of(guard.tables), source="<i>fixed<i>")
+    assert findings.robots == ()
+    assert [halt.robots for halt in findings.stops] == [("all",)]
+    assert findings.stops[0].told.subject.startswith("<b>arm<b>/")
+    write_page(findings, folder / "fixed.html")
+    return folder / "fixed.html"
+
+
+@needs_browser
+def test_arms_of_mode_fixed_have_a_page_too(fixed: Path):
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        try:
+            looked = Looked(browser.new_page(), fixed)
+            assert looked.complaints == []
+            assert looked.page.locator("main b b, main i i").count() == 0
+            assert "<b>arm<b>" in looked.page.locator("#near").inner_text()
+            assert looked.page.locator("h1").inner_text() == "<i>fixed<i>"
+        finally:
+            browser.close()

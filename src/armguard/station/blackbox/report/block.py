@@ -36,6 +36,9 @@ LEVEL_OF = np.full(max(Reason) + 1, -1, dtype=np.int64)
 for _reason in Reason:
     LEVEL_OF[_reason] = level_of(_reason)
 
+# Reasons as verdicts hold them.
+KNOWN = frozenset(float(reason) for reason in Reason)
+
 
 @dataclass(slots=True)
 class Block:
@@ -45,6 +48,7 @@ class Block:
         frames: The cycles.
         events: Frames that are none.
         foreign: Cycles that do not fit the scene, and are left out.
+        unknown: Cycles with a reason this version does not know, likewise.
         cycle: Numbers of the cycles, shape (k,).
         t: When each was judged, on the monotonic clock, shape (k,) [s].
         cycle_time: What judging took, shape (k,) [s].
@@ -66,6 +70,7 @@ class Block:
     frames: list[Frame]
     events: list[Frame]
     foreign: int
+    unknown: int
     cycle: Longs
     t: Floats
     cycle_time: Floats
@@ -89,6 +94,7 @@ class Gathering:
     frames: list[Frame] = field(default_factory=list)
     events: list[Frame] = field(default_factory=list)
     foreign: int = 0
+    unknown: int = 0
 
 
 def blocks(frames: Iterable[Frame], names: Names) -> Iterator[Block]:
@@ -107,11 +113,14 @@ def blocks(frames: Iterable[Frame], names: Names) -> Iterator[Block]:
         if len(frame.q) != joints or len(frame.verdict) < least:
             held.foreign += 1
             continue
+        if frame.verdict[REASON] not in KNOWN:
+            held.unknown += 1
+            continue
         held.frames.append(frame)
         if len(held.frames) == BLOCK:
             yield block_of(held, names)
             held = Gathering()
-    if held.frames or held.events or held.foreign:
+    if held.frames or held.events or held.foreign or held.unknown:
         yield block_of(held, names)
 
 
@@ -133,6 +142,7 @@ def block_of(held: Gathering, names: Names) -> Block:
         frames=frames,
         events=held.events,
         foreign=held.foreign,
+        unknown=held.unknown,
         cycle=column(frames, "cycle").astype(np.int64),
         t=column(frames, "monotonic"),
         cycle_time=column(frames, "cycle_time"),
@@ -168,17 +178,14 @@ def near_rows(
         tail = frames[k].verdict[first:]
         held = min(len(tail) // NEAR_WIDTH, int(wanted[k]))
         rows = tail[: held * NEAR_WIDTH].reshape(held, NEAR_WIDTH)
-        whole[k] = held == wanted[k] and len(frames[k].poses) > 0
-        place = int(nearest[k]) if nearest[k] < held else 0
-        if nearest[k] < 0:
-            continue
-        if not held:
-            clearance[k] = distance[k] = np.nan
-            continue
-        clearance[k] = rows[place, CLEARANCE]
-        distance[k] = rows[place, WITNESS]
+        whole[k] &= held == wanted[k]
         pieces.append(rows)
         sizes[k] = held
+        if nearest[k] < 0:
+            continue
+        place = int(nearest[k]) if nearest[k] < held else 0
+        clearance[k] = rows[place, CLEARANCE] if held else np.nan
+        distance[k] = rows[place, WITNESS] if held else np.nan
     near = np.concatenate(pieces) if pieces else np.zeros((0, NEAR_WIDTH))
     owner = np.repeat(np.arange(count), sizes)
     return near, owner, clearance, distance, whole

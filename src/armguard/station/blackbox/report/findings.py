@@ -239,7 +239,7 @@ def gather(
     halts, closest = Halts(names), ClosestPairs(names)
     near = NearMisses(names, closeness)
     events: list[Happening] = []
-    foreign = whole = 0
+    foreign = unknown = whole = 0
     begin = wall = float("nan")
     for block in blocks(frames, names):
         if block.frames and begin != begin:
@@ -249,13 +249,17 @@ def gather(
         # Not as frames: those of scenes and checkpoints bring them with them.
         events += [Happening(e.monotonic, e.kind, e.text) for e in block.events]
         foreign += block.foreign
+        unknown += block.unknown
         whole += int(block.whole.sum())
         if progress is not None:
             progress(len(block.frames))
     lacks = list(problems)
     if foreign:
+        lacks.append(f"left out, since not of the scene in the file: {foreign} cycles")
+    if unknown:
         lacks.append(
-            f"{foreign} cycles do not fit the scene in the file and are left out"
+            f"left out, since this version does not know their reasons: {unknown} "
+            "cycles; a newer one does"
         )
     if begin != begin:
         lacks.append("there is no cycle in it")
@@ -300,8 +304,13 @@ def findings_of(
     Raises:
         RecordingError: There is no scene in it.
     """
+    recording, others = of_one_scene(recording)
     scene = recording.scene()
     first, *more = [path.name for path in recording.paths]
+    if others:
+        recording.note(
+            f"left out, since of another scene than {first}: {', '.join(others)}"
+        )
     return gather(
         recording.frames(),
         names_of(compile_scene(scene)),
@@ -312,3 +321,21 @@ def findings_of(
         closeness=closeness,
         progress=progress,
     )
+
+
+def of_one_scene(recording: Recording) -> tuple[Recording, list[str]]:
+    """The files of a recording made in the scene of the first, and names of others.
+
+    A service whose settings are changed goes on with another recording: its verdicts
+    say something else.
+    """
+    first, *more = [Recording([path]) for path in recording.paths]
+    own = [first.paths[0]]
+    others = []
+    for other in more:
+        same = other.info.get("archive") == first.info.get("archive")
+        if same or not other.info:
+            own.append(other.paths[0])
+        else:
+            others.append(other.paths[0].name)
+    return (Recording(own), others) if others else (recording, [])

@@ -106,8 +106,11 @@ class SeriesMaker:
             self._blocks.setdefault(name, []).append(values)
 
     def series(self) -> Series:
-        """All that was taken in."""
-        columns = {name: np.concatenate(parts) for name, parts in self._blocks.items()}
+        """All that was taken in; to be asked for once."""
+        # One after another: an hour need not be in memory twice.
+        columns = {
+            name: np.concatenate(self._blocks.pop(name)) for name in list(self._blocks)
+        }
         cycle = columns.pop("cycle", np.zeros(0, np.int64))
         t = columns.pop("t", np.zeros(0))
         for name in ("levels", "ages"):
