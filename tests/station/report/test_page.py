@@ -5,6 +5,7 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -48,18 +49,22 @@ def written(evening: Evening, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def looked(written: Path) -> Iterator["Looked"]:
-    """The page in a browser, and all it asked for and complained of."""
+def browser() -> Iterator[Any]:
+    """A browser without a screen."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        found = play.chromium.launch(executable_path=CHROMIUM, args=QUIET)
         try:
-            yield Looked(
-                browser.new_page(viewport={"width": 1280, "height": 900}), written
-            )
+            yield found
         finally:
-            browser.close()
+            found.close()
+
+
+@pytest.fixture(scope="module")
+def looked(written: Path, browser) -> "Looked":
+    """The page in a browser, and all it asked for and complained of."""
+    return Looked(browser.new_page(viewport={"width": 1280, "height": 900}), written)
 
 
 class Looked:
@@ -228,16 +233,10 @@ def fixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @needs_browser
-def test_arms_of_mode_fixed_have_a_page_too(fixed: Path):
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=QUIET)
-        try:
-            looked = Looked(browser.new_page(), fixed)
-            assert looked.complaints == []
-            assert looked.page.locator("main b b, main i i").count() == 0
-            assert "<b>arm<b>" in looked.page.locator("#near").inner_text()
-            assert looked.page.locator("h1").inner_text() == "<i>fixed<i>"
-        finally:
-            browser.close()
+def test_arms_of_mode_fixed_have_a_page_too(fixed: Path, browser):
+    looked = Looked(browser.new_page(), fixed)
+    looked.page.wait_for_timeout(300)
+    assert looked.complaints == []
+    assert looked.page.locator("main b b, main i i").count() == 0
+    assert "<b>arm<b>" in looked.page.locator("#near").inner_text()
+    assert looked.page.locator("h1").inner_text() == "<i>fixed<i>"
