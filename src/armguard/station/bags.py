@@ -88,9 +88,11 @@ def opened(path: Path) -> Iterator[Any]:
         raise
     except Exception as error:
         # A damaged bag makes its reader raise anything, struct.error for one.
-        hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may mend it"
         named = isinstance(error, AnyReaderError) and str(error)
         told = named or f"{type(error).__name__}: {error}"
+        hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may mend it"
+        if "Profile" in told:
+            told, hint = "it was not written by ROS 2", "; convert it with `ros2 bag`"
         raise TrajectoryError(
             f"'{path.name}' cannot be read as a bag: {told.rstrip('.')}{hint}"
         ) from error

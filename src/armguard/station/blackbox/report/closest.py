@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(slots=True)
 class Closest:
-    """Two bodies, and how near they came.
+    """Two bodies, and how near they came, with a contract or without one.
 
     Attributes:
         a: One body.
@@ -25,7 +25,8 @@ class Closest:
         cycle: In which cycle.
         clearance: Least clearance, at whatever time [m].
         cycles: Recorded cycles in which they were within the margin.
-        contract: Of these, the ones under a contract.
+        contract: Whether that was under a contract; what they did without one is told
+            apart, since it must not hide behind it.
     """
 
     a: str
@@ -35,7 +36,7 @@ class Closest:
     cycle: int
     clearance: float
     cycles: int
-    contract: int
+    contract: bool
 
 
 class ClosestPairs:
@@ -60,7 +61,8 @@ class ClosestPairs:
         count = len(self._bodies)
         a = self._body_of[near[:, FIRST].astype(np.int64)]
         b = self._body_of[near[:, SECOND].astype(np.int64)]
-        key = np.minimum(a, b) * count + np.maximum(a, b)
+        allowed = near[:, PROOF] == ALLOWED
+        key = 2 * (np.minimum(a, b) * count + np.maximum(a, b)) + allowed
         # The least distance of each pair comes first.
         order = np.lexsort((near[:, WITNESS], key))
         pairs, first = np.unique(key[order], return_index=True)
@@ -68,9 +70,6 @@ class ClosestPairs:
         size = len(block.frames)
         seen = np.unique(key * size + block.owner) // size
         cycles = dict(zip(*np.unique(seen, return_counts=True), strict=True))
-        allowed = near[:, PROOF] == ALLOWED
-        under = np.unique((key * size + block.owner)[allowed]) // size
-        contracts = dict(zip(*np.unique(under, return_counts=True), strict=True))
         least = np.full(len(pairs), np.inf)
         np.minimum.at(least, np.searchsorted(pairs, key), near[:, CLEARANCE])
         for pair, k, clearance in zip(
@@ -85,7 +84,7 @@ class ClosestPairs:
                 cycle=int(block.cycle[owner]),
                 clearance=clearance,
                 cycles=int(cycles[pair]),
-                contract=int(contracts.get(pair, 0)),
+                contract=bool(allowed[k]),
             )
             self._found[pair] = joined(self._found.get(pair), new)
 
@@ -107,5 +106,5 @@ def joined(old: Closest | None, new: Closest) -> Closest:
         cycle=nearer.cycle,
         clearance=min(old.clearance, new.clearance),
         cycles=old.cycles + new.cycles,
-        contract=old.contract + new.contract,
+        contract=old.contract,
     )

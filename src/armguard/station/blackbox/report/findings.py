@@ -100,8 +100,8 @@ class Findings:
 
     @property
     def free(self) -> list[Closest]:
-        """Pairs that were near without any contract."""
-        return [pair for pair in self.closest if pair.contract == 0]
+        """Pairs that were near without a contract."""
+        return [pair for pair in self.closest if not pair.contract]
 
     @property
     def contracts(self) -> list[Closest]:

@@ -74,8 +74,10 @@ def nearest_sentence(findings: Findings) -> str:
             f"The modelled surfaces of {who} overlapped by "
             f"{millimetres(-pair.distance)} at {when}."
         )
+    touched = [p for p in findings.contracts if p.distance <= 0.0]
+    but = " but what a contract let touch" if touched else ""
     return (
-        f"Nothing touched; nearest were {who}, {millimetres(pair.distance)} apart at "
+        f"Nothing touched{but}; nearest were {who}, {millimetres(pair.distance)} apart at "
         f"{when}."
     )
 
