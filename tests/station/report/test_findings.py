@@ -18,7 +18,7 @@ from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings
 from armguard.station.blackbox.report import Closeness, findings_of, gather
 from armguard.station.blackbox.report.spoken import Sense, sense_of
-from armguard.station.blackbox.report.timeline import timeline
+from armguard.station.blackbox.report.timeline import level_shares, timeline
 from armguard.station.frames import Kind, text_frame
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
@@ -239,6 +239,19 @@ def test_a_time_line_loses_no_peak(findings):
         place = int(np.nanargmin(series.clearance))
         assert line.distance[k] == series.distance[place]
     assert np.isnan(timeline(series, 1000).levels).any()
+
+
+def test_shares_of_levels_are_those_of_the_whole(findings):
+    series = findings.series
+    edges, shares = level_shares(series, 40)
+    (whole,) = level_shares(series, 1)[1].T
+    times = series.time_at(series.level)
+    for level, part in zip(Level, whole, strict=True):
+        assert part == pytest.approx(times[level] / series.judged)
+    sums = shares.sum(axis=0)
+    assert ((np.abs(sums - 1.0) < 1e-9) | (sums == 0.0)).all()
+    assert (sums == 0.0).sum() == 1
+    assert edges[-1] == series.duration
 
 
 def test_events_are_told_without_what_every_recording_repeats(findings):

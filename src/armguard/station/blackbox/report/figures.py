@@ -25,7 +25,11 @@ from armguard.station.blackbox.report.palette import (
     VERMILLION,
     WORDS,
 )
-from armguard.station.blackbox.report.timeline import Timeline, timeline
+from armguard.station.blackbox.report.timeline import (
+    Timeline,
+    level_shares,
+    timeline,
+)
 from armguard.station.blackbox.report.words import (
     clock,
     duration,
@@ -46,6 +50,9 @@ LOOKED = LOOK_AHEAD * SLOW_TIME_DEFAULT * (1.0 - 1e-6)
 
 # Bins of a histogram of times, for each tenfold.
 BINS_EACH_TENFOLD = 16
+
+# Spans in which shares of levels are told.
+SPANS = 120
 
 # Shares of a bar below this have no room for words [-].
 LEAST_WORDS = 0.06
@@ -104,6 +111,33 @@ def level_bars(findings: Findings) -> go.Figure:
     return styled(figure)
 
 
+def levels_over_time(findings: Findings) -> go.Figure | None:
+    """Share of each level in spans of a long recording; None of a short one."""
+    series = findings.series
+    unit, size = unit_of(series.duration)
+    if size == 1.0:
+        return None
+    edges, held = level_shares(series, SPANS)
+    figure = go.Figure()
+    for level, own in zip(Level, held, strict=True):
+        if own.any():
+            figure.add_bar(
+                x=rounded((edges[1:] + edges[:-1]) / 2.0 / size),
+                y=[round(100.0 * part, 2) for part in own.tolist()],
+                width=float(edges[1] - edges[0]) / size,
+                name=WORDS[level],
+                marker={"color": COLOURS[level], "line": {"width": 0}},
+                hovertemplate=f"{WORDS[level]} %{{y:.1f}} %<extra></extra>",
+            )
+    figure.update_layout(barmode="stack", bargap=0.0, height=190, showlegend=False)
+    figure.update_xaxes(
+        title_text=f"time since the first cycle [{unit}]",
+        range=[0.0, series.duration / size],
+    )
+    figure.update_yaxes(ticksuffix=" %", range=[0, 100])
+    return styled(figure)
+
+
 def time_line(findings: Findings) -> go.Figure:
     """Levels, clearance, slack and cycle time over the whole recording."""
     line = timeline(findings.series)
@@ -152,6 +186,7 @@ def time_line(findings: Findings) -> go.Figure:
     figure.update_yaxes(type="log", dtick=1, row=4, col=1)
     figure.update_yaxes(autorange="reversed", row=1, col=1)
     figure.update_xaxes(title_text=f"time since the first cycle [{unit}]", row=4, col=1)
+    figure.update_xaxes(range=[0.0, findings.series.duration / size])
     figure.update_layout(height=640, showlegend=False, hovermode="x")
     return styled(figure)
 

@@ -72,7 +72,9 @@ def page(findings: Findings) -> str:
     if len(findings.series.t):
         parts += [
             sections.levels(
-                findings, plot(figures.level_bars(findings), "plot-levels")
+                findings,
+                plot(figures.level_bars(findings), "plot-levels"),
+                plot(figures.levels_over_time(findings), "plot-history"),
             ),
             section(
                 "timeline",
@@ -174,8 +176,10 @@ def tiles(findings: Findings) -> str:
     )
 
 
-def plot(figure: go.Figure, name: str) -> str:
-    """A figure as a piece of the page."""
+def plot(figure: go.Figure | None, name: str) -> str:
+    """A figure as a piece of the page; nothing if there is none."""
+    if figure is None:
+        return ""
     text: str = to_html(
         figure,
         include_plotlyjs=False,

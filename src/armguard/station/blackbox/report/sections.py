@@ -43,8 +43,8 @@ SENSES = {
 }
 
 
-def levels(findings: Findings, plot: str) -> str:
-    """Time at each level."""
+def levels(findings: Findings, *plots: str) -> str:
+    """Time at each level, with its plots."""
     series = findings.series
     columns = [("all together", series.time_at(series.level))]
     columns += [
@@ -69,7 +69,7 @@ def levels(findings: Findings, plot: str) -> str:
         paragraph(
             f"In {moving_share(findings)} of the time nobody was stopped.", "faint"
         ),
-        plot,
+        *plots,
         table(heads, rows, numbers=range(1, len(heads))),
         "" if findings.robots else paragraph(FIXED, "faint small"),
     )

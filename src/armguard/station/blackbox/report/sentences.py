@@ -77,8 +77,8 @@ def nearest_sentence(findings: Findings) -> str:
     touched = [p for p in findings.contracts if p.distance <= 0.0]
     but = " but what a contract let touch" if touched else ""
     return (
-        f"Nothing touched{but}; nearest were {who}, {millimetres(pair.distance)} apart at "
-        f"{when}."
+        f"Nothing touched{but}; nearest were {who}, {millimetres(pair.distance)} apart "
+        f"at {when}."
     )
 
 
@@ -91,7 +91,7 @@ def advice(findings: Findings) -> str:
     assert most.cause is not None
     return (
         f"Most stops ({most.stops} of {len(findings.stops)}) were made by "
-        f"{most.cause.value}; of the one that lacked most: {most.remedy}."
+        f"{most.cause.value}. For the one that lacked most, {most.remedy}."
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.levels import Level
 from armguard.station.blackbox.report.series import Series
 
 Floats = NDArray[np.float64]
@@ -63,6 +64,24 @@ def timeline(series: Series, buckets: int = BUCKETS) -> Timeline:
         slack=worst(np.fmin, series.slack, place, size, np.inf),
         cycle_time=worst(np.fmax, series.cycle_time, place, size, -np.inf),
     )
+
+
+def level_shares(series: Series, spans: int) -> tuple[Floats, Floats]:
+    """Share of each level in spans of equal time.
+
+    Returns:
+        Edges of the spans, shape (spans + 1,) [s], and shares of the time that was
+        judged in each, shape (levels, spans); nothing in a span within a gap.
+    """
+    edges = np.linspace(0.0, max(series.duration, 1e-9), spans + 1)
+    held = np.array(
+        [
+            np.histogram(series.t[own], edges, weights=series.held[own])[0]
+            for own in (series.level == level for level in Level)
+        ]
+    )
+    whole = held.sum(axis=0)
+    return edges, np.divide(held, whole, out=np.zeros_like(held), where=whole > 0.0)
 
 
 def worst(
