@@ -243,14 +243,14 @@ def test_a_time_line_loses_no_peak(findings):
 
 def test_shares_of_levels_are_those_of_the_whole(findings):
     series = findings.series
-    edges, shares = level_shares(series, 40)
+    edges, shares = level_shares(series, 200)
     (whole,) = level_shares(series, 1)[1].T
     times = series.time_at(series.level)
     for level, part in zip(Level, whole, strict=True):
         assert part == pytest.approx(times[level] / series.judged)
     sums = shares.sum(axis=0)
     assert ((np.abs(sums - 1.0) < 1e-9) | (sums == 0.0)).all()
-    assert (sums == 0.0).sum() == 1
+    assert 6 <= (sums == 0.0).sum() <= 8
     assert edges[-1] == series.duration
 
 
