@@ -48,6 +48,7 @@ class Twins:
     """
 
     def __init__(self, make, rng):
+        self.make = make
         self.first, self.second = make(), make()
         self.rng = rng
         self.together = False
@@ -55,8 +56,10 @@ class Twins:
         self.levels = set()
 
     def fork(self):
-        """Let the second one take over."""
+        """Let another guard take over, which has a short past of its own."""
         data = self.first.checkpoint()
+        self.second = self.make()
+        self.stray(3)
         spoil(self.second)
         self.second.restore(data)
         assert self.second.checkpoint() == data
@@ -90,18 +93,16 @@ class Twins:
             assert (self.first.poses == self.second.poses).all()
         return answers[0]
 
-    def stray(self, cycles, call="step"):
+    def stray(self, cycles):
         """Give the second one a past of its own."""
-        guard = self.second
-        guard.reset()
-        q = guard.home
+        guard, q = self.second, self.second.home
+        filters = all(part.mode != "fixed" for part in guard.tables.robots)
         for k in range(cycles):
             q = q + self.rng.normal(size=len(q)) * 1e-4
-            if call == "step":
-                guard.step(q, k * PERIOD)
-            else:
+            if filters:
                 guard.filter(q, 0.1 * self.rng.normal(size=len(q)), k * PERIOD)
-        self.together = False
+            else:
+                guard.step(q, k * PERIOD)
 
 
 def drive(twins, cycles, *, every, period, wish, filters=True, forms=("filter",)):
@@ -124,7 +125,6 @@ def drive(twins, cycles, *, every, period, wish, filters=True, forms=("filter",)
     )
     for k in range(cycles):
         if k in forks:
-            twins.stray(3, "filter" if filters else "step")
             twins.fork()
         t = (k + 1) * period
         qm = q + rng.uniform(-1e-5, 1e-5, n)
