@@ -301,17 +301,42 @@ def test_what_is_no_bag_is_said_in_words(tmp_path):
         load_motion(tmp_path / "a.csv", ["/joint_states"])
 
 
-@pytest.mark.parametrize("kind", ["sqlite3", "mcap"])
+@pytest.mark.parametrize("kind", ["ros1", "sqlite3"])
 def test_a_bag_that_was_cut_off_is_an_error_in_words(tmp_path, bay, kind):
     written = bag(tmp_path, kind)
     for k in range(50):
         written.joints("/joint_states", bay.q_names, np.zeros(14), START + k * STEP)
-    file = next(written.close().glob("motion*.*"))
+    path = written.close()
+    file = path if kind == "ros1" else next(path.glob("motion*.*"))
     whole = file.read_bytes()
     for share in (0.02, 0.3, 0.6, 0.95):
         file.write_bytes(whole[: int(len(whole) * share)])
         with pytest.raises(TrajectoryError, match="cannot be read as a bag"):
             load_motion(file)
+
+
+def test_what_a_killed_recorder_wrote_is_read_up_to_the_cut(tmp_path, bay):
+    q = motion(20_000, 14)
+    written = bag(tmp_path, "mcap")
+    for k, row in enumerate(q):
+        written.joints("/joint_states", bay.q_names, row, START + k * STEP)
+    folder = written.close()
+    file = next(folder.glob("motion*.mcap"))
+    whole = file.read_bytes()
+    (folder / "metadata.yaml").unlink()
+    counts = []
+    for share in (0.5, 0.8, 0.999):
+        file.write_bytes(whole[: int(len(whole) * share)])
+        read = load_motion(folder)
+        found = read.for_scene(bay)
+        assert found.tobytes() == q[: len(found)].tobytes()
+        assert "has no end" in " ".join(read.notes)
+        assert "metadata.yaml" in read.notes[0]
+        counts.append(len(found))
+    assert 0 < counts[0] <= counts[1] < counts[2]
+    file.write_bytes(whole[:4000])
+    with pytest.raises(TrajectoryError, match="cannot be read as a bag"):
+        load_motion(folder)
 
 
 def test_run_judges_a_bag(tmp_path, bay):

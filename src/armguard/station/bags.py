@@ -7,6 +7,7 @@ from typing import Any
 
 from armguard.errors import TrajectoryError, did_you_mean
 from armguard.scene.trajectory import Trajectory
+from armguard.station.bag_cut import CutBag
 from armguard.station.bag_messages import READERS, motion_of
 from armguard.station.bag_streams import NANO, Stream, check_time, merged
 
@@ -36,9 +37,11 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Trajectory:
         TrajectoryError: It is no bag, it has no such topic, or several and nobody said
             which, or its time goes back.
     """
-    with opened(path) as reader:
+    notes: list[str] = []
+    with opened(path, notes) as reader:
         chosen = chosen_topics(path.name, reader.connections, topics)
-        streams, notes = streams_of(path.name, reader, chosen)
+        streams, told = streams_of(path.name, reader, chosen)
+    notes += told
     for stream in streams:
         notes += check_time(path.name, stream)
     streams = [stream for stream in streams if len(stream.stamps)]
@@ -46,56 +49,102 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Trajectory:
         raise TrajectoryError(
             f"{path.name}: topic {' and '.join(chosen)} has no joint positions"
         )
-    names, q, stamps, told = merged(streams)
+    names, q, stamps, ages = merged(streams)
     return Trajectory(
         names=names,
         q=q,
         stamps=(stamps - stamps[0]) / NANO,
         source=path.name,
         others=True,
-        notes=(*notes, *told),
+        notes=(*notes, *ages),
     )
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Any]:
+def opened(path: Path, notes: list[str]) -> Iterator[Any]:
     """A bag's reader.
+
+    Args:
+        path: The bag.
+        notes: Gets a sentence if a part of it is missing.
 
     Raises:
         TrajectoryError: The file cannot be read as a bag.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise TrajectoryError(
             f"'{path.name}' is a bag of ROS: pip install 'armguard[ros]' reads it"
         ) from None
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise TrajectoryError(
-            f"'{path.name}' is a folder without metadata.yaml: no bag"
-        )
+    path = bag_of(path, notes)
     # Bags of Humble and earlier do not hold what their messages look like.
     known = get_typestore(Stores.ROS2_HUMBLE)
     try:
-        with AnyReader([path], default_typestore=known) as reader:
-            yield reader
-    except OSError as error:
-        raise TrajectoryError(
-            f"'{path}' cannot be read: {error.strerror or error}"
-        ) from None
+        reader = AnyReader([path], default_typestore=known)
+        reader.open()
+    except Exception as error:
+        cut = cut_bag(path, known)
+        if cut is None:
+            raise unreadable(path, error) from error
+        notes.append(
+            f"{path.name} has no end, as of a recorder that was killed: "
+            f"{cut.count} messages are before it"
+        )
+        yield cut
+        return
+    try:
+        yield reader
     except TrajectoryError:
         raise
     except Exception as error:
         # A damaged bag makes its reader raise anything, struct.error for one.
-        named = isinstance(error, AnyReaderError) and str(error)
-        told = named or f"{type(error).__name__}: {error}"
-        hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may mend it"
-        if "Profile" in told:
-            told, hint = "it was not written by ROS 2", "; convert it with `ros2 bag`"
-        raise TrajectoryError(
-            f"'{path.name}' cannot be read as a bag: {told.rstrip('.')}{hint}"
-        ) from error
+        raise unreadable(path, error) from error
+    finally:
+        reader.close()
+
+
+def bag_of(path: Path, notes: list[str]) -> Path:
+    """A bag's folder or file; the file of a folder whose recorder was killed."""
+    if not path.is_dir() or (path / "metadata.yaml").is_file():
+        return path
+    files = [f for f in sorted(path.iterdir()) if f.suffix in SUFFIXES]
+    if len(files) == 1:
+        notes.append(f"{path.name} has no metadata.yaml: {files[0].name} is read alone")
+        return files[0]
+    there = ", ".join(file.name for file in files) or "no bag"
+    raise TrajectoryError(
+        f"'{path.name}' is a folder without metadata.yaml: no bag; in it is {there}"
+    )
+
+
+def cut_bag(path: Path, typestore: Any) -> CutBag | None:
+    """What is there of a file of ROS 2 that was cut off; None if that is nothing."""
+    if path.suffix.lower() != ".mcap":
+        return None
+    try:
+        cut = CutBag(path, typestore)
+    except Exception:
+        # Nor is what stands before a cut always whole.
+        return None
+    return cut if cut.count else None
+
+
+def unreadable(path: Path, error: Exception) -> TrajectoryError:
+    """What to say of a bag that cannot be read."""
+    if isinstance(error, OSError):
+        return TrajectoryError(f"'{path}' cannot be read: {error.strerror or error}")
+    told = (
+        str(error) if type(error).__name__.startswith(("AnyReader", "Reader")) else ""
+    )
+    told = told or f"{type(error).__name__}: {error}"
+    hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may mend it"
+    if "Profile" in told:
+        told, hint = "it was not written by ROS 2", "; convert it with `ros2 bag`"
+    return TrajectoryError(
+        f"'{path.name}' cannot be read as a bag: {told.rstrip('.')}{hint}"
+    )
 
 
 def chosen_topics(
