@@ -95,6 +95,7 @@ def level_bars(findings: Findings) -> go.Figure:
             ],
             textposition="inside",
             insidetextanchor="middle",
+            textangle=0,
             textfont={"color": ON_COLOUR[level]},
             customdata=[[duration(time), share(time, series.judged)] for time in times],
             hovertemplate="%{y}: "

@@ -287,7 +287,7 @@ def contracts(findings: Findings) -> str:
         ]
         parts += [
             "<h3>Calls</h3>",
-            table(("time", "call", "arguments"), rows, times=(0,)),
+            table(("time", "call", "arguments"), rows, times=(0, 1)),
         ]
     if not parts:
         parts = [paragraph("No contract was made or used.")]
@@ -310,7 +310,7 @@ def events(findings: Findings) -> str:
         return section(
             "events", "Events", paragraph("Nothing was done between cycles.")
         )
-    parts = [table(("time", "kind", "what", "arguments"), rows, times=(0,))]
+    parts = [table(("time", "kind", "what", "arguments"), rows, times=(0, 1, 2))]
     if len(others) > len(rows):
         parts.append(paragraph(f"The first {len(rows)} of {len(others)}.", "note"))
     return section(
@@ -331,8 +331,17 @@ def arguments(text: object) -> str:
     if not isinstance(text, dict):
         return ""
     told = ", ".join(
-        f"{name} {value}"
+        f"{name} {shortened(value)}"
         for name, value in text.items()
         if name not in ("call", "note") and value is not None
     )
     return told if len(told) <= MOST_LETTERS else told[: MOST_LETTERS - 1] + "…"
+
+
+def shortened(value: object) -> str:
+    """An argument with as many digits as people read."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return f"[{', '.join(shortened(item) for item in value)}]"
+    return str(value)

@@ -19,12 +19,13 @@ from armguard.station.blackbox.report.words import (
     count,
     duration,
     millimetres,
+    safe,
     share,
     short_time,
 )
 
 # What a recording says of itself that has a place of its own on the page.
-SHOWN = ("names", "robots", "bodies", "settings", "note", "period", "archive")
+SHOWN = ("names", "robots", "bodies", "note", "period", "archive")
 
 # Gaps that are listed.
 MOST_GAPS = 20
@@ -41,19 +42,24 @@ def what(findings: Findings) -> str:
         ("robots", ", ".join(findings.everyone)),
     ]
     rows += [
-        (str(name).replace("_", " "), str(value))
+        (titled(name), str(value))
         for name, value in info.items()
         if name not in SHOWN and not isinstance(value, dict | list)
     ]
     parts = [facts(rows)]
-    settings = info.get("settings")
-    if isinstance(settings, Mapping) and settings:
-        parts += [
-            "<details><summary>Settings</summary>",
-            facts([(str(name), str(value)) for name, value in flat(settings)]),
-            "</details>",
-        ]
+    for name, settings in info.items():
+        if isinstance(settings, Mapping) and settings:
+            parts += [
+                f"<details><summary>{safe(titled(name))}</summary>",
+                facts([(path, str(value)) for path, value in flat(settings)]),
+                "</details>",
+            ]
     return section("what", "What this is", *parts)
+
+
+def titled(name: object) -> str:
+    """A name of a setting as words."""
+    return str(name).replace("_", " ")
 
 
 def measured(findings: Findings) -> str:
@@ -171,7 +177,7 @@ def model(facts_: ModelFacts | None, info: Mapping[str, object]) -> str:
     assumed = sum(r.assumed for r in facts_.robots)
     hashed = info.get("scene_hash", info.get("archive", "not told"))
     parts = [
-        table(heads, rows, numbers=(3,)),
+        table(heads, rows, numbers=(3,), times=(8,)),
         facts(
             [
                 ("scene hash", str(hashed)),
