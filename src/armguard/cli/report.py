@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from armguard.cli.console import CLEAR, JsonOption, out, print_json, progress_bar, say
+from armguard.station.errors import StationError
 
 
 def report(
@@ -39,9 +40,15 @@ def report(
 
     With --json the findings are printed, and a page is written only with --out.
     """
-    from armguard.station.blackbox import open_recording
-    from armguard.station.blackbox.report import Closeness, findings_of, write_page
-    from armguard.station.blackbox.report.sentences import advice, summary
+    try:
+        from armguard.station.blackbox import open_recording
+        from armguard.station.blackbox.report import Closeness, findings_of, write_page
+        from armguard.station.blackbox.report.sentences import advice, summary
+    except ModuleNotFoundError as error:
+        raise StationError(
+            f"a report needs the package '{error.name}': pip install "
+            "'armguard[station]'"
+        ) from None
 
     found = open_recording(recording)
     with progress_bar("reading", int(found.info.get("cycles", 0))) as advance:

@@ -287,10 +287,35 @@ def test_a_recording_without_a_cycle_says_so(names):
 
 
 def test_cycles_of_another_scene_are_left_out_and_told(evening: Evening, names):
-    foreign = replace(evening.frames[100], q=np.zeros(3), kind=Kind.CYCLE)
+    foreign = replace(evening.frames[-1], q=np.zeros(3), kind=Kind.CYCLE)
     found = gather([*evening.frames, foreign], names)
     assert found.problems == ["left out, since not of the scene in the file: 1 cycles"]
     assert len(found.series.t) == CYCLES
+
+
+def test_a_run_after_a_restart_of_the_machine_follows_the_first(
+    evening: Evening, names
+):
+    again = [
+        replace(f, monotonic=f.monotonic - 90.0, ended=f.ended - 90.0, wall=f.wall + 60)
+        for f in evening.frames
+    ]
+    found = gather([*evening.frames, *again], names)
+    series = found.series
+    assert len(series.t) == 2 * CYCLES
+    assert (np.diff(series.t) > 0.0).all()
+    assert series.t[CYCLES] == pytest.approx(60.0, abs=1e-6)
+    assert (
+        "another run of the machine begins 47.5 s after cycle 2999"
+        in (found.problems[0])
+    )
+    alone = gather(evening.frames, names)
+    assert len(found.stops) == 2 * len(alone.stops)
+    assert len(found.near_misses) == 2 * len(alone.near_misses)
+    for first, second in zip(
+        alone.near_misses, found.near_misses[len(alone.near_misses) :], strict=True
+    ):
+        assert second.began - first.began == pytest.approx(60.0, abs=1e-6)
 
 
 def test_a_reason_of_a_newer_version_is_left_out_and_told(evening: Evening, names):

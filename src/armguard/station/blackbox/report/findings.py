@@ -12,6 +12,7 @@ from armguard.guard.verdict import Names, names_of
 from armguard.scene.compile import compile_scene
 from armguard.station.blackbox.recording import Recording
 from armguard.station.blackbox.report.block import blocks
+from armguard.station.blackbox.report.clock import on_one_clock
 from armguard.station.blackbox.report.closest import Closest, ClosestPairs
 from armguard.station.blackbox.report.distribution import Distribution, distribution
 from armguard.station.blackbox.report.halts import CauseCount, Halt, Halts, by_cause
@@ -241,7 +242,8 @@ def gather(
     events: list[Happening] = []
     foreign = unknown = whole = 0
     begin = wall = float("nan")
-    for block in blocks(frames, names):
+    breaks: list[str] = []
+    for block in blocks(on_one_clock(frames, breaks), names):
         if block.frames and begin != begin:
             begin, wall = block.frames[0].monotonic, block.frames[0].wall
         for part in (series, halts, closest, near):
@@ -253,7 +255,7 @@ def gather(
         whole += int(block.whole.sum())
         if progress is not None:
             progress(len(block.frames))
-    lacks = list(problems)
+    lacks = [*problems, *breaks]
     if foreign:
         lacks.append(f"left out, since not of the scene in the file: {foreign} cycles")
     if unknown:
