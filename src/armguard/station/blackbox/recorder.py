@@ -167,7 +167,8 @@ class Recorder:
         self._checkpoint = False
         self._levels: tuple[int, ...] = ()
         self._whole_at = -np.inf
-        self._now, self._time, self._offset = 0.0, 0, None  # type: float, int, float | None
+        self._now, self._time = 0.0, 0
+        self._offset: float | None = None
         self._untold: list[str] = []
 
     def run(self, ring: RingReader, ends: Callable[[], bool]) -> None:
