@@ -10,12 +10,17 @@ import threading
 import time
 
 import numpy as np
+import pytest
 
+from armguard import Guard
 from armguard.station.blackbox import disk as disks
 from armguard.station.blackbox import open_recording
+from armguard.station.blackbox.comparison import compare
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings
 from armguard.station.blackbox.replay import replay
+from armguard.station.errors import RecordingError
 from armguard.station.frames import Form, Kind, frame_of
+from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader
 from station.blackbox.tapes import (
     PATIENCE,
@@ -306,3 +311,29 @@ def test_a_signal_ends_it_with_a_whole_file(tmp_path):
     assert recording.problems == []
     assert cycles == list(range(tape.k))
     assert np.isfinite([f.monotonic for f in recording.frames()]).all()
+
+
+def test_settings_that_change_begin_another_recording_and_all_are_the_same_again(
+    tmp_path,
+):
+    tape = Tape(tmp_path)
+    folder = tmp_path / "tapes"
+    tape.begin()
+    reader = RingReader(tape.path)
+    recorder = Recorder(folder, RecorderSettings())
+    tape.drive(0.5)
+    # What a service does that is told another response: a guard anew, in the same ring.
+    tape.scene.set_mode("speed")
+    tape.guard = Guard(tape.scene, self_test=False)
+    tape.tape = RecordedGuard(tape.guard, tape.ring, monotonic=lambda: 1e3 + tape.t)
+    tape.v = np.zeros(14)
+    tape.begin()
+    tape.drive(0.5)
+    for row in reader.unread():
+        recorder.take(row)
+    recorder.end()
+    assert len(list(folder.glob("recording-*.mcap"))) == 2
+    answer = replay(open_recording(folder))
+    assert answer.sentence == "250 cycles, bit-identical"
+    with pytest.raises(RecordingError, match="settings were changed"):
+        compare(open_recording(folder), {"response": "slow"})
