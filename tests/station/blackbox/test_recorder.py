@@ -257,6 +257,33 @@ def test_a_folder_that_is_removed_is_made_again(tmp_path, monkeypatch):
     assert any("is missing" in problem for problem in answer.problems)
 
 
+def test_a_slow_disk_keeps_nobody_waiting_and_nothing_is_lost(tmp_path, monkeypatch):
+    write = os.write
+    waits = threading.Event()
+
+    def slowly(handle, data):
+        waits.wait(PATIENCE)
+        return write(handle, data)
+
+    monkeypatch.setattr(disks.os, "write", slowly)
+    tape = Tape(tmp_path)
+    tape.begin()
+    reader = RingReader(tape.path)
+    recorder = Recorder(tmp_path / "tapes", RecorderSettings())
+    for _ in range(5):
+        tape.drive(0.2)
+        for row in reader.unread():
+            recorder.take(row)
+        recorder.flush()
+    # All was taken while the first piece was still being written.
+    assert recorder.cycles == tape.k
+    assert recorder.disk.waiting > 50_000
+    waits.set()
+    recorder.end()
+    answer = replay(open_recording(tmp_path / "tapes"))
+    assert answer.sentence == f"{tape.k:,} cycles, bit-identical"
+
+
 def test_recordings_follow_each_other_and_the_oldest_are_deleted(tmp_path):
     tape = Tape(tmp_path, checkpoints=100)
     folder = tmp_path / "tapes"
