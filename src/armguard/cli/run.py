@@ -20,16 +20,27 @@ from armguard.cli.summary import print_summary, summary
 from armguard.guard import EventLog
 from armguard.guard.verdict import Counts
 from armguard.respond import Guard
-from armguard.scene import load_scene, load_trajectory
+from armguard.scene import load_scene
 from armguard.scene.trajectory import densify
+from armguard.station.motions import load_motion, motion_notes
 
 
 def run(
     scene: Annotated[Path, typer.Argument(help="Scene file: ours, or MoveIt's.")],
     trajectory: Annotated[
         Path,
-        typer.Option(help="CSV with joint names, NPZ, or a MoveIt motion request."),
+        typer.Option(
+            help="CSV with joint names, NPZ, YAML, a bag of ROS 1 or ROS 2, or a "
+            "recording of ours."
+        ),
     ],
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Topic of a bag; give it once for each arm, as ROBOT=TOPIC where the "
+            "joints' names do not tell the robot."
+        ),
+    ] = None,
     step: Annotated[
         float,
         typer.Option(
@@ -50,12 +61,14 @@ def run(
 ) -> None:
     """Judge a motion, cycle by cycle. Exit code 0 clear, 1 too close, 2 bad input."""
     loaded = load_scene(scene, robot=robot, progress=say_progress)
-    motion = load_trajectory(trajectory)
+    motion = load_motion(trajectory, topic or ())
     fill = dict(zip(loaded.q_names, loaded.home.tolist(), strict=True))
     q = motion.for_scene(loaded, fill if hold_home else None)
     if motion.stamps is None and not motion.ends_only:
         q = densify(q, step)
+    notes = motion_notes(motion, loaded)
     guard = Guard(loaded, progress=say)
+    notes += guard.tables.notes
     fixed = all(part.mode == "fixed" for part in guard.tables.robots)
     log, times, counts = EventLog(), list[float](), list[Counts]()
     with progress_bar("judging", len(q)) as advance:
@@ -79,7 +92,7 @@ def run(
     answer = {
         "scene": scene.name,
         "trajectory": trajectory.name,
-        "notes": list(guard.tables.notes),
+        "notes": notes,
         **summary(log, times, counts),
         "between": None if between is None else between.to_dict(guard.q_names),
     }
@@ -91,7 +104,7 @@ def run(
     if json:
         print_json(answer)
     else:
-        for note in guard.tables.notes:
+        for note in notes:
             say(f"note: {note}")
         if motion.ends_only:
             say("note: a request has no way between start and goal; both are judged")

@@ -7,7 +7,8 @@ from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Surface, convex_pieces, mesh_hull
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
-from armguard.scene.trajectory import Trajectory, load_trajectory
+from armguard.scene.trajectory import Trajectory
+from armguard.scene.trajectory_file import load_trajectory
 
 __all__ = [
     "Grasp",

@@ -1,21 +1,26 @@
 """Motion to be judged: configurations by joint name, with or without time."""
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import pairwise
-from pathlib import Path
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import TrajectoryError, did_you_mean
+from armguard.robot.model import JointKind
 from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
-# Column names that mean time [s].
-TIME_COLUMNS = ("t", "time", "stamp")
+# What stands between a robot's name and its joint's in the names of others: ours,
+# ROS's prefix, and that of some log files.
+SEPARATORS = ("/", "_", ".")
+
+# A joint with limits that is told a greater position was told degrees [rad].
+SURELY_DEGREES = 4.0 * pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +28,14 @@ class Trajectory:
     """Configurations in the order of a file's joints.
 
     Attributes:
-        names: 'robot/joint', or 'joint' as written.
+        names: 'robot/joint', 'robot_joint', or 'joint' as written.
         q: Joint positions, shape (n, k) [rad or m].
         stamps: Times, shape (n,) [s], None if the file has none.
         source: Where it came from.
         ends_only: True if only start and goal are known, not the way between them.
+        others: Whether it may also hold joints that the scene does not have: a log of
+            a whole machine does, a table made for this scene does not.
+        notes: What its reader had to decide, each a sentence.
     """
 
     names: tuple[str, ...]
@@ -35,6 +43,8 @@ class Trajectory:
     stamps: Floats | None
     source: str
     ends_only: bool = False
+    others: bool = False
+    notes: tuple[str, ...] = ()
 
     def for_scene(
         self, scene: Scene, fill: Mapping[str, float] | None = None
@@ -50,28 +60,28 @@ class Trajectory:
             fill: Positions of joints the file does not have, by 'robot/joint'.
 
         Raises:
-            TrajectoryError: A joint is unknown, ambiguous, given twice, or missing.
+            TrajectoryError: A joint is unknown, ambiguous, given twice, or missing; or
+                its positions are degrees.
         """
         fill = fill or {}
         joints = scene.q_names
-        every = [
-            f"{name}/{joint}"
-            for name, robot in scene.robots.items()
-            for joint in robot.model.joints
-        ]
-        column: dict[str, int] = {}
-        for k, name in enumerate(self.names):
-            joint = self._match(name, every)
-            if joint in column:
-                raise TrajectoryError(f"{self.source}: joint '{joint}' has two columns")
-            column[joint] = k
-        missing = [j for j in joints if j not in column and j not in fill]
+        column, unknown = self._columns(scene)
+        absent = [j for j in joints if j not in column]
+        for name in unknown:
+            if not self.others or is_like(name, absent):
+                every = [*absent, *(j for j in joints if j in column)]
+                raise TrajectoryError(
+                    f"{self.source}: joint '{name}' is not in the scene; "
+                    f"{did_you_mean(name, every)}"
+                )
+        missing = [j for j in absent if j not in fill]
         if missing:
             raise TrajectoryError(
                 f"{self.source}: no positions for "
                 + ", ".join(f"'{m}'" for m in missing)
                 + "; add columns, or hold them at home with --hold-home"
             )
+        self._check_unit(scene, column)
         return np.column_stack(
             [
                 self.q[:, column[j]] if j in column else np.full(len(self.q), fill[j])
@@ -79,162 +89,76 @@ class Trajectory:
             ]
         )
 
-    def _match(self, name: str, joints: list[str]) -> str:
-        """The one scene joint a column's name stands for."""
-        if name in joints:
-            return name
-        matches = [j for j in joints if "/" not in name and j.endswith(f"/{name}")]
-        if not matches:
-            raise TrajectoryError(
-                f"{self.source}: joint '{name}' is not in the scene; "
-                f"{did_you_mean(name, joints)}"
-            )
+    def unused(self, scene: Scene) -> tuple[str, ...]:
+        """Names of the file that are no joint of the scene."""
+        return tuple(self._columns(scene)[1])
+
+    def _columns(self, scene: Scene) -> tuple[dict[str, int], list[str]]:
+        """Column of each scene joint the file has, and names it does not know."""
+        known = [
+            (name, joint)
+            for name, robot in scene.robots.items()
+            for joint in robot.model.joints
+        ]
+        column: dict[str, int] = {}
+        unknown: list[str] = []
+        for k, name in enumerate(self.names):
+            joint = self._match(name, known)
+            if joint is None:
+                unknown.append(name)
+            elif joint in column:
+                raise TrajectoryError(
+                    f"{self.source}: joint '{joint}' has two columns, "
+                    f"'{self.names[column[joint]]}' and '{name}'"
+                )
+            else:
+                column[joint] = k
+        return column, unknown
+
+    def _match(self, name: str, known: list[tuple[str, str]]) -> str | None:
+        """The one scene joint a column's name stands for; None if there is none."""
+        bare = name.strip("/")
+        if tuple(bare.split("/", 1)) in known:
+            return bare
+        matches = [
+            f"{robot}/{joint}"
+            for robot, joint in known
+            if bare == joint or bare in (f"{robot}{sign}{joint}" for sign in SEPARATORS)
+        ]
         if len(matches) > 1:
             raise TrajectoryError(
                 f"{self.source}: joint '{name}' may be "
                 + " or ".join(f"'{m}'" for m in matches)
                 + "; write the robot's name before it"
             )
-        return matches[0]
+        return matches[0] if matches else None
 
-
-def load_trajectory(path: str | Path) -> Trajectory:
-    """Read a motion: CSV, NPZ, or a MoveIt motion request in YAML.
-
-    CSV: a header of joint names, one configuration a row; a column `t`, `time` or
-    `stamp` is time. NPZ: arrays `names`, `q` and, if there is time, `t`.
-
-    Raises:
-        TrajectoryError: The file cannot be read as any of these.
-    """
-    path = Path(path)
-    readers = {".csv": read_csv, ".npz": read_npz, ".yaml": read_request}
-    reader = readers.get(path.suffix.replace(".yml", ".yaml"))
-    if reader is None:
-        raise TrajectoryError(
-            f"'{path.name}' is no motion file; it must end in .csv, .npz or .yaml"
-        )
-    try:
-        trajectory = reader(path)
-    except OSError as error:
-        raise TrajectoryError(f"'{path}' cannot be read: {error.strerror}") from None
-    if len(trajectory.q) == 0:
-        raise TrajectoryError(f"{path.name}: there is no configuration in it")
-    if trajectory.stamps is not None:
-        back = np.flatnonzero(~(np.diff(trajectory.stamps) >= 0.0))
-        if len(back):
-            k = int(back[0])
-            raise TrajectoryError(
-                f"{path.name}: time goes from {trajectory.stamps[k]:g} s to "
-                f"{trajectory.stamps[k + 1]:g} s at configuration {k + 2}; "
-                "it must not go back"
-            )
-    return trajectory
-
-
-def read_csv(path: Path) -> Trajectory:
-    """CSV with a header of joint names."""
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = csv.reader(file)
-        header = [name.strip() for name in next(rows, [])]
-        if not header or not all(header):
-            raise TrajectoryError(
-                f"{path.name}:1: the first line must hold the joint names"
-            )
-        if len(set(header)) < len(header):
-            twice = next(n for n in header if header.count(n) > 1)
-            raise TrajectoryError(f"{path.name}:1: column '{twice}' is there twice")
-        values: list[list[float]] = []
-        for row in rows:
-            if not row:
+    def _check_unit(self, scene: Scene, column: Mapping[str, int]) -> None:
+        """Refuse positions of a joint with limits that can only be degrees."""
+        for name, k in column.items():
+            robot, joint = name.split("/", 1)
+            model = scene.robots[robot].model.joints[joint]
+            if model.kind is not JointKind.REVOLUTE or not np.isfinite(
+                model.upper - model.lower
+            ):
                 continue
-            at = f"{path.name}:{rows.line_num}"
-            if len(row) != len(header):
+            q = self.q[:, k]
+            q = np.abs(q[np.isfinite(q)])
+            if len(q) and q.max() > max(SURELY_DEGREES, model.upper, -model.lower):
                 raise TrajectoryError(
-                    f"{at}: {len(row)} columns; the header has {len(header)}"
+                    f"{self.source}: joint '{self.names[k]}' is at {q.max():g}, which "
+                    f"looks like degrees; its limits are [{model.lower:g}, "
+                    f"{model.upper:g}] rad"
                 )
-            try:
-                values.append([float(cell) for cell in row])
-            except ValueError:
-                bad = next(cell for cell in row if not is_number(cell))
-                raise TrajectoryError(f"{at}: '{bad}' is no number") from None
-    table = np.array(values, dtype=np.float64).reshape(len(values), len(header))
-    time = [k for k, name in enumerate(header) if name.lower() in TIME_COLUMNS]
-    joints = [k for k in range(len(header)) if k not in time]
-    return Trajectory(
-        names=tuple(header[k] for k in joints),
-        q=table[:, joints],
-        stamps=table[:, time[0]] if time else None,
-        source=path.name,
-    )
 
 
-def is_number(text: str) -> bool:
-    """Whether a cell is a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def is_like(name: str, others: list[str]) -> bool:
+    """Whether a name may be a misspelling of one of these.
 
-
-def read_npz(path: Path) -> Trajectory:
-    """NPZ with `names`, `q` and perhaps `t`."""
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            held = {key: arrays[key] for key in arrays.files}
-    except ValueError as error:
-        raise TrajectoryError(f"'{path.name}' is no NPZ file: {error}") from None
-    missing = [key for key in ("names", "q") if key not in held]
-    if missing:
-        raise TrajectoryError(
-            f"{path.name}: there is no array '{missing[0]}'; an NPZ holds `names`, `q` "
-            "and perhaps `t`"
-        )
-    names = tuple(str(name) for name in held["names"])
-    q = np.asarray(held["q"], dtype=np.float64)
-    if q.ndim != 2 or q.shape[1] != len(names):
-        raise TrajectoryError(
-            f"{path.name}: q has shape {q.shape}; it must be (n, {len(names)})"
-        )
-    stamps = held.get("t")
-    if stamps is not None and stamps.shape != (len(q),):
-        raise TrajectoryError(
-            f"{path.name}: t has shape {stamps.shape}; it must be ({len(q)},)"
-        )
-    return Trajectory(names, q, stamps, path.name)
-
-
-def read_request(path: Path) -> Trajectory:
-    """A MoveIt motion request: its start state, and its joint goal.
-
-    Joints the goal does not name stay where they start. The way between is not part
-    of a request.
+    Robots' joints differ by a digit, so that the right spelling of one is like another:
+    only what is nearly the same counts.
     """
-    from ruamel.yaml import YAML, YAMLError
-
-    try:
-        request = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-        state = request["start_state"]["joint_state"]
-        start = dict(zip(state["name"], map(float, state["position"]), strict=True))
-        goal = dict(start)
-        for constraints in request["goal_constraints"]:
-            for joint in constraints["joint_constraints"]:
-                goal[joint["joint_name"]] = float(joint["position"])
-    except (YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise TrajectoryError(
-            f"'{path.name}' is no MoveIt motion request with a start_state and joint "
-            f"goal_constraints: {error}"
-        ) from None
-    unknown = [name for name in goal if name not in start]
-    if unknown:
-        raise TrajectoryError(
-            f"{path.name}: the goal names joint '{unknown[0]}', which has no start; "
-            f"{did_you_mean(unknown[0], start)}"
-        )
-    names = tuple(start)
-    q = np.array([[state[n] for n in names] for state in (start, goal)])
-    return Trajectory(names, q, None, path.name, ends_only=True)
+    return bool(get_close_matches(name, others, n=1, cutoff=0.8))
 
 
 def densify(q: Floats, max_step: float) -> Floats:

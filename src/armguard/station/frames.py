@@ -12,7 +12,7 @@ A frame that is no cycle has only a header, a text and data.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -175,15 +175,28 @@ def text_frame(
     wall: float,
     text: Mapping[str, Any],
     data: bytes = b"",
+    room: Callable[[int], Floats] = np.zeros,
 ) -> Floats:
-    """The row of a frame that is no cycle."""
+    """The row of a frame that is no cycle.
+
+    Args:
+        kind: What it is about.
+        cycle: Number of the next cycle.
+        monotonic: Time on the monotonic clock [s].
+        wall: Time on the wall clock [s].
+        text: Words.
+        data: Bytes.
+        room: Gives the row to write to, by its length.
+    """
     told = text_of(text)
-    row = np.zeros(HEADER + words(len(told)) + words(len(data)))
+    ends = HEADER + words(len(told))
+    row = room(ends + words(len(data)))
+    row[:HEADER] = 0.0
     row[:4] = kind, cycle, monotonic, wall
     row[NOW] = row[RECEIVED] = row[ENDED] = np.nan
     row[TEXT], row[DATA] = len(told), len(data)
-    put_text(told, row[HEADER:])
-    put_text(data, row[HEADER + words(len(told)) :])
+    put_text(told, row[HEADER:ends])
+    put_text(data, row[ends:])
     return row
 
 
@@ -200,5 +213,7 @@ def as_json(value: Any) -> Any:
 
 
 def put_text(data: bytes, room: Floats) -> None:
-    """Write bytes into the words of a row."""
-    room.view(np.uint8)[: len(data)] = np.frombuffer(data, np.uint8)
+    """Write bytes into the words of a row, and zeros behind them."""
+    places = room.view(np.uint8)
+    places[: len(data)] = np.frombuffer(data, np.uint8)
+    places[len(data) : 8 * words(len(data))] = 0

@@ -281,7 +281,8 @@ class RecordedGuard:
     def tell(self, kind: Kind, text: Mapping[str, Any], data: bytes = b"") -> None:
         """Write down something that is no cycle."""
         now, wall = self._monotonic(), self._wall()
-        self._ring.append(text_frame(kind, self.cycle, now, wall, text, data))
+        text_frame(kind, self.cycle, now, wall, text, data, self._ring.reserve)
+        self._ring.commit()
 
     def write_command(
         self,

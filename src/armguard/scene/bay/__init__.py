@@ -6,7 +6,8 @@ from armguard.errors import UnknownNameError
 from armguard.scene.file import load_scene
 from armguard.scene.scene import FLOOR, Scene
 from armguard.scene.settings import Mode
-from armguard.scene.trajectory import Trajectory, load_trajectory
+from armguard.scene.trajectory import Trajectory
+from armguard.scene.trajectory_file import load_trajectory
 
 FOLDER = Path(__file__).parent
 

@@ -217,6 +217,11 @@ def compare(
         SettingError: There is no such setting, or it cannot have that value.
         RecordingError: The recording holds no scene, or the two cannot be compared.
     """
+    if len(recording.parts()) > 1:
+        raise RecordingError(
+            f"{recording.paths[0].parent}: settings were changed between these "
+            "recordings; name one of the files"
+        )
     budget = int(recording.info.get("budget", 1024))
     other = change(recording.scene(), budget, settings)
     pair = Pair(

@@ -48,6 +48,9 @@ RECORDINGS = "recording-*.mcap"
 # What is read is handed to the disk so often [s].
 FLUSH = 0.5
 
+# Messages of about so many bytes make a chunk: a wrong bit costs no more than one.
+CHUNK_SIZE = 128 << 10
+
 # A cycle is kept with all its pairs and poses so often, and with every level [s].
 WHOLE_EVERY = 1.0 / 30.0
 
@@ -117,9 +120,14 @@ class Writing:
 
     def flush(self) -> None:
         """Hand what waits to the disk."""
-        if self.waiting:
-            self.disk.put(self.file, self.bytes.chunk(self.waiting))
-            self.waiting = []
+        waiting, self.waiting = self.waiting, []
+        while waiting:
+            size, k = 0, 0
+            while k < len(waiting) and size < CHUNK_SIZE:
+                size += len(waiting[k].data)
+                k += 1
+            self.disk.put(self.file, self.bytes.chunk(waiting[:k]))
+            waiting = waiting[k:]
 
     def end(self) -> None:
         """Write the last bytes."""
@@ -159,8 +167,9 @@ class Recorder:
         self._checkpoint = False
         self._levels: tuple[int, ...] = ()
         self._whole_at = -np.inf
-        self._now, self._time, self._offset = 0.0, 0, None  # type: float, int, float | None
-        self._told_problem = ""
+        self._now, self._time = 0.0, 0
+        self._offset: float | None = None
+        self._untold: list[str] = []
 
     def run(self, ring: RingReader, ends: Callable[[], bool]) -> None:
         """Record until the ring is closed, or somebody says that it ends.
@@ -215,13 +224,15 @@ class Recorder:
     def tell(self, problem: str) -> None:
         """Write down that something of the recording is missing, and log it."""
         log.warning("%s", problem)
+        if self._main is None:
+            self._untold.append(problem)
+            return
         note = {"note": "recorder", "problem": problem}
         wall = (self._offset or 0.0) + self._now
-        if self._main is not None:
-            self._close_block()
-            self._rows.append(text_frame(Kind.NOTE, 0, self._now, wall, note))
-            self._close_block()
-            self._store(self._words(ros.WARN, problem))
+        self._close_block()
+        self._rows.append(text_frame(Kind.NOTE, 0, self._now, wall, note))
+        self._close_block()
+        self._store(self._words(ros.WARN, problem))
 
     def flush(self) -> None:
         """Hand all that was taken to the disk."""
@@ -236,7 +247,8 @@ class Recorder:
             # It has a hole: another one begins with the next frame.
             self._main.disk.close(self._main.file)
             self._main = None
-            self._told_problem = self.disk.problem or "the disk was too slow"
+            why = self.disk.problem or "the disk was too slow"
+            self.tell(f"what was before is missing: {why}")
         if self._apart is not None and self._apart.file.given_up:
             self._apart.disk.close(self._apart.file)
             self._apart = None
@@ -338,9 +350,9 @@ class Recorder:
             self._main = None
         if self._main is None and not (self.disk.problem and self.disk.waiting):
             self._main = self._new("recording", {})
-            if self._told_problem:
-                self.tell(f"what was before is missing: {self._told_problem}")
-                self._told_problem = ""
+            untold, self._untold = self._untold, []
+            for problem in untold:
+                self.tell(problem)
 
     def _new(self, name: str, more: Mapping[str, str]) -> Writing:
         """A recording that begins now."""

@@ -72,6 +72,22 @@ class Recording:
             return 0
         return int((max(times) - min(times)) * 1e-9 / period)
 
+    def parts(self) -> "list[Recording]":
+        """Recordings of one scene each: this one, where nothing was changed in it.
+
+        A service that is told to change its settings goes on in another scene.
+        """
+        groups: list[tuple[str, list[Path]]] = []
+        for path in self.paths:
+            scene = str(Recording([path]).info.get("archive", ""))
+            if groups and groups[-1][0] == scene:
+                groups[-1][1].append(path)
+            else:
+                groups.append((scene, [path]))
+        if len(groups) == 1:
+            return [self]
+        return [Recording(paths) for _, paths in groups]
+
     def scene(self) -> Scene:
         """The scene it was made in, from what the recording holds.
 

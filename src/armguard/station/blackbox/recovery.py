@@ -106,6 +106,9 @@ def check_between(data: Data, start: int, end: int, problems: list[str]) -> None
         kind, length = RECORD.unpack_from(data, at)
         if kind not in OPCODES or kind == CHUNK or at + RECORD.size + length > end:
             break
+        if data[at + BEHIND : at + BEHIND + len(COMPRESSED)] == COMPRESSED:
+            # A chunk whose very first byte is wrong.
+            break
         at += RECORD.size + length
     if at != end:
         problems.append(f"bytes {at} to {end} of the file are damaged")

@@ -88,6 +88,36 @@ def replay(
     Raises:
         RecordingError: It holds no scene.
     """
+    parts = recording.parts()
+    if len(parts) == 1:
+        return replay_scene(recording, start, end, progress)
+    answer, began = Replay(), None
+    for part in parts:
+        first = next(part.frames()).monotonic
+        began = first if began is None else began
+        past = first - began
+        found = replay_scene(part, start - past, end - past, progress)
+        answer.cycles += found.cycles
+        answer.skipped += found.skipped
+        answer.checkpoints += found.checkpoints
+        answer.problems += found.problems
+        if answer.first_cycle is None:
+            answer.first_cycle = found.first_cycle
+        if found.different_time is not None:
+            answer.difference = found.difference
+            answer.different_cycle = found.different_cycle
+            answer.different_time = found.different_time + past
+            break
+    return answer
+
+
+def replay_scene(
+    recording: Recording,
+    start: float,
+    end: float,
+    progress: Callable[[int], None] | None,
+) -> Replay:
+    """See `replay`; the recording is of one scene."""
     answer = Replay()
     guard = guard_of(recording)
     knows = False

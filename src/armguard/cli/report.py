@@ -1,0 +1,81 @@
+"""`armguard report`: one page about a recording."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armguard.cli.console import CLEAR, JsonOption, out, print_json, progress_bar, say
+from armguard.station.errors import StationError
+
+
+def report(
+    recording: Annotated[
+        Path,
+        typer.Argument(help="A recording, a near miss, or a folder of recordings."),
+    ],
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="The page; beside the recording if this is not given."
+        ),
+    ] = None,
+    clearance: Annotated[
+        float,
+        typer.Option(help="A pair with less left than this is a near miss [m]."),
+    ] = 0.0,
+    slack: Annotated[
+        float,
+        typer.Option(help="Less time than this until a stop is a near miss [s]."),
+    ] = 0.0,
+    prove_seconds: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Time for proofs that are not kept on this machine [s]."
+        ),
+    ] = 0.0,
+    json: bool = JsonOption,
+) -> None:
+    """Tell a recording on one page that needs no network. Exit code 0, 2 bad input.
+
+    With --json the findings are printed, and a page is written only with --out.
+    """
+    try:
+        from armguard.station.blackbox import open_recording
+        from armguard.station.blackbox.report import Closeness, findings_of, write_page
+        from armguard.station.blackbox.report.sentences import advice, summary
+    except ModuleNotFoundError as error:
+        raise StationError(
+            f"a report needs the package '{error.name}': pip install "
+            "'armguard[station]'"
+        ) from None
+
+    found = open_recording(recording)
+    with progress_bar("reading", int(found.info.get("cycles", 0))) as advance:
+        findings = findings_of(
+            found,
+            closeness=Closeness(clearance, slack),
+            prove_seconds=prove_seconds,
+            progress=advance,
+        )
+    if page is None and not json:
+        page = page_beside(recording)
+    if page is not None:
+        write_page(findings, page)
+    if json:
+        print_json(findings.to_dict())
+    else:
+        for problem in findings.problems:
+            say(f"note: {problem}")
+        out.print(summary(findings), markup=False)
+        if told := advice(findings):
+            out.print(told, markup=False)
+        out.print(f"page written to {page}", markup=False)
+    raise typer.Exit(CLEAR)
+
+
+def page_beside(recording: Path) -> Path:
+    """Where the page of a recording goes if nobody says."""
+    if recording.is_dir():
+        return recording / "report.html"
+    return recording.with_suffix(".html")
