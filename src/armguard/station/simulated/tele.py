@@ -65,8 +65,8 @@ class TeleDriver:
 
     Every few seconds each arm sets out for another place, often to a point where it
     meets the others, or to something that stands there. Between two legs nothing is
-    asked for, as by somebody who takes his hand away, so an arm that was stopped goes on
-    with the next one.
+    asked for, as by somebody who takes his hand away, so an arm that was stopped goes
+    on with the next one.
 
     Attributes:
         robots: Names of the robots.
@@ -118,6 +118,10 @@ class TeleDriver:
         for r, own in enumerate(self._own):
             wish[own] = self._wish_of(r, float(times[r]), q[own])
         return wish
+
+    def own(self, r: int) -> slice:
+        """Part of q of the r-th robot."""
+        return self._own[r]
 
     def next_leg(self, t: float) -> float:
         """When the first leg after a time begins [s]."""
