@@ -43,17 +43,29 @@ def test_between_two_legs_nothing_is_asked_for():
 
 def test_after_a_stop_he_lets_go_waits_engages_and_goes_elsewhere():
     operator = Operator(TeleDriver(TABLES, seed=1))
-    before, _ = operator.drive(1.0, TABLES.home, {})
-    assert before[:7].any()
     stopped = {"left": Blocked.STOPPED}
+    first, _ = operator.drive(1.0, TABLES.home, {})
+    assert first[:7].any() and first[7:].any()
     wish, engages = operator.drive(1.01, TABLES.home, stopped)
     assert not wish[:7].any() and wish[7:].any() and engages == []
-    wish, engages = operator.drive(1.02 + WAIT, TABLES.home, stopped)
+    # He looks on, whatever the arm does: it is too early to go on.
+    wish, engages = operator.drive(1.1, TABLES.home, {})
+    assert not wish[:7].any() and engages == []
+    wish, engages = operator.drive(1.2, TABLES.home, stopped)
+    wish, engages = operator.drive(1.21 + 2 * WAIT, TABLES.home, stopped)
     assert engages == ["left"] and not wish[:7].any()
-    after, engages = operator.drive(2.2 + WAIT, TABLES.home, {})
-    assert engages == [] and after[:7].any()
-    one, other = after[:7] / np.abs(after[:7]).max(), before[:7] / before[:7].max()
-    assert np.abs(one - other).max() > 0.1
+
+
+def test_after_a_stop_he_backs_off_before_he_goes_elsewhere():
+    operator = Operator(TeleDriver(TABLES, seed=1))
+    q = TABLES.home.copy()
+    for k in range(100):
+        q[0] = TABLES.home[0] + 0.002 * k
+        operator.drive(0.01 * k, q, {})
+    operator.drive(1.0, q, {"left": Blocked.STOPPED})
+    back, engages = operator.drive(1.0 + WAIT + 0.1, q, {})
+    assert engages == [] and back[0] < 0.0
+    assert -back[0] == np.abs(back[:7]).max()
 
 
 def test_out_of_what_is_too_near_he_tries_other_ways():
