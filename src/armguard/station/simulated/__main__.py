@@ -10,8 +10,10 @@ from armguard.scene import compile_scene
 from armguard.station.client import Client
 from armguard.station.service.scenes import open_scene
 from armguard.station.simulated.controller import SimulatedArms
-from armguard.station.simulated.driving import DrivingOperator
+from armguard.station.simulated.driving import DrivingOperator, Hands
+from armguard.station.simulated.operator import Operator
 from armguard.station.simulated.plant import Imperfection
+from armguard.station.simulated.sway import Sway
 from armguard.station.simulated.tele import TeleDriver
 
 # How long the service gets to answer [s].
@@ -32,19 +34,27 @@ def main() -> int:
     words.add_argument(
         "--drive", type=int, metavar="SEED", help="no arms: drive those that are there"
     )
+    words.add_argument(
+        "--sway", action="store_true", help="no arms: have those there sway about home"
+    )
     asked = words.parse_args()
     ending: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda got, _: ending.append(got))
     try:
-        with Client(asked.port) as client:
+        drives = asked.sway or asked.drive is not None
+        name = "operator" if drives else "arms"
+        with Client(asked.port, name=name) as client:
             client.connect(timeout=PATIENCE)
             welcome = client.welcome
             what = asked.scene or welcome.scene_file
             scene, _ = open_scene(what, period=welcome.period, late=welcome.period)
-            if asked.drive is not None:
-                driver = TeleDriver(compile_scene(scene), asked.drive)
-                DrivingOperator(client, driver).run(lambda: bool(ending))
+            if drives:
+                tables = compile_scene(scene)
+                hands: Hands = Sway(tables)
+                if not asked.sway:
+                    hands = Operator(TeleDriver(tables, asked.drive))
+                DrivingOperator(client, hands).run(lambda: bool(ending))
                 return 0
             how = Imperfection(
                 errors=asked.errors, lateness=asked.lateness, seed=asked.seed

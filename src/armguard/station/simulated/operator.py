@@ -31,12 +31,17 @@ TRY = 1.5
 class Operator:
     """Drives all arms; one that was stopped he lets go, engages, and backs off with.
 
+    Attributes:
+        driver: Where he wants to go.
+        engages: Whether he engages what was stopped.
+
     Args:
         driver: Where he wants to go.
     """
 
     def __init__(self, driver: TeleDriver) -> None:
         self.driver = driver
+        self.engages = True
         self._hands = [Hand(driver, r) for r in range(len(driver.robots))]
 
     def drive(

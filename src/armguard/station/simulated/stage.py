@@ -35,7 +35,7 @@ class Stage:
     def __init__(self, scene: str, *options: str, log: IO[bytes] | None = None) -> None:
         self.crew = Crew()
         self.port = free_port()
-        self.client = Client(self.port)
+        self.client = Client(self.port, name="audience", every=0)
         self._scene, self._options, self._log = scene, options, log
 
     def __enter__(self) -> Self:
@@ -97,9 +97,15 @@ class Stage:
         to = () if trace is None else ("--trace", str(trace))
         self._simulated("arms", port, *to)
 
-    def start_operator(self, port: int | None = None, seed: int = 0) -> None:
-        """Start the operator; see `start_arms`."""
-        self._simulated("operator", port, "--drive", str(seed))
+    def start_operator(self, port: int | None = None, seed: int | None = None) -> None:
+        """Start the operator.
+
+        Args:
+            port: See `start_arms`.
+            seed: Of his whims; with none he has all arms sway about home.
+        """
+        how = ("--sway",) if seed is None else ("--drive", str(seed))
+        self._simulated("operator", port, *how)
 
     def check(self) -> None:
         """Make sure that service, arms and operator live.
