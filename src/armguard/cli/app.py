@@ -5,6 +5,7 @@ import sys
 import typer
 
 from armguard.cli.bench import bench
+from armguard.cli.chaos import chaos
 from armguard.cli.check import check
 from armguard.cli.console import BAD_INPUT, complain
 from armguard.cli.demo import demo
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, check, run, serve, octree, bench):
+for command in (demo, check, run, serve, chaos, octree, bench):
     app.command()(command)
 
 

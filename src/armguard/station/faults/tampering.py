@@ -6,13 +6,15 @@ from struct import pack_into, unpack_from
 
 from armguard.station.faults.relay import Tamper
 from armguard.station.wire import Kind, Seal
-from armguard.station.wire.layout import HAS_VELOCITY, HEADER, SEAL, STATE
+from armguard.station.wire.layout import HEADER, SEAL, STATE, WISH
 
 Handed = Sequence[tuple[float, bytes]]
 
-# Where a message's kind is, and a STATE's flags, its stamp and its first position.
-KIND_AT = 5
-FLAGS_AT = HEADER.size + 4
+# Changes a message where it stands.
+Edit = Callable[[bytearray], None]
+
+# Where fields of a message's head are, and a STATE's stamp and its first position.
+VERSION_AT, KIND_AT, LENGTH_AT, SESSION_AT, SCENE_AT = 4, 5, 6, 8, 16
 STAMP_AT = HEADER.size + 8
 POSITIONS_AT = HEADER.size + STATE.size
 
@@ -121,9 +123,7 @@ def spliced() -> Callable[[bytes], Handed]:
     return change
 
 
-def rewritten(seal: Seal, edit: Callable[[bytearray], None]) -> Callable[
-    [bytes], Handed
-]:  # fmt: skip
+def rewritten(seal: Seal, edit: Edit) -> Callable[[bytes], Handed]:
     """Each says something else, and is sealed as if its sender had meant it."""
 
     def change(message: bytes) -> Handed:
@@ -135,25 +135,91 @@ def rewritten(seal: Seal, edit: Callable[[bytearray], None]) -> Callable[
     return change
 
 
-def position(message: bytearray, joint: int) -> float:
-    """A position a STATE tells [rad or m]."""
-    value: float = unpack_from("<d", message, POSITIONS_AT + 8 * joint)[0]
-    return value
+def only_the_first() -> Callable[[bytes], Handed]:
+    """In place of each the first one arrives again."""
+    kept: list[bytes] = []
+
+    def change(message: bytes) -> Handed:
+        if not kept:
+            kept.append(message)
+        return ((0.0, kept[0]),)
+
+    return change
 
 
-def put_position(message: bytearray, joint: int, value: float) -> None:
-    """Have a STATE tell another position [rad or m]."""
-    pack_into("<d", message, POSITIONS_AT + 8 * joint, value)
+def joint_missing(seal: Seal) -> Callable[[bytes], Handed]:
+    """Each lacks its last number, and tells the length it has."""
+
+    def change(message: bytes) -> Handed:
+        other = bytearray(message[: -SEAL - 8] + bytes(SEAL))
+        pack_into("<H", other, LENGTH_AT, len(other))
+        seal.put(memoryview(other))
+        return ((0.0, bytes(other)),)
+
+    return change
 
 
-def shift_stamp(message: bytearray, by: float) -> None:
+def as_it_is(message: bytearray) -> None:
+    """Change nothing."""
+
+
+def put_first(value: float) -> Edit:
+    """Have a STATE tell another first position [rad or m]."""
+    return lambda message: pack_into("<d", message, POSITIONS_AT, value)
+
+
+def shift_first(by: float) -> Edit:
+    """Have a STATE tell a first position that is farther by so much [rad or m]."""
+
+    def edit(message: bytearray) -> None:
+        value: float = unpack_from("<d", message, POSITIONS_AT)[0]
+        pack_into("<d", message, POSITIONS_AT, value + by)
+
+    return edit
+
+
+def shift_stamp(by: float) -> Edit:
     """Have a STATE be measured at another time, by some seconds."""
-    stamp: float = unpack_from("<d", message, STAMP_AT)[0]
-    pack_into("<d", message, STAMP_AT, stamp + by)
+
+    def edit(message: bytearray) -> None:
+        stamp: float = unpack_from("<d", message, STAMP_AT)[0]
+        pack_into("<d", message, STAMP_AT, stamp + by)
+
+    return edit
 
 
-def joints_of(message: bytes | bytearray) -> int:
-    """How many joints a STATE without a wish tells."""
-    flags: int = unpack_from("<I", message, FLAGS_AT)[0]
-    both = 2 if flags & HAS_VELOCITY else 1
-    return (len(message) - POSITIONS_AT - SEAL) // (8 * both)
+def frozen() -> Edit:
+    """Have every STATE say what the first one said, in a message of its own."""
+    kept: list[bytes] = []
+
+    def edit(message: bytearray) -> None:
+        if not kept:
+            kept.append(bytes(message[HEADER.size : -SEAL]))
+        message[HEADER.size : -SEAL] = kept[0]
+
+    return edit
+
+
+def other_robots(message: bytearray) -> None:
+    """Have a STATE be of robots that do not exist."""
+    pack_into("<I", message, HEADER.size, 1 << 30)
+
+
+def nan_wish(message: bytearray) -> None:
+    """Have a WISH be for NaN."""
+    pack_into("<d", message, HEADER.size + WISH.size, float("nan"))
+
+
+def other_version(message: bytearray) -> None:
+    """Have a message be of another version."""
+    message[VERSION_AT] += 1
+
+
+def other_session(message: bytearray) -> None:
+    """Have a message be of another session."""
+    message[SESSION_AT] ^= 0xFF
+
+
+def other_scene(message: bytearray) -> None:
+    """Have a message be made for another scene."""
+    message[SCENE_AT] ^= 0xFF

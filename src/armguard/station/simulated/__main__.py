@@ -1,9 +1,13 @@
-"""`python -m armguard.station.simulated`: simulated arms, or one who drives arms."""
+"""`python -m armguard.station.simulated`: simulated arms, or one who drives arms.
+
+SIGUSR1 has the one who drives press the button that engages all arms.
+"""
 
 import argparse
 import signal
 import sys
 from pathlib import Path
+from types import FrameType
 
 from armguard.errors import ArmguardError
 from armguard.scene import compile_scene
@@ -23,7 +27,8 @@ PATIENCE = 30.0
 def main() -> int:
     """Run until somebody ends it; an error of ours is one message and exit code 2."""
     words = argparse.ArgumentParser(
-        prog="python -m armguard.station.simulated", description=__doc__
+        prog="python -m armguard.station.simulated",
+        description=(__doc__ or "").splitlines()[0],
     )
     words.add_argument("--port", type=int, required=True, help="of the service")
     words.add_argument("--scene", help="scene file or bundled scene; the service's")
@@ -54,7 +59,13 @@ def main() -> int:
                 hands: Hands = Sway(tables)
                 if not asked.sway:
                     hands = Operator(TeleDriver(tables, asked.drive))
-                DrivingOperator(client, hands).run(lambda: bool(ending))
+                operator = DrivingOperator(client, hands)
+
+                def press(number: int, frame: FrameType | None) -> None:
+                    operator.pressed = True
+
+                signal.signal(signal.SIGUSR1, press)
+                operator.run(lambda: bool(ending))
                 return 0
             how = Imperfection(
                 errors=asked.errors, lateness=asked.lateness, seed=asked.seed

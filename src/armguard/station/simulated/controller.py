@@ -87,6 +87,7 @@ class SimulatedArms:
         while (left := due - client.clock()) > 0.0:
             if not client.connected:
                 time.sleep(left)
+            looked = client.clock()
             answer = client.receive(timeout=left)
             if answer is None:
                 continue
@@ -95,7 +96,9 @@ class SimulatedArms:
                 self._stop()
                 continue
             self._alone = False
-            self.plant.tell(answer.velocity, answer.actions, at=client.clock())
+            # It came since, however long this process then waited for its turn.
+            came = max(answer.sent, looked)
+            self.plant.tell(answer.velocity, answer.actions, at=came)
 
     def close(self) -> None:
         """End the trace; the client is its owner's."""

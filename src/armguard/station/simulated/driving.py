@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.respond.command import Blocked
+from armguard.respond.command import Action, Blocked
 from armguard.station.client import Answer, Client
 from armguard.station.errors import StationError
 from armguard.station.simulated.operator import WAIT
@@ -43,6 +43,10 @@ class Hands(Protocol):
 class DrivingOperator:
     """Claims the command when nobody has it, and drives until somebody takes it.
 
+    Attributes:
+        client: His client.
+        pressed: Set by who presses the button that engages all arms.
+
     Args:
         client: A client that is connected.
         hands: What he asks for, and when he engages.
@@ -50,6 +54,7 @@ class DrivingOperator:
 
     def __init__(self, client: Client, hands: Hands) -> None:
         self.client = client
+        self.pressed = False
         self._hands = hands
         self._start = client.clock()
         self._asked = self._stopped = -np.inf
@@ -80,6 +85,12 @@ class DrivingOperator:
         client.send_velocities(wish)
         for robot in engages:
             self._engage(robot)
+        if self.pressed:
+            self.pressed = False
+            if answer.action >= Action.BRAKE:
+                # He has looked after arms that did not stop as they should have.
+                self._call("reset")
+            self._engage(None)
         # What the service itself stopped for waits for somebody as well.
         if not (answer.cause.stops and self._hands.engages):
             self._stopped = now
@@ -88,9 +99,13 @@ class DrivingOperator:
             self._engage(None)
 
     def _engage(self, robot: str | None) -> None:
-        """Engage a robot, or all; what the service refuses now is tried again later."""
+        """Engage a robot, or all."""
+        self._call("engage", name=robot)
+
+    def _call(self, what: str, **arguments: str | None) -> None:
+        """Call the guard; what is refused now is tried again later."""
         try:
-            self.client.call("engage", name=robot, timeout=1.0)
+            self.client.call(what, timeout=1.0, **arguments)
         except StationError:
             return
 

@@ -25,6 +25,7 @@ class Stage:
         crew: The processes.
         port: Port of the service.
         client: One who watches.
+        options: Further arguments of the service.
 
     Args:
         scene: A scene file, or the name of a bundled scene.
@@ -36,7 +37,8 @@ class Stage:
         self.crew = Crew()
         self.port = free_port()
         self.client = Client(self.port, name="audience", every=0)
-        self._scene, self._options, self._log = scene, options, log
+        self.options = options
+        self._scene, self._log = scene, log
 
     def __enter__(self) -> Self:
         return self
@@ -60,7 +62,7 @@ class Stage:
         Args:
             launch: How Python is told to run the command line; `-m armguard` if empty.
         """
-        serve = ("serve", self._scene, "--port", str(self.port), *self._options)
+        serve = ("serve", self._scene, "--port", str(self.port), *self.options)
         self._start("service", *(launch or ("-m", "armguard")), *serve)
 
     def wait_for_service(self, say: Callable[[float], None] = lambda _: None) -> None:
