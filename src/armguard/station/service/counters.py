@@ -64,7 +64,6 @@ COUNTERS: tuple[str, ...] = (
     "send_failed",
     "senders",
     "commander_lost",
-    "controllers_silent",
     "companions_ended",
     "level",
     *(f"dropped_{cause}" for cause in DROPS),
@@ -85,7 +84,9 @@ COUNT, SUM, MOST = BUCKETS, BUCKETS + 1, BUCKETS + 2
 HEAD = 8
 MAGIC = 0x41524D434E54
 VERSION = 1
+# Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
 REASONS = 256
+FIRST_CAUSE = 200
 STOPS_AT = HEAD + len(COUNTERS)
 HISTOGRAMS_AT = STOPS_AT + REASONS
 WORDS = HISTOGRAMS_AT + len(HISTOGRAMS) * SPAN

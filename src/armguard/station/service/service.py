@@ -16,11 +16,17 @@ from armguard.scene import Scene
 from armguard.station.errors import ServiceError
 from armguard.station.ring import RingWriter, in_memory
 from armguard.station.service import machine
-from armguard.station.service.answers import Answers
+from armguard.station.service.answers import STOP_LEVEL, Answers
 from armguard.station.service.calls import Calls, read_call, region_of
 from armguard.station.service.companions import Companions
 from armguard.station.service.complaints import Complaints
-from armguard.station.service.counters import DROPS, PLACE, Counters, counters_path
+from armguard.station.service.counters import (
+    DROPS,
+    FIRST_CAUSE,
+    PLACE,
+    Counters,
+    counters_path,
+)
 from armguard.station.service.door import Door
 from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Address, Peer, Peers
@@ -63,8 +69,8 @@ BATCH = 8
 # A cycle may come this share of the period early, if its state is there.
 CATCH_UP = 64
 
-# Levels from this on are stops.
-STOP_LEVEL = 30
+# Time from one checkpoint in the ring to the next [ns].
+CHECKPOINT = 10 * NANO
 
 INSIDE, JUDGING, WAKING = range(3)
 NOBODY_BEGAN = (0, 0, 0)
@@ -157,6 +163,7 @@ class Service:
         self._earliest = self._latest = self._last_start = 0
         self._ordered = False
         self._force = Cause.NONE
+        self._checkpoint = 0
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -271,9 +278,8 @@ class Service:
         number = self._judge.guard.cycle
         commander = self._command.sender
         try:
-            received = began[2] * 1e-9 if fresh else NAN
             command, form = self._judge.ask(
-                self._states, self._wishes, cause, start * 1e-9, received
+                self._states, self._wishes, cause, start * 1e-9
             )
             ended = time.monotonic_ns()
             flags = HELD if cause else 0
@@ -310,7 +316,6 @@ class Service:
             if asker is not None:
                 self._send(message, asker.address)
             self.counters.time(INSIDE, time.monotonic_ns() - began[2])
-        self.counters.time(JUDGING, ended - start)
         for peer in self._peers.here:
             if peer.sender == began[0]:
                 continue
@@ -318,6 +323,23 @@ class Service:
                 self._send(message, peer.address)
             elif peer.sender in self._states.sender:
                 self._send(message, peer.address)
+        if cause != Cause.FAULT:
+            self._write_down(began[2] * 1e-9 if fresh else NAN, ended)
+        self._count_cycle(fresh, cause, before, ended - start)
+
+    def _write_down(self, received: float, ended: int) -> None:
+        """Write the cycle into the ring, now that it has been answered."""
+        try:
+            self._judge.write_down(self._states, self._wishes, received, ended * 1e-9)
+        except Exception as error:  # a cycle nobody can look at again: stop
+            self._force = Cause.FAULT
+            self.counters.count(CYCLE_FAULTS)
+            self._complaints.name("ring", f"{type(error).__name__}: {error}", ended)
+
+    def _count_cycle(self, fresh: bool, cause: Cause, before: int, took: int) -> None:
+        """Count a cycle that is over."""
+        count = self.counters.count
+        self.counters.time(JUDGING, took)
         count(CYCLES)
         if not fresh:
             count(CYCLES_WITHOUT_STATE)
@@ -327,7 +349,7 @@ class Service:
         self.counters.put(LEVEL, level)
         if level >= STOP_LEVEL > before:
             reason = self._answers.reason
-            self.counters.stop(200 + cause if cause.stops else reason)
+            self.counters.stop(FIRST_CAUSE + cause if cause.stops else reason)
 
     def _cause(self, now: int) -> Cause:
         """Why the newest wish does not count, if it does not."""
@@ -339,6 +361,9 @@ class Service:
 
     def _beat(self, now: int) -> None:
         """What is done some twenty times a second."""
+        if now >= self._checkpoint:
+            self._judge.checkpoint()
+            self._checkpoint = now + CHECKPOINT
         self._peers.forget_silent(now)
         holder = self._peers.find(self._command.sender)
         if holder is not None:
@@ -388,7 +413,7 @@ class Service:
             name = bytes(payload[HELLO.size : HELLO.size + 64]).decode(errors="replace")
             peer = Peer(door.sender, name, address, door.sequence, now)
             self._peers.greet(peer)
-            log.info("'%s' at %s:%s says hello", name, *address)
+            log.info("%r at %s:%s says hello", name, *address)
         peer.every, peer.sensor = every, bool(flags & SENSOR)
         self.counters.count(HELLOS)
         self._welcome(peer, door.stamp, now)
@@ -411,6 +436,13 @@ class Service:
             return drop
         self.counters.count(STATES)
         self._began, self._fresh = (peer.sender, sequence, now), True
+        if not self._states.complete:
+            self._send(
+                self._answers.write_stop(
+                    self._states, 0, Cause.WAITING, now, self._command.sender
+                ),
+                peer.address,
+            )
         if wish:
             return self._hear_wish(peer, message, wish, now)
         return ""
@@ -510,7 +542,7 @@ class Service:
         if not self._ordered:
             self._ordered = True
             self._judge.note("stop ordered", by=who)
-            log.warning("a stop was ordered by '%s'", who)
+            log.warning("a stop was ordered by %r", who)
 
     def _doors_of_calls(self) -> dict[str, Callable[..., Any]]:
         """What each call stands for."""

@@ -1,0 +1,48 @@
+"""Thousands of messages that are almost right: no crash, and nothing let through."""
+
+import numpy as np
+
+from armguard import Action
+from armguard.station.wire import Cause
+from service_arms import Arms
+from service_fuzz import fuzz
+
+# `service_fuzz.py` throws a million at a service when it is asked to.
+MESSAGES = 6000
+
+
+def test_nothing_that_is_wrong_moves_a_robot_or_ends_the_loop(serving):
+    with serving() as served, served.client() as client:
+        arms = Arms(client)
+        still = np.zeros(14)
+        counters = served.counters
+        home = arms.q.copy()
+
+        def watch() -> None:
+            # States and answers get lost where so many messages come in.
+            answer = client.cycle(arms.q, still, still, timeout=0.1)
+            if answer.cause in (Cause.NO_ANSWER, Cause.SERVICE_SILENT):
+                return
+            assert answer.action is Action.FOLLOW, answer.sentence
+            assert not answer.velocity.any()
+            assert answer.commander == client.sender
+
+        watch()
+        before = counters.values()
+        read = fuzz(served.port, counters, MESSAGES, seed=1, step=watch)
+        after = counters.values()
+        assert read >= MESSAGES
+        assert served.process.poll() is None
+        assert after["cycle_faults"] == 0
+        assert after["stop_orders"] == 0
+        own = client._outbox.sequence
+        # Each state and wish that was taken was ours.
+        assert after["states"] - before["states"] <= own
+        assert after["wishes"] - before["wishes"] <= own
+        causes = {k for k in after if k.startswith("dropped") and after[k] > before[k]}
+        assert len(causes) >= 14, causes
+        assert (arms.q == home).all()
+        assert client.call("ping")["cycle"] > 0
+        # It still does what it is for.
+        wish = np.full(14, 0.02)
+        assert (arms.drive(wish, 30).velocity == wish).all()
