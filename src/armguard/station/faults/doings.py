@@ -3,8 +3,6 @@
 import os
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from itertools import pairwise
@@ -20,6 +18,12 @@ Doing = Callable[[Playground], AbstractContextManager[None]]
 
 # Readers that never read.
 SLOW_READERS = 10
+
+# Longest time a service takes to find that its port is taken [s].
+LONG = 60.0
+
+# What is seen of a clock before it is set back [s].
+BEFORE = 0.1
 
 # States and wishes an intruder sends, and every how many seconds.
 INTRUDES, EVERY = 40, 0.005
@@ -131,17 +135,15 @@ def slow_readers(ground: Playground) -> Iterator[None]:
 def port_taken(ground: Playground) -> Iterator[None]:
     """A second service is started on the same port; it has to give up in words."""
     words = ("-m", "armguard", "serve", "bay", "--port", str(ground.stage.port))
-    second = subprocess.run(
-        [sys.executable, *words],
-        capture_output=True,
-        check=False,
-        text=True,
-        timeout=60.0,
-    )
-    if second.returncode != 2 or "port" not in second.stderr:
+    log = ground.folder / "second service"
+    with log.open("wb") as file:
+        second = ground.stage.crew.start("second service", words, log=file)
+    ground.watch_until(lambda: second.poll() is not None, LONG)
+    code, text = second.poll(), log.read_text(errors="replace")
+    if code != 2 or "port" not in text:
         raise AssertionError(
-            f"a second service on a port that is taken ends with code "
-            f"{second.returncode}: {second.stderr.strip()[-200:]}"
+            f"a second service on a port that is taken ends with code {code}: "
+            f"{text.strip()[-200:]}"
         )
     yield
 
@@ -149,7 +151,7 @@ def port_taken(ground: Playground) -> Iterator[None]:
 @contextmanager
 def flooded(ground: Playground) -> Iterator[None]:
     """Somebody sends what is no message at all, as fast as he can for a while."""
-    noise = [bytes([k]) * (1 + 97 * k) for k in range(1, 80)]
+    noise = [bytes([k]) * (23 * k) for k in range(1, 50)]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         for _ in range(10):
             for message in noise:
@@ -179,9 +181,10 @@ def wall_clock_set_back(ground: Playground) -> Iterator[None]:
     path = ground.folder / "set back"
     ground.restart("-c", SET_BACK, str(path))
     ground.settle()
+    frames = ground.stage.frames()
+    ground.watch(BEFORE)
     ground.begin()
     path.touch()
-    frames = ground.stage.frames()
     yield
     walls = [row[3] for row in frames.unread()]
     if not any(b < a - 3000.0 for a, b in pairwise(walls)):

@@ -29,7 +29,7 @@ MOVES = 0.005
 CALM = 0.25
 
 # How long they get to begin with that, and how often they are engaged till then [s].
-PATIENCE, ENGAGES = 10.0, 0.3
+PATIENCE, ENGAGES = 30.0, 0.3
 
 # Longest wait for one answer while watching [s].
 LOOK = 0.02

@@ -46,5 +46,7 @@ class Sway:
         rate = 2.0 * np.pi / SWAY
         angle = rate * t + self._phase
         there = self._home + self._span * np.sin(angle)
-        wish: Floats = self._span * rate * np.cos(angle) + BACK * (there - q)
+        # Whatever is told of where the arms are, he asks for no more than this.
+        back = np.clip(BACK * (there - q), -self._span, self._span)
+        wish: Floats = self._span * rate * np.cos(angle) + back
         return wish, []
