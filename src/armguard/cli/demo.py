@@ -68,7 +68,7 @@ def demo(
         float | None,
         typer.Option(min=0.1, help="How long; until interrupted if left out."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the operator's whims.")] = 1,
+    seed: Annotated[int, typer.Option(help="Of the operator's whims.")] = 8,
     page_port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
     json: bool = JsonOption,
 ) -> None:
@@ -131,11 +131,13 @@ def watch(
 ) -> None:
     """Follow what the guard writes, until time is up or somebody interrupts.
 
+    Time counts from the first cycle.
+
     Raises:
         StationError: The service has ended.
     """
     reader = stage.frames()
-    start = time.monotonic()
+    start = None
     with Live(console=out, refresh_per_second=LOOKS, transient=True) as live:
         while not ended.wait(1.0 / LOOKS):
             for row in reader.unread():
@@ -145,12 +147,16 @@ def watch(
                 event = tally.add(frame)
                 if event is not None and not quiet and event.level >= Level.SLOW:
                     live.console.print(event_line(event))
+            stage.check()
+            if tally.verdict is None:
+                live.update(Text("waiting for the arms and their operator ..."))
+                continue
+            start = start or time.monotonic()
             so_far = time.monotonic() - start
-            if not quiet and tally.verdict is not None:
+            if not quiet:
                 live.update(status(so_far, tally))
             if seconds is not None and so_far >= seconds:
                 break
-            stage.check()
     if reader.lost:
         say(f"{reader.lost} cycles were missed by this summary")
     reader.close()

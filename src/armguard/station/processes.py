@@ -15,12 +15,15 @@ from typing import IO, Self
 PATIENCE = 4.0
 
 # What a new process does first: on Linux it asks to be ended when the one that started
-# it does, then it becomes what it is to be. Elsewhere an orphan lives on.
+# it does, unless that has ended already; then it becomes what it is to be. Elsewhere an
+# orphan lives on.
 FIRST = """
 import ctypes, os, signal, sys
 if sys.platform == "linux":
     ctypes.CDLL(None).prctl(1, signal.SIGTERM)
-os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+    if os.getppid() != int(sys.argv[1]):
+        sys.exit()
+os.execv(sys.executable, [sys.executable, *sys.argv[2:]])
 """
 
 
@@ -81,7 +84,7 @@ class Crew:
             log: Where its output goes.
         """
         process = subprocess.Popen(
-            [sys.executable, "-c", FIRST, *words],
+            [sys.executable, "-c", FIRST, str(os.getpid()), *words],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
