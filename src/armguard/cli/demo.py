@@ -138,6 +138,7 @@ def watch(
     """
     reader = stage.frames()
     start = None
+    page = "view" in stage.crew
     with Live(console=out, refresh_per_second=LOOKS, transient=True) as live:
         while not ended.wait(1.0 / LOOKS):
             for row in reader.unread():
@@ -148,6 +149,7 @@ def watch(
                 if event is not None and not quiet and event.level >= Level.SLOW:
                     live.console.print(event_line(event))
             stage.check()
+            page = page and page_lives(stage)
             if tally.verdict is None:
                 live.update(Text("waiting for the arms and their operator ..."))
                 continue
@@ -183,3 +185,12 @@ def show_page(stage: Stage, port: int) -> None:
     words = ("--port", str(stage.port), "--page-port", str(port))
     stage.crew.start("view", ("-m", "armguard", "view", *words))
     out.print(f"live view: http://127.0.0.1:{port} (Ctrl-C ends everything)")
+
+
+def page_lives(stage: Stage) -> bool:
+    """Whether the page is there; when it has ended that is said once."""
+    if stage.crew.lives("view"):
+        return True
+    code = stage.crew["view"].returncode
+    say(f"the page has ended with code {code}; the demo goes on without it")
+    return False
