@@ -21,21 +21,6 @@ def run(*arguments):
     return CliRunner().invoke(app, list(arguments))
 
 
-def test_demo_prints_json_and_ends():
-    result = run("demo", "--headless", "--cycles", "300", "--json", "--task", "150")
-    answer = json.loads(result.stdout)
-    assert result.exit_code == 0
-    assert answer["cycles"] == 300
-    assert answer["levels"]["STOP"] > 0
-    assert answer["events"][0]["why"].startswith("left/link7 to task_panel")
-
-
-def test_demo_tells_events_as_they_come():
-    result = run("demo", "--headless", "--task", "150")
-    assert "STOP" in result.stdout
-    assert "150 cycles" in result.stdout
-
-
 def test_run_writes_a_report_and_says_too_close(tmp_path):
     report = tmp_path / "report.json"
     result = run("run", BAY, "--trajectory", TASK, "--report", str(report))

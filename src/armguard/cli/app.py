@@ -5,6 +5,7 @@ import sys
 import typer
 
 from armguard.cli.bench import bench
+from armguard.cli.chaos import chaos
 from armguard.cli.check import check
 from armguard.cli.console import BAD_INPUT, complain
 from armguard.cli.demo import demo
@@ -24,7 +25,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, check, run, serve, replay, report, octree, bench):
+for command in (
+    demo,
+    check,
+    run,
+    serve,
+    view,
+    replay,
+    report,
+    chaos,
+    octree,
+    bench,
+):
     app.command()(command)
 
 

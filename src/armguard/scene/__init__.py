@@ -9,6 +9,7 @@ from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.scene.trajectory import Trajectory
 from armguard.scene.trajectory_file import load_trajectory
+from armguard.scene.two_pandas import two_pandas_path, two_pandas_scene
 
 __all__ = [
     "Grasp",
@@ -25,4 +26,6 @@ __all__ = [
     "load_scene",
     "load_trajectory",
     "mesh_hull",
+    "two_pandas_path",
+    "two_pandas_scene",
 ]

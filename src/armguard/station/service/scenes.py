@@ -18,6 +18,7 @@ from armguard.scene.exact import ExactTables
 from armguard.scene.meshes import Progress
 from armguard.scene.settings import CHOICES, Mode, ResponseName
 from armguard.scene.tables import SceneTables
+from armguard.scene.two_pandas import two_pandas_path, two_pandas_scene
 
 Floats = NDArray[np.float64]
 
@@ -51,9 +52,7 @@ def open_scene(
     if what == "bay":
         scene, file = bay_scene("path"), str(bay_path())
     elif what == "two-pandas":
-        from armguard import scene as scenes
-
-        scene, file = scenes.two_pandas_scene(), ""  # type: ignore[attr-defined]
+        scene, file = two_pandas_scene(), str(two_pandas_path())
     elif Path(what).is_file():
         scene, file = load_scene(what, progress=progress), str(Path(what).resolve())
     else:

@@ -1,0 +1,146 @@
+"""`armguard chaos`: every fault played against a running guard."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from armguard.cli.console import CLEAR, JsonOption, out, print_json, say
+from armguard.errors import SceneError, did_you_mean
+from armguard.station.faults.fault import Fault, Outcome
+from armguard.station.faults.play import play
+from armguard.station.faults.playground import Playground
+from armguard.station.faults.table import FAULTS
+from armguard.station.service.scenes import open_scene
+
+# Something was observed that is not declared.
+NOT_AS_DECLARED = 1
+
+
+def chaos(
+    scene: Annotated[
+        str, typer.Argument(help="Scene file, or a bundled scene: bay, two-pandas.")
+    ] = "bay",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="Play faults whose names hold this; may be given again."),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Cycles a second [Hz].")] = 250.0,
+    late: Annotated[
+        float, typer.Option(help="How much later than its period a cycle may come [s].")
+    ] = 0.012,
+    slack: Annotated[
+        float,
+        typer.Option(
+            help="What this machine may add to every declared time by having other "
+            "things to do [s]."
+        ),
+    ] = 0.15,
+    json: bool = JsonOption,
+) -> None:
+    """Play every fault against a guard of simulated arms: declared beside observed.
+
+    Nothing of it touches a real robot. Exit code 0 if everything happened as declared,
+    1 if something did not.
+    """
+    faults = chosen(only)
+    say(f"starting a guard, simulated arms and an operator in '{scene}' ...")
+    outcomes = []
+    opened, _ = open_scene(scene, period=1.0 / rate, late=late)
+    with (
+        TemporaryDirectory() as folder,
+        Playground(
+            scene, opened, Path(folder), rate=rate, late=late, slack=slack
+        ) as ground,
+    ):
+        ground.start()
+        for k, fault in enumerate(faults, 1):
+            say(f"{k} of {len(faults)}: {fault.group}, {fault.name}")
+            outcomes.append(play(ground, fault))
+    code = CLEAR if all(each.passed for each in outcomes) else NOT_AS_DECLARED
+    if json:
+        print_json(
+            {"scene": scene, "faults": list(map(row_of, outcomes)), "exit_code": code}
+        )
+    else:
+        print_outcomes(outcomes)
+    raise typer.Exit(code)
+
+
+def chosen(only: list[str] | None) -> list[Fault]:
+    """The faults to play.
+
+    Raises:
+        SceneError: A word is in no name.
+    """
+    if not only:
+        return list(FAULTS)
+    names = [f"{fault.group}, {fault.name}" for fault in FAULTS]
+    for word in only:
+        if not any(word in name for name in names):
+            near = did_you_mean(word, [fault.name for fault in FAULTS])
+            raise SceneError(f"no fault's name holds '{word}'; {near}")
+    return [
+        fault
+        for fault, name in zip(FAULTS, names, strict=True)
+        if any(word in name for word in only)
+    ]
+
+
+def declared(fault: Fault) -> str:
+    """What is declared, in words."""
+    words = fault.effect.value
+    if fault.reasons:
+        words += ": " + " or ".join(fault.reasons)
+    if fault.counts:
+        words += "; counted"
+    return words
+
+
+def status(outcome: Outcome) -> str:
+    """PASS, FAIL or SKIP."""
+    return "SKIP" if outcome.skipped else "PASS" if outcome.passed else "FAIL"
+
+
+def row_of(outcome: Outcome) -> dict[str, Any]:
+    """An outcome as one JSON object."""
+    fault = outcome.fault
+    return {
+        "group": fault.group,
+        "fault": fault.name,
+        "declared": declared(fault),
+        "observed": outcome.observed,
+        "status": status(outcome),
+        "skipped": outcome.skipped,
+        "tries": outcome.tries,
+        "told": outcome.told,
+        "rested": outcome.rested,
+    }
+
+
+def print_outcomes(outcomes: list[Outcome]) -> None:
+    """Print the table, and what it comes to."""
+    table = Table(box=None, pad_edge=False)
+    for title in ("", "fault", "declared", "observed"):
+        table.add_column(title, overflow="fold")
+    group = ""
+    for outcome in outcomes:
+        fault = outcome.fault
+        if fault.group != group:
+            group = fault.group
+            table.add_row("", f"[bold]{group}[/bold]", "", "")
+        word = status(outcome)
+        style = {"PASS": "blue", "FAIL": "bold white on magenta", "SKIP": "dim"}[word]
+        seen = outcome.skipped or outcome.observed
+        if outcome.tries > 1:
+            seen += f" (try {outcome.tries}: this machine was late by itself)"
+        table.add_row(f"[{style}]{word}[/]", fault.name, declared(fault), seen)
+    out.print(table)
+    counts = [sum(status(o) == word for o in outcomes) for word in ("PASS", "FAIL")]
+    skipped = len(outcomes) - sum(counts)
+    out.print(
+        f"{counts[0]} of {len(outcomes)} as declared, {counts[1]} not"
+        + (f", {skipped} not played" if skipped else "")
+    )
