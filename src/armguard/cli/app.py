@@ -9,6 +9,7 @@ from armguard.cli.check import check
 from armguard.cli.console import BAD_INPUT, complain
 from armguard.cli.demo import demo
 from armguard.cli.octree import octree
+from armguard.cli.replay import replay
 from armguard.cli.run import run
 from armguard.cli.serve import serve
 from armguard.errors import ArmguardError
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, check, run, serve, octree, bench):
+for command in (demo, check, run, serve, replay, octree, bench):
     app.command()(command)
 
 

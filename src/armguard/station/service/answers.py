@@ -1,5 +1,8 @@
 """The COMMAND that answers a cycle, written into a buffer that is there already."""
 
+from collections.abc import Sequence
+from struct import Struct
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +32,11 @@ Floats = NDArray[np.float64]
 LEVEL_OF = {int(reason): int(level_of(reason)) for reason in Reason}
 ACTION_OF = {int(level): int(action) for level, action in ACTIONS.items()}
 MOVING = tuple(int(phase) for phase in DRIVEN)
-STOP = int(Action.STOP)
+STOP, STOP_LEVEL = int(Action.STOP), int(Level.STOP)
+
+# From this cause on, but for a stop somebody ordered, nothing that was judged counts.
+LOST = int(Cause.DEADLINE_MISSED)
+INFINITE, NAN = float("inf"), float("nan")
 NOWHERE = (0.0,) * 6
 
 
@@ -55,6 +62,10 @@ class Answers:
         self._outbox = outbox
         self._robots, self._joints = len(tables.robots), len(tables.q_names)
         self._first_row = first_row_of(tables)
+        # All but the joints, in one piece.
+        whole_format = COMMAND.format + SUMMARY.format[1:]
+        whole_format += self._robots * ROBOT.format[1:]
+        self._whole = Struct(whole_format)
         self._head = layout.HEADER + self._robots * layout.ROBOT_WIDTH
         joints_at = ROBOTS_AT + self._robots * ROBOT.size
         self._size = joints_at + 16 * self._joints - HEADER.size
@@ -93,23 +104,19 @@ class Answers:
         r, n = self._robots, self._joints
         tail: list[float] = told[-2 * r :].tolist()
         reason = int(head[layout.REASON])
-        level, action = LEVEL_OF.get(reason, int(Level.STOP)), 0
-        lost = cause.stops and cause != Cause.STOP_ORDERED
+        level, action = LEVEL_OF.get(reason, STOP_LEVEL), 0
+        lost = cause >= LOST
         if lost:
-            level = max(level, int(Level.STOP))
-        payload = self._outbox.payload
-        start, ended = times
-        at = ROBOTS_AT - HEADER.size
+            level = max(level, STOP_LEVEL)
+        rows: list[float] = []
+        row = layout.HEADER
         for k in range(r):
-            row = layout.HEADER + k * layout.ROBOT_WIDTH
             own = int(head[row + layout.ROBOT_LEVEL])
             obeys = 0 if tail[r + k] in MOVING else ACTION_OF.get(own, STOP)
             if lost:
-                own, obeys = max(own, int(Level.STOP)), max(obeys, STOP)
+                own, obeys = max(own, STOP_LEVEL), max(obeys, STOP)
             level, action = max(level, own), max(action, obeys)
-            ROBOT.pack_into(
-                payload,
-                at,
+            rows += (
                 own,
                 obeys,
                 int(tail[k]),
@@ -120,11 +127,11 @@ class Answers:
                 states.sender[k],
                 states.sequence[k],
             )
-            at += ROBOT.size
+            row += layout.ROBOT_WIDTH
         near = int(head[layout.NEAREST])
         a = b = NOBODY
-        slack = distance = clearance = float("inf")
-        points: tuple[float, ...] = NOWHERE
+        slack = distance = clearance = INFINITE
+        points: Sequence[float] = NOWHERE
         if near >= 0:
             first = self._first_row + near * layout.NEAR_WIDTH
             pair: list[float] = numbers[first : first + layout.NEAR_WIDTH].tolist()
@@ -132,9 +139,10 @@ class Answers:
             b = self._body_of[int(pair[layout.SECOND])]
             slack = clearance = pair[layout.CLEARANCE]
             distance = pair[layout.WITNESS]
-            points = tuple(pair[layout.WITNESS + 1 : layout.WITNESS + 7])
-        COMMAND.pack_into(
-            payload,
+            points = pair[layout.WITNESS + 1 : layout.WITNESS + 7]
+        start, ended = times
+        self._whole.pack_into(
+            self._outbox.payload,
             0,
             cycle,
             *began,
@@ -147,10 +155,6 @@ class Answers:
             distance,
             clearance,
             *points,
-        )
-        SUMMARY.pack_into(
-            payload,
-            COMMAND.size,
             reason,
             cause,
             level,
@@ -160,6 +164,7 @@ class Answers:
             r,
             form,
             commander,
+            *rows,
         )
         self._numbers[:] = told[: 2 * n]
         if lost:
@@ -171,11 +176,13 @@ class Answers:
         self, states: States, cycle: int, cause: Cause, now: int, commander: int
     ) -> memoryview:
         """The message that stops every robot where no cycle could be judged."""
-        payload = self._outbox.payload
         r, n = self._robots, self._joints
-        inf, nan = float("inf"), float("nan")
-        COMMAND.pack_into(
-            payload,
+        rows: list[float] = []
+        for k in range(r):
+            rows += (STOP_LEVEL, STOP, 0, 0, 0.0, 1.0, INFINITE)
+            rows += (states.sender[k], states.sequence[k])
+        self._whole.pack_into(
+            self._outbox.payload,
             0,
             cycle,
             0,
@@ -183,37 +190,27 @@ class Answers:
             0,
             now,
             now * 1e-9,
-            nan,
-            nan,
+            NAN,
+            NAN,
             NOBODY,
             NOBODY,
-            inf,
-            nan,
+            INFINITE,
+            NAN,
             *NOWHERE,
+            0,
+            cause,
+            STOP_LEVEL,
+            STOP,
+            HELD,
+            n,
+            r,
+            0,
+            commander,
+            *rows,
         )
-        level = int(Level.STOP)
-        SUMMARY.pack_into(
-            payload, COMMAND.size, 0, cause, level, STOP, HELD, n, r, 0, commander
-        )
-        at = ROBOTS_AT - HEADER.size
-        for k in range(r):
-            ROBOT.pack_into(
-                payload,
-                at,
-                level,
-                STOP,
-                0,
-                0,
-                0.0,
-                1.0,
-                inf,
-                states.sender[k],
-                states.sequence[k],
-            )
-            at += ROBOT.size
         self._numbers[:n] = 0.0
         self._numbers[n:] = states.q
-        self.level, self.reason = level, 0
+        self.level, self.reason = STOP_LEVEL, 0
         return self._outbox.seal(Kind.COMMAND, self._size)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from armguard.errors import SceneError
 from armguard.respond import Command, Guard
 from armguard.scene import Scene
+from armguard.station import frames
 from armguard.station.errors import RefusedError
 from armguard.station.frames import Kind
 from armguard.station.recorded import RecordedGuard
@@ -55,6 +56,9 @@ class Judge:
         n = len(self.guard.guard.q_names)
         self._nothing: Floats = np.zeros(n)
         self._impossible: Floats = np.full(n, np.nan)
+        # What the last cycle was asked.
+        self._asked: tuple[Form, Floats, Floats | None, float]
+        self._asked = Form.VELOCITIES, self._nothing, None, 0.0
         self._tell_scene()
 
     def ask(
@@ -63,21 +67,19 @@ class Judge:
         wishes: Wishes,
         cause: Cause,
         now: float,
-        received: float,
     ) -> tuple[Command, Form]:
-        """One cycle.
+        """One cycle; `write_down` writes it down.
 
         Args:
             states: What was measured.
             wishes: What the commander wants.
             cause: Why that does not count, if it does not.
             now: Time of the cycle [s].
-            received: When the state came in that began it; NaN for none [s].
 
         Returns:
             The command, and what was asked for.
         """
-        guard, velocity = self.guard, states.velocities
+        guard, velocity = self.guard.guard, states.velocities
         form = wishes.form
         if cause.stops:
             # A wish that is none is how a guard is told to stop.
@@ -88,37 +90,55 @@ class Judge:
             wish = wishes.held
         else:
             form, wish = Form.VELOCITIES, self._nothing
+        q, stamps = states.q, states.stamp
         if form == Form.VELOCITIES:
-            command = guard.filter(
-                states.q,
-                wish,
-                states.stamps,
-                velocity=velocity,
-                now=now,
-                received=received,
-            )
+            command = guard.filter(q, wish, stamps, velocity=velocity, now=now)
         elif form == Form.POSITIONS:
             command = guard.filter_positions(
-                states.q,
-                wish,
-                states.stamps,
-                velocity=velocity,
-                now=now,
-                received=received,
+                q, wish, stamps, velocity=velocity, now=now
             )
         else:
             command = guard.filter_twists(
-                states.q,
-                wishes.twists,
-                states.stamps,
-                velocity=velocity,
-                now=now,
-                received=received,
+                q, wishes.twists, stamps, velocity=velocity, now=now
             )
         if cause == Cause.NONE or cause.stops:
             wishes.held[:] = command.position
         self.last = command
+        self._asked = form, wish, velocity, now
         return command, form
+
+    def write_down(
+        self, states: States, wishes: Wishes, received: float, ended: float
+    ) -> None:
+        """Write the last cycle into the ring, now that it has been answered.
+
+        Args:
+            states: What it was judged from.
+            wishes: What the commander wanted.
+            received: When the state came in that began it; NaN for none [s].
+            ended: When it had been judged [s].
+        """
+        command = self.last
+        if command is None:
+            return
+        form, wish, velocity, now = self._asked
+        tools: tuple[str, ...] = ()
+        if form == Form.TWISTS:
+            tools = tuple(wishes.twists)
+            rows = [self._nothing[:0], *wishes.twists.values()]
+            wish = np.concatenate(rows)
+        self.guard.write_command(
+            frames.Form(int(form)),
+            states.q,
+            velocity,
+            states.stamp,
+            now,
+            wish,
+            command,
+            received,
+            tools,
+            ended,
+        )
 
     def at_rest(self, states: States) -> bool:
         """Whether no robot moves, or is told to."""
@@ -223,26 +243,21 @@ class Judge:
         """Write down what is guarded."""
         from armguard import __version__
 
-        tables = self.guard.guard.tables
-        settings = self._settings
-        self.note(
-            "scene",
-            scene_file=self._file,
-            scene_hash=self.hash,
-            names=list(tables.q_names),
-            robots=[part.name for part in tables.robots],
-            bodies=list(dict.fromkeys(tables.body_names)),
-            period=tables.period,
-            late=tables.late,
-            version=__version__,
-            settings={
+        tables, settings = self.guard.guard.tables, self._settings
+        about = {
+            "scene_file": self._file,
+            "scene_hash": self.hash,
+            "bodies": list(dict.fromkeys(tables.body_names)),
+            "late": tables.late,
+            "version": __version__,
+            "settings": {
                 "rate": settings.rate,
                 "late": settings.late,
-                "budget": settings.budget,
                 "modes": {part.name: part.mode for part in tables.robots},
                 "responses": {part.name: part.response.kind for part in tables.robots},
             },
-        )
+        }
+        self.guard.describe(self.scene, about)
 
 
 def scene_word(scene: str) -> int:

@@ -16,11 +16,17 @@ from armguard.scene import Scene
 from armguard.station.errors import ServiceError
 from armguard.station.ring import RingWriter, in_memory
 from armguard.station.service import machine
-from armguard.station.service.answers import Answers
+from armguard.station.service.answers import STOP_LEVEL, Answers
 from armguard.station.service.calls import Calls, read_call, region_of
 from armguard.station.service.companions import Companions
 from armguard.station.service.complaints import Complaints
-from armguard.station.service.counters import DROPS, PLACE, Counters, counters_path
+from armguard.station.service.counters import (
+    DROPS,
+    FIRST_CAUSE,
+    PLACE,
+    Counters,
+    counters_path,
+)
 from armguard.station.service.door import Door
 from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Address, Peer, Peers
@@ -62,9 +68,6 @@ BATCH = 8
 
 # A cycle may come this share of the period early, if its state is there.
 CATCH_UP = 64
-
-# Levels from this on are stops.
-STOP_LEVEL = 30
 
 INSIDE, JUDGING, WAKING = range(3)
 NOBODY_BEGAN = (0, 0, 0)
@@ -271,9 +274,8 @@ class Service:
         number = self._judge.guard.cycle
         commander = self._command.sender
         try:
-            received = began[2] * 1e-9 if fresh else NAN
             command, form = self._judge.ask(
-                self._states, self._wishes, cause, start * 1e-9, received
+                self._states, self._wishes, cause, start * 1e-9
             )
             ended = time.monotonic_ns()
             flags = HELD if cause else 0
@@ -310,7 +312,6 @@ class Service:
             if asker is not None:
                 self._send(message, asker.address)
             self.counters.time(INSIDE, time.monotonic_ns() - began[2])
-        self.counters.time(JUDGING, ended - start)
         for peer in self._peers.here:
             if peer.sender == began[0]:
                 continue
@@ -318,6 +319,23 @@ class Service:
                 self._send(message, peer.address)
             elif peer.sender in self._states.sender:
                 self._send(message, peer.address)
+        if cause != Cause.FAULT:
+            self._write_down(began[2] * 1e-9 if fresh else NAN, ended)
+        self._count_cycle(fresh, cause, before, ended - start)
+
+    def _write_down(self, received: float, ended: int) -> None:
+        """Write the cycle into the ring, now that it has been answered."""
+        try:
+            self._judge.write_down(self._states, self._wishes, received, ended * 1e-9)
+        except Exception as error:  # a cycle nobody can look at again: stop
+            self._force = Cause.FAULT
+            self.counters.count(CYCLE_FAULTS)
+            self._complaints.name("ring", f"{type(error).__name__}: {error}", ended)
+
+    def _count_cycle(self, fresh: bool, cause: Cause, before: int, took: int) -> None:
+        """Count a cycle that is over."""
+        count = self.counters.count
+        self.counters.time(JUDGING, took)
         count(CYCLES)
         if not fresh:
             count(CYCLES_WITHOUT_STATE)
@@ -327,7 +345,7 @@ class Service:
         self.counters.put(LEVEL, level)
         if level >= STOP_LEVEL > before:
             reason = self._answers.reason
-            self.counters.stop(200 + cause if cause.stops else reason)
+            self.counters.stop(FIRST_CAUSE + cause if cause.stops else reason)
 
     def _cause(self, now: int) -> Cause:
         """Why the newest wish does not count, if it does not."""

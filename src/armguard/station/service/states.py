@@ -26,7 +26,8 @@ class States:
     Attributes:
         q: Joint positions, shape (n,) [rad or m].
         velocity: Joint velocities, shape (n,) [rad/s or m/s].
-        stamps: When each robot was measured [s].
+        stamp: When robots were measured: one number if one state told of them all
+            [s].
         measured: Whether the newest state of each robot had velocities.
         sender: Controller of each robot, 0 for none yet.
         sequence: Number of the state of each robot.
@@ -48,7 +49,9 @@ class States:
         r, n = len(self._names), len(tables.q_names)
         self.q: Floats = np.full(n, np.nan)
         self.velocity: Floats = np.zeros(n)
-        self.stamps: dict[str, float] = dict.fromkeys(self._names, float("nan"))
+        self.stamp: float | dict[str, float] = float("nan")
+        self._stamps: dict[str, float] = dict.fromkeys(self._names, float("nan"))
+        self._all = (1 << r) - 1
         self.measured = [False] * r
         self.sender = [0] * r
         self.sequence = [0] * r
@@ -100,14 +103,22 @@ class States:
                 if now - self.heard[r] < self._watchdog:
                     return "second_controller", 0
         at = FIRST // 8
-        for r in robots:
-            own = self._parts[r]
-            count = own.stop - own.start
-            self.q[own] = words[at : at + count]
+        if bits == self._all:
+            self.q[:] = words[at : at + joints]
             if both == 2:
-                self.velocity[own] = words[at + joints : at + joints + count]
-            at += count
-            self.stamps[self._names[r]] = stamp
+                self.velocity[:] = words[at + joints : at + 2 * joints]
+            self.stamp = stamp
+        else:
+            for r in robots:
+                own = self._parts[r]
+                count = own.stop - own.start
+                self.q[own] = words[at : at + count]
+                if both == 2:
+                    self.velocity[own] = words[at + joints : at + joints + count]
+                at += count
+            self.stamp = self._stamps
+        for r in robots:
+            self._stamps[self._names[r]] = stamp
             self.measured[r] = both == 2
             self.sender[r], self.sequence[r] = sender, sequence
             self.heard[r] = now
