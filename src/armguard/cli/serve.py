@@ -63,6 +63,7 @@ def serve(
     The first line on standard output tells where it listens.
     """
     from armguard.station.service import Service, ServiceSettings
+    from armguard.station.service.complaints import PatientHandler
     from armguard.station.service.scenes import (
         checked_mode,
         checked_response,
@@ -70,7 +71,8 @@ def serve(
     )
     from armguard.station.wire import read_key
 
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
+    patient = PatientHandler()
+    logging.basicConfig(level=logging.INFO, handlers=[patient])
     companions: dict[str, tuple[str, ...]] = {}
     if record is not None:
         companions["record"] = ("--folder", str(record))
@@ -114,3 +116,4 @@ def serve(
     sys.stdout.write(f"listening on {bind}:{service.port}, ring {service.ring.path}\n")
     sys.stdout.flush()
     service.run(until=lambda: bool(asked))
+    patient.finish()

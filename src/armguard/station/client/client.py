@@ -161,10 +161,7 @@ class Client:
 
     @property
     def commands(self) -> bool:
-        """Whether this client was granted the command, and nobody else since."""
-        newest = self._newest
-        if newest is not None and newest.commander not in (0, self._sender):
-            return False
+        """Whether this client has the command, as far as it has heard."""
         return self._token != 0
 
     def connect(self, timeout: float = 3.0) -> Welcome:
@@ -364,11 +361,11 @@ class Client:
         silent = now - self._heard > limit
         return self._stopped(Cause.SERVICE_SILENT if silent else Cause.NO_ANSWER)
 
-    def call(self, name: str, timeout: float = 10.0, **arguments: Any) -> Any:
+    def call(self, call: str, /, *, timeout: float = 10.0, **arguments: Any) -> Any:
         """Call something between two cycles, see docs/service.md.
 
         Args:
-            name: What: "engage", "grasp", "release", "allow", "swap_model", "place",
+            call: What: "engage", "grasp", "release", "allow", "swap_model", "place",
                 "remove", "retreat", "field_goal", "reset", "configure", "why", "stop",
                 "ping".
             timeout: How long to wait for the reply [s].
@@ -380,13 +377,13 @@ class Client:
         """
         self._calls += 1
         number = self._calls
-        request = {"id": number, "call": name, "arguments": arguments}
+        request = {"id": number, "call": call, "arguments": arguments}
         data = json.dumps(request, default=as_json).encode()
         end = time.monotonic() + timeout
         while (left := end - time.monotonic()) > 0.0:
             payload = self._outbox.payload
             if len(data) > len(payload):
-                raise RefusedError(f"call '{name}' is too long for a message")
+                raise RefusedError(f"call '{call}' is too long for a message")
             payload[: len(data)] = data
             sequence = self._send(Kind.CALL, len(data))
             self._replies.setdefault(number, b"")
@@ -398,7 +395,7 @@ class Client:
                     return reply["result"]
                 raise RefusedError(reply["sentence"], reply["error"])
         self._replies.pop(number, None)
-        raise NoServiceError(f"the service does not answer the call '{name}'")
+        raise NoServiceError(f"the service does not answer the call '{call}'")
 
     def stop(self) -> None:
         """Order a stop of all robots; whoever is connected may."""
@@ -541,6 +538,9 @@ class Client:
                 return False
             self._newest = answer
             self._answers.append(answer)
+            if answer.commander != self._sender:
+                # What came before the grant was sent before it, and came before it.
+                self._token = 0
         elif kind == Kind.GRANT:
             granted, _, token, holder, _, _ = GRANT.unpack_from(message, HEADER.size)
             self._grant = bool(granted), token, holder

@@ -1,11 +1,23 @@
-"""What the log says of things that may come a thousand times a second."""
+"""What the log says of things that may come a thousand times a second.
+
+And how it says so without ever making the loop wait: a terminal that is paused, or a
+pipe that nobody reads, would block whoever writes to it.
+"""
 
 import logging
+import sys
+import threading
+import time
+from queue import SimpleQueue
+from typing import TextIO
 
 log = logging.getLogger("armguard.service")
 
 # A cause is named in the log no more often than this [ns].
 PAUSE = 1_000_000_000
+
+# Lines that wait to be written; further ones are left out.
+MOST_LINES = 1000
 
 
 class Complaints:
@@ -32,3 +44,44 @@ class Complaints:
         log.warning(
             "%s: %s%s", cause, sentence, f" ({more} more before)" if more else ""
         )
+
+
+class PatientHandler(logging.Handler):
+    """Writes lines from a thread of its own; who logs never waits.
+
+    Args:
+        stream: Where lines go; standard error if None.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        super().__init__()
+        self.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+        self._stream = stream
+        self._lines: SimpleQueue[str] = SimpleQueue()
+        self._writing = False
+        threading.Thread(target=self._write, name="log", daemon=True).start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Leave a line to be written, or leave it out if too many wait."""
+        if self._lines.qsize() < MOST_LINES:
+            self._lines.put(self.format(record) + "\n")
+
+    def finish(self, patience: float = 1.0) -> None:
+        """Wait until all is written, but not for longer than that [s]."""
+        end = time.monotonic() + patience
+        while time.monotonic() < end and (self._writing or self._lines.qsize()):
+            time.sleep(0.005)
+
+    def _write(self) -> None:
+        """Write lines as they come."""
+        while True:
+            line = self._lines.get()
+            self._writing = True
+            try:
+                stream = self._stream or sys.stderr
+                stream.write(line)
+                stream.flush()
+            except (OSError, ValueError):
+                # Nobody reads the log any more; the loop goes on.
+                pass
+            self._writing = False

@@ -64,7 +64,6 @@ COUNTERS: tuple[str, ...] = (
     "send_failed",
     "senders",
     "commander_lost",
-    "controllers_silent",
     "companions_ended",
     "level",
     *(f"dropped_{cause}" for cause in DROPS),

@@ -230,6 +230,10 @@ class Judge:
                 guard.place(name, put["pose"], put["stamp"], velocity=put["velocity"])
         return {"scene_hash": found}
 
+    def checkpoint(self) -> None:
+        """Write down all that the guard remembers, for who replays what follows."""
+        self.guard.checkpoint()
+
     def note(self, note: str, **more: Any) -> None:
         """Write down something that changes nothing."""
         self.guard.tell(Kind.NOTE, {"note": note, **more})

@@ -69,6 +69,9 @@ BATCH = 8
 # A cycle may come this share of the period early, if its state is there.
 CATCH_UP = 64
 
+# Time from one checkpoint in the ring to the next [ns].
+CHECKPOINT = 10 * NANO
+
 INSIDE, JUDGING, WAKING = range(3)
 NOBODY_BEGAN = (0, 0, 0)
 NAN = float("nan")
@@ -160,6 +163,7 @@ class Service:
         self._earliest = self._latest = self._last_start = 0
         self._ordered = False
         self._force = Cause.NONE
+        self._checkpoint = 0
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -357,6 +361,9 @@ class Service:
 
     def _beat(self, now: int) -> None:
         """What is done some twenty times a second."""
+        if now >= self._checkpoint:
+            self._judge.checkpoint()
+            self._checkpoint = now + CHECKPOINT
         self._peers.forget_silent(now)
         holder = self._peers.find(self._command.sender)
         if holder is not None:
@@ -406,7 +413,7 @@ class Service:
             name = bytes(payload[HELLO.size : HELLO.size + 64]).decode(errors="replace")
             peer = Peer(door.sender, name, address, door.sequence, now)
             self._peers.greet(peer)
-            log.info("'%s' at %s:%s says hello", name, *address)
+            self._complaints.name("hello", f"{name!r} at {address} is here", now)
         peer.every, peer.sensor = every, bool(flags & SENSOR)
         self.counters.count(HELLOS)
         self._welcome(peer, door.stamp, now)
@@ -429,6 +436,13 @@ class Service:
             return drop
         self.counters.count(STATES)
         self._began, self._fresh = (peer.sender, sequence, now), True
+        if not self._states.complete:
+            self._send(
+                self._answers.write_stop(
+                    self._states, 0, Cause.WAITING, now, self._command.sender
+                ),
+                peer.address,
+            )
         if wish:
             return self._hear_wish(peer, message, wish, now)
         return ""
@@ -528,7 +542,7 @@ class Service:
         if not self._ordered:
             self._ordered = True
             self._judge.note("stop ordered", by=who)
-            log.warning("a stop was ordered by '%s'", who)
+            log.warning("a stop was ordered by %r", who)
 
     def _doors_of_calls(self) -> dict[str, Callable[..., Any]]:
         """What each call stands for."""

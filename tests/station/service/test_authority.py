@@ -1,0 +1,70 @@
+"""One commander at a time, by a token."""
+
+import numpy as np
+import pytest
+
+from armguard.station.errors import RefusedError
+from armguard.station.wire import Cause
+from service_arms import Arms
+
+
+def test_of_two_commanders_the_first_one_has_the_command(served):
+    with served.client() as client, served.client() as second:
+        arms = Arms(client)
+        wish = np.full(14, 0.01)
+        arms.drive(wish, 20)
+        with pytest.raises(RefusedError, match="has the command"):
+            second.claim()
+        assert not second.commands
+        dropped = served.counters.value("dropped_not_commander")
+        for _ in range(10):
+            second.send_velocities(-wish)
+            answer = arms.drive(wish, 1)
+            assert (answer.velocity >= 0.0).all()
+        assert served.counters.value("dropped_not_commander") >= dropped + 9
+        arms.drive(0 * wish, 5)
+
+
+def test_the_command_can_be_taken_by_force_and_given_back(served):
+    with served.client() as client, served.client() as second:
+        arms = Arms(client)
+        client.claim()
+        second.claim(force=True)
+        answer = arms.measure_until(lambda a: a.commander == second.sender)
+        assert not client.commands
+        for _ in range(20):
+            second.send_velocities(np.full(14, 0.01))
+            answer = arms.measure()
+        assert answer.velocity == pytest.approx(np.full(14, 0.01))
+        second.give_back()
+        answer = arms.measure_until(lambda a: a.commander == 0)
+        assert answer.cause is Cause.NO_COMMANDER
+        client.claim()
+        assert client.commands
+
+
+def test_what_is_for_the_commander_is_refused_to_others(served):
+    with served.client() as client, served.client() as observer:
+        Arms(client)
+        client.claim()
+        with pytest.raises(RefusedError, match="claim the command first"):
+            observer.call("engage")
+        with pytest.raises(RefusedError, match="say hello as a sensor"):
+            observer.call("place", name="bench", pose=np.eye(4))
+        client.call("engage", name="left")
+
+
+def test_a_refusal_is_the_guards_own_sentence(served):
+    with served.client() as client:
+        Arms(client)
+        client.claim()
+        with pytest.raises(RefusedError, match="no robot is named 'lift'; did you"):
+            client.call("engage", name="lift")
+        with pytest.raises(RefusedError, match="no gripper") as refused:
+            client.call("grasp", robot="left", name="bench")
+        assert refused.value.kind == "GraspError"
+        with pytest.raises(RefusedError, match="there is no call 'engag'; did you"):
+            client.call("engag")
+        with pytest.raises(RefusedError, match="unexpected keyword"):
+            client.call("engage", robot="left")
+        assert "why" in client.call("why")

@@ -1,0 +1,79 @@
+"""The example in C, compiled and run against the running service."""
+
+import hashlib
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+compiler = shutil.which("cc") or shutil.which("gcc")
+pytestmark = pytest.mark.skipif(compiler is None, reason="there is no C compiler")
+
+# Digests of messages of many lengths, told in hex.
+DIGESTS = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "blake2s.h"
+int main(int argc, char **argv) {
+    static uint8_t data[8192], digest[16];
+    for (int k = 0; k < (int)sizeof data; k++) data[k] = (uint8_t)(7 * k + 1);
+    for (int k = 1; k < argc; k++) {
+        blake2s(digest, 16, "armguard", 8, data, (uint64_t)atoi(argv[k]));
+        for (int j = 0; j < 16; j++) printf("%02x", digest[j]);
+        puts("");
+    }
+    return 0;
+}
+"""
+
+
+def compiled(source: Path, target: Path) -> Path:
+    """A program; warnings are errors."""
+    assert compiler is not None
+    flags = ["-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", f"-I{EXAMPLES}"]
+    command = [compiler, *flags, "-o", str(target), str(source)]
+    subprocess.run(command, check=True, timeout=60)
+    return target
+
+
+def test_its_seal_is_blake2s(tmp_path):
+    source = tmp_path / "digests.c"
+    source.write_text(DIGESTS)
+    sizes = (0, 1, 63, 64, 65, 127, 128, 129, 500, 8192)
+    program = compiled(source, tmp_path / "digests")
+    command = [str(program), *map(str, sizes)]
+    told = subprocess.run(
+        command, check=True, capture_output=True, text=True, timeout=60
+    ).stdout.split()
+    data = bytes((7 * k + 1) % 256 for k in range(max(sizes)))
+    for size, digest in zip(sizes, told, strict=True):
+        found = hashlib.blake2s(data[:size], key=b"armguard", digest_size=16)
+        assert digest == found.hexdigest(), size
+
+
+def test_it_drives_the_arms(serving, tmp_path):
+    program = compiled(EXAMPLES / "client.c", tmp_path / "client")
+    with serving() as served:
+        command = [str(program), str(served.port), "1"]
+        done = subprocess.run(
+            command, check=True, capture_output=True, text=True, timeout=120
+        )
+        lines = done.stdout.splitlines()
+        assert len(lines) == 6
+        for line in lines[1:]:
+            assert line.endswith("level 0 action 0 reason 0 cause 0 v 0.0500"), line
+        values = served.counters.values()
+        assert values["states"] == values["wishes"] == 250
+        assert values["received"] == values["accepted"] == 250 + 3
+
+
+def test_it_says_so_when_nobody_is_there(tmp_path):
+    program = compiled(EXAMPLES / "client.c", tmp_path / "client")
+    done = subprocess.run(
+        [str(program), "1"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert "no service answers" in done.stderr

@@ -1,0 +1,91 @@
+"""Calls between two cycles."""
+
+import numpy as np
+import pytest
+
+from armguard import Action, Pose
+from armguard.station.errors import RefusedError
+from armguard.station.frames import Kind, frame_of
+from armguard.station.ring import RingReader
+from armguard.station.wire import Cause
+from service_arms import Arms, until
+
+STILL = np.zeros(14)
+
+
+def test_objects_are_placed_by_sensors_and_written_down(served):
+    with served.client(sensor=True) as sensor:
+        reader = RingReader(served.ring, newest=True)
+        pose = Pose(xyz=(-0.55, 0.0, 0.22))
+        with pytest.raises(RefusedError, match="bank"):
+            sensor.call("place", name="bank", pose=pose)
+        sensor.call("place", name="bench", pose=pose)
+        texts = [frame_of(row).text for row in reader.unread()]
+        placed = [text for text in texts if text.get("call") == "place"]
+        assert [text["name"] for text in placed] == ["bench"]
+
+
+def test_other_settings_are_taken_over_while_everything_rests(serving):
+    with serving() as served, served.client() as client, served.client() as other:
+        arms = Arms(client)
+        wish = np.full(14, 0.02)
+        arms.drive(wish, 30)
+        with pytest.raises(RefusedError, match="only while every robot rests"):
+            client.call("configure", response="stop")
+        arms.drive(STILL, 20)
+        with pytest.raises(RefusedError, match="response"):
+            client.call("configure", response="swerve")
+        with pytest.raises(RefusedError, match="fixed"):
+            client.call("configure", mode="fixed")
+        before = client.welcome.scene_hash
+        cycle = client.call("ping")["cycle"]
+        told = client.call("configure", response={"left": "stop"}, mode="speed")
+        assert told["scene_hash"] != before
+        assert client.welcome.scene_hash == told["scene_hash"]
+        # Everybody else is told too, and the same ring goes on.
+        until(other_hears(other), lambda _: other.welcome.scene_hash != before)
+        answer = arms.drive(wish, 30)
+        assert (answer.velocity == wish).all()
+        assert answer.cycle > cycle
+        notes = [
+            frame.text
+            for frame in map(frame_of, RingReader(served.ring).unread())
+            if frame.kind is Kind.NOTE and frame.text.get("note") == "scene"
+        ]
+        assert notes[-1]["scene_hash"] == told["scene_hash"]
+        assert notes[-1]["settings"]["modes"] == {"left": "speed", "right": "speed"}
+        assert notes[-1]["settings"]["responses"]["left"] == "stop"
+
+
+def other_hears(other):
+    """One step in which somebody listens."""
+    return lambda: other.receive(0.1) or other.latest
+
+
+def test_a_call_that_is_repeated_is_done_once(served):
+    with served.client() as client:
+        Arms(client)
+        client.claim()
+        before = served.counters.value("stop_orders")
+        client.call("stop")
+        # The reply got lost, and the same call is sent again.
+        client._calls -= 1
+        client.call("stop")
+        assert served.counters.value("stop_orders") == before + 1
+        client.call("engage")
+
+
+def test_a_stop_holds_until_somebody_engages(served):
+    with served.client() as client:
+        arms = Arms(client)
+        arms.drive(STILL, 5)
+        client.call("stop")
+        answer = arms.drive_until(STILL, lambda a: a.cause is Cause.STOP_ORDERED)
+        assert answer.action is Action.STOP
+        client.give_back()
+        answer = arms.measure_until(lambda a: not a.commander)
+        assert answer.cause is Cause.STOP_ORDERED
+        client.claim()
+        client.call("engage")
+        answer = arms.drive_until(STILL, lambda a: a.action is Action.FOLLOW)
+        assert answer.cause is Cause.NONE

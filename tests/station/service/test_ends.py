@@ -1,0 +1,220 @@
+"""Processes that end, or are made to pause: who is left stops in time."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armguard import Action
+from armguard.station.client import Answer
+from armguard.station.errors import KeyFileError, ServiceError
+from armguard.station.frames import Kind, frame_of
+from armguard.station.ring import RingReader
+from armguard.station.service import ServiceSettings
+from armguard.station.wire import Cause, read_key
+from service_arms import PATIENCE, Arms, until, wait_for
+
+WISH = np.full(14, 0.02)
+
+# A controller and commander that goes on until it is killed.
+DRIVES = """
+import sys
+import numpy as np
+from armguard import Client
+from service_arms import Arms
+client = Client(port=int(sys.argv[1]))
+client.connect(20.0)
+arms = Arms(client)
+arms.drive(np.full(14, 0.02), 10)
+print("drives", flush=True)
+while True:
+    arms.drive(np.full(14, 0.02), 1)
+"""
+
+
+def first_stop(client, since: float) -> tuple[Answer, float]:
+    """The first stop a client tells, and how long after a moment it did so [s]."""
+    while not (answer := client.latest).stops:
+        assert time.monotonic() - since < PATIENCE
+        time.sleep(0.001)
+    return answer, time.monotonic() - since
+
+
+def test_when_the_service_is_killed_the_client_says_stop(serving):
+    with serving() as served, served.client(watchdog=0.2) as client:
+        Arms(client).drive(WISH, 20)
+        assert not client.latest.stops
+        served.process.kill()
+        answer, _ = first_stop(client, time.monotonic())
+        assert answer.cause is Cause.SERVICE_SILENT
+        assert answer.action is Action.STOP
+        assert (answer.velocity == 0.0).all()
+        # What it left behind is readable, up to its last cycle.
+        rows = list(RingReader(served.ring).unread())
+        assert frame_of(rows[-1]).kind is Kind.CYCLE
+        served.ring.unlink()
+        served.ring.with_name(served.ring.name + ".counters").unlink()
+
+
+def test_a_service_that_pauses_is_silent_and_then_late(serving):
+    with serving() as served, served.client(watchdog=0.2) as client:
+        arms = Arms(client)
+        arms.drive(WISH, 20)
+        late = served.counters.value("deadline_missed")
+        served.process.send_signal(signal.SIGSTOP)
+        answer, _ = first_stop(client, time.monotonic())
+        assert answer.cause is Cause.SERVICE_SILENT
+        time.sleep(0.8)
+        served.process.send_signal(signal.SIGCONT)
+        # It knows that it was away: what it says first is a stop.
+        wait_for(lambda: served.counters.value("deadline_missed") > late)
+        answer = until(lambda: client.receive(1.0) or answer, lambda a: a.cycle >= 0)
+        stopped = until(lambda: client.latest, lambda a: a.cycle >= 0)
+        assert stopped.stops
+        arms.drive(0 * WISH, 20)
+
+
+def test_a_client_that_is_killed_leaves_robots_at_rest(served, patient_bay):
+    path = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), *sys.path]))
+    with (
+        subprocess.Popen(
+            [sys.executable, "-c", DRIVES, str(served.port)],
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": path},
+        ) as driver,
+        served.client() as observer,
+    ):
+        assert driver.stdout is not None
+        assert driver.stdout.readline() == b"drives\n"
+        moving = until(lambda: observer.receive(1.0) or observer.latest, moves)
+        assert moving.commander != 0
+        driver.kill()
+        answer = until(
+            lambda: observer.receive(1.0) or observer.latest,
+            lambda a: a.cycle >= 0 and not a.commander and a.stops,
+        )
+        assert (answer.velocity == 0.0).all()
+        # The next one begins where nobody commands.
+        arms = Arms(observer)
+        assert (arms.drive(WISH, 30).velocity == WISH).all()
+        arms.drive(0 * WISH, 5)
+
+
+def moves(answer: Answer) -> bool:
+    """Whether robots are told to move."""
+    return bool(answer.velocity.any())
+
+
+def test_a_client_that_pauses_believes_nothing_old(served):
+    with served.client() as client:
+        arms = Arms(client)
+        arms.drive(WISH, 20)
+        time.sleep(1.0)
+        # Hundreds of answers came in meanwhile; the ones on top are old.
+        first = client.latest
+        assert first.stops
+        answer = until(lambda: client.latest, lambda a: a.cycle >= 0)
+        assert answer.stops
+        assert not client.commands
+
+
+def test_at_the_end_there_is_a_last_stop_for_every_robot(serving):
+    with serving() as served, served.client() as client:
+        arms = Arms(client)
+        arms.drive(WISH, 20)
+        served.process.send_signal(signal.SIGTERM)
+        answers = []
+        deadline = time.monotonic() + PATIENCE
+        while client.latest.cause is not Cause.SERVICE_GONE:
+            assert time.monotonic() < deadline
+            client.send_state(arms.q, arms.velocity)
+            time.sleep(0.004)
+        while (answer := client.receive()) is not None:
+            answers.append(answer)
+        assert answers[-1].cause is Cause.SHUTDOWN
+        assert set(answers[-1].actions.values()) == {Action.STOP}
+        assert served.process.wait(PATIENCE) == 0
+        assert not served.ring.exists()
+
+
+def test_a_port_that_is_taken_is_told_in_words(served, patient_bay):
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "armguard",
+            "serve",
+            str(patient_bay),
+            f"--port={served.port}",
+            "--mode=path",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert f"cannot listen on 127.0.0.1:{served.port}" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_who_listens_wider_needs_a_key():
+    with pytest.raises(ServiceError, match="needs a key"):
+        ServiceSettings(bind="0.0.0.0")
+    assert ServiceSettings(bind="0.0.0.0", key=bytes(16)).bind == "0.0.0.0"
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("bind", "localhost"),
+        ("bind", "::1"),
+        ("rate", 5000.0),
+        ("rate", float("nan")),
+        ("late", 0.0),
+        ("heartbeat", 0.2),
+        ("port", 70000),
+    ],
+)
+def test_settings_that_cannot_be_are_refused_by_name(setting, value):
+    with pytest.raises(ServiceError, match=f"{setting} is"):
+        ServiceSettings(**{setting: value})
+
+
+@pytest.mark.parametrize("size", [0, 5, 33])
+def test_a_key_of_another_length_is_refused(tmp_path, size):
+    file = tmp_path / "key"
+    file.write_bytes(b"k" * size + b"\n")
+    with pytest.raises(KeyFileError, match=f"the key has {size} bytes"):
+        read_key(file)
+    with pytest.raises(KeyFileError, match="no key can be read"):
+        read_key(tmp_path / "none")
+
+
+def test_a_recorder_that_is_killed_costs_the_loop_nothing(serving, tmp_path):
+    with serving(f"--record={tmp_path}") as served, served.client() as client:
+        arms = Arms(client)
+        arms.drive(WISH, 10)
+        own = f"/proc/{served.process.pid}/task/{served.process.pid}/children"
+        (recorder,) = map(int, Path(own).read_text().split())
+        os.kill(recorder, signal.SIGKILL)
+        wait_for(lambda: served.counters.value("companions_ended") == 1)
+        assert (arms.drive(WISH, 30).velocity == WISH).all()
+        errors = served.end()
+    assert "companion 'record' has ended with code -9; the loop goes on" in errors
+
+
+def test_companions_end_with_the_service(serving, tmp_path):
+    with serving(f"--record={tmp_path}") as served:
+        own = f"/proc/{served.process.pid}/task/{served.process.pid}/children"
+        children: list[int] = []
+        while not children:
+            children = [int(pid) for pid in Path(own).read_text().split()]
+            time.sleep(0.01)
+        served.end()
+        assert not any(Path(f"/proc/{pid}").exists() for pid in children)
