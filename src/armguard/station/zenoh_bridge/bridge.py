@@ -13,7 +13,7 @@ import zenoh
 
 from armguard.errors import ArmguardError
 from armguard.station.client import Answer, Client
-from armguard.station.errors import NoServiceError, RefusedError, StationError
+from armguard.station.errors import RefusedError, StationError
 from armguard.station.service.complaints import Complaints
 from armguard.station.wire import Cause
 from armguard.station.zenoh_bridge.authority import Authority, Controllers
@@ -93,7 +93,7 @@ class Bridge:
         self._told = 0.0
         self._shown: tuple[Any, ...] = ()
         try:
-            self._session = open_session(settings)
+            self._session: Any = open_session(settings)
         except BaseException:
             self._client.close()
             raise
@@ -106,7 +106,7 @@ class Bridge:
             "wish/twists": self._take_twists,
             "stop": self._take_stop,
         }
-        self._ends = [
+        self._ends: list[Any] = [
             self._session.declare_subscriber(f"{root}/{name}", self._hears(name))
             for name in self._takes
         ]
@@ -318,8 +318,7 @@ class Bridge:
         arguments = message.get("arguments", {})
         if not isinstance(arguments, dict) or "timeout" in arguments:
             raise DroppedError("payload", "'arguments' must be an object")
-        # `call` has parameters of its own, so a call's `name` goes beside them.
-        return self._client.call(call, CALL, **arguments)
+        return self._client.call(call, timeout=CALL, **arguments)
 
     def _claim(self, message: dict[str, Any], now: float) -> dict[str, Any]:
         """Somebody wants to command."""
@@ -356,10 +355,10 @@ class Bridge:
             began_by = self._asked.get(answer.began[1])
         self._publish("command", command_of(answer, began_by))
         now = time.monotonic()
-        shown = answer.cause, answer.reason_number, answer.level_number, answer.numbers
-        news = shown[:3] != self._shown
-        if news or now - self._told > VERDICTS:
-            self._shown, self._told = shown[:3], now
+        levels = tuple(row.level for row in answer.numbers)
+        shown = answer.cause, answer.reason_number, answer.level_number, levels
+        if shown != self._shown or now - self._told > VERDICTS:
+            self._shown, self._told = shown, now
             self._publish("verdict", verdict_of(answer))
 
     def _beat(self, latest: Answer) -> None:
@@ -384,5 +383,3 @@ class Bridge:
 
 # What is told.
 TOLD = ("command", "verdict", "heartbeat")
-
-__all__ = ["Bridge", "NoServiceError"]
