@@ -2,10 +2,11 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
+from rich.table import Table
 
 from armguard.cli.console import (
     CLEAR,
@@ -16,13 +17,26 @@ from armguard.cli.console import (
     progress_bar,
     say,
 )
+from armguard.errors import SceneError
+
+# Stops a list shows; the JSON has them all.
+SHOWN = 20
 
 
 def replay(
     recording: Annotated[
         Path,
-        typer.Argument(help="A recording, a near miss, or a folder of recordings."),
+        typer.Argument(help="A recording, a near miss, or a folder of them."),
     ],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Compare with other settings: guard.mode=speed, scene.buffer=0.01, "
+            "response=slow, robots.left.response.kind=stop ...",
+        ),
+    ] = None,
     start: Annotated[
         float, typer.Option("--from", help="Begin at this time of it [s].")
     ] = 0.0,
@@ -33,28 +47,113 @@ def replay(
 ) -> None:
     """Judge every cycle of a recording again and compare the answers bit by bit.
 
-    Exit codes: 0 all of them are the same, 1 one is different or none could be judged,
-    2 there is no such recording.
+    With --set it is judged with other settings, and compared with what was recorded.
+    Exit codes: 0 all answers are the same, 1 one is different or none could be judged,
+    2 there is no such recording or setting.
     """
+    if settings:
+        answer, code = compared(recording, by_name(settings), start, end)
+    else:
+        answer, code = replayed(recording, start, end)
+    answer = {"recording": recording.name, **answer, "exit_code": code}
+    if json:
+        print_json(answer)
+    else:
+        for problem in answer["problems"]:
+            say(f"note: {problem}")
+        if settings:
+            print_comparison(answer)
+        else:
+            out.print(answer["sentence"])
+    raise typer.Exit(code)
+
+
+def replayed(path: Path, start: float, end: float) -> tuple[dict[str, Any], int]:
+    """The same once more: the answer, and the exit code."""
     from armguard.station.blackbox import open_recording
     from armguard.station.blackbox.replay import replay as judge_again
 
-    found = open_recording(recording)
-    with progress_bar("judging", int(found.info.get("cycles", 0))) as advance:
-        answer = judge_again(found, start=start, end=end, progress=advance)
-    code = CLEAR if answer.identical else TOO_CLOSE
-    if json:
-        print_json(
-            {
-                "recording": recording.name,
-                **asdict(answer),
-                "identical": answer.identical,
-                "sentence": answer.sentence,
-                "exit_code": code,
-            }
-        )
+    recording = open_recording(path)
+    with progress_bar("judging", recording.cycle_count) as advance:
+        found = judge_again(recording, start=start, end=end, progress=advance)
+    answer = {
+        **asdict(found),
+        "identical": found.identical,
+        "sentence": found.sentence,
+    }
+    return answer, CLEAR if found.identical else TOO_CLOSE
+
+
+def compared(
+    path: Path, settings: dict[str, str], start: float, end: float
+) -> tuple[dict[str, Any], int]:
+    """With other settings: the comparison, and the exit code."""
+    from armguard.station.blackbox import open_recording
+    from armguard.station.blackbox.comparison import compare
+
+    recording = open_recording(path)
+    with progress_bar("judging twice", recording.cycle_count) as advance:
+        found = compare(recording, settings, start=start, end=end, progress=advance)
+    same = found.cycles > 0 and found.first is None
+    return found.to_dict(), CLEAR if same else TOO_CLOSE
+
+
+def by_name(settings: list[str]) -> dict[str, str]:
+    """Values by name.
+
+    Raises:
+        SceneError: One is not written as NAME=VALUE.
+    """
+    found = {}
+    for setting in settings:
+        name, sign, value = setting.partition("=")
+        if not sign or not name.strip() or not value.strip():
+            raise SceneError(f"--set {setting}: write NAME=VALUE, as guard.mode=speed")
+        found[name.strip()] = value.strip()
+    return found
+
+
+def print_comparison(answer: dict[str, Any]) -> None:
+    """A comparison for people."""
+    told = ", ".join(f"{name}={value}" for name, value in answer["settings"].items())
+    table = Table(title=f"{answer['cycles']:,} cycles, recorded and with {told}")
+    for column in ("", "recorded", "changed"):
+        table.add_column(column, justify="left" if not column else "right")
+    sides = answer["recorded"], answer["changed"]
+    for level in sides[0]["seconds_at_level"]:
+        seconds = [side["seconds_at_level"][level] for side in sides]
+        if any(seconds):
+            table.add_row(f"at {level}", *(f"{s:.3f} s" for s in seconds))
+    table.add_row("stops", *(str(len(side["stops"])) for side in sides))
+    table.add_row("slowed", *(str(side["slows"]) for side in sides))
+    for name in ("least_clearance", "least_distance"):
+        row = [millimetres(side[name]) for side in sides]
+        table.add_row(name.replace("_", " "), *row)
+    out.print(table)
+    for title, key in (
+        ("stops that would not have been ordered then", "stops_gone"),
+        ("stops that would have been ordered besides", "stops_new"),
+    ):
+        stops = answer[key]
+        if stops:
+            out.print(f"{title}: {len(stops)}")
+        for stop in stops[:SHOWN]:
+            whose = f"{stop['robot']}: " if stop["robot"] else ""
+            out.print(f"  {stop['time']:9.3f} s  {whose}{stop['why']}")
+    first = answer["first_difference"]
+    if first is None:
+        out.print("no level and no command would have been different")
     else:
-        for problem in answer.problems:
-            say(f"note: {problem}")
-        out.print(answer.sentence)
-    raise typer.Exit(code)
+        cycle, time, what = first["cycle"], first["time"], first["what"]
+        out.print(f"first difference: cycle {cycle:,} at {time:.3f} s: {what}")
+    told_otherwise = answer["cycles_told_otherwise"]
+    if told_otherwise:
+        out.print(f"told something else in {told_otherwise:,} cycles")
+    for refused in answer["refused"]:
+        out.print(f"would have been refused: {refused}")
+    say(answer["caveat"])
+
+
+def millimetres(length: float) -> str:
+    """A length for people."""
+    return f"{length * 1e3:.1f} mm" if np.isfinite(length) else "nothing near"

@@ -54,6 +54,10 @@ def serve(
         bool, typer.Option(help="Ask for memory that is never swapped out.")
     ] = False,
     cpu: Annotated[int | None, typer.Option(help="Processor to stay on.")] = None,
+    spin: Annotated[
+        float,
+        typer.Option(help="Stay awake for so long before a state is expected [s]."),
+    ] = 0.0,
     self_test: Annotated[
         bool, typer.Option(help="Let the guard test itself first.")
     ] = True,
@@ -93,6 +97,7 @@ def serve(
         realtime=realtime,
         lock_memory=lock_memory,
         cpu=cpu,
+        spin=spin,
         companions=companions,
     )
     opened, file = open_scene(

@@ -7,7 +7,7 @@ are, so it is built anew.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from hashlib import blake2b
 from typing import Any
 
@@ -89,10 +89,15 @@ def chosen(ledger: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
     }
 
 
-def layout_of(arrays: Arrays, names: Iterable[str]) -> bytes:
-    """What a guard must have in common with one whose checkpoint it takes over."""
-    about = [[name, str(a.dtype), list(a.shape)] for name, a in arrays.items()]
-    text = json.dumps([about, list(names)])
+def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
+    """What a guard must have in common with one whose checkpoint it takes over.
+
+    Args:
+        arrays: The arrays that are kept.
+        about: What else must be the same, ready for JSON.
+    """
+    shapes = [[name, str(a.dtype), list(a.shape)] for name, a in arrays.items()]
+    text = json.dumps([shapes, *about])
     return blake2b(text.encode(), digest_size=DIGEST).digest()
 
 

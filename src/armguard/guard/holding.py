@@ -271,6 +271,12 @@ class Holding:
                 self.index.remove(i)
         own[at.COARSE_NOW] = 1
 
+    def show_those_coarse(self) -> None:
+        """Let their boxes stand for those grippers that are said to have them."""
+        for g, own in enumerate(self.grips.grippers):
+            if own[at.COARSE_NOW]:
+                self.show_coarse(g)
+
     def check_free(self, name: str) -> None:
         """An object that is to be placed or removed is not held.
 

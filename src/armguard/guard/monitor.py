@@ -59,6 +59,7 @@ from armguard.guard.verdict import NearPair, Verdict, first_row_of, names_of
 from armguard.guard.watch import (
     HAS_VELOCITY,
     NOW_TIME,
+    RUNNING,
     Watch,
     all_pairs,
     standing_needs,
@@ -644,11 +645,60 @@ class Monitor:
         self._take_over_tables()
         self._memory[KEPT_COUNT] = 0
 
+    def take_over(self, other: "Monitor") -> None:
+        """Remember what another guard remembers; where objects are is no part of it.
+
+        For asking what this guard would say in that one's place, cycle by cycle. They
+        may differ in settings, not in what is in their scenes.
+
+        Raises:
+            CheckpointError: They differ in more than that.
+        """
+        own, layout = self._remembered()
+        theirs, their_layout = other._remembered()
+        if layout != their_layout:
+            raise CheckpointError(
+                "two guards remember different things: their scenes differ in more "
+                "than settings, or in modes"
+            )
+        swaps = len(self.tables.holds.grippers) > 0
+        if swaps:
+            self._holding.show_detailed()
+        for name, array in own.items():
+            array[...] = theirs[name]
+        if swaps:
+            self._holding.show_those_coarse()
+            self._world_changed()
+        self._last_stamp = other._last_stamp
+
+    def stand_as(self, other: "Monitor") -> None:
+        """Put all objects where they are for another guard, or leave them out."""
+        changed = {**dict.fromkeys(self._changed), **dict.fromkeys(other._changed)}
+        self._changed = set(changed)
+        places = self._places_of(changed)
+        stand(self.index, places, **whereabouts(other.index, places))
+        self._watch.seen_at[:] = other._watch.seen_at
+        self._watch.object_velocity[:] = other._watch.object_velocity
+        self._take_over_tables()
+
+    def forget_stops(self) -> None:
+        """Let robots that were stopped go on, as if nobody had been told to stop.
+
+        For a guard that is asked about a motion that does not obey it.
+        """
+        self._watch.phase.fill(RUNNING)
+        self._watch.must.fill(0)
+
     def _remembered(self) -> tuple[dict[str, NDArray[Any]], bytes]:
         """Arrays that a checkpoint keeps, by name, and the digest of their layout."""
         if not self._kept:
             self._kept = self._arrays_kept()
-            self._layout = layout_of(self._kept, (*self.q_names, *self._robot_places))
+            things = self.tables.standing.items()
+            self._layout = layout_of(
+                self._kept,
+                [*self.q_names, *self._robot_places, len(self.tables.kinds)],
+                [[name, thing.first, thing.count] for name, thing in things],
+            )
         return self._kept, self._layout
 
     def _arrays_kept(self) -> dict[str, NDArray[Any]]:

@@ -45,7 +45,8 @@ PARTS: dict[str, type] = {
     part.__name__: part
     for part in (
         *SHAPES.values(), Allowance, CollisionElement, CubeSettings, Cylinder,
-        DisabledPair, FittedLink, Grasp, Gripper, IndexSettings, Joint, Link, MeshFile, Mimic,
+        DisabledPair, FittedLink, Grasp, Gripper, IndexSettings, Joint, Link,
+        MeshFile, Mimic,
         PlacedShape, Pose, ResponseSettings, RobotModel, SceneObject, SceneRobot,
         StopTable, StoppingFigures, Surface,
     )

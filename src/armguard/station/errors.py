@@ -37,3 +37,7 @@ class RefusedError(StationError, RuntimeError):
 
 class RecordingError(StationError):
     """A recording cannot be read, or cannot do what it was asked for."""
+
+
+class SettingError(StationError):
+    """There is no such setting, or it cannot have that value."""

@@ -10,6 +10,7 @@ import os
 import threading
 import time
 from collections import deque
+from errno import ENOENT
 from pathlib import Path
 
 log = logging.getLogger("armguard.blackbox")
@@ -130,8 +131,16 @@ class Disk:
                 os.close(file.handle)
                 file.handle = None
             return
-        if file.handle is None or not file.path.exists():
+        if file.given_up:
+            self.lost += len(piece)
+            return
+        if file.handle is None:
             self._open(file)
+        elif not file.path.exists():
+            # What follows could not be read without its beginning.
+            file.given_up = True
+            self.lost += len(piece)
+            raise FileNotFoundError(ENOENT, "the file was removed")
         assert file.handle is not None
         done = 0
         try:
@@ -148,11 +157,6 @@ class Disk:
 
     def _open(self, file: DiskFile) -> None:
         """Make a file, and room for it."""
-        if file.handle is not None:
-            # Somebody removed it: what follows cannot be read without its beginning.
-            os.close(file.handle)
-            file.handle = None
-            file.given_up = True
         self.folder.mkdir(parents=True, exist_ok=True)
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         file.handle = os.open(file.path, flags, 0o644)

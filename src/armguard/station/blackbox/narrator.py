@@ -1,4 +1,4 @@
-"""What is recorded for people: joints, levels, lines and sentences, each at its rate."""
+"""What is recorded for people: joints, levels, lines, words, each at its rate."""
 
 from collections.abc import Iterator, Sequence
 
@@ -84,7 +84,7 @@ class Narrator:
         self._levels: tuple[int, ...] = ()
 
     def cycle(self, row: Floats, now: float, time: int) -> Iterator[Stored]:
-        """What is to be told of a cycle at `now` [s]; the wall clock says `time` [ns]."""
+        """What is to be told of a cycle at `now` [s], `time` on the wall [ns]."""
         if now - self._joints_at >= JOINTS_EVERY:
             self._joints_at = now
             yield from self._motion(row, time)

@@ -15,7 +15,7 @@ from armguard.scene.archive import scene_of
 from armguard.scene.scene import Scene
 from armguard.station.blackbox.blocks import unpack_block
 from armguard.station.blackbox.mcap_file import Stored
-from armguard.station.blackbox.recovery import attachment, chunks, messages
+from armguard.station.blackbox.recovery import attachment, chunks, messages, span_of
 from armguard.station.blackbox.ros import FRAMES
 from armguard.station.errors import RecordingError
 from armguard.station.frames import Frame, Kind, frame_of
@@ -62,6 +62,15 @@ class Recording:
     def robots(self) -> tuple[str, ...]:
         """Names of the robots."""
         return tuple(self.info.get("robots", ()))
+
+    @property
+    def cycle_count(self) -> int:
+        """About how many cycles it holds, by its numbers; 0 if nobody knows."""
+        period = float(self.info.get("period") or 0.0)
+        times = [time for data in self._data for time in span_of(data)]
+        if not times or not period:
+            return 0
+        return int((max(times) - min(times)) * 1e-9 / period)
 
     def scene(self) -> Scene:
         """The scene it was made in, from what the recording holds.

@@ -88,6 +88,17 @@ def chunk_at(data: Data, start: int) -> tuple[bytes, int] | None:
     return inner, behind
 
 
+def span_of(data: Data) -> tuple[int, ...]:
+    """First and last time of messages, by the heads of chunks alone [ns]."""
+    tags = data.find(COMPRESSED, len(MAGIC) + BEHIND), data.rfind(COMPRESSED)
+    found: list[int] = []
+    for tag in tags:
+        start = tag - BEHIND + RECORD.size
+        if tag >= 0 and data[tag - BEHIND] == CHUNK:
+            found += CHUNK_HEAD.unpack_from(data, start)[:2]
+    return tuple(found)
+
+
 def check_between(data: Data, start: int, end: int, problems: list[str]) -> None:
     """Note what between two whole chunks is no record."""
     at = start

@@ -59,6 +59,8 @@ class Judge:
         # What the last cycle was asked.
         self._asked: tuple[Form, Floats, Floats | None, float]
         self._asked = Form.VELOCITIES, self._nothing, None, 0.0
+        # Whether what was told is what is held if the commander falls silent.
+        self._holds = False
         self._tell_scene()
 
     def ask(
@@ -101,16 +103,15 @@ class Judge:
             command = guard.filter_twists(
                 q, wishes.twists, stamps, velocity=velocity, now=now
             )
-        if cause == Cause.NONE or cause.stops:
-            wishes.held[:] = command.position
         self.last = command
         self._asked = form, wish, velocity, now
+        self._holds = cause == Cause.NONE or cause.stops
         return command, form
 
     def write_down(
         self, states: States, wishes: Wishes, received: float, ended: float
     ) -> None:
-        """Write the last cycle into the ring, now that it has been answered.
+        """Keep the last cycle, now that it has been answered.
 
         Args:
             states: What it was judged from.
@@ -122,6 +123,8 @@ class Judge:
         if command is None:
             return
         form, wish, velocity, now = self._asked
+        if self._holds:
+            wishes.held[:] = command.position
         tools: tuple[str, ...] = ()
         if form == Form.TWISTS:
             tools = tuple(wishes.twists)

@@ -72,6 +72,8 @@ CATCH_UP = 64
 # Time from one checkpoint in the ring to the next [ns].
 CHECKPOINT = 10 * NANO
 
+NEVER = 1 << 62
+
 INSIDE, JUDGING, WAKING = range(3)
 NOBODY_BEGAN = (0, 0, 0)
 NAN = float("nan")
@@ -164,6 +166,9 @@ class Service:
         self._ordered = False
         self._force = Cause.NONE
         self._checkpoint = 0
+        # When to stop sleeping, since the next state is to come soon.
+        self._spin = int(settings.spin * NANO)
+        self._expected = NEVER
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -207,7 +212,8 @@ class Service:
             due = beat
             if self._states.complete:
                 due = min(beat, self._earliest if self._fresh else self._latest)
-            wait = due - time.monotonic_ns()
+            # Who is about to be spoken to stays awake: sleeping costs him his caches.
+            wait = min(due, self._expected) - time.monotonic_ns()
             if wait > 0:
                 select.select(sockets, (), (), wait * 1e-9)
             for _ in range(BATCH):
@@ -265,9 +271,11 @@ class Service:
         fresh, began = self._fresh, self._began
         count = self.counters.count
         due = max(self._earliest, began[2]) if fresh else self._latest
-        self.counters.time(WAKING, start - due)
         self._fresh, self._began = False, NOBODY_BEGAN
         last, self._last_start = self._last_start, start
+        if not fresh:
+            # No state came when it should have: sleep again.
+            self._expected = NEVER
         # Cycles keep their distance, but for a little that lets them catch up with a
         # controller whose states would have to wait otherwise.
         pace = self._period - (self._period // CATCH_UP if fresh else 0)
@@ -325,6 +333,7 @@ class Service:
                 self._send(message, peer.address)
         if cause != Cause.FAULT:
             self._write_down(began[2] * 1e-9 if fresh else NAN, ended)
+        self.counters.time(WAKING, start - due)
         self._count_cycle(fresh, cause, before, ended - start)
 
     def _write_down(self, received: float, ended: int) -> None:
@@ -436,6 +445,8 @@ class Service:
             return drop
         self.counters.count(STATES)
         self._began, self._fresh = (peer.sender, sequence, now), True
+        if self._spin:
+            self._expected = now + self._period - self._spin
         if not self._states.complete:
             self._send(
                 self._answers.write_stop(

@@ -29,6 +29,9 @@ class ServiceSettings:
             may get another one [s].
         forget: Who has not been heard for that long gets no more messages [s].
         heartbeat: Time between two heartbeats [s].
+        spin: For that long before a state is expected the loop does not sleep but looks
+            for it again and again, which takes a processor and saves the time in which
+            a process that slept gets going again [s].
         budget: See `Guard`.
         self_test: See `Guard`.
         ring: The ring's file; one in memory, named after the port, if None.
@@ -49,6 +52,7 @@ class ServiceSettings:
     controller_watchdog: float = 0.5
     forget: float = 3.0
     heartbeat: float = 0.04
+    spin: float = 0.0
     budget: int = 1024
     self_test: bool = True
     ring: Path | None = None
@@ -66,6 +70,10 @@ class ServiceSettings:
             value = getattr(self, name)
             if not (isfinite(value) and value > 0.0):
                 raise ServiceError(f"{name} is {value} s; it must be finite and > 0")
+        if not 0.0 <= self.spin <= self.period:
+            raise ServiceError(
+                f"spin is {self.spin} s; it must be from 0 to a period, {self.period}"
+            )
         if self.heartbeat > 0.05:
             raise ServiceError(
                 f"heartbeat is {self.heartbeat} s; it must be at most 0.05, or "

@@ -28,6 +28,7 @@ class States:
         velocity: Joint velocities, shape (n,) [rad/s or m/s].
         stamp: When robots were measured: one number if one state told of them all
             [s].
+        velocities: The same, None unless every robot's are known.
         measured: Whether the newest state of each robot had velocities.
         sender: Controller of each robot, 0 for none yet.
         sequence: Number of the state of each robot.
@@ -57,13 +58,9 @@ class States:
         self.sequence = [0] * r
         self.heard = [0] * r
         self.complete = False
+        self.velocities: Floats | None = None
         # Robots and number of joints by the bits that name them, as they come.
         self._robots_of: dict[int, tuple[tuple[int, ...], int]] = {}
-
-    @property
-    def velocities(self) -> Floats | None:
-        """Measured velocities, None unless every robot's are known."""
-        return self.velocity if all(self.measured) else None
 
     def take(
         self,
@@ -122,6 +119,7 @@ class States:
             self.measured[r] = both == 2
             self.sender[r], self.sequence[r] = sender, sequence
             self.heard[r] = now
+        self.velocities = self.velocity if all(self.measured) else None
         self.complete = self.complete or 0 not in self.sender
         return "", end if flags & HAS_WISH else 0
 
