@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from armguard.benchmark.service import (
-    ServiceBench,
-    bench_service,
-    from_buckets,
-    lateness,
-    print_service,
-)
+from armguard.benchmark.service import ServiceBench, bench_service
 from armguard.benchmark.service_arms import Arms
+from armguard.benchmark.service_figures import from_buckets, lateness, print_service
 from armguard.benchmark.service_processes import kept
 from armguard.station.service.counters import BUCKETS, bucket_of
 

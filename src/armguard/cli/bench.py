@@ -45,11 +45,8 @@ def bench(
 ) -> None:
     """Measure: figures are printed, never asserted."""
     if name == "service":
-        from armguard.benchmark.service import (
-            ServiceBench,
-            bench_service,
-            print_service,
-        )
+        from armguard.benchmark.service import ServiceBench, bench_service
+        from armguard.benchmark.service_figures import print_service
 
         wanted = ServiceBench(
             seconds=seconds if soak is None else 60.0 * soak,

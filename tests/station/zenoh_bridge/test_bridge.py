@@ -404,7 +404,11 @@ def test_an_endpoint_that_is_taken_is_said_in_words(setup):
 
 
 def test_a_service_that_is_killed_is_told_as_a_stop_and_may_come_back(setup):
-    """The last test: it ends the service."""
+    """The last test but one: it ends the service."""
+    companion, _ = started(
+        *("armguard.station.zenoh_bridge", "--port", str(setup.port), "--companion"),
+        *("--listen", f"tcp/127.0.0.1:{free_port()}", "--name", "other"),
+    )
     setup.service.send_signal(signal.SIGKILL)
     stopped = setup.commander.await_one(
         "command", lambda m: m["cycle"] < 0 and m["cause"] != "NO_ANSWER"
@@ -416,6 +420,24 @@ def test_a_service_that_is_killed_is_told_as_a_stop_and_may_come_back(setup):
     setup.service.communicate(timeout=PATIENCE)
     for path in (setup.ring, counters_path(setup.ring)):
         path.unlink(missing_ok=True)
+    # Whatever is told meanwhile tells every joint to stand still.
+    for _ in range(30):
+        told = setup.commander.await_one("command", lambda m: True)
+        assert told["names"] == setup.welcome["names"] and told["stop"]
+        assert told["velocities"] == [0.0] * len(told["names"])
+        assert len(told["positions"]) == len(told["names"])
     setup.service, line = setup.serve(str(setup.port))
     setup.ring = Path(line.strip().rpartition("ring ")[2])
     setup.commander.await_one("command", lambda m: m["cycle"] >= 0 and m["began_by"])
+    # One that the service has started itself does not wait for another service.
+    assert companion.wait(PATIENCE) == 0
+    companion.communicate()
+
+
+def test_the_last_word_of_a_bridge_is_a_stop(setup):
+    """The last test: it ends the bridge."""
+    setup.bridge.terminate()
+    last = setup.commander.await_one("command", lambda m: m["cycle"] < 0)
+    assert last["stop"] and last["names"] == setup.welcome["names"]
+    assert last["velocities"] == [0.0] * len(last["names"])
+    assert setup.bridge.wait(PATIENCE) == 0

@@ -1,8 +1,8 @@
 """The bridge: a client of the service on one side, a Zenoh session on the other."""
 
 import json
-import os
 import select
+import socket
 import time
 from collections import Counter, deque
 from collections.abc import Callable
@@ -13,6 +13,7 @@ import zenoh
 
 from armguard.errors import ArmguardError
 from armguard.station.client import Answer, Client
+from armguard.station.client.answer import stop_answer
 from armguard.station.errors import RefusedError, StationError
 from armguard.station.service.complaints import Complaints
 from armguard.station.wire import Cause
@@ -32,8 +33,12 @@ WAITING = 1024
 # Verdicts that say what the last one said are told this often [s].
 VERDICTS = 0.04
 
-# How long a call may take, and a service that is waited for to answer [s].
-CALL, KNOCK = 5.0, 0.05
+# How long a call may take [s].
+CALL = 5.0
+
+# How often a service that is away is asked whether it is there again, and how long it
+# gets to answer [s].
+AGAIN, KNOCK = 0.5, 0.02
 
 # A companion ends after the service has been away for that long: till then it tells
 # everybody to stop [s].
@@ -89,7 +94,9 @@ class Bridge:
         self._adopt()
         self._complaints = Complaints()
         self._inbox: deque[tuple[str, Any]] = deque(maxlen=WAITING)
-        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._woken, self._wake = socket.socketpair()
+        self._woken.setblocking(False)
+        self._wake.setblocking(False)
         self._told = 0.0
         self._shown: tuple[Any, ...] = ()
         try:
@@ -121,7 +128,7 @@ class Bridge:
             until: Asked at least as often as there are heartbeats.
         """
         beat = time.monotonic()
-        away = 0.0
+        away = knocked = 0.0
         while not until():
             self._wait(beat)
             self._handle()
@@ -131,7 +138,7 @@ class Bridge:
             if now < beat:
                 continue
             beat = max(beat + self._settings.heartbeat, now)
-            latest = self._client.latest
+            latest = self._latest()
             if latest.cycle < 0:
                 self._tell(latest)
             self._watch_commander(now)
@@ -143,28 +150,39 @@ class Bridge:
             if self._settings.companion:
                 if now - away > GONE:
                     return
-            else:
+            elif now - knocked > AGAIN:
+                knocked = now
                 self._knock()
 
     def close(self) -> None:
         """A last stop for everybody, and everything closed."""
+        self._client.close()
         with suppress(zenoh.ZError):
-            self._client.close()
-            self._tell(self._client.latest)
-            self._beat(self._client.latest)
+            self._tell(self._latest())
+            self._beat(self._latest())
         for end in self._ends:
             end.undeclare()
         self._session.close()
-        os.close(self._wake)
+        self._woken.close()
+        self._wake.close()
 
     def _adopt(self) -> None:
         """Take over what a service tells about itself."""
-        welcome = self._client.welcome
+        self._welcome = welcome = self._client.welcome
+        self._position = welcome.home
         watchdogs = welcome.watchdogs
         self._joints = Joints(welcome)
         self._authority = Authority(watchdogs["commander"])
         self._controllers = Controllers(welcome.robots, watchdogs["controller"])
         self._asked: dict[int, tuple[str, int]] = {}
+
+    def _latest(self) -> Answer:
+        """The newest answer, or a stop of the robots there are."""
+        if self._client.connected:
+            return self._client.latest
+        # A client that is not connected does not know the robots; the bridge does.
+        cause, clock = Cause.SERVICE_GONE, self._client.clock
+        return stop_answer(cause, self._position, self._welcome, clock)
 
     def _knock(self) -> None:
         """See whether a service is there again."""
@@ -200,18 +218,18 @@ class Bridge:
             self.counts["dropped_overrun"] += 1
         self._inbox.append((name, thing))
         with suppress(OSError):
-            os.eventfd_write(self._wake, 1)
+            self._wake.send(b"!")
 
     def _wait(self, beat: float) -> None:
         """Wait for either side, or the next heartbeat."""
         left = max(beat - time.monotonic(), 0.0)
-        sources = [self._wake]
+        sources: list[int] = [self._woken.fileno()]
         if self._client.fileno() >= 0:
             sources.append(self._client.fileno())
         if not self._inbox:
             select.select(sources, (), (), left)
         with suppress(BlockingIOError):
-            os.eventfd_read(self._wake)
+            self._woken.recv(WAITING)
 
     def _handle(self) -> None:
         """Handle what came by Zenoh; nothing of it may end the bridge."""
@@ -350,6 +368,7 @@ class Bridge:
 
     def _tell(self, answer: Answer) -> None:
         """Tell what robots are told, and what was judged if that is news."""
+        self._position = answer.position
         began_by = None
         if answer.began[0] == self._client.sender:
             began_by = self._asked.get(answer.began[1])
