@@ -56,6 +56,22 @@ class Arms:
         """The same until an answer is as it is to be."""
         return until(lambda: self.drive(wish, 1), done)
 
+    def lead(self, wish: np.ndarray) -> Answer:
+        """Drive until the wish is followed to the bit.
+
+        A machine that was busy elsewhere for too long has stopped the arms; then they
+        are let go of first, as an operator would.
+        """
+        still = 0.0 * wish
+
+        def step() -> Answer:
+            answer = self.drive(wish, 1)
+            if answer.stops:
+                self.drive_until(still, lambda a: not a.stops)
+            return answer
+
+        return until(step, lambda a: bool((a.velocity == wish).all()))
+
     def measure(self) -> Answer:
         """Be only controller, for one cycle."""
         self.client.send_state(self.q, self.velocity)

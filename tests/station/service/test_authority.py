@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
+from armguard.station.client import Answer
 from armguard.station.errors import RefusedError
 from armguard.station.wire import Cause
-from service_arms import Arms
+from service_arms import Arms, until
 
 
 def test_of_two_commanders_the_first_one_has_the_command(served):
     with served.client() as client, served.client() as second:
         arms = Arms(client)
         wish = np.full(14, 0.01)
-        arms.drive(wish, 20)
+        arms.lead(wish)
         with pytest.raises(RefusedError, match="has the command"):
             second.claim()
         assert not second.commands
@@ -32,10 +33,13 @@ def test_the_command_can_be_taken_by_force_and_given_back(served):
         second.claim(force=True)
         answer = arms.measure_until(lambda a: a.commander == second.sender)
         assert not client.commands
-        for _ in range(20):
-            second.send_velocities(np.full(14, 0.01))
-            answer = arms.measure()
-        assert answer.velocity == pytest.approx(np.full(14, 0.01))
+        wish = np.full(14, 0.01)
+
+        def step() -> Answer:
+            second.send_velocities(wish)
+            return arms.measure()
+
+        until(step, lambda a: bool((a.velocity == wish).all()))
         second.give_back()
         answer = arms.measure_until(lambda a: a.commander == 0)
         assert answer.cause is Cause.NO_COMMANDER

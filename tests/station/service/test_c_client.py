@@ -56,7 +56,8 @@ def test_its_seal_is_blake2s(tmp_path):
 
 def test_it_drives_the_arms(serving, tmp_path):
     program = compiled(EXAMPLES / "client.c", tmp_path / "client")
-    with serving() as served:
+    # It also does with a service that stays awake for it.
+    with serving("--spin=0.002") as served:
         command = [str(program), str(served.port), "1"]
         done = subprocess.run(
             command, check=True, capture_output=True, text=True, timeout=120

@@ -25,14 +25,15 @@ def test_objects_are_placed_by_sensors_and_written_down(served):
         assert [text["name"] for text in placed] == ["bench"]
 
 
-def test_other_settings_are_taken_over_while_everything_rests(serving):
-    with serving() as served, served.client() as client, served.client() as other:
+def test_other_settings_are_taken_over_while_everything_rests(served):
+    with served.client() as client, served.client() as other:
         arms = Arms(client)
         wish = np.full(14, 0.02)
-        arms.drive(wish, 30)
+        arms.lead(wish)
         with pytest.raises(RefusedError, match="only while every robot rests"):
             client.call("configure", response="stop")
-        arms.drive(STILL, 20)
+        arms.drive_until(STILL, lambda a: not a.velocity.any())
+        arms.drive(STILL, 3)
         with pytest.raises(RefusedError, match="response"):
             client.call("configure", response="swerve")
         with pytest.raises(RefusedError, match="fixed"):
@@ -44,9 +45,7 @@ def test_other_settings_are_taken_over_while_everything_rests(serving):
         assert client.welcome.scene_hash == told["scene_hash"]
         # Everybody else is told too, and the same ring goes on.
         until(other_hears(other), lambda _: other.welcome.scene_hash != before)
-        answer = arms.drive(wish, 30)
-        assert (answer.velocity == wish).all()
-        assert answer.cycle > cycle
+        assert arms.lead(wish).cycle > cycle
         notes = [
             frame.text
             for frame in map(frame_of, RingReader(served.ring).unread())
@@ -55,6 +54,10 @@ def test_other_settings_are_taken_over_while_everything_rests(serving):
         assert notes[-1]["scene_hash"] == told["scene_hash"]
         assert notes[-1]["settings"]["modes"] == {"left": "speed", "right": "speed"}
         assert notes[-1]["settings"]["responses"]["left"] == "stop"
+        arms.drive_until(STILL, lambda a: not a.velocity.any())
+        arms.drive(STILL, 3)
+        back = client.call("configure", response="deflect", mode="path")
+        assert back["scene_hash"] == before
 
 
 def other_hears(other):

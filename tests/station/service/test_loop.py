@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from armguard import Action, Client, Level, Reason
+from armguard.station.client import Answer
 from armguard.station.frames import Form, Kind, frame_of
 from armguard.station.ring import RingReader
 from armguard.station.wire import Cause
@@ -16,8 +17,7 @@ def test_the_first_command_is_what_was_wished_for(served):
     with served.client() as client:
         arms = Arms(client)
         wish = np.linspace(-0.03, 0.03, len(arms.q))
-        answer = arms.drive(wish, 30)
-        assert (answer.velocity == wish).all()
+        answer = arms.lead(wish)
         assert answer.action is Action.FOLLOW
         assert answer.level is Level.CLEAR
         assert answer.reason is Reason.OK
@@ -111,10 +111,12 @@ def test_a_silent_commander_wishes_for_nothing(served):
         arms = Arms(controller)
         commander.claim()
         wish = np.full(14, 0.02)
-        for _ in range(40):
+
+        def step() -> Answer:
             commander.send_velocities(wish)
-            answer = arms.measure()
-        assert (answer.velocity == wish).all()
+            return arms.measure()
+
+        until(step, lambda a: bool((a.velocity == wish).all()))
         answer = arms.measure_until(lambda a: a.cause is Cause.WISH_OLD)
         assert "silent" in answer.sentence
         answer = arms.measure_until(lambda a: a.cause is Cause.NO_COMMANDER)
@@ -129,7 +131,7 @@ def test_a_silent_commander_wishes_for_nothing(served):
 def test_a_silent_controller_is_a_stop_with_its_reason(served):
     with served.client() as client:
         arms = Arms(client)
-        arms.drive(np.full(14, 0.02), 30)
+        arms.lead(np.full(14, 0.02))
         stops = served.counters.stops().get(int(Reason.STATE_STALE), 0)
         late = served.counters.value("cycles_without_state")
         stopped = None
@@ -149,7 +151,7 @@ def test_everybody_may_order_a_stop_and_only_the_commander_ends_it(served, order
     with served.client() as client, served.client(name="somebody") as observer:
         arms = Arms(client)
         wish = np.full(14, 0.02)
-        arms.drive(wish, 20)
+        arms.lead(wish)
         if order == "stop":
             observer.stop()
         else:
@@ -160,8 +162,7 @@ def test_everybody_may_order_a_stop_and_only_the_commander_ends_it(served, order
         assert answer.cause is Cause.STOP_ORDERED
         assert (answer.velocity == 0.0).all()
         client.call("engage")
-        answer = arms.drive(wish, 40)
-        assert (answer.velocity == wish).all()
+        arms.lead(wish)
         arms.drive(0 * wish, 10)
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from armguard.scene import bay_scene, compile_scene
 from armguard.station.client.clock import ServiceClock
+from armguard.station.service import machine, rings
 from armguard.station.service.complaints import PatientHandler
 from armguard.station.service.counters import (
     BUCKETS,
@@ -140,3 +141,37 @@ def test_a_log_that_nobody_reads_makes_nobody_wait(tmp_path):
         while handler._lines.qsize() or handler._writing:
             with contextlib.suppress(BlockingIOError):
                 os.read(read, 1 << 16)
+
+
+def test_what_the_machine_refuses_is_a_sentence(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    assert "no real-time scheduling: " in machine.ask_realtime()
+    assert "CAP_SYS_NICE" in machine.ask_realtime()
+    assert "not bound to processor 3: " in machine.ask_cpu(3)
+
+
+def test_what_a_killed_service_left_behind_goes_when_its_port_is_used_again(
+    monkeypatch, tmp_path
+):
+    monkeypatch.setattr(rings, "in_memory", lambda: tmp_path)
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        gone.wait(60)
+    own, dead = os.getpid(), gone.pid
+    names = (
+        f"armguard-1-{dead}",
+        f"armguard-1-{dead}.counters",
+        f"armguard-2-{dead}",
+        f"armguard-3-{dead}",
+        f"armguard-1-{own}",
+        "armguard-notes",
+    )
+    for name in names:
+        (tmp_path / name).touch()
+    os.utime(tmp_path / f"armguard-3-{dead}", (0.0, 0.0))
+    assert rings.new_ring(1) == tmp_path / f"armguard-1-{own}"
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {f"armguard-2-{dead}", f"armguard-1-{own}", "armguard-notes"}

@@ -158,6 +158,10 @@ class Counters:
         """Set a counter that goes up and down."""
         self._words[HEAD + place] = value
 
+    def value(self, place: int) -> int:
+        """A counter."""
+        return self._words[HEAD + place]
+
     def stop(self, reason: int) -> None:
         """Count an order to stop."""
         self._words[STOPS_AT + min(max(reason, 0), REASONS - 1)] += 1

@@ -2,7 +2,6 @@
 
 import gc
 import logging
-import os
 import secrets
 import select
 import socket
@@ -14,7 +13,7 @@ import numpy as np
 
 from armguard.scene import Scene
 from armguard.station.errors import ServiceError
-from armguard.station.ring import RingWriter, in_memory
+from armguard.station.ring import RingWriter
 from armguard.station.service import machine
 from armguard.station.service.answers import STOP_LEVEL, Answers
 from armguard.station.service.calls import Calls, read_call, region_of
@@ -30,6 +29,7 @@ from armguard.station.service.counters import (
 from armguard.station.service.door import Door
 from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Address, Peer, Peers
+from armguard.station.service.rings import new_ring
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.states import States
 from armguard.station.service.welcome import (
@@ -113,7 +113,7 @@ class Service:
         self._socket = listening(settings.bind, settings.port)
         self.port: int = self._socket.getsockname()[1]
         self.session = secrets.randbits(63) | 1
-        path = settings.ring or in_memory() / f"armguard-{self.port}-{os.getpid()}"
+        path = settings.ring or new_ring(self.port)
         try:
             self.ring = RingWriter(path, settings.ring_size)
             try:
@@ -166,6 +166,9 @@ class Service:
         self._ordered = False
         self._force = Cause.NONE
         self._checkpoint = 0
+        self._sockets = [self._socket]
+        self._heartbeat = int(settings.heartbeat * NANO)
+        self._beat_at = 0
         # When to stop sleeping, since the next state is to come soon.
         self._spin = int(settings.spin * NANO)
         self._expected = NEVER
@@ -204,29 +207,38 @@ class Service:
             self._end()
 
     def _loop(self, until: Callable[[], bool]) -> None:
-        """Wait, read, judge, answer."""
-        sockets = [self._socket]
-        heartbeat = int(self._settings.heartbeat * NANO)
-        beat = time.monotonic_ns()
+        """Wait, read, judge, answer, until told otherwise; nothing raises out of it."""
+        self._beat_at = time.monotonic_ns()
         while not until():
-            due = beat
-            if self._states.complete:
-                due = min(beat, self._earliest if self._fresh else self._latest)
-            # Who is about to be spoken to stays awake: sleeping costs him his caches.
-            wait = min(due, self._expected) - time.monotonic_ns()
-            if wait > 0:
-                select.select(sockets, (), (), wait * 1e-9)
-            for _ in range(BATCH):
-                if not self._read():
-                    break
-                if self._due(time.monotonic_ns()):
-                    break
-            now = time.monotonic_ns()
-            if self._due(now):
-                self._cycle()
-            if now >= beat:
-                self._beat(now)
-                beat = max(beat + heartbeat, now)
+            try:
+                self._turn()
+            except Exception as error:  # doubt is a stop
+                self._fail("loop", error, time.monotonic_ns())
+
+    def _turn(self) -> None:
+        """Wait for what comes first: a message, a cycle, a heartbeat; do it."""
+        due = self._beat_at
+        if self._states.complete:
+            due = min(due, self._earliest if self._fresh else self._latest)
+        # Who is about to be spoken to stays awake: sleeping costs him his caches.
+        wait = min(due, self._expected) - time.monotonic_ns()
+        if wait > 0:
+            select.select(self._sockets, (), (), wait * 1e-9)
+        for _ in range(BATCH):
+            if not self._read() or self._due(time.monotonic_ns()):
+                break
+        now = time.monotonic_ns()
+        if self._due(now):
+            self._cycle()
+        if now >= self._beat_at:
+            self._beat_at = max(self._beat_at + self._heartbeat, now)
+            self._beat(now)
+
+    def _fail(self, where: str, error: Exception, now: int) -> None:
+        """Something went wrong that must not: the next cycle is a stop."""
+        self._force = Cause.FAULT
+        self.counters.count(CYCLE_FAULTS)
+        self._complaints.name(where, f"{type(error).__name__}: {error}", now)
 
     def _due(self, now: int) -> bool:
         """Whether a cycle is to begin now."""
@@ -311,9 +323,8 @@ class Service:
             )
         except Exception as error:  # doubt is a stop
             ended = time.monotonic_ns()
-            self._force = cause = Cause.FAULT
-            count(CYCLE_FAULTS)
-            self._complaints.name("fault", f"{type(error).__name__}: {error}", ended)
+            self._fail("cycle", error, ended)
+            cause = Cause.FAULT
             before = self._answers.level
             message = self._answers.write_stop(
                 self._states, number, cause, ended, commander
@@ -341,9 +352,7 @@ class Service:
         try:
             self._judge.write_down(self._states, self._wishes, received, ended * 1e-9)
         except Exception as error:  # a cycle nobody can look at again: stop
-            self._force = Cause.FAULT
-            self.counters.count(CYCLE_FAULTS)
-            self._complaints.name("ring", f"{type(error).__name__}: {error}", ended)
+            self._fail("ring", error, ended)
 
     def _count_cycle(self, fresh: bool, cause: Cause, before: int, took: int) -> None:
         """Count a cycle that is over."""

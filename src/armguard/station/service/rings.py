@@ -1,0 +1,47 @@
+"""Rings of services, by name: where a new one goes, and what killed ones left behind."""
+
+import os
+import re
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from armguard.station.ring import in_memory
+
+# A ring named by port and process, or the counters beside it.
+NAME = re.compile(r"armguard-(\d+)-(\d+)(\.counters)?")
+
+# For that long what a killed service left behind may be looked at [s].
+KEPT = 3600.0
+
+
+def new_ring(port: int) -> Path:
+    """Where the ring of this process goes; room is made of what nobody needs.
+
+    A service that was killed could not remove its ring. It stays until one is started
+    on the same port, or for an hour.
+
+    Args:
+        port: Port of the service.
+    """
+    folder = in_memory()
+    for path in folder.glob("armguard-*"):
+        found = NAME.fullmatch(path.name)
+        if found is None or lives(int(found[2])):
+            continue
+        with suppress(OSError):
+            old = time.time() - path.stat().st_mtime > KEPT
+            if old or int(found[1]) == port:
+                path.unlink()
+    return folder / f"armguard-{port}-{os.getpid()}"
+
+
+def lives(process: int) -> bool:
+    """Whether there is a process of that number."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
