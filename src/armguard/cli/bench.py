@@ -1,8 +1,8 @@
-"""`armguard bench`: our cycle and its peers, measured in one run."""
+"""`armguard bench`: our cycle and its peers, and the service, measured in one run."""
 
 import json as json_format
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,7 +13,8 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            help="cycle, stop, filter, gripping, index, memory, distance, scale; all."
+            help="cycle, stop, filter, gripping, index, memory, distance, scale; all. "
+            "Or service, which takes ten minutes."
         ),
     ] = "all",
     cycles: Annotated[
@@ -23,15 +24,60 @@ def bench(
         Path | None, typer.Option(help="Write the JSON here as well.")
     ] = None,
     json: bool = JsonOption,
+    seconds: Annotated[
+        float, typer.Option(min=0.5, help="service: how long [s].")
+    ] = 600.0,
+    rate: Annotated[
+        float, typer.Option(min=1.0, help="service: cycles a second [Hz].")
+    ] = 1000.0,
+    view: Annotated[bool, typer.Option(help="service: a view looks on.")] = True,
+    record: Annotated[
+        bool, typer.Option(help="service: everything is recorded.")
+    ] = True,
+    realtime: Annotated[
+        bool,
+        typer.Option(help="service: it and what it is compared with are real-time."),
+    ] = False,
+    soak: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="service: memory over so many minutes instead."),
+    ] = None,
 ) -> None:
     """Measure: figures are printed, never asserted."""
+    if name == "service":
+        from armguard.benchmark.service import ServiceBench, bench_service
+        from armguard.benchmark.service_figures import print_service
+
+        wanted = ServiceBench(
+            seconds=seconds if soak is None else 60.0 * soak,
+            rate=rate,
+            view=view,
+            record=record,
+            realtime=realtime,
+            soak=soak is not None,
+        )
+        hand_over(bench_service(wanted, say), print_service, output, json)
+        return
     from armguard.benchmark import print_result, run
 
-    answer = run(name, cycles=cycles, progress=say)
+    hand_over(run(name, cycles=cycles, progress=say), print_result, output, json)
+
+
+def hand_over(
+    answer: dict[str, Any], in_words: Any, output: Path | None, json: bool
+) -> None:
+    """Figures to where they are wanted.
+
+    Args:
+        answer: The figures.
+        in_words: Puts them into lines.
+        output: File to write the JSON to, if any.
+        json: Whether to print JSON.
+    """
     if output is not None:
         text = json_format.dumps(jsonable(answer), indent=1)
         output.write_text(text + "\n", encoding="utf-8")
     if json:
         print_json(answer)
     else:
-        out.print(print_result(answer), markup=False)
+        out.print(in_words(answer), markup=False, soft_wrap=True)

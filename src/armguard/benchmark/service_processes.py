@@ -1,0 +1,209 @@
+"""The processes that take part in the service's benchmark, and what they cost."""
+
+import json
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+from armguard.errors import ArmguardError
+
+# How long a process has to say its first word; kernels may have to be compiled [s].
+START = 600.0
+
+# How long it gets to end [s].
+END = 5.0
+
+# How often memory and descriptors are looked at [s].
+LOOK = 1.0
+
+
+class BenchmarkError(ArmguardError, RuntimeError):
+    """A process of the benchmark did not do what it was started for."""
+
+
+@contextmanager
+def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
+    """A Python module as a process; it is ended afterwards.
+
+    Args:
+        words: The module and its arguments.
+        log: Where its standard error goes.
+    """
+    with log.open("w", encoding="utf-8") as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-m", *words],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            bufsize=1,
+        )
+    try:
+        yield process
+    finally:
+        # One that is paused cannot end.
+        with suppress(ProcessLookupError):
+            process.send_signal(signal.SIGCONT)
+        process.terminate()
+        try:
+            process.communicate(timeout=END)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+
+
+def line_of(
+    process: subprocess.Popen[str],
+    timeout: float,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> str:
+    """The next line a process writes.
+
+    Args:
+        process: The process.
+        timeout: How long to wait [s].
+        meanwhile: Called every second.
+
+    Raises:
+        BenchmarkError: It has ended, or says nothing.
+    """
+    assert process.stdout is not None
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        ready, _, _ = select.select([process.stdout], [], [], LOOK)
+        if ready:
+            line = process.stdout.readline()
+            if line:
+                return line
+            break
+        meanwhile()
+    raise BenchmarkError(f"process {process.args!r} said nothing: {process.poll()}")
+
+
+@dataclass
+class Loops:
+    """The process of `service_loops`.
+
+    Attributes:
+        process: The process.
+        folder: Where it leaves its arrays.
+        meanwhile: Called every second while it works.
+    """
+
+    process: subprocess.Popen[str]
+    folder: Path
+    meanwhile: Callable[[], None] = lambda: None
+
+    def ask(
+        self, what: str, rate: float = 0.0, seconds: float = 0.0, port: int = 0
+    ) -> dict[str, Any]:
+        """Have it be something for a while, and what it found."""
+        assert self.process.stdin is not None
+        file = self.folder / "arrays.npz"
+        file.unlink(missing_ok=True)
+        asked = {
+            "what": what,
+            "rate": rate,
+            "seconds": seconds,
+            "port": port,
+            "file": str(file),
+        }
+        self.process.stdin.write(json.dumps(asked) + "\n")
+        line = line_of(self.process, START + 2.0 * seconds, self.meanwhile)
+        found: dict[str, Any] = json.loads(line)
+        if file.exists():
+            with np.load(file) as arrays:
+                found.update({name: arrays[name] for name in arrays.files})
+        return found
+
+
+@dataclass
+class Watch:
+    """Memory and open files of processes over time, and how busy the machine is.
+
+    Attributes:
+        rows: By process, of each look: time [s], resident memory [KiB], descriptors.
+    """
+
+    rows: dict[str, list[tuple[float, float, int]]] = field(default_factory=dict)
+    _all: dict[str, psutil.Process] = field(default_factory=dict)
+    _began: float = field(default_factory=time.monotonic)
+    _last: float = 0.0
+
+    def add(self, name: str, pid: int) -> None:
+        """Look at a process from now on."""
+        self._all[name] = psutil.Process(pid)
+        self.rows[name] = []
+
+    def add_children(self, pid: int) -> None:
+        """Look at the companions of a process from now on."""
+        for child in psutil.Process(pid).children(recursive=True):
+            with suppress(psutil.Error):
+                words = child.cmdline()
+                name = words[2] if words[1:2] == ["-m"] else child.name()
+                self.add(name.rpartition(".")[2], child.pid)
+
+    def look(self) -> None:
+        """Look once; no more often than once a second."""
+        now = time.monotonic()
+        if now - self._last < LOOK:
+            return
+        self._last = now
+        for name, process in self._all.items():
+            with suppress(psutil.Error):
+                memory = process.memory_info().rss / 1024
+                row = now - self._began, memory, process.num_fds()
+                self.rows[name].append(row)
+
+    def processor_seconds(self) -> float:
+        """Processor time that those that are looked at have used [s]."""
+        used = 0.0
+        for process in self._all.values():
+            with suppress(psutil.Error):
+                times = process.cpu_times()
+                used += times.user + times.system
+        return used
+
+    def summary(self) -> dict[str, Any]:
+        """What each process holds, how that changes, and whether it is flat."""
+        return {name: kept(rows) for name, rows in self.rows.items() if len(rows) > 3}
+
+
+# Memory that is flat may differ by this share between the second and the last quarter
+# of the time, and by no less than this much is meant anyhow [KiB].
+FLAT, LEAST = 0.005, 1024.0
+
+
+def kept(rows: list[tuple[float, float, int]]) -> dict[str, Any]:
+    """Memory and descriptors of a process over time.
+
+    The first quarter is not judged: buffers are still being filled.
+    """
+    table = np.array(rows)
+    at, memory, files = table.T
+    quarter = max(len(table) // 4, 1)
+    then, now = table[quarter : 2 * quarter], table[-quarter:]
+    grown = float(np.median(now[:, 1]) - np.median(then[:, 1]))
+    late = table[quarter:]
+    slope = float(np.polyfit(late[:, 0] / 60.0, late[:, 1], 1)[0])
+    most = max(FLAT * float(np.median(memory)), LEAST)
+    return {
+        "minutes": float((at[-1] - at[0]) / 60.0),
+        "start_kib": float(memory[0]),
+        "end_kib": float(memory[-1]),
+        "most_kib": float(memory.max()),
+        "growth_kib_per_minute": slope,
+        "descriptors_start": int(files[0]),
+        "descriptors_end": int(files[-1]),
+        "flat": bool(grown <= most and now[:, 2].max() <= then[:, 2].max()),
+    }

@@ -1,0 +1,259 @@
+"""JSON in and out. Numbers of joints always come with the names of the joints."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.station.client import Answer, Welcome
+
+Floats = NDArray[np.float64]
+
+# A longer message is dropped unread [bytes].
+MOST = 64 * 1024
+
+
+class DroppedError(ValueError):
+    """A message that is dropped.
+
+    Attributes:
+        cause: Under what it is counted.
+    """
+
+    def __init__(self, cause: str, sentence: str) -> None:
+        super().__init__(sentence)
+        self.cause = cause
+
+
+def read(payload: bytes) -> dict[str, Any]:
+    """The object in a message.
+
+    Raises:
+        DroppedError: There is none.
+    """
+    if len(payload) > MOST:
+        raise DroppedError("oversized", f"{len(payload)} bytes; {MOST} are the most")
+    try:
+        found = json.loads(payload, parse_constant=no_number)
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, DroppedError):
+            raise
+        raise DroppedError("malformed", f"no JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise DroppedError("malformed", "JSON, but no object")
+    return found
+
+
+def no_number(word: str) -> NoReturn:
+    """NaN and infinity, which JSON does not have and Python reads."""
+    raise DroppedError("not_finite", f"{word} is no number")
+
+
+class Joints:
+    """Which joint is where.
+
+    Args:
+        welcome: What the service told about itself.
+    """
+
+    def __init__(self, welcome: Welcome) -> None:
+        self._names = welcome.names
+        self._tools = frozenset(welcome.tools)
+        self._parts = welcome.parts
+        self._orders: dict[tuple[str, ...], tuple[list[int], tuple[str, ...]]] = {}
+
+    def state(self, message: Mapping[str, Any]) -> "State":
+        """What a controller measured.
+
+        Raises:
+            DroppedError: It is not what docs/zenoh.md says.
+        """
+        order, robots = self._order(names_in(message, "names"))
+        q = vector_in(message, "positions", len(order))[order]
+        velocity = None
+        if message.get("velocities") is not None:
+            velocity = vector_in(message, "velocities", len(order))[order]
+        stamp = message.get("stamp")
+        return State(
+            word_in(message, "sender"),
+            whole_in(message, "sequence"),
+            robots,
+            q,
+            velocity,
+            None if stamp is None else number_of("stamp", stamp),
+        )
+
+    def wish(self, message: Mapping[str, Any], field: str) -> Floats:
+        """Velocities or positions of all joints, in the service's order.
+
+        Raises:
+            DroppedError: It is not what docs/zenoh.md says.
+        """
+        order, robots = self._order(names_in(message, "names"))
+        if len(robots) != len(self._parts):
+            raise DroppedError("names", "a wish names the joints of all robots")
+        return vector_in(message, field, len(order))[order]
+
+    def twists(self, message: Mapping[str, Any]) -> dict[str, Floats]:
+        """Twists by tool.
+
+        Raises:
+            DroppedError: It is not what docs/zenoh.md says.
+        """
+        tools = names_in(message, "tools")
+        rows = message.get("twists")
+        if not isinstance(rows, list) or len(rows) != len(tools):
+            raise DroppedError("payload", f"twists must be {len(tools)} rows of six")
+        if len(set(tools)) != len(tools) or not self._tools.issuperset(tools):
+            raise DroppedError("names", f"tools {tools} are not tools of the scene")
+        return {
+            tool: vector_in({"twists": row}, "twists", 6)
+            for tool, row in zip(tools, rows, strict=True)
+        }
+
+    def _order(self, names: tuple[str, ...]) -> tuple[list[int], tuple[str, ...]]:
+        """Where the joints of whole robots are among names, and which robots."""
+        found = self._orders.get(names)
+        if found is not None:
+            return found
+        place = {name: k for k, name in enumerate(names)}
+        order: list[int] = []
+        robots: list[str] = []
+        for part in self._parts:
+            own = self._names[part.first : part.first + part.count]
+            if place.keys() >= set(own):
+                order += [place[name] for name in own]
+                robots.append(part.name)
+        if not robots or len(order) != len(names) or len(place) != len(names):
+            raise DroppedError(
+                "names", "names must be all joints of one robot or more, each once"
+            )
+        # Few orders occur; who makes up ever new ones does not fill the memory.
+        if len(self._orders) < len(self._names):
+            self._orders[names] = order, tuple(robots)
+        return order, tuple(robots)
+
+
+class State(NamedTuple):
+    """What a controller measured.
+
+    Attributes:
+        sender: What it calls itself.
+        sequence: Its number of the state.
+        robots: Of which robots.
+        q: Their positions in the service's order [rad or m].
+        velocity: Their velocities, None if there are none.
+        stamp: When, on the service's clock; None for now [s].
+    """
+
+    sender: str
+    sequence: int
+    robots: tuple[str, ...]
+    q: Floats
+    velocity: Floats | None
+    stamp: float | None
+
+
+def names_in(message: Mapping[str, Any], field: str) -> tuple[str, ...]:
+    """A list of names."""
+    found = message.get(field)
+    if not isinstance(found, list) or not all(isinstance(x, str) for x in found):
+        raise DroppedError("payload", f"'{field}' must be a list of names")
+    return tuple(found)
+
+
+def vector_in(message: Mapping[str, Any], field: str, count: int) -> Floats:
+    """So many finite numbers."""
+    found = message.get(field)
+    if not isinstance(found, list) or len(found) != count:
+        raise DroppedError("payload", f"'{field}' must be a list of {count} numbers")
+    return np.array([number_of(field, value) for value in found])
+
+
+def number_of(field: str, value: Any) -> float:
+    """A finite number."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DroppedError("payload", f"'{field}' holds {value!r}, which is no number")
+    try:
+        found = float(value)
+    except OverflowError:
+        found = math.inf
+    if not math.isfinite(found):
+        raise DroppedError("not_finite", f"'{field}' holds {found}")
+    return found
+
+
+def word_in(message: Mapping[str, Any], field: str) -> str:
+    """A word that is not empty."""
+    found = message.get(field)
+    if not isinstance(found, str) or not 0 < len(found) <= 64:
+        raise DroppedError("payload", f"'{field}' must be 1 to 64 characters")
+    return found
+
+
+def whole_in(message: Mapping[str, Any], field: str) -> int:
+    """A whole number."""
+    found = message.get(field)
+    if isinstance(found, bool) or not isinstance(found, int):
+        raise DroppedError("payload", f"'{field}' must be a whole number")
+    return found
+
+
+def command_of(answer: Answer, began_by: tuple[str, int] | None) -> dict[str, Any]:
+    """What robots are told.
+
+    Args:
+        answer: What the service, or the client in its place, told.
+        began_by: Sender and number of the state that began the cycle.
+    """
+    return {
+        "cycle": answer.cycle,
+        "time": answer.time,
+        "began_by": began_by and {"sender": began_by[0], "sequence": began_by[1]},
+        "names": list(answer.welcome.names),
+        "velocities": answer.velocity.tolist(),
+        "positions": answer.position.tolist(),
+        "action": answer.action.name,
+        "actions": {name: action.name for name, action in answer.actions.items()},
+        "stop": answer.stops,
+        "cause": answer.cause.name,
+        "reason": answer.reason.name,
+    }
+
+
+def verdict_of(answer: Answer) -> dict[str, Any]:
+    """What was judged, and why."""
+    near = answer.nearest
+    return {
+        "cycle": answer.cycle,
+        "time": answer.time,
+        "level": answer.level.name,
+        "levels": {name: level.name for name, level in answer.levels.items()},
+        "cause": answer.cause.name,
+        "reason": answer.reason.name,
+        "sentence": answer.sentence,
+        "slack": finite(answer.slack),
+        "slack_time": finite(answer.slack_time),
+        "nearest": near
+        and {
+            "a": near.a,
+            "b": near.b,
+            "distance": finite(near.distance),
+            "clearance": finite(near.clearance),
+            "point_a": near.point_a.tolist(),
+            "point_b": near.point_b.tolist(),
+        },
+        "urgency": answer.urgency,
+        "speed_scale": answer.speed_scale,
+        "blocked": {name: why.name for name, why in answer.blocked.items()},
+        "stopped_by": {name: why.name for name, why in answer.stopped_by.items()},
+        "ages": {name: finite(age) for name, age in answer.ages.items()},
+    }
+
+
+def finite(value: float) -> float | None:
+    """A number; None for what JSON has no word for."""
+    return value if math.isfinite(value) else None

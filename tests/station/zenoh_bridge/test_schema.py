@@ -1,0 +1,85 @@
+"""What is read and refused without a service."""
+
+import json
+
+import pytest
+
+from armguard.station.zenoh_bridge.authority import Authority
+from armguard.station.zenoh_bridge.schema import DroppedError, finite, read
+from armguard.station.zenoh_bridge.settings import (
+    BridgeError,
+    BridgeSettings,
+    on_this_machine,
+)
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "here"),
+    [
+        ("tcp/127.0.0.1:7447", True),
+        ("tcp/[::1]:7447", True),
+        ("udp/127.8.9.1:1", True),
+        ("tcp/localhost:7447", True),
+        ("unixsock-stream//tmp/x.sock", True),
+        ("tcp/0.0.0.0:7447", False),
+        ("tcp/[::]:7447", False),
+        ("tcp/192.168.1.7:7447", False),
+        ("tcp/127.0.0.1.example.org:7447", False),
+        ("tcp/:7447", False),
+        ("", False),
+    ],
+)
+def test_endpoints_that_leave_the_machine_are_known(endpoint, here):
+    assert on_this_machine(endpoint) == here
+
+
+def test_endpoints_that_leave_the_machine_are_refused():
+    for field in ("listen", "connect"):
+        with pytest.raises(BridgeError, match="leaves this machine"):
+            BridgeSettings(port=1, **{field: ("tcp/0.0.0.0:7447",)})
+
+
+@pytest.mark.parametrize("name", ["", "*", "a/b", "a?b", "$*"])
+def test_names_that_are_no_part_of_a_key_are_refused(name):
+    with pytest.raises(BridgeError, match="no part of a key"):
+        BridgeSettings(port=1, name=name)
+
+
+@pytest.mark.parametrize(
+    "text", ['{"a": NaN}', '{"a": [Infinity]}', '{"a": -Infinity}']
+)
+def test_json_has_no_infinity(text):
+    with pytest.raises(DroppedError) as found:
+        read(text.encode())
+    assert found.value.cause == "not_finite"
+
+
+def test_what_has_no_number_is_null():
+    assert json.dumps([finite(1.5), finite(float("inf")), finite(float("nan"))]) == (
+        "[1.5, null, null]"
+    )
+
+
+def test_a_token_is_worth_nothing_once_the_command_is_lost():
+    authority = Authority(watchdog=0.5)
+    with pytest.raises(DroppedError):
+        authority.check({"token": ""}, 0.0)
+    token = authority.grant("a", 0.0)
+    authority.check({"token": token}, 0.4)
+    assert not authority.silent(0.8) and authority.silent(1.0)
+    authority.lose()
+    with pytest.raises(DroppedError):
+        authority.check({"token": token}, 1.0)
+
+
+def test_wishes_come_in_order():
+    authority = Authority(watchdog=0.5)
+    authority.grant("a", 0.0)
+    for sequence in (-3, 1, 7):
+        authority.in_order(sequence)
+    for sequence in (7, 6):
+        with pytest.raises(DroppedError) as found:
+            authority.in_order(sequence)
+        assert found.value.cause == "out_of_order"
+    authority.grant("b", 0.0)
+    authority.in_order(1)
