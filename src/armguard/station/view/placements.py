@@ -1,0 +1,58 @@
+"""Where objects stand, as far as frames tell: what was placed and what was removed."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.scene.scene import Scene
+
+Floats = NDArray[np.float64]
+
+
+class Placements:
+    """Where each object that may come and go stands; by its name.
+
+    Attributes:
+        changes: Rises with every change, so that a drawing knows when to look.
+
+    Args:
+        scene: The scene, whose objects stand where it says until they are placed.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.changes = 0
+        self._poses: dict[str, Floats | None] = {
+            name: thing.pose.matrix() if thing.present else None
+            for name, thing in scene.objects.items()
+            if thing.attached_to is None
+        }
+        self._sizes: dict[str, tuple[float, float, float]] = {}
+
+    @property
+    def poses(self) -> Mapping[str, Floats | None]:
+        """Frame of each object, shape (4, 4); None of one that is not there."""
+        return self._poses
+
+    @property
+    def sizes(self) -> Mapping[str, tuple[float, float, float]]:
+        """Half extents of the boxes that were given some when placed [m]."""
+        return self._sizes
+
+    def take(self, event: Mapping[str, Any]) -> None:
+        """Take an event's frame's text; of other calls nothing is kept."""
+        name = event.get("name")
+        if not isinstance(name, str) or name not in self._poses:
+            return
+        if event.get("call") == "place":
+            self._poses[name] = np.array(event["pose"], dtype=np.float64)
+            shape = event.get("shape")
+            if shape is not None:
+                x, y, z = shape["half_extents"]
+                self._sizes[name] = (float(x), float(y), float(z))
+        elif event.get("call") == "remove":
+            self._poses[name] = None
+        else:
+            return
+        self.changes += 1
