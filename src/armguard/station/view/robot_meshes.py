@@ -12,9 +12,19 @@ from armguard.robot.model import Cylinder, Link, MeshFile, RobotModel
 from armguard.robot.urdf_geometry import read_geometry
 from armguard.robot.xml_source import Reader, read_xml
 from armguard.scene.scene import SceneRobot
-from armguard.station.view.surfaces import Mesh, hull_mesh, joined, mesh_of, ring
+from armguard.station.view.surfaces import (
+    Mesh,
+    hull_mesh,
+    joined,
+    mesh_of,
+    ring,
+    thinned,
+)
 
 Floats = NDArray[np.float64]
+
+# Triangles of a link that a tablet draws without effort.
+MOST = 4000
 
 
 def link_meshes(robot: SceneRobot) -> dict[str, Mesh]:
@@ -28,8 +38,14 @@ def link_meshes(robot: SceneRobot) -> dict[str, Mesh]:
     for name, link in robot.model.links.items():
         parts = seen.get(name) or collisions_of(link)
         if parts:
-            found[name] = joined(parts)
+            found[name] = thinned(joined(parts), MOST)
     return found
+
+
+def plain_meshes(robot: SceneRobot) -> dict[str, Mesh]:
+    """Triangles of each link's collision geometry, in the link's frame, by its name."""
+    each = {name: collisions_of(link) for name, link in robot.model.links.items()}
+    return {name: joined(parts) for name, parts in each.items() if parts}
 
 
 def visuals_of(model: RobotModel) -> dict[str, list[Mesh]]:

@@ -139,3 +139,29 @@ def joined(meshes: list[Mesh]) -> Mesh:
             [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
         ),
     )
+
+
+def thinned(mesh: Mesh, most: int) -> Mesh:
+    """The same with fewer triangles: corners in one cell of a grid become one.
+
+    Args:
+        mesh: What is drawn.
+        most: Triangles it may have.
+    """
+    cell = 1e-3
+    thin = mesh
+    while len(thin.faces) > most:
+        _, place, count = np.unique(
+            np.round(mesh.vertices / cell).astype(np.int64),
+            axis=0,
+            return_inverse=True,
+            return_counts=True,
+        )
+        vertices = np.zeros((len(count), 3))
+        np.add.at(vertices, place.reshape(-1), mesh.vertices)
+        faces = place.reshape(-1)[mesh.faces]
+        a, b, c = faces.T
+        kept = faces[(a != b) & (b != c) & (c != a)]
+        thin = Mesh(vertices / count[:, None], kept)
+        cell *= 1.5
+    return thin

@@ -39,7 +39,7 @@ class World:
             set_stage(server, self.tables)
             self.bodies = Bodies(server, scene, self.tables)
             self.near = NearPairs(server, self.tables)
-            self.ghost = Ghost(server, self.tables, self.bodies.links)
+            self.ghost = Ghost(server, scene, self.tables)
 
     def fits(self, frame: Frame) -> bool:
         """Whether a cycle's frame is about this scene, as far as its sizes tell."""

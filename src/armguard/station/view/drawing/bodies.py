@@ -1,5 +1,6 @@
 """Robots and objects where the check had them, and the primitives it measured."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -44,9 +45,11 @@ class Bodies:
         for k in range(len(tables.parent)):
             nodes[k] = server.scene.add_frame(f"/bodies/{k}", show_axes=False)
         self._placer = Placer(nodes)
-        self.links = robot_parts(scene, tables)
-        for name, (body, tint, mesh) in self.links.items():
-            add_mesh(server, f"/bodies/{body}/{slug(name)}", mesh, tint)
+        for r, (robot, model) in enumerate(scene.robots.items()):
+            tint = ROBOT_TINTS[r % len(ROBOT_TINTS)]
+            looks = on_bodies(robot, link_meshes(model), tables)
+            for name, (body, mesh) in looks.items():
+                add_mesh(server, f"/bodies/{body}/{slug(name)}", mesh, tint)
         self._add_carried(scene)
         self._add_standing()
 
@@ -113,17 +116,14 @@ class Bodies:
                 node.faces = np.asarray(mesh.faces, dtype=np.uint32)
 
 
-def robot_parts(
-    scene: Scene, tables: SceneTables
-) -> dict[str, tuple[int, Rgb, Mesh]]:
-    """Body, tint and triangles, on the body, of each link, by 'robot/link'."""
+def on_bodies(
+    robot: str, meshes: Mapping[str, Mesh], tables: SceneTables
+) -> dict[str, tuple[int, Mesh]]:
+    """Body of each link of a robot, and its triangles there, by 'robot/link'."""
     found = {}
-    for r, (name, robot) in enumerate(scene.robots.items()):
-        for link, mesh in link_meshes(robot).items():
-            at = tables.links[f"{name}/{link}"]
-            tint = ROBOT_TINTS[r % len(ROBOT_TINTS)]
-            own = placed(mesh, np.asarray(at.T_body_link, dtype=np.float64))
-            found[f"{name}/{link}"] = (at.body, tint, own)
+    for link, mesh in meshes.items():
+        at = tables.links[f"{robot}/{link}"]
+        found[f"{robot}/{link}"] = at.body, placed(mesh, at.T_body_link)
     return found
 
 

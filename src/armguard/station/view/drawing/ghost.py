@@ -4,16 +4,18 @@ from typing import Any
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from armguard.robot.kinematics import forward_kinematics
+from armguard.scene.scene import Scene
 from armguard.scene.tables import RobotPart, SceneTables
 from armguard.station.frames import Frame
-from armguard.station.view.drawing.bodies import add_mesh
+from armguard.station.view.drawing.bodies import add_mesh, on_bodies, slug
 from armguard.station.view.drawing.frames import Floats, Placer
-from armguard.station.view.palette import BLUE, Rgb
-from armguard.station.view.surfaces import Mesh
+from armguard.station.view.palette import BLUE
+from armguard.station.view.robot_meshes import plain_meshes
 
-# An arm that would not get farther than this with any body is drawn without one [m].
+# A body that would not get farther than this has none [m, or by the turn of its axes].
 LEAST = 0.004
 
 
@@ -22,29 +24,25 @@ class Ghost:
 
     Args:
         server: The page's scene.
-        tables: The scene.
-        links: Body, tint and triangles of each link, see `robot_parts`.
+        scene: What is drawn.
+        tables: The same as the check has it.
     """
 
     def __init__(
-        self,
-        server: viser.ViserServer,
-        tables: SceneTables,
-        links: dict[str, tuple[int, Rgb, Mesh]],
+        self, server: viser.ViserServer, scene: Scene, tables: SceneTables
     ) -> None:
         self._tables = tables
         self._poses = np.zeros((len(tables.parent), 12))
         nodes: list[Any | None] = [None] * len(tables.parent)
-        self._robots: dict[str, list[int]] = {part.name: [] for part in tables.robots}
-        self._visible = dict.fromkeys(self._robots, False)
-        for name, (body, _, mesh) in links.items():
-            if nodes[body] is None:
-                nodes[body] = server.scene.add_frame(
-                    f"/ghost/{body}", show_axes=False, visible=False
-                )
-                self._robots[name.split("/", 1)[0]].append(body)
-            path = f"/ghost/{body}/{name.replace('/', '|')}"
-            add_mesh(server, path, mesh, BLUE, opacity=0.18)
+        for robot, model in scene.robots.items():
+            looks = on_bodies(robot, plain_meshes(model), tables)
+            for name, (body, mesh) in looks.items():
+                if nodes[body] is None:
+                    nodes[body] = server.scene.add_frame(
+                        f"/ghost/{body}", show_axes=False, visible=False
+                    )
+                path = f"/ghost/{body}/{slug(name)}"
+                add_mesh(server, path, mesh, BLUE, opacity=0.18)
         self._nodes = nodes
         self._placer = Placer(nodes)
         self.shown = True
@@ -53,8 +51,7 @@ class Ghost:
         """Draw where a cycle's motion would end."""
         q = resting(frame, self._tables) if self.shown else None
         if q is None:
-            for name in self._robots:
-                self._show(name, False)
+            self._show(np.zeros(len(self._nodes), dtype=bool))
             return
         tables = self._tables
         forward_kinematics(
@@ -67,18 +64,14 @@ class Ghost:
             tables.axis,
             self._poses,
         )
-        for name, bodies in self._robots.items():
-            far = np.abs(self._poses[bodies] - frame.poses[bodies]).max(initial=0.0)
-            self._show(name, bool(far > LEAST))
+        far = np.abs(self._poses - frame.poses).max(axis=1)
+        self._show(far > LEAST)
         self._placer.move(self._poses)
 
-    def _show(self, name: str, shown: bool) -> None:
-        if self._visible[name] != shown:
-            self._visible[name] = shown
-            for body in self._robots[name]:
-                node = self._nodes[body]
-                if node is not None:
-                    node.visible = shown
+    def _show(self, wanted: NDArray[np.bool_]) -> None:
+        for node, shown in zip(self._nodes, wanted, strict=True):
+            if node is not None and node.visible != shown:
+                node.visible = bool(shown)
 
 
 def resting(frame: Frame, tables: SceneTables) -> Floats | None:

@@ -8,7 +8,7 @@ from armguard.scene.tables import SceneTables
 from armguard.station.view.drawing.frames import Floats
 
 # Behind the arms the camera stands this far, in extents of what they may reach [-].
-BACK, ASIDE, ABOVE = 1.15, 0.75, 0.75
+BACK, ASIDE, ABOVE = 1.35, 0.85, 0.8
 
 BACKGROUND = (238, 241, 244)
 
