@@ -19,6 +19,7 @@ from gripping.panda_judge import GRIPPER, PandaJudge
 from gripping.pick_and_place import (
     Outcome,
     Picker,
+    carries_clear,
     ends_of_way,
     pick_and_place,
     told,
@@ -173,6 +174,8 @@ def certified(
     at_home = follow(arm, begin, ends[:1])
     rows = None if at_home is None else follow(arm, at_home[-1], ends[1:])
     if at_home is None or rows is None or not is_clear(place, arm, rows):
+        return None
+    if not carries_clear(place, name, ends):
         return None
     with_panda = PandaPlace(**vars(place), posture=at_home[-1])
     try:

@@ -1,6 +1,7 @@
 """An operator picks something up among clutter, and puts it down where it is free."""
 
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from math import sqrt
 from time import process_time
 from typing import Any
@@ -15,7 +16,8 @@ from armguard.respond import Action, Guard
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.leaving import leave
 from gripping.plant import Plant
-from gripping.workplace import GANTRY, PERIOD, Tool, Workplace, cluttered
+from gripping.solids import gaps
+from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +34,9 @@ SLOW_FROM, SLOW = 0.1, (0.05, 0.09)
 
 # What is gripped is first lifted by this, and what was let go is left by this [m].
 LIFTED, AWAY = 0.03, 0.15
+
+# Which end of his way he grips at.
+GRIPPED = 2
 
 # How fast he goes back to where he began, to try again [m/s].
 BACK = 0.1
@@ -203,13 +208,31 @@ def ends_of_way(place: Workplace, name: str, goal: Floats, tool: Tool) -> Floats
 
 
 def is_certified(guard: Guard, place: Workplace, name: str, goal: Floats) -> bool:
-    """Whether the way there and on is proven, without what is to be carried."""
+    """Whether the way there is proven, and free for what is to be carried on."""
     meant = place.objects[name]
     rows = ends_of_way(place, name, goal, GANTRY)
     guard.remove(name)
-    clear = guard.check_path(rows).clear
+    clear = guard.check_path(rows).clear and carries_clear(place, name, rows)
     guard.place(name, Pose(xyz=tuple(meant.at.tolist())))
     return clear
+
+
+def carries_clear(place: Workplace, name: str, ends: Floats) -> bool:
+    """Whether what is carried keeps its room to all but what it is put down on.
+
+    By closed forms, along the straight pieces from where it is gripped on.
+    """
+    thing = place.objects[name]
+    offset = thing.at - ends[GRIPPED, :3]
+    others = {**place.fixtures, **place.objects}
+    share = np.linspace(0.0, 1.0, 501)[:, None]
+    for begin, end in pairwise(ends[GRIPPED:, :3]):
+        carried = thing.moved_to(begin + share * (end - begin) + offset)
+        for other, solid in others.items():
+            near = float(gaps(carried, solid).min())
+            if other not in (name, "table") and near < ROOM:
+                return False
+    return True
 
 
 def pick(picker: Picker, place: Workplace, name: str, travel: float) -> str | None:

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from armguard.errors import PoseError, SceneError, UnknownNameError
+from armguard.errors import (
+    HomeContactError,
+    PoseError,
+    SceneError,
+    UnknownNameError,
+)
 from armguard.geometry import Box, Capsule, Cone, Hull, Pose, Sphere
 from armguard.guard import Level
+from armguard.index import Octree
 from armguard.respond import Guard
 from armguard.scene import Scene
 from armguard.scene.settings import IndexSettings
@@ -150,3 +156,48 @@ def test_the_file_knows_objects_that_come_later(tmp_path):
     assert not scene.objects["cup"].present
     guard = Guard(scene)
     assert guard.step(guard.home).level is Level.CLEAR
+
+
+@pytest.mark.parametrize("kind", ["octree", "brute_force"])
+def test_an_object_takes_another_shape_of_its_kind(kind):
+    rng = np.random.default_rng(4)
+    guard = Guard(workshop(kind))
+    shapes = {"ball": None, "crate": None, "rod": None}
+    poses, near = {}, 0
+    for _ in range(100):
+        name = str(rng.choice(list(shapes)))
+        size = rng.uniform(0.02, 0.2, 3)
+        shapes[name] = {
+            "ball": Sphere(radius=size[0]),
+            "crate": Box(half_extents=tuple(size), rounding=0.01),
+            "rod": Capsule(start=(0, 0, -size[0]), end=(0, 0, size[1]), radius=0.04),
+        }[name]
+        poses[name] = random_pose(rng)
+        guard.place(name, poses[name], shape=shapes[name])
+        fresh = Scene(mode="fixed", index=IndexSettings(kind=kind))
+        fresh.add_robot(simple_arm(joints=3), name="arm")
+        for other, pose in poses.items():
+            fresh.add(shapes[other], name=other, pose=pose)
+        q = rng.uniform(guard.tables.lower, guard.tables.upper)
+        found = {(p.a, p.b): p.distance for p in guard.step(q).near}
+        try:
+            expected = {(p.a, p.b): p.distance for p in Guard(fresh).step(q).near}
+        except HomeContactError:
+            continue
+        assert found == expected
+        near += len(found)
+    assert near > 20
+    if isinstance(guard.index, Octree):
+        guard.index.check()
+
+
+def test_a_shape_that_cannot_change_is_refused():
+    guard = Guard(workshop())
+    for name, shape in {
+        "wedge": Hull(points=TETRAHEDRON),
+        "ball": Box(half_extents=(0.1, 0.1, 0.1)),
+        "sheet": Sphere(radius=0.1),
+    }.items():
+        with pytest.raises(SceneError, match=f"'{name}' cannot change its shape"):
+            guard.place(name, Pose(), shape=shape)
+        assert name not in {p.b for p in guard.step(guard.home).near}

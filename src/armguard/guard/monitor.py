@@ -16,6 +16,7 @@ from armguard.errors import (
     did_you_mean,
 )
 from armguard.geometry.pose import Pose, check_transform
+from armguard.geometry.shapes import Shape
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
@@ -35,7 +36,7 @@ from armguard.guard.intent import read_intents
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.motion_pairs import judge_motions
-from armguard.guard.objects import stand_at, take_out
+from armguard.guard.objects import reshaped, stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.proofs import prove_pair
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
@@ -353,6 +354,7 @@ class Monitor:
         stamp: float | None = None,
         *,
         velocity: ArrayLike | None = None,
+        shape: Shape | None = None,
     ) -> None:
         """Put an object where it stands from now on, whether it was there or not.
 
@@ -366,12 +368,15 @@ class Monitor:
                 object that has a `top_speed`, which may be elsewhere since.
             velocity: How fast it was seen to move, in the world, shape (3,) [m/s];
                 robots that evade look where it is going.
+            shape: Its shape from now on, of the kind it has: what was not foreseen can
+                be kept out of by a box that the scene holds ready, not present. Only
+                of an object that is one shape, no hull or mesh, and not graspable.
 
         Raises:
             UnknownNameError: There is no such object.
             PoseError: The transform is not rigid, or a number is not finite.
             SceneError: The object moves and there is no stamp, or it was seen to move
-                faster than its `top_speed`.
+                faster than its `top_speed`, or it cannot have that shape.
             GraspError: A gripper holds it.
 
         Example:
@@ -383,6 +388,8 @@ class Monitor:
             >>> guard.remove("cart")
         """
         thing = self._standing(name)
+        if shape is not None:
+            thing = reshaped(name, thing, shape)
         T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
         speeds = self._watch.top_speed
         if len(speeds) and speeds[thing.first] > 0.0:
@@ -402,6 +409,7 @@ class Monitor:
             self._holding.check_free(name)
             self._holding.put(name, T)
         stand_at(self.index, thing, T)
+        self._standing_now[name] = thing
         self._world_changed()
 
     def remove(self, name: str) -> None:
@@ -578,6 +586,7 @@ class Monitor:
         world = world_at_home(tables, T_world)
         self._poses = T_world
         self.index = build_index(tables, world)
+        self._standing_now = dict(tables.standing)
         for thing in tables.standing.values():
             if not thing.present:
                 take_out(self.index, thing)
@@ -730,7 +739,7 @@ class Monitor:
 
     def _standing(self, name: str) -> Standing:
         """The object of that name that is attached to nothing."""
-        known = self.tables.standing
+        known = self._standing_now
         if name not in known:
             raise UnknownNameError(
                 f"no object that stands still is named '{name}'; "

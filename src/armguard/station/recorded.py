@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Shape
 from armguard.guard.contract import Region
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
@@ -139,12 +141,20 @@ class RecordedGuard:
         stamp: float | None = None,
         *,
         velocity: ArrayLike | None = None,
+        shape: Shape | None = None,
     ) -> None:
         """See `Guard.place`."""
-        self.guard.place(name, pose, stamp, velocity=velocity)
+        self.guard.place(name, pose, stamp, velocity=velocity, shape=shape)
         T = pose.matrix() if isinstance(pose, Pose) else np.asarray(pose)
         moves = None if velocity is None else np.asarray(velocity).tolist()
-        self.note("place", name=name, pose=T.tolist(), stamp=stamp, velocity=moves)
+        self.note(
+            "place",
+            name=name,
+            pose=T.tolist(),
+            stamp=stamp,
+            velocity=moves,
+            shape=None if shape is None else words_of(shape),
+        )
 
     def remove(self, name: str) -> None:
         """See `Guard.remove`."""
@@ -328,6 +338,11 @@ class RecordedGuard:
             frames.put_text(text, row[at:])
         self._ring.commit()
         self.cycle += 1
+
+
+def words_of(shape: Shape) -> dict[str, Any]:
+    """A shape as its kind and its sizes."""
+    return {"kind": shape.kind.name.lower(), **asdict(shape)}
 
 
 def as_row(value: ArrayLike, count: int) -> Floats:
