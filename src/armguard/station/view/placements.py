@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.shapes import Shape
+from armguard.geometry.shapes.registry import SHAPES
 from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -28,7 +30,7 @@ class Placements:
             for name, thing in scene.objects.items()
             if thing.attached_to is None
         }
-        self._sizes: dict[str, tuple[float, float, float]] = {}
+        self._shapes: dict[str, Shape] = {}
 
     @property
     def poses(self) -> Mapping[str, Floats | None]:
@@ -36,9 +38,9 @@ class Placements:
         return self._poses
 
     @property
-    def sizes(self) -> Mapping[str, tuple[float, float, float]]:
-        """Half extents of the boxes that were given some when placed [m]."""
-        return self._sizes
+    def shapes(self) -> Mapping[str, Shape]:
+        """Shapes of the objects that were given another one when they were placed."""
+        return self._shapes
 
     def take(self, event: Mapping[str, Any]) -> None:
         """Take an event's frame's text; of other calls nothing is kept."""
@@ -47,12 +49,22 @@ class Placements:
             return
         if event.get("call") == "place":
             self._poses[name] = np.array(event["pose"], dtype=np.float64)
-            shape = event.get("shape")
-            if shape is not None:
-                x, y, z = shape["half_extents"]
-                self._sizes[name] = (float(x), float(y), float(z))
+            if event.get("shape") is not None:
+                self._shapes[name] = shape_of(event["shape"])
         elif event.get("call") == "remove":
             self._poses[name] = None
         else:
             return
         self.changes += 1
+
+
+def shape_of(words: Mapping[str, Any]) -> Shape:
+    """A shape from its kind and its sizes, as frames have them."""
+    sizes = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in words.items()
+        if key != "kind"
+    }
+    by_kind = {shape.kind.name.lower(): shape for shape in SHAPES.values()}
+    made: Shape = by_kind[words["kind"]](**sizes)
+    return made

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from armguard.geometry.shapes import Box, ShapeKind, shape_row
+from armguard.geometry.shapes import Shape, shape_row
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
@@ -39,7 +39,7 @@ class Bodies:
         self._server, self._tables = server, tables
         self._primitives: list[Any] = []
         self._standing: dict[str, Any] = {}
-        self._sizes: dict[str, tuple[float, float, float]] = {}
+        self._shapes: dict[str, Shape] = {}
         self._seen = -1
         nodes: list[Any | None] = [None] * len(tables.parent)
         for k in range(len(tables.parent)):
@@ -108,10 +108,11 @@ class Bodies:
             if T is None or self._tables.standing[name].body >= 0:
                 continue
             node.position, node.wxyz = T[:3, 3], quaternion(T[:3, :3])
-            half = placements.sizes.get(name)
-            if half is not None and self._sizes.get(name) != half:
-                self._sizes[name] = half
-                mesh = mesh_of(ShapeKind.BOX, shape_row(Box(half_extents=half)))
+            shape = placements.shapes.get(name)
+            if shape is not None and self._shapes.get(name) != shape:
+                self._shapes[name] = shape
+                T_own = self._tables.standing[name].shapes[0].pose.matrix()
+                mesh = mesh_of(shape.kind, shape_row(shape, T_own))
                 node.vertices = np.asarray(mesh.vertices, dtype=np.float32)
                 node.faces = np.asarray(mesh.faces, dtype=np.uint32)
 

@@ -1,0 +1,159 @@
+"""Puts together what is asked for, and sends it at a steady rate."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.levels import Level
+from armguard.scene.tables import SceneTables
+from armguard.station.frames import Frame
+from armguard.station.view.driving.commander import Commander
+from armguard.station.view.driving.jog import Jog
+from armguard.station.view.judged import level_at_a_glance
+from armguard.station.view.driving.wishes import (
+    ANGULAR,
+    LINEAR,
+    THERE,
+    Wish,
+    tool_frame,
+    top_speeds,
+    towards,
+    twist_towards,
+)
+
+Floats = NDArray[np.float64]
+
+log = logging.getLogger(__name__)
+
+# Time between two wishes [s]; well within a commander's watchdog.
+PERIOD = 0.02
+
+
+class Tele(Protocol):
+    """Somebody who drives in the operator's place."""
+
+    def wish(self, t: float, q: Floats) -> Floats:
+        """Velocities at a time, shape (n,)."""
+
+
+class Driver:
+    """What the operator asks for: handles before keys before sliders before the tele.
+
+    Attributes:
+        chosen: Place of the robot that keys lead.
+        share: Share of the greatest speeds that is asked for at most [-].
+        tele: Who drives where nobody else does; None for nobody.
+
+    Args:
+        tables: The scene.
+        newest: Gives the newest cycle, None before there is one.
+        commander: Where wishes go.
+        stopped: Called when somebody asks for a stop.
+    """
+
+    def __init__(
+        self,
+        tables: SceneTables,
+        newest: Callable[[], Frame | None],
+        commander: Commander,
+        stopped: Callable[[], None],
+    ) -> None:
+        self.tables, self._newest, self._commander = tables, newest, commander
+        self.chosen = 0
+        self.share = 0.5
+        self.tele: Tele | None = None
+        self.jog = Jog(stopped, self._choose)
+        self._targets = np.full(len(tables.q_names), np.nan)
+        self._handles: dict[str, Floats] = {}
+        self._fastest = top_speeds(tables)
+        self._began = time.monotonic()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="drive", daemon=True)
+
+    def start(self) -> None:
+        """Send from now on, while the command is ours."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Send no more."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)
+
+    def lead_joint(self, joint: int, target: float) -> None:
+        """Lead a joint to a position [rad or m]."""
+        self._targets[joint] = target
+
+    def lead_tool(self, robot: str, T: Floats | None) -> None:
+        """Lead a robot's tool to a frame, shape (4, 4); None to let go of it."""
+        if T is None:
+            self._handles.pop(robot, None)
+        else:
+            self._handles[robot] = T
+
+    def let_go(self) -> None:
+        """Ask for nothing any more."""
+        self._targets[:] = np.nan
+        self._handles.clear()
+        self.jog.let_go()
+
+    def wish(self, frame: Frame) -> Wish:
+        """What is asked for, where the arms are as a cycle had them."""
+        still = np.zeros(len(self._targets))
+        self._drop_targets(frame)
+        parts = {part.name: part for part in self.tables.robots}
+        if self._handles:
+            return Wish(
+                still,
+                {
+                    name: twist_towards(
+                        tool_frame(self.tables, parts[name], frame.poses), T, self.share
+                    )
+                    for name, T in tuple(self._handles.items())
+                },
+            )
+        direction = self.jog.direction
+        if direction.any():
+            fastest = self.share * np.repeat([LINEAR, ANGULAR], 3)
+            name = self.tables.robots[self.chosen].name
+            return Wish(still, {name: direction * fastest})
+        if np.isfinite(self._targets).any():
+            return Wish(towards(self._targets, frame.q, self.share * self._fastest))
+        if self.tele is not None:
+            return Wish(self.tele.wish(time.monotonic() - self._began, frame.q))
+        return Wish(still)
+
+    def _drop_targets(self, frame: Frame) -> None:
+        """Forget joints that are where they were to be, or whose robot was stopped.
+
+        A stop is to be answered by somebody, not by a slider that was left behind.
+        """
+        there = np.abs(self._targets - frame.q) < THERE
+        _, *levels = level_at_a_glance(frame, len(self.tables.robots))
+        for part, level in zip(self.tables.robots, levels, strict=True):
+            if level >= Level.STOP:
+                there[part.first_joint : part.first_joint + part.joint_count] = True
+        self._targets[there] = np.nan
+
+    def _choose(self, robot: int | None) -> None:
+        count = len(self.tables.robots)
+        if robot is None:
+            self.chosen = (self.chosen + 1) % count
+        elif robot < count:
+            self.chosen = robot
+
+    def _run(self) -> None:
+        while not self._stop.wait(PERIOD):
+            frame = self._newest()
+            if frame is None or not self._commander.commands:
+                continue
+            wish = self.wish(frame)
+            try:
+                self._commander.send(wish.velocities, wish.twists)
+            except OSError as error:
+                log.warning("a wish could not be sent: %s", error)
