@@ -69,6 +69,7 @@ if TYPE_CHECKING:
         load_scene,
         load_trajectory,
     )
+    from armguard.station.client import Client
 
 __version__ = version("armguard")
 
@@ -131,6 +132,7 @@ _ROOMS = {
         "load_scene",
         "load_trajectory",
     ),
+    "armguard.station.client": ("Client",),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
@@ -141,6 +143,7 @@ __all__ = [
     "Box",
     "BruteForce",
     "Capsule",
+    "Client",
     "Command",
     "Cone",
     "Contract",

@@ -10,6 +10,7 @@ from armguard.cli.console import BAD_INPUT, complain
 from armguard.cli.demo import demo
 from armguard.cli.octree import octree
 from armguard.cli.run import run
+from armguard.cli.serve import serve
 from armguard.errors import ArmguardError
 
 app = typer.Typer(
@@ -21,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, check, run, octree, bench):
+for command in (demo, check, run, serve, octree, bench):
     app.command()(command)
 
 

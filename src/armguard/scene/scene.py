@@ -563,6 +563,27 @@ class Scene:
         for name in self._robots if robot is None else (robot,):
             self._robots[name] = replace(self._robots[name], mode=mode)
 
+    def set_response(
+        self, response: ResponseName | ResponseSettings, robot: str | None = None
+    ) -> None:
+        """Change what robots do about what is near.
+
+        Args:
+            response: The response, or its settings.
+            robot: The robot it is for; all if None.
+
+        Raises:
+            SceneError: A setting is out of range.
+            UnknownNameError: There is no such robot.
+        """
+        if robot is not None and robot not in self._robots:
+            raise UnknownNameError(
+                f"no robot is named '{robot}'; {did_you_mean(robot, self._robots)}"
+            )
+        for name in self._robots if robot is None else (robot,):
+            chosen = response_settings(f"robot '{name}'", response)
+            self._robots[name] = replace(self._robots[name], response=chosen)
+
     def set_home(self, name: str, home: Mapping[str, float]) -> None:
         """Give a robot another home configuration.
 

@@ -9,3 +9,27 @@ class StationError(ArmguardError):
 
 class RingError(StationError):
     """There is no ring, or no room in it."""
+
+
+class KeyFileError(StationError, ValueError):
+    """A file holds no key."""
+
+
+class ServiceError(StationError, RuntimeError):
+    """The service cannot start."""
+
+
+class NoServiceError(StationError, OSError):
+    """No service answers, or it speaks another version or has another key."""
+
+
+class RefusedError(StationError, RuntimeError):
+    """The service refused what it was asked for; the message is its sentence.
+
+    Attributes:
+        kind: Name of the error at the service.
+    """
+
+    def __init__(self, message: str, kind: str = "") -> None:
+        super().__init__(message)
+        self.kind = kind

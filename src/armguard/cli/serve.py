@@ -1,0 +1,116 @@
+"""`armguard serve`: guard a scene as a process of its own."""
+
+import logging
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from armguard.cli.console import say, say_progress
+
+
+def serve(
+    scene: Annotated[
+        str, typer.Argument(help="Scene file, or a bundled scene: bay, two-pandas.")
+    ],
+    port: Annotated[
+        int, typer.Option(help="UDP port; 0 for one that is free.")
+    ] = 47800,
+    bind: Annotated[
+        str, typer.Option(help="Address to listen on; all but loopback need a key.")
+    ] = "127.0.0.1",
+    key_file: Annotated[
+        Path | None, typer.Option(help="File with the key, 16 to 32 bytes.")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Cycles a second [Hz].")] = 250.0,
+    late: Annotated[
+        float, typer.Option(help="How much later than its period a cycle may come [s].")
+    ] = 0.004,
+    mode: Annotated[
+        str | None, typer.Option(help="How distances are made: path or speed.")
+    ] = None,
+    response: Annotated[
+        str | None,
+        typer.Option(help="What robots do: stop, slow, deflect or field."),
+    ] = None,
+    ring: Annotated[
+        Path | None, typer.Option(help="File of the ring; in memory if left out.")
+    ] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Folder to record everything into.")
+    ] = None,
+    metrics: Annotated[
+        int | None, typer.Option(help="Port to serve metrics for Prometheus on.")
+    ] = None,
+    zenoh: Annotated[bool, typer.Option(help="Also speak Zenoh.")] = False,
+    view: Annotated[bool, typer.Option(help="Also open the live view.")] = False,
+    realtime: Annotated[
+        bool, typer.Option(help="Ask for real-time scheduling.")
+    ] = False,
+    lock_memory: Annotated[
+        bool, typer.Option(help="Ask for memory that is never swapped out.")
+    ] = False,
+    cpu: Annotated[int | None, typer.Option(help="Processor to stay on.")] = None,
+    self_test: Annotated[
+        bool, typer.Option(help="Let the guard test itself first.")
+    ] = True,
+) -> None:
+    """Guard a scene for controllers and a commander, until told to end.
+
+    The first line on standard output tells where it listens.
+    """
+    from armguard.station.service import Service, ServiceSettings
+    from armguard.station.service.scenes import (
+        checked_mode,
+        checked_response,
+        open_scene,
+    )
+    from armguard.station.wire import read_key
+
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
+    companions: dict[str, tuple[str, ...]] = {}
+    if record is not None:
+        companions["record"] = ("--folder", str(record))
+    if metrics is not None:
+        companions["metrics"] = ("--port", str(metrics))
+    if zenoh:
+        companions["zenoh"] = ()
+    if view:
+        companions["view"] = ()
+    settings = ServiceSettings(
+        bind=bind,
+        port=port,
+        key=b"" if key_file is None else read_key(key_file),
+        rate=rate,
+        late=late,
+        ring=ring,
+        self_test=self_test,
+        realtime=realtime,
+        lock_memory=lock_memory,
+        cpu=cpu,
+        companions=companions,
+    )
+    opened, file = open_scene(
+        scene,
+        period=settings.period,
+        late=late,
+        mode=checked_mode(mode),
+        response=checked_response(response),
+        progress=say_progress,
+    )
+    asked: list[int] = []
+
+    def end(number: int, frame: FrameType | None) -> None:
+        asked.append(number)
+
+    signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGINT, end)
+    service = Service(opened, settings, file=file)
+    for note in service.notes:
+        say(f"note: {note}")
+    sys.stdout.write(f"listening on {bind}:{service.port}, ring {service.ring.path}\n")
+    sys.stdout.flush()
+    service.run(until=lambda: bool(asked))

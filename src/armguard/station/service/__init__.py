@@ -1,0 +1,6 @@
+"""The loop: messages in, a cycle, messages out; watchdogs; who may command."""
+
+from armguard.station.service.service import Service
+from armguard.station.service.settings import ServiceSettings
+
+__all__ = ["Service", "ServiceSettings"]

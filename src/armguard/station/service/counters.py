@@ -1,0 +1,254 @@
+"""Counters another process can read while the loop counts: a file in memory.
+
+A row of int64: a head, the counters in the order of `COUNTERS`, the stops by the number
+of their reason, then the histograms. Each number is written by the loop alone, in one
+piece; a reader needs no lock, and may see one number of a cycle and not yet another.
+"""
+
+import mmap
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.station.errors import StationError
+
+Longs = NDArray[np.int64]
+
+# What was dropped, by cause: a message is counted under the first one that applies.
+DROPS = {
+    "too_short": "shorter than a header and a seal",
+    "oversized": "longer than any message",
+    "magic": "no message of ours",
+    "version": "another version of the messages",
+    "length": "tells another length than it has",
+    "seal": "sealed with another key, or changed on its way",
+    "kind": "a kind that clients do not send",
+    "session": "of another session of the service",
+    "scene": "made for another scene",
+    "unknown_sender": "from somebody who never said hello",
+    "address": "from another address than the sender's",
+    "replayed": "with a sequence number that was there already",
+    "out_of_order": "with a lower sequence number than the last one",
+    "payload": "a payload its kind cannot have",
+    "robots": "a state of robots that do not exist",
+    "joints": "another number of joints or tools than the scene has",
+    "second_controller": "a state of a robot that another controller has",
+    "not_commander": "a wish of somebody who does not command",
+    "wish_not_finite": "a wish that holds NaN or infinity",
+    "too_many_senders": "a hello when there was no room for more senders",
+    "call_unreadable": "a call that is no JSON of ours",
+}
+
+COUNTERS: tuple[str, ...] = (
+    "received",
+    "accepted",
+    "states",
+    "wishes",
+    "calls",
+    "calls_refused",
+    "hellos",
+    "claims",
+    "claims_refused",
+    "stop_orders",
+    "cycles",
+    "cycles_without_state",
+    "cycles_without_wish",
+    "deadline_missed",
+    "cycle_faults",
+    "sent",
+    "send_would_block",
+    "send_failed",
+    "senders",
+    "commander_lost",
+    "controllers_silent",
+    "companions_ended",
+    "level",
+    *(f"dropped_{cause}" for cause in DROPS),
+)
+PLACE = {name: k for k, name in enumerate(COUNTERS)}
+
+# From a message's arrival to its answer's departure; judging; how late a cycle began.
+HISTOGRAMS = ("inside", "judging", "waking")
+
+# Buckets on a logarithmic scale: 16 for each doubling of nanoseconds, 6 % wide.
+FINE = 4
+BUCKETS = 48 << FINE
+# Then the number of values, their sum and the largest one [ns].
+SPAN = BUCKETS + 3
+COUNT, SUM, MOST = BUCKETS, BUCKETS + 1, BUCKETS + 2
+
+# The head: magic, version, counters, histograms, process, start on the wall clock [ns].
+HEAD = 8
+MAGIC = 0x41524D434E54
+VERSION = 1
+REASONS = 256
+STOPS_AT = HEAD + len(COUNTERS)
+HISTOGRAMS_AT = STOPS_AT + REASONS
+WORDS = HISTOGRAMS_AT + len(HISTOGRAMS) * SPAN
+
+
+class CountersError(StationError):
+    """There are no counters, or of another version."""
+
+
+def counters_path(ring: Path) -> Path:
+    """Where the counters of the service with that ring are."""
+    return ring.with_name(ring.name + ".counters")
+
+
+def bucket_of(nanoseconds: int) -> int:
+    """Bucket of a time."""
+    if nanoseconds < 1 << FINE:
+        return max(nanoseconds, 0)
+    shift = nanoseconds.bit_length() - 1 - FINE
+    return min(((shift + 1) << FINE) + (nanoseconds >> shift) - (1 << FINE), LAST)
+
+
+LAST = BUCKETS - 1
+
+
+def upper_end(bucket: int) -> int:
+    """Where a bucket ends [ns]."""
+    if bucket < 1 << FINE:
+        return bucket + 1
+    shift = (bucket >> FINE) - 1
+    return ((bucket & ((1 << FINE) - 1)) + (1 << FINE) + 1) << shift
+
+
+class Counters:
+    """The writing end.
+
+    Args:
+        path: The file, made anew.
+
+    Raises:
+        CountersError: It cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            path.unlink(missing_ok=True)
+            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+            try:
+                os.posix_fallocate(handle, 0, WORDS * 8)
+                self._map = mmap.mmap(handle, WORDS * 8)
+            finally:
+                os.close(handle)
+        except OSError as error:
+            raise CountersError(
+                f"{path}: no counters can be made: {error.strerror}"
+            ) from error
+        self._words = memoryview(self._map).cast("q")
+        head = (VERSION, len(COUNTERS), len(HISTOGRAMS), os.getpid(), time.time_ns())
+        for k, word in enumerate(head, 1):
+            self._words[k] = word
+        self._words[0] = MAGIC
+
+    def count(self, place: int) -> None:
+        """Count one more; `place` is `PLACE[name]`."""
+        self._words[HEAD + place] += 1
+
+    def put(self, place: int, value: int) -> None:
+        """Set a counter that goes up and down."""
+        self._words[HEAD + place] = value
+
+    def stop(self, reason: int) -> None:
+        """Count an order to stop."""
+        self._words[STOPS_AT + min(max(reason, 0), REASONS - 1)] += 1
+
+    def time(self, histogram: int, nanoseconds: int) -> None:
+        """Count a time; `histogram` is its place in `HISTOGRAMS`."""
+        words, first = self._words, HISTOGRAMS_AT + histogram * SPAN
+        words[first + bucket_of(nanoseconds)] += 1
+        words[first + COUNT] += 1
+        words[first + SUM] += nanoseconds
+        if nanoseconds > words[first + MOST]:
+            words[first + MOST] = nanoseconds
+
+    def close(self) -> None:
+        """Remove the file's name; who reads it may go on doing so."""
+        self.path.unlink(missing_ok=True)
+        self._words.release()
+        self._map.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Histogram:
+    """Times that were counted.
+
+    Attributes:
+        counts: How many fell into each bucket, shape (BUCKETS,).
+        count: How many there were.
+        total: Their sum [s].
+        most: The largest one [s].
+    """
+
+    counts: Longs
+    count: int
+    total: float
+    most: float
+
+    def percentile(self, share: float) -> float:
+        """Time that a share in [0, 1] of them does not exceed, 6 % too long at most.
+
+        NaN if there are none [s].
+        """
+        if not self.counts.any():
+            return float("nan")
+        sums = np.cumsum(self.counts)
+        bucket = int(np.searchsorted(sums, share * sums[-1]))
+        return min(upper_end(min(bucket, LAST)) * 1e-9, self.most)
+
+
+class CountersReader:
+    """The reading end.
+
+    Args:
+        path: See `counters_path`.
+
+    Raises:
+        CountersError: There is no such file, or another version wrote it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            with path.open("rb") as file:
+                self._map = mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ)
+        except (OSError, ValueError) as error:
+            raise CountersError(f"{path}: no counters are there: {error}") from error
+        if len(self._map) != WORDS * 8:
+            raise CountersError(f"{path}: these counters are another version's")
+        self._words = np.frombuffer(self._map, np.int64)
+        head = self._words[:4].tolist()
+        if head != [MAGIC, VERSION, len(COUNTERS), len(HISTOGRAMS)]:
+            raise CountersError(f"{path}: these counters are another version's")
+
+    def value(self, name: str) -> int:
+        """A counter."""
+        return int(self._words[HEAD + PLACE[name]])
+
+    def values(self) -> dict[str, int]:
+        """All counters by name."""
+        found = self._words[HEAD:STOPS_AT].tolist()
+        return dict(zip(COUNTERS, found, strict=True))
+
+    def stops(self) -> dict[int, int]:
+        """Orders to stop by the number of their reason, those that came at all."""
+        found = self._words[STOPS_AT:HISTOGRAMS_AT]
+        return {int(k): int(found[k]) for k in np.flatnonzero(found)}
+
+    def histogram(self, name: str) -> Histogram:
+        """A histogram, a copy."""
+        first = HISTOGRAMS_AT + HISTOGRAMS.index(name) * SPAN
+        words = self._words[first : first + SPAN].copy()
+        return Histogram(
+            counts=words[:BUCKETS],
+            count=int(words[COUNT]),
+            total=float(words[SUM]) * 1e-9,
+            most=float(words[MOST]) * 1e-9,
+        )

@@ -1,0 +1,137 @@
+"""The scene a service guards: by file or by name, and its hash."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import SceneError, did_you_mean
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.scene import Scene, load_scene
+from armguard.scene.bay import bay_path, bay_scene
+from armguard.scene.exact import ExactTables
+from armguard.scene.meshes import Progress
+from armguard.scene.settings import CHOICES, Mode, ResponseName
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+
+# Scenes that come with the package.
+BUNDLED = ("bay", "two-pandas")
+
+
+def open_scene(
+    what: str,
+    *,
+    period: float,
+    late: float,
+    mode: Mode | None = None,
+    response: ResponseName | None = None,
+    progress: Progress | None = None,
+) -> tuple[Scene, str]:
+    """A scene for a service, and its file.
+
+    Args:
+        what: A scene file, or a name of `BUNDLED`.
+        period: Time from one cycle to the next [s].
+        late: How much later than that a cycle may come [s].
+        mode: How distances are made; as the scene says if None.
+        response: What robots do about what is near; as the scene says if None.
+        progress: See `load_scene`.
+
+    Raises:
+        SceneFileError: The file is wrong.
+        SceneError: There is no such file or scene.
+    """
+    if what == "bay":
+        scene, file = bay_scene("path"), str(bay_path())
+    elif what == "two-pandas":
+        from armguard import scene as scenes
+
+        scene, file = scenes.two_pandas_scene(), ""  # type: ignore[attr-defined]
+    elif Path(what).is_file():
+        scene, file = load_scene(what, progress=progress), str(Path(what).resolve())
+    else:
+        raise SceneError(
+            f"'{what}' is no file and no bundled scene; those are " + ", ".join(BUNDLED)
+        )
+    scene.period, scene.late = period, late
+    if mode is not None:
+        scene.set_mode(mode)
+    if response is not None:
+        scene.set_response(response)
+    return scene, file
+
+
+def checked_mode(word: str | None) -> Mode | None:
+    """A mode, from what somebody wrote.
+
+    Raises:
+        SceneError: It is none in which stops are predicted.
+    """
+    if word is None:
+        return None
+    if word not in ("path", "speed"):
+        raise SceneError(f"mode is '{word}'; it must be path or speed")
+    return cast(Mode, word)
+
+
+def checked_response(word: str | None) -> ResponseName | None:
+    """A response, from what somebody wrote.
+
+    Raises:
+        SceneError: There is none of that name.
+    """
+    if word is None:
+        return None
+    if word not in CHOICES["kind"]:
+        raise SceneError(f"response is '{word}'; {did_you_mean(word, CHOICES['kind'])}")
+    return cast(ResponseName, word)
+
+
+def scene_hash(tables: SceneTables) -> str:
+    """SHA-256 of all a compiled scene says, in hex; the same in every process."""
+    digest = sha256()
+    add(digest, tables)
+    return digest.hexdigest()
+
+
+def add(digest: Any, value: Any) -> None:
+    """Add a value to a digest: arrays by their bits, all else by what it says."""
+    if isinstance(value, SceneTables):
+        value = replace(value, local_rows=told(value.local_rows, value.kinds))
+    elif isinstance(value, ExactTables):
+        value = replace(value, rows=told(value.rows, value.kinds))
+    digest.update(type(value).__name__.encode())
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype.str}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif value is None or isinstance(value, int | float | str | Enum):
+        digest.update(repr(value).encode())
+    elif is_dataclass(value) and not isinstance(value, type):
+        for part in fields(value):
+            digest.update(part.name.encode())
+            add(digest, getattr(value, part.name))
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            add(digest, key)
+            add(digest, item)
+    elif isinstance(value, Iterable):
+        for item in value:
+            add(digest, item)
+
+
+def told(rows: Floats, kinds: NDArray[np.int32]) -> Floats:
+    """Rows without addresses, which differ from process to process.
+
+    What they lead to is in the shapes, which the tables keep beside them.
+    """
+    plain = rows.copy()
+    leads = (kinds == ShapeKind.HULL) | (kinds == ShapeKind.SUPPORT)
+    plain[leads, 4:6] = 0.0
+    return plain

@@ -1,0 +1,68 @@
+"""Writing messages into a buffer that is there already."""
+
+import time
+
+from armguard.station.wire.layout import HEADER, MAGIC, MOST, SEAL, VERSION, Kind
+from armguard.station.wire.seal import Seal
+
+
+class Outbox:
+    """Writes messages of one sender.
+
+    Attributes:
+        session: Session of the service; 0 before it is known.
+        scene: The first eight bytes of the scene's hash; 0 before it is known.
+        sequence: Number of the message written last.
+
+    Args:
+        seal: Seals them.
+        sender: Who sends them.
+        session: See there.
+        scene: See there.
+    """
+
+    def __init__(
+        self, seal: Seal, sender: int, session: int = 0, scene: int = 0
+    ) -> None:
+        self.session = session
+        self.scene = scene
+        self.sequence = 0
+        self._seal = seal
+        self._sender = sender
+        self._buffer = memoryview(bytearray(MOST))
+
+    @property
+    def payload(self) -> memoryview:
+        """Room for the payload of the next message."""
+        return self._buffer[HEADER.size : MOST - SEAL]
+
+    def seal(self, kind: Kind, size: int) -> memoryview:
+        """The message whose payload was written; good until the next one is.
+
+        Args:
+            kind: What it is.
+            size: Bytes of its payload.
+        """
+        self.sequence += 1
+        length = HEADER.size + size + SEAL
+        HEADER.pack_into(
+            self._buffer,
+            0,
+            MAGIC,
+            VERSION,
+            kind,
+            length,
+            self.session,
+            self.scene,
+            self._sender,
+            self.sequence,
+            time.monotonic_ns(),
+        )
+        message = self._buffer[:length]
+        self._seal.put(message)
+        return message
+
+    def message(self, kind: Kind, payload: bytes = b"") -> memoryview:
+        """A message with that payload."""
+        self.payload[: len(payload)] = payload
+        return self.seal(kind, len(payload))

@@ -1,0 +1,51 @@
+"""Why a command is what it is, where the guard's own reason does not say it."""
+
+from enum import IntEnum
+
+
+class Cause(IntEnum):
+    """What the service, or a client, has to say beside the guard's reason.
+
+    From `STOP_ORDERED` on it is a stop.
+    """
+
+    NONE = 0
+    NO_COMMANDER = 1
+    NO_WISH = 2
+    WISH_OLD = 3
+    STOP_ORDERED = 10
+    DEADLINE_MISSED = 11
+    FAULT = 12
+    SHUTDOWN = 13
+    WAITING = 14
+    NOT_CONNECTED = 100
+    SERVICE_SILENT = 101
+    NO_ANSWER = 102
+    SERVICE_GONE = 103
+
+    @property
+    def stops(self) -> bool:
+        """Whether it is a stop."""
+        return self >= Cause.STOP_ORDERED
+
+    @property
+    def sentence(self) -> str:
+        """The same for people."""
+        return CAUSE_SENTENCES[self]
+
+
+CAUSE_SENTENCES: dict[Cause, str] = {
+    Cause.NONE: "what the commander wants was judged",
+    Cause.NO_COMMANDER: "nobody commands; nothing was asked for",
+    Cause.NO_WISH: "the commander has not wished for anything yet",
+    Cause.WISH_OLD: "the commander is silent; nothing was asked for",
+    Cause.STOP_ORDERED: "a stop was ordered; the commander has to engage",
+    Cause.DEADLINE_MISSED: "the service was later than its period allows",
+    Cause.FAULT: "something went wrong in the service; its log tells what",
+    Cause.SHUTDOWN: "the service shuts down",
+    Cause.WAITING: "not every robot has sent a state yet",
+    Cause.NOT_CONNECTED: "not connected to a service",
+    Cause.SERVICE_SILENT: "the service is silent",
+    Cause.NO_ANSWER: "the service lives, and has sent no command in time",
+    Cause.SERVICE_GONE: "the service has said good-bye",
+}
