@@ -11,6 +11,7 @@ from armguard.cli.demo import demo
 from armguard.cli.octree import octree
 from armguard.cli.run import run
 from armguard.cli.serve import serve
+from armguard.cli.view import view
 from armguard.errors import ArmguardError
 
 app = typer.Typer(
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, check, run, serve, octree, bench):
+for command in (demo, check, run, serve, view, octree, bench):
     app.command()(command)
 
 

@@ -1,6 +1,8 @@
 """Where objects stand, as far as frames tell: what was placed and what was removed."""
 
+import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,22 +11,26 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import Shape
 from armguard.geometry.shapes.registry import SHAPES
 from armguard.scene.scene import Scene
+from armguard.scene.standing import Standing
 
 Floats = NDArray[np.float64]
+
+FRESH = itertools.count()
 
 
 class Placements:
     """Where each object that may come and go stands; by its name.
 
     Attributes:
-        changes: Rises with every change, so that a drawing knows when to look.
+        changes: Another number after every change, so that a drawing knows when to
+            look.
 
     Args:
         scene: The scene, whose objects stand where it says until they are placed.
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.changes = 0
+        self.changes = next(FRESH)
         self._poses: dict[str, Floats | None] = {
             name: thing.pose.matrix() if thing.present else None
             for name, thing in scene.objects.items()
@@ -42,6 +48,13 @@ class Placements:
         """Shapes of the objects that were given another one when they were placed."""
         return self._shapes
 
+    def standing(self, name: str, thing: Standing) -> Standing:
+        """An object of the tables, with the shape that it has now."""
+        shape = self._shapes.get(name)
+        if shape is None:
+            return thing
+        return replace(thing, shapes=(replace(thing.shapes[0], shape=shape),))
+
     def take(self, event: Mapping[str, Any]) -> None:
         """Take an event's frame's text; of other calls nothing is kept."""
         name = event.get("name")
@@ -55,7 +68,7 @@ class Placements:
             self._poses[name] = None
         else:
             return
-        self.changes += 1
+        self.changes = next(FRESH)
 
 
 def shape_of(words: Mapping[str, Any]) -> Shape:

@@ -8,6 +8,7 @@ from armguard.scene.scene import Scene
 from armguard.station.frames import Frame
 from armguard.station.view.drawing.bodies import Bodies
 from armguard.station.view.drawing.ghost import Ghost
+from armguard.station.view.drawing.leaves import Leaves
 from armguard.station.view.drawing.near import NearPairs
 from armguard.station.view.drawing.stage import set_stage
 from armguard.station.view.judged import Judged, judged
@@ -40,6 +41,7 @@ class World:
             self.bodies = Bodies(server, scene, self.tables)
             self.near = NearPairs(server, self.tables)
             self.ghost = Ghost(server, scene, self.tables)
+            self.leaves = Leaves(server, self.tables)
 
     def fits(self, frame: Frame) -> bool:
         """Whether a cycle's frame is about this scene, as far as its sizes tell."""
@@ -50,9 +52,15 @@ class World:
         """A frame with its words."""
         return judged(frame, self.tables, self.names)
 
-    def draw(self, cycle: Judged) -> None:
-        """Draw a cycle, and nothing of an earlier one."""
+    def draw(self, cycle: Judged, now: float) -> None:
+        """Draw a cycle, and nothing of an earlier one.
+
+        Args:
+            cycle: The cycle.
+            now: The present on any clock that rises [s].
+        """
         with self._server.atomic():
             self.bodies.move(cycle.frame, self.placements)
             self.near.draw(cycle.verdict)
             self.ghost.draw(cycle.frame)
+            self.leaves.draw(cycle.frame, self.placements, now)

@@ -2,64 +2,99 @@
 
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
+from armguard.station.client import Client, Welcome
+from armguard.station.wire.words import Cause
 
 Floats = NDArray[np.float64]
 
+# A call that is not answered for so long is given up; wishes wait meanwhile [s].
+PATIENCE = 2.0
 
-class Wire(Protocol):
-    """What is used of `armguard.Client`."""
-
-    def claim(self, force: bool = False) -> Any:
-        """Take the command."""
-
-    def give_back(self) -> Any:
-        """Give it back."""
-
-    def send_velocities(self, v: Floats) -> Any:
-        """Ask for velocities."""
-
-    def send_twists(self, twists: Mapping[str, Floats]) -> Any:
-        """Ask for twists of tools."""
-
-    def call(self, name: str, **arguments: Any) -> Any:
-        """Call something of the service."""
+# What a client says that hears nothing of its service.
+SILENT = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
 
 
 class Commander:
-    """Has the command or not, and says why not.
+    """Has the command or not, and says why something was refused.
 
     Attributes:
-        commands: Whether it has the command, as far as it was told.
+        cause: What the service, or its silence, has to say beside the guard's reason.
 
     Args:
-        client: The client.
+        client: The client, connected; nobody else may use it from now on.
         complain: Called with the sentence of whatever was refused.
     """
 
-    def __init__(self, client: Wire, complain: Callable[[str], None]) -> None:
+    def __init__(self, client: Client, complain: Callable[[str], None]) -> None:
         self._client, self._complain = client, complain
         self._lock = threading.Lock()
-        self.commands = False
+        self._commands = False
+        self.cause = Cause.NONE
+
+    @property
+    def commands(self) -> bool:
+        """Whether it has the command, as far as was heard."""
+        return self._commands
+
+    @property
+    def alive(self) -> bool:
+        """Whether the service was heard of lately."""
+        return self.cause not in SILENT
+
+    def connect(self, timeout: float) -> Welcome:
+        """Say hello anew, to a service that was started anew.
+
+        Args:
+            timeout: How long to wait for an answer [s].
+
+        Raises:
+            NoServiceError: None came.
+        """
+        with self._lock:
+            self._commands = False
+            return self._client.connect(timeout)
+
+    def listen(self) -> None:
+        """Take over what came in."""
+        with self._lock:
+            self.cause = self._client.latest.cause
+            self._commands = self._client.commands and self.alive
+            while self._client.receive() is not None:
+                pass
 
     def claim(self, force: bool = False) -> bool:
         """Take the command; whether that was granted."""
-        self.commands = self._try(lambda: self._client.claim(force=force))
-        return self.commands
+        if force:
+            self._commands = self._try(lambda: self._client.claim(force=True))
+            return self._commands
+        try:
+            with self._lock:
+                self._client.claim()
+        except ArmguardError:
+            return False
+        self._commands = True
+        return True
 
     def give_back(self) -> None:
         """Give the command back."""
-        self.commands = False
+        self._commands = False
         self._try(self._client.give_back)
+
+    def stop(self) -> None:
+        """Order a stop of all robots; nobody needs the command for that."""
+        self._try(self._client.stop)
 
     def call(self, name: str, **arguments: Any) -> bool:
         """Call something of the service; whether it was done."""
-        return self._try(lambda: self._client.call(name, **arguments))
+        return self._try(
+            lambda: self._client.call(name, timeout=PATIENCE, **arguments)
+        )
 
     def send(self, velocities: Floats, twists: Mapping[str, Floats]) -> None:
         """Ask for twists where there are any, else for velocities."""
@@ -69,11 +104,18 @@ class Commander:
             else:
                 self._client.send_velocities(velocities)
 
+    def close(self) -> None:
+        """Give the command back, and say good-bye."""
+        with self._lock:
+            if self._commands:
+                self._client.give_back()
+            self._client.close()
+
     def _try(self, what: Callable[[], Any]) -> bool:
         try:
             with self._lock:
                 what()
-        except (ArmguardError, OSError, TimeoutError) as error:
+        except ArmguardError as error:
             self._complain(str(error))
             return False
         return True

@@ -1,6 +1,5 @@
 """Puts together what is asked for, and sends it at a steady rate."""
 
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -27,8 +26,6 @@ from armguard.station.view.driving.wishes import (
 )
 
 Floats = NDArray[np.float64]
-
-log = logging.getLogger(__name__)
 
 # Time between two wishes [s]; well within a commander's watchdog.
 PERIOD = 0.02
@@ -149,11 +146,9 @@ class Driver:
 
     def _run(self) -> None:
         while not self._stop.wait(PERIOD):
+            self._commander.listen()
             frame = self._newest()
             if frame is None or not self._commander.commands:
                 continue
             wish = self.wish(frame)
-            try:
-                self._commander.send(wish.velocities, wish.twists)
-            except OSError as error:
-                log.warning("a wish could not be sent: %s", error)
+            self._commander.send(wish.velocities, wish.twists)
