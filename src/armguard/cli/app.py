@@ -9,6 +9,7 @@ from armguard.cli.check import check
 from armguard.cli.console import BAD_INPUT, complain
 from armguard.cli.demo import demo
 from armguard.cli.octree import octree
+from armguard.cli.replay import replay
 from armguard.cli.run import run
 from armguard.cli.serve import serve
 from armguard.cli.view import view
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, check, run, serve, view, octree, bench):
+for command in (demo, check, run, replay, serve, view, octree, bench):
     app.command()(command)
 
 

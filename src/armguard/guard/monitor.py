@@ -1,9 +1,10 @@
 """The guard: joint positions in, a verdict out, every cycle."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from time import perf_counter_ns
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,18 @@ from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.shapes import Shape
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
+from armguard.guard.checkpoint import (
+    TABLES_KEPT,
+    CheckpointError,
+    chosen,
+    layout_of,
+    pack,
+    put_back,
+    stand,
+    unpack,
+    whereabouts,
+    write_back,
+)
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.contract import Contract, Region
 from armguard.guard.contract_cycle import judge_with_contracts
@@ -34,7 +47,7 @@ from armguard.guard.guarded_cycle import (
 from armguard.guard.holding import Holding, snapshot
 from armguard.guard.intent import read_intents
 from armguard.guard.levels import Reason
-from armguard.guard.memory import FORCE, MEMORY
+from armguard.guard.memory import FORCE, KEPT_COUNT, MEMORY
 from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.objects import reshaped, stand_at, take_out
 from armguard.guard.planes import PLANE_COUNT
@@ -159,6 +172,9 @@ class Monitor:
         self.tables: SceneTables = compile_scene(scene)
         self._memory = np.zeros(MEMORY, dtype=np.int64)
         self._last_stamp = -np.inf
+        self._changed: set[str] = set()
+        self._kept: dict[str, NDArray[Any]] = {}
+        self._layout = b""
         self._clock = clock
         self._budget = budget
         self._guarded = any(part.mode != "fixed" for part in self.tables.robots)
@@ -176,6 +192,11 @@ class Monitor:
 
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """Compile what the loop needs, if there is a quicker way than on the way."""
+
+    @property
+    def budget(self) -> int:
+        """Spans of a stop path a cycle may test for all pairs together."""
+        return self._budget
 
     @property
     def q_names(self) -> tuple[str, ...]:
@@ -410,6 +431,7 @@ class Monitor:
             self._holding.put(name, T)
         stand_at(self.index, thing, T)
         self._standing_now[name] = thing
+        self._changed.add(name)
         self._world_changed()
 
     def remove(self, name: str) -> None:
@@ -423,6 +445,7 @@ class Monitor:
         self._holding.check_free(name)
         take_out(self.index, thing)
         self._seen(thing, np.inf)
+        self._changed.add(name)
         self._world_changed()
 
     def grasp(self, robot: str, name: str) -> None:
@@ -578,6 +601,90 @@ class Monitor:
             self._holding.forget()
             self._world_changed()
 
+    def checkpoint(self) -> bytes:
+        """All that is remembered, for `restore`.
+
+        For between two cycles. The next cycle measures everything anew, here as there.
+        """
+        self._memory[FORCE], self._memory[KEPT_COUNT] = 1, 0
+        remembered, layout = self._remembered()
+        changed = sorted(self._changed)
+        about = {
+            "last_stamp": float(self._last_stamp),
+            "changed": changed,
+            "holders": self._holding.holders,
+        }
+        where = whereabouts(self.index, self._places_of(changed))
+        return pack(layout, about, {**remembered, **where})
+
+    def restore(self, data: bytes) -> None:
+        """Go on from a checkpoint of another guard of the same scene.
+
+        For between two cycles; it takes some milliseconds. From here on the same inputs
+        give the same bits as they do there.
+
+        Args:
+            data: What `checkpoint` gave.
+
+        Raises:
+            CheckpointError: It is none, it is damaged, or it was made of another scene
+                or by another version; nothing has changed.
+        """
+        remembered, own = self._remembered()
+        layout, about, numbers = unpack(data)
+        if layout != own:
+            raise CheckpointError(
+                "this checkpoint was made of another scene, of other modes or by "
+                "another version; a guard of the very same scene can take it over"
+            )
+        places = self._places_of(about["changed"])
+        where = {
+            k: np.zeros_like(v) for k, v in whereabouts(self.index, places).items()
+        }
+        write_back(numbers, {**remembered, **where})
+        self._last_stamp = about["last_stamp"]
+        self._holding.holders.clear()
+        self._holding.holders.update(about["holders"])
+        for name in self._changed.difference(about["changed"]):
+            put_back(self.index, self.tables.standing[name], self.tables.local_rows)
+        self._changed = set(about["changed"])
+        stand(self.index, places, **where)
+        self._take_over_tables()
+        self._memory[KEPT_COUNT] = 0
+
+    def _remembered(self) -> tuple[dict[str, NDArray[Any]], bytes]:
+        """Arrays that a checkpoint keeps, by name, and the digest of their layout."""
+        if not self._kept:
+            self._kept = self._arrays_kept()
+            things = self.tables.standing.items()
+            self._layout = layout_of(
+                self._kept,
+                [*self.q_names, *self._robot_places, len(self.tables.kinds)],
+                [[name, thing.first, thing.count] for name, thing in things],
+            )
+        return self._kept, self._layout
+
+    def _arrays_kept(self) -> dict[str, NDArray[Any]]:
+        """The same, gathered from all ledgers."""
+        tables = {name: getattr(self.tables, name) for name in TABLES_KEPT}
+        return {
+            **chosen("tables", tables),
+            **chosen("watch", self._watch._asdict()),
+            **chosen("motion", self._motion._asdict()),
+            **chosen("grips", self._grips._asdict()),
+            **chosen("workspace", self._workspace._asdict()),
+        }
+
+    def _places_of(self, changed: Iterable[str]) -> NDArray[np.int64]:
+        """What a robot moves, and the primitives of some objects, shape (k,)."""
+        things = [self.tables.standing[name] for name in changed]
+        return np.concatenate(
+            [
+                np.arange(self.tables.moving_count),
+                *(np.arange(t.first, t.first + t.count) for t in things if t.body < 0),
+            ]
+        )
+
     def _prepare(self, tables: SceneTables) -> None:
         """Allocate everything the loop will ever need."""
         count, bodies = len(tables.kinds), len(tables.parent)
@@ -698,6 +805,10 @@ class Monitor:
             change()
         finally:
             self._coarsen(swapped)
+        self._take_over_tables()
+
+    def _take_over_tables(self) -> None:
+        """Judge by tables in which who rides on whom, or may touch whom, is new."""
         tables = self.tables
         pairs = all_pairs(tables)
         watch = self._watch

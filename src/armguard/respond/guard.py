@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter_ns
-from typing import Literal, TypeGuard
+from typing import Any, Literal, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from armguard.address import kernel_address
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
 from armguard.guard import layout
+from armguard.guard.checkpoint import chosen
 from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.guard.levels import Reason
 from armguard.guard.monitor import FLOAT64, Monitor
@@ -312,6 +313,18 @@ class Guard(Monitor):
             self._response.spare_of.fill(NEVER)
             self._response.missed.fill(0.0)
 
+    def _arrays_kept(self) -> dict[str, NDArray[Any]]:
+        """See `Monitor._arrays_kept`."""
+        kept = super()._arrays_kept()
+        if self._response is None:
+            return kept
+        return {
+            **kept,
+            **chosen("response", self._response._asdict()),
+            **chosen("lead", self._lead._asdict()),
+            **chosen("escape", self._escape._asdict()),
+        }
+
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """See `compile_ahead`."""
         if not self._compiling:
@@ -422,6 +435,7 @@ class Guard(Monitor):
             for part in self.tables.robots
         )
         self._response = response
+        self._kept.clear()
         return response
 
     def _check_robot(self, name: str | None) -> None:

@@ -33,3 +33,7 @@ class RefusedError(StationError, RuntimeError):
     def __init__(self, message: str, kind: str = "") -> None:
         super().__init__(message)
         self.kind = kind
+
+
+class RecordingError(StationError):
+    """A recording cannot be read, or cannot do what it was asked for."""

@@ -4,9 +4,11 @@ A frame is a row of float64, so that a recording gives back the very bits of wha
 in and of what came out:
 
     header (HEADER) | q (n) | velocity (n) | stamps (r) | asked (k) | told (t) |
-    verdict (v) | poses (12 b) | text (UTF-8, padded to whole words)
+    verdict (v) | poses (12 b) | text (UTF-8) | data
 
-A frame that is no cycle has only a header and a text.
+Text and data are bytes, padded to whole words.
+
+A frame that is no cycle has only a header, a text and data.
 """
 
 import json
@@ -38,7 +40,8 @@ TOLD = 13
 VERDICT = 14
 POSES = 15
 TEXT = 16  # length of the text [bytes]
-HEADER = 17
+DATA = 17  # length of the data [bytes]
+HEADER = 18
 
 
 class Kind(IntEnum):
@@ -92,6 +95,8 @@ class Frame:
         poses: Poses of all bodies that were judged, see `Monitor.poses`, shape (b, 12).
         text: Words: of a cycle what was wrong with its input and which tools were
             asked for, of an event its name and arguments.
+        data: Bytes: of a checkpoint what `Guard.checkpoint` gave, of a scene's note the
+            scene, of a recorded cycle its digest.
     """
 
     kind: Kind
@@ -111,6 +116,7 @@ class Frame:
     verdict: Floats = field(default_factory=lambda: np.zeros(0))
     poses: Floats = field(default_factory=lambda: np.zeros((0, 12)))
     text: Mapping[str, Any] = field(default_factory=dict)
+    data: bytes = b""
 
 
 def frame_of(row: Floats) -> Frame:
@@ -125,8 +131,9 @@ def frame_of(row: Floats) -> Frame:
     kind = Kind(int(head[KIND]))
     places = (JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT, POSES)
     lengths = [int(head[k]) for k in places]
-    size = int(head[TEXT])
-    if min(lengths) < 0 or HEADER + sum(lengths) + words(size) != len(row):
+    size, more = int(head[TEXT]), int(head[DATA])
+    whole = HEADER + sum(lengths) + words(size) + words(more)
+    if min(*lengths, size, more) < 0 or whole != len(row):
         raise ValueError(f"a frame of {len(row)} numbers tells another length")
     parts, at = [], HEADER
     for length in lengths:
@@ -152,6 +159,7 @@ def frame_of(row: Floats) -> Frame:
         verdict=verdict,
         poses=poses.reshape(-1, 12),
         text=json.loads(row[at:].tobytes()[:size]) if size else {},
+        data=row[at + words(size) :].tobytes()[:more],
     )
 
 
@@ -161,23 +169,36 @@ def words(size: int) -> int:
 
 
 def text_frame(
-    kind: Kind, cycle: int, monotonic: float, wall: float, text: Mapping[str, Any]
+    kind: Kind,
+    cycle: int,
+    monotonic: float,
+    wall: float,
+    text: Mapping[str, Any],
+    data: bytes = b"",
 ) -> Floats:
     """The row of a frame that is no cycle."""
-    data = text_of(text)
-    row = np.zeros(HEADER + words(len(data)))
+    told = text_of(text)
+    row = np.zeros(HEADER + words(len(told)) + words(len(data)))
     row[:4] = kind, cycle, monotonic, wall
     row[NOW] = row[RECEIVED] = row[ENDED] = np.nan
-    row[TEXT] = len(data)
-    put_text(data, row[HEADER:])
+    row[TEXT], row[DATA] = len(told), len(data)
+    put_text(told, row[HEADER:])
+    put_text(data, row[HEADER + words(len(told)) :])
     return row
 
 
 def text_of(text: Mapping[str, Any]) -> bytes:
     """The bytes of a text."""
-    return json.dumps(text).encode()
+    return json.dumps(text, default=as_json).encode()
+
+
+def as_json(value: Any) -> Any:
+    """A value of NumPy as JSON has it; of anything else how it is written."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return str(value)
 
 
 def put_text(data: bytes, room: Floats) -> None:
-    """Write a text into the words at the end of a row."""
+    """Write bytes into the words of a row."""
     room.view(np.uint8)[: len(data)] = np.frombuffer(data, np.uint8)

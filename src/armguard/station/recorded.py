@@ -13,6 +13,8 @@ from armguard.geometry.shapes import Shape
 from armguard.guard.contract import Region
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
+from armguard.scene.archive import archive_of, hash_of
+from armguard.scene.scene import Scene
 from armguard.station import frames
 from armguard.station.frames import HEADER, Form, Kind, text_frame, words
 from armguard.station.ring import RingWriter
@@ -33,6 +35,7 @@ class RecordedGuard:
     Args:
         guard: The guard; nobody else may call it from now on.
         ring: Where frames go.
+        cycle: Number of the first cycle.
         monotonic: The machine's monotonic clock [s].
         wall: Its wall clock [s].
     """
@@ -42,11 +45,13 @@ class RecordedGuard:
         guard: Guard,
         ring: RingWriter,
         *,
+        cycle: int = 0,
         monotonic: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
     ) -> None:
         self.guard = guard
-        self.cycle = 0
+        self.cycle = cycle
+        self._scene: tuple[Mapping[str, Any], bytes] | None = None
         self._ring = ring
         self._monotonic, self._wall = monotonic, wall
         self._robots = tuple(part.name for part in guard.tables.robots)
@@ -74,7 +79,7 @@ class RecordedGuard:
     def filter(
         self,
         q: ArrayLike,
-        v_desired: ArrayLike,
+        v_desired: ArrayLike | Mapping[str, float],
         stamp: float | Mapping[str, float],
         *,
         velocity: ArrayLike | None = None,
@@ -83,8 +88,13 @@ class RecordedGuard:
     ) -> Command:
         """See `Guard.filter`; `received` is when it came in, monotonic [s]."""
         command = self.guard.filter(q, v_desired, stamp, velocity=velocity, now=now)
+        asked: ArrayLike = (
+            v_desired
+            if not isinstance(v_desired, Mapping)
+            else (by_name(v_desired, self.guard.q_names))
+        )
         self._write_command(
-            Form.VELOCITIES, q, velocity, stamp, now, v_desired, command, received
+            Form.VELOCITIES, q, velocity, stamp, now, asked, command, received
         )
         return command
 
@@ -187,7 +197,8 @@ class RecordedGuard:
         if region is not None:
             where = {
                 "half_extents": list(region.half_extents),
-                "pose": region.pose.matrix().tolist(),
+                "xyz": list(region.pose.xyz),
+                "rpy": list(region.pose.rpy),
                 "frame": region.frame,
             }
         self.note(
@@ -234,14 +245,43 @@ class RecordedGuard:
         self.guard.reset()
         self.note("reset")
 
+    def describe(self, scene: Scene, about: Mapping[str, Any]) -> None:
+        """Write down the scene, whole, so that a recording holds all it is about.
+
+        Args:
+            scene: The scene the guard was made of.
+            about: What else to tell, ready for JSON.
+        """
+        archive = archive_of(scene)
+        told = {
+            **about,
+            "note": "scene",
+            "archive": hash_of(archive),
+            "names": list(self.guard.q_names),
+            "robots": list(self._robots),
+            "period": self.guard.tables.period,
+            "budget": self.guard.budget,
+        }
+        self._scene = told, archive
+        self.tell(Kind.NOTE, told, archive)
+
+    def checkpoint(self) -> None:
+        """Write down all that the guard remembers, so that a replay may begin here.
+
+        And the scene once more, for those who began to read later.
+        """
+        if self._scene is not None:
+            self.tell(Kind.NOTE, *self._scene)
+        self.tell(Kind.CHECKPOINT, {}, self.guard.checkpoint())
+
     def note(self, call: str, **arguments: Any) -> None:
         """Write down a call of the guard that is no cycle."""
         self.tell(Kind.EVENT, {"call": call, **arguments})
 
-    def tell(self, kind: Kind, text: Mapping[str, Any]) -> None:
+    def tell(self, kind: Kind, text: Mapping[str, Any], data: bytes = b"") -> None:
         """Write down something that is no cycle."""
-        row = text_frame(kind, self.cycle, self._monotonic(), self._wall(), text)
-        self._ring.append(row)
+        now, wall = self._monotonic(), self._wall()
+        self._ring.append(text_frame(kind, self.cycle, now, wall, text, data))
 
     def _write_command(
         self,
@@ -287,7 +327,10 @@ class RecordedGuard:
         numbers = verdict.numbers
         text = b""
         if tools or verdict.fault:
-            text = frames.text_of({"fault": verdict.fault, "tools": list(tools)})
+            about = {"fault": verdict.fault, "tools": list(tools)}
+            if verdict.fault:
+                about["wrong"] = wrong_input(q, velocity, stamp, now, self._robots, n)
+            text = frames.text_of(about)
         wish = asked if form in (Form.STEP, Form.TWISTS) else as_row(asked, n)
         k, t, v = len(wish), len(told), len(numbers)
         poses = self._poses
@@ -300,7 +343,7 @@ class RecordedGuard:
             ended,
             self._wall(),
             form,
-            np.nan if now is None else now,
+            np.nan if now is None else as_number(now),
             velocity is not None,
             received,
             ended,
@@ -312,6 +355,7 @@ class RecordedGuard:
             v,
             p,
             len(text),
+            0,
         )
         at = HEADER
         row[at : at + n] = as_row(q, n)
@@ -321,10 +365,12 @@ class RecordedGuard:
         else:
             row[at : at + n] = as_row(velocity, n)
         at += n
-        if isinstance(stamp, Mapping):
-            row[at : at + r] = [stamp.get(name, np.nan) for name in self._robots]
+        if type(stamp) is float:
+            row[at : at + r] = stamp
+        elif isinstance(stamp, Mapping):
+            row[at : at + r] = [as_number(stamp.get(name)) for name in self._robots]
         else:
-            row[at : at + r] = np.nan if stamp is None else stamp
+            row[at : at + r] = as_number(stamp)
         at += r
         row[at : at + k] = wish
         at += k
@@ -345,10 +391,67 @@ def words_of(shape: Shape) -> dict[str, Any]:
     return {"kind": shape.kind.name.lower(), **asdict(shape)}
 
 
+def by_name(values: Mapping[str, float], names: Sequence[str]) -> Floats:
+    """Velocities told by name as a vector; NaN where one is of no joint."""
+    if any(name not in names for name in values):
+        return np.full(len(names), np.nan)
+    return np.array([as_number(values.get(name, 0.0)) for name in names])
+
+
+def as_number(value: object) -> float:
+    """A number; NaN for everything else."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return np.nan
+
+
+def wrong_input(
+    q: object,
+    velocity: object,
+    stamp: object,
+    now: object,
+    robots: Sequence[str],
+    joints: int,
+) -> str:
+    """Which input a cycle could not read; empty if it was what was asked for.
+
+    In the order in which a guard reads them: the first one is what it stopped at.
+    """
+    stamps = [*stamp.values()] if isinstance(stamp, Mapping) else [stamp]
+    known = not isinstance(stamp, Mapping) or all(name in robots for name in stamp)
+    if now is not None and not is_number(now):
+        return "now"
+    if not all(value is None or is_number(value) for value in stamps):
+        return "stamp"
+    if not known:
+        return "stamp of nobody"
+    if velocity is not None and not is_row(velocity, joints):
+        return "velocity"
+    return "" if is_row(q, joints) else "q"
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is, or can be read as, one number."""
+    try:
+        float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def is_row(value: Any, count: int) -> bool:
+    """Whether a value can be read as that many numbers."""
+    try:
+        return np.array(value, dtype=np.float64).shape == (count,)
+    except Exception:  # as the guard does with whatever a stranger's object raises
+        return False
+
+
 def as_row(value: ArrayLike, count: int) -> Floats:
     """Numbers as a vector of that length; NaN where they are something else."""
     try:
         row = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except Exception:  # whatever a stranger's object raises, the loop goes on
         row = np.zeros(0)
     return row if row.shape == (count,) else np.full(count, np.nan)

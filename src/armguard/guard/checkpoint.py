@@ -1,0 +1,210 @@
+"""All that a guard remembers, as bytes: another guard of the scene goes on from there.
+
+What decides anything is kept with its very bits. What a cycle writes before it reads,
+what the scene says, and what leads to memory of a process is left out: the first two
+the other guard has, the last one is its own. The index is a function of where things
+are, so it is built anew.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from hashlib import blake2b
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import ArmguardError
+from armguard.geometry.bounds import row_bounds
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.index import BruteForce, Octree
+from armguard.index.octree_state import ABSENT, INDEXED, STATUS
+from armguard.scene.standing import Standing
+
+Floats = NDArray[np.float64]
+Arrays = Mapping[str, NDArray[Any]]
+
+MAGIC = b"AGSTATE1"
+
+# Sizes of what stands before the arrays [bytes].
+DIGEST = 16
+LENGTH = 8
+
+# What of each ledger is left out, where most of it decides.
+LEFT_OUT: dict[str, frozenset[str]] = {
+    "watch": frozenset(
+        (
+            "pace top_speed robot_of movers pairs pair_need look row tool_body "
+            "tool_point judged_pairs judged_left judged_count judged_ways judged_clock "
+            "judged_settled grown"
+        ).split()
+    ),
+    "grips": frozenset("swap fingers members velocity".split()),
+    "response": frozenset(
+        (
+            "settings twists tool_columns tool_square tool_speeds raw rows limits "
+            "eased program solver lead escape"
+        ).split()
+    ),
+    "lead": frozenset("pull push weight columns square twist".split()),
+}
+
+# What of the tables changes with who holds what.
+TABLES_KEPT = (
+    "parent",
+    "T_parent_joint",
+    "checked",
+    "robot_of_primitive",
+    "base_reach",
+)
+
+# What of each is kept, where most of it does not.
+KEPT: dict[str, frozenset[str]] = {
+    "tables": frozenset(TABLES_KEPT),
+    "motion": frozenset(
+        (
+            "joints length shared levers blur push rate reach speed q v_low v_high "
+            "driven clock span swings"
+        ).split()
+    ),
+    "workspace": frozenset("T_world planes normals".split()),
+    "escape": frozenset("notes memory way".split()),
+}
+
+# Places of addresses in the rows of shapes that have any.
+ADDRESSES = {ShapeKind.HULL: (4,), ShapeKind.SUPPORT: (4, 5)}
+
+
+class CheckpointError(ArmguardError):
+    """A checkpoint cannot be restored here."""
+
+
+def chosen(ledger: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
+    """Those arrays of a ledger that decide, by 'ledger.name'."""
+    kept, left_out = KEPT.get(ledger), LEFT_OUT.get(ledger, frozenset())
+    return {
+        f"{ledger}.{name}": array
+        for name, array in arrays.items()
+        if (name in kept if kept is not None else name not in left_out)
+    }
+
+
+def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
+    """What a guard must have in common with one whose checkpoint it takes over.
+
+    Args:
+        arrays: The arrays that are kept.
+        about: What else must be the same, ready for JSON.
+    """
+    shapes = [[name, str(a.dtype), list(a.shape)] for name, a in arrays.items()]
+    text = json.dumps([shapes, *about])
+    return blake2b(text.encode(), digest_size=DIGEST).digest()
+
+
+def pack(layout: bytes, about: Mapping[str, Any], arrays: Arrays) -> bytes:
+    """A checkpoint: what is no number as JSON, and the arrays one after another."""
+    text = json.dumps(about).encode()
+    text += b" " * (-len(text) % 8)
+    head = MAGIC + layout + len(text).to_bytes(LENGTH, "little") + text
+    return b"".join((head, *(array.tobytes() for array in arrays.values())))
+
+
+def unpack(data: bytes) -> tuple[bytes, dict[str, Any], bytes]:
+    """Layout, what is no number, and the bytes of the arrays.
+
+    Raises:
+        CheckpointError: This is no checkpoint, or its end is missing.
+    """
+    start = len(MAGIC) + DIGEST + LENGTH
+    if data[: len(MAGIC)] != MAGIC or len(data) < start:
+        raise CheckpointError("this is no checkpoint of a guard")
+    end = start + int.from_bytes(data[start - LENGTH : start], "little")
+    try:
+        about = json.loads(data[start:end])
+    except ValueError:
+        raise CheckpointError("a checkpoint is cut off or damaged") from None
+    return data[len(MAGIC) : start - LENGTH], about, data[end:]
+
+
+def write_back(data: bytes, arrays: Arrays) -> None:
+    """Fill arrays in place with the bytes of a checkpoint.
+
+    Raises:
+        CheckpointError: There are more or fewer of them; nothing was written.
+    """
+    if sum(array.nbytes for array in arrays.values()) != len(data):
+        raise CheckpointError("a checkpoint is cut off or damaged")
+    at = 0
+    for array in arrays.values():
+        part = np.frombuffer(data, array.dtype, array.size, at)
+        array[...] = part.reshape(array.shape)
+        at += array.nbytes
+
+
+def whereabouts(
+    index: Octree | BruteForce, places: NDArray[np.int64]
+) -> dict[str, NDArray[Any]]:
+    """Where primitives are, and what has grown with those that came.
+
+    Args:
+        index: The index.
+        places: The primitives, shape (k,).
+
+    Returns:
+        Their rows in the world without addresses, (k, 16); 1 for those that are there,
+        (k,); corners of the root cube and greatest depth, (7,).
+    """
+    rows = index.world.rows[places]
+    kinds = index.world.kinds[places]
+    for kind, columns in ADDRESSES.items():
+        for column in columns:
+            rows[kinds == kind, column] = 0.0
+    there = index.state.residency[places, STATUS] != ABSENT
+    cube = np.zeros(7)
+    if isinstance(index, Octree):
+        cube[:] = *index.low, *index.high, index.max_depth
+    return {"rows": rows, "there": there, "cube": cube}
+
+
+def stand(
+    index: Octree | BruteForce,
+    places: NDArray[np.int64],
+    rows: Floats,
+    there: NDArray[np.bool_],
+    cube: Floats,
+) -> None:
+    """Put primitives where rows say, or leave them out, and build the index anew.
+
+    Args:
+        index: The index; its world is written.
+        places: The primitives, shape (k,).
+        rows: See `whereabouts`, from here to `cube`.
+        there: Whether they are there.
+        cube: Root cube and greatest depth.
+    """
+    world = index.world
+    for i, row in zip(places.tolist(), rows, strict=True):
+        columns = list(ADDRESSES.get(ShapeKind(world.kinds[i]), ()))
+        row[columns] = world.rows[i, columns]
+        world.rows[i] = row
+        row_bounds(int(world.kinds[i]), world.rows[i], 0.0, world.boxes[i])
+    present = index.state.residency[:, STATUS] != ABSENT
+    present[places] = there
+    if isinstance(index, BruteForce):
+        index.residency[:, STATUS] = np.where(present, INDEXED, ABSENT)
+        return
+    index.low, index.high = cube[:3].copy(), cube[3:6].copy()
+    index.max_depth = int(cube[6])
+    index.state = index._build(present)
+
+
+def put_back(index: Octree | BruteForce, thing: Standing, local_rows: Floats) -> None:
+    """Put an object back where its scene has it, in the world if not in the tree."""
+    own = slice(thing.first, thing.first + thing.count)
+    if thing.body < 0:
+        index.world.rows[own] = local_rows[own]
+    for i in range(own.start, own.stop):
+        row_bounds(
+            int(index.world.kinds[i]), index.world.rows[i], 0.0, index.world.boxes[i]
+        )
+    index.state.residency[own, STATUS] = INDEXED if thing.present else ABSENT

@@ -1,0 +1,181 @@
+"""A scene as bytes that need no other file, and the scene they hold, to the last bit.
+
+Robots with the primitives that were fitted to them, shapes and surfaces of objects,
+rules and settings: whoever has the bytes has the scene, on a machine that has neither
+its URDF files nor its meshes. They are JSON, compressed; nothing in them is run.
+"""
+
+import json
+import zlib
+from base64 import b64decode, b64encode
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armguard.errors import ArmguardError, SceneError
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import PlacedShape
+from armguard.geometry.shapes.registry import SHAPES
+from armguard.robot.model import (
+    CollisionElement,
+    Cylinder,
+    DisabledPair,
+    FittedLink,
+    Joint,
+    JointKind,
+    Link,
+    MeshFile,
+    Mimic,
+    RobotModel,
+)
+from armguard.robot.stopping import StoppingFigures
+from armguard.robot.stopping.table import StopTable
+from armguard.scene.gripping import Grasp, Gripper
+from armguard.scene.meshes import Surface
+from armguard.scene.scene import Allowance, Scene, SceneObject, SceneRobot
+from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
+
+# What may be in a scene, by name; nothing else is ever made of an archive.
+PARTS: dict[str, type] = {
+    part.__name__: part
+    for part in (
+        *SHAPES.values(), Allowance, CollisionElement, CubeSettings, Cylinder,
+        DisabledPair, FittedLink, Grasp, Gripper, IndexSettings, Joint, Link,
+        MeshFile, Mimic,
+        PlacedShape, Pose, ResponseSettings, RobotModel, SceneObject, SceneRobot,
+        StopTable, StoppingFigures, Surface,
+    )
+}  # fmt: skip
+
+# Key that says what a mapping stands for.
+KIND = "$"
+
+# Of the archive's form; another one is refused.
+FORM = 1
+
+
+class ArchiveError(SceneError):
+    """A scene cannot be archived, or an archive holds none."""
+
+
+def archive_of(scene: Scene) -> bytes:
+    """The scene as bytes.
+
+    Raises:
+        ArchiveError: Something in it is known to this program alone, such as a shape
+            with a support function of its own.
+    """
+    whole = {
+        "form": FORM,
+        "mode": scene.mode,
+        "period": scene.period,
+        "late": scene.late,
+        "buffer": scene.buffer,
+        "margin": scene._margin,
+        "index": plain(scene.index),
+        "robots": plain(dict(scene.robots)),
+        "objects": plain(dict(scene.objects)),
+        "allowances": plain(scene.allowances),
+        "pair_buffers": plain(scene.pair_buffers),
+        "notes": plain(scene.notes),
+    }
+    return zlib.compress(json.dumps(whole, separators=(",", ":")).encode())
+
+
+def scene_of(archive: bytes) -> Scene:
+    """The scene that an archive holds.
+
+    Raises:
+        ArchiveError: It holds none, or one of another form.
+    """
+    try:
+        whole = json.loads(zlib.decompress(archive))
+        if whole["form"] != FORM:
+            raise ArchiveError(
+                f"a scene was archived in form {whole['form']}; this version reads "
+                f"form {FORM}"
+            )
+        scene = Scene(
+            mode=whole["mode"],
+            period=whole["period"],
+            late=whole["late"],
+            buffer=whole["buffer"],
+            margin=whole["margin"],
+            index=remade(whole["index"]),
+        )
+        scene._robots.update(remade(whole["robots"]))
+        scene._objects.update(remade(whole["objects"]))
+        scene.allowances.extend(remade(whole["allowances"]))
+        scene.pair_buffers.update(remade(whole["pair_buffers"]))
+        scene.notes.extend(remade(whole["notes"]))
+    except ArchiveError:
+        raise
+    except (ArmguardError, zlib.error, ValueError, KeyError, TypeError) as error:
+        raise ArchiveError(f"an archived scene cannot be read: {error}") from error
+    return scene
+
+
+def hash_of(archive: bytes) -> str:
+    """What tells one archived scene from another, in hexadecimal digits."""
+    return blake2b(archive, digest_size=16).hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """A part of a scene as JSON has it."""
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    if isinstance(value, float | np.floating | np.integer):
+        return value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, JointKind):
+        return {KIND: "joint", "value": value.value}
+    if isinstance(value, np.ndarray):
+        data = b64encode(np.ascontiguousarray(value).tobytes()).decode()
+        shape, dtype = list(value.shape), value.dtype.str
+        return {KIND: "array", "dtype": dtype, "shape": shape, "data": data}
+    if isinstance(value, list):
+        return [plain(item) for item in value]
+    if isinstance(value, tuple):
+        return {KIND: "tuple", "items": [plain(item) for item in value]}
+    if isinstance(value, Path):
+        return {KIND: "path", "value": str(value)}
+    if isinstance(value, Mapping):
+        items = [[plain(key), plain(item)] for key, item in value.items()]
+        return {KIND: "mapping", "items": items}
+    name = type(value).__name__
+    if PARTS.get(name) is not type(value) or isinstance(value, Enum):
+        raise ArchiveError(
+            f"the scene holds a {name}, which only this program knows; what is "
+            "recorded of it cannot be replayed without it"
+        )
+    if not is_dataclass(value):
+        raise ArchiveError(f"the scene holds a {name}, which is no plain data")
+    own = {f.name: plain(getattr(value, f.name)) for f in fields(value) if f.init}
+    return {KIND: name, **own}
+
+
+def remade(value: Any) -> Any:
+    """The part of a scene that JSON stands for."""
+    if isinstance(value, list):
+        return [remade(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    kind = value[KIND]
+    if kind == "joint":
+        return JointKind(value["value"])
+    if kind == "array":
+        data = np.frombuffer(b64decode(value["data"]), np.dtype(value["dtype"]))
+        return data.reshape(value["shape"]).copy()
+    if kind == "tuple":
+        return tuple(remade(item) for item in value["items"])
+    if kind == "path":
+        return Path(value["value"])
+    if kind == "mapping":
+        return {remade(key): remade(item) for key, item in value["items"]}
+    if kind not in PARTS:
+        raise ArchiveError(f"an archived scene holds a '{kind}', which nobody knows")
+    return PARTS[kind](**{k: remade(v) for k, v in value.items() if k != KIND})

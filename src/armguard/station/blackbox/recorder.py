@@ -1,0 +1,438 @@
+"""The recorder: reads the ring, writes recordings, keeps near misses apart."""
+
+import json
+import logging
+import os
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard import layout
+from armguard.guard.verdict import Names, names_of
+from armguard.scene.archive import ArchiveError, scene_of
+from armguard.scene.compile import compile_scene
+from armguard.station.blackbox import ros
+from armguard.station.blackbox.blocks import MOST_FRAMES, kept_cycle, pack_block
+from armguard.station.blackbox.disk import Disk, DiskFile
+from armguard.station.blackbox.mcap_file import McapBytes, Stored
+from armguard.station.blackbox.narrator import Glance, Narrator
+from armguard.station.blackbox.near_misses import Before, Trigger
+from armguard.station.blackbox.recording import ABOUT, SCENE
+from armguard.station.errors import RingError
+from armguard.station.frames import (
+    JOINTS,
+    KIND,
+    MONOTONIC,
+    ROBOTS,
+    TOLD,
+    WALL,
+    Kind,
+    frame_of,
+    text_frame,
+)
+from armguard.station.ring import RingReader
+
+Floats = NDArray[np.float64]
+
+log = logging.getLogger("armguard.blackbox")
+
+RECORDINGS = "recording-*.mcap"
+
+# What is read is handed to the disk so often [s].
+FLUSH = 0.5
+
+# A cycle is kept with all its pairs and poses so often, and with every level [s].
+WHOLE_EVERY = 1.0 / 30.0
+
+# Where nothing is to be read: until the ring is looked at again [s].
+NAP = 0.004
+
+# A ring whose writer is gone without a word is left after this time [s].
+SILENCE = 5.0
+
+# At the end the disk is waited for so long [s].
+PATIENCE = 10.0
+
+# A new recording begins with the next checkpoint; without one, at this much more than
+# it may have.
+WITHOUT = 1.5
+
+# What every recording begins with is written twice: a wrong bit must not cost all.
+COPIES = 2
+
+SCENE_KIND = "application/vnd.armguard.scene"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecorderSettings:
+    """How much is kept.
+
+    Attributes:
+        keep: Bytes of all recordings together, near misses apart.
+        keep_near: How many near misses are kept.
+        file_size: Bytes after which another recording begins.
+        file_time: Time after which another one begins [s].
+        before: What is kept of the time before a near miss [s].
+        after: And after it [s].
+        longest: Time after which a file of near misses ends in any case [s].
+        clearance: See `Trigger`.
+        slack: See `Trigger`.
+    """
+
+    keep: int = 20 << 30
+    keep_near: int = 200
+    file_size: int = 1 << 30
+    file_time: float = 3600.0
+    before: float = 30.0
+    after: float = 5.0
+    longest: float = 120.0
+    clearance: float = 0.0
+    slack: float = 0.0
+
+
+class Writing:
+    """A recording that is being written."""
+
+    def __init__(self, disk: Disk, path: Path, began: float) -> None:
+        self.disk, self.file, self.began = disk, DiskFile(path), began
+        self.bytes = McapBytes(ros.TOPICS, f"armguard {version()}")
+        self.waiting: list[Stored] = []
+
+    def begin(self, about: Mapping[str, Any], scene: bytes, t: int) -> None:
+        """Write what comes before all messages."""
+        piece = self.bytes.start({"armguard": about})
+        told = json.dumps(about).encode()
+        for _ in range(COPIES):
+            piece += self.bytes.attachment(ABOUT, "application/json", told, t)
+            if scene:
+                piece += self.bytes.attachment(SCENE, SCENE_KIND, scene, t)
+        self.disk.put(self.file, piece)
+
+    def flush(self) -> None:
+        """Hand what waits to the disk."""
+        if self.waiting:
+            self.disk.put(self.file, self.bytes.chunk(self.waiting))
+            self.waiting = []
+
+    def end(self) -> None:
+        """Write the last bytes."""
+        self.flush()
+        self.disk.put(self.file, self.bytes.end())
+        self.disk.close(self.file)
+
+
+class Recorder:
+    """Takes frames in order and writes them down.
+
+    Attributes:
+        settings: How much is kept.
+        disk: Where it goes.
+        cycles: Cycles taken.
+        near_misses: Files of near misses begun.
+
+    Args:
+        folder: Folder of the recordings.
+        settings: How much is kept.
+    """
+
+    def __init__(self, folder: Path, settings: RecorderSettings) -> None:
+        self.folder, self.settings = folder, settings
+        self.disk = Disk(folder, settings.keep, RECORDINGS)
+        self.cycles = 0
+        self.near_misses = 0
+        self._about: dict[str, Any] = {}
+        self._scene = b""
+        self._narrator: Narrator | None = None
+        self._main: Writing | None = None
+        self._apart: Writing | None = None
+        self._apart_until = -np.inf
+        self._before = Before(settings.before)
+        self._trigger = Trigger(settings.clearance, settings.slack)
+        self._rows: list[Floats] = []
+        self._checkpoint = False
+        self._levels: tuple[int, ...] = ()
+        self._whole_at = -np.inf
+        self._now, self._time, self._offset = 0.0, 0, None  # type: float, int, float | None
+        self._told_problem = ""
+
+    def run(self, ring: RingReader, ends: Callable[[], bool]) -> None:
+        """Record until the ring is closed, or somebody says that it ends.
+
+        Args:
+            ring: The ring.
+            ends: Whether to end.
+        """
+        flushed, lost, heard = time.monotonic(), 0, time.monotonic()
+        parent = os.getppid()
+        while True:
+            # Asked before the ring is read: what came before is still written.
+            last = ends() or ring.closed
+            for row in ring.unread():
+                if ring.lost != lost:
+                    self.tell(f"{ring.lost - lost} records were lost: the recorder was "
+                              "too slow")  # fmt: skip
+                    lost = ring.lost
+                self.take(row)
+                heard = time.monotonic()
+            if time.monotonic() - flushed >= FLUSH:
+                flushed = time.monotonic()
+                self.flush()
+            orphaned = os.getppid() != parent and heard + SILENCE < flushed
+            if last or orphaned:
+                self.end()
+                return
+            time.sleep(NAP)
+
+    def take(self, row: Floats) -> None:
+        """Take the next frame."""
+        self._set_clock(row)
+        kind = int(row[KIND])
+        if kind == Kind.CYCLE:
+            self._take_cycle(row)
+            return
+        frame = frame_of(row)
+        if kind == Kind.NOTE and frame.text.get("note") == "scene":
+            self._take_scene(frame.text, frame.data)
+            return
+        if kind == Kind.CHECKPOINT:
+            self._rotate()
+        self._open()
+        self._close_block()
+        self._checkpoint = kind == Kind.CHECKPOINT
+        self._rows.append(row)
+        self._close_block()
+        if kind == Kind.EVENT:
+            call = {k: v for k, v in frame.text.items() if v is not None}
+            self._store(self._words(ros.INFO, json.dumps(call)))
+
+    def tell(self, problem: str) -> None:
+        """Write down that something of the recording is missing, and log it."""
+        log.warning("%s", problem)
+        note = {"note": "recorder", "problem": problem}
+        wall = (self._offset or 0.0) + self._now
+        if self._main is not None:
+            self._close_block()
+            self._rows.append(text_frame(Kind.NOTE, 0, self._now, wall, note))
+            self._close_block()
+            self._store(self._words(ros.WARN, problem))
+
+    def flush(self) -> None:
+        """Hand all that was taken to the disk."""
+        self._close_block()
+        if self._apart is not None and self._now > self._apart_until:
+            self._apart.end()
+            self._apart = None
+        for writing in (self._main, self._apart):
+            if writing is not None:
+                writing.flush()
+        if self._main is not None and self._main.file.given_up:
+            # It has a hole: another one begins with the next frame.
+            self._main.disk.close(self._main.file)
+            self._main = None
+            self._told_problem = self.disk.problem or "the disk was too slow"
+        if self._apart is not None and self._apart.file.given_up:
+            self._apart.disk.close(self._apart.file)
+            self._apart = None
+
+    def end(self) -> None:
+        """Write all that is left, and the ends of files."""
+        self.flush()
+        for writing in (self._main, self._apart):
+            if writing is not None:
+                writing.end()
+        self._main = self._apart = None
+        if not self.disk.end(PATIENCE):
+            log.warning(
+                "%s: the end was not written: %s", self.folder, self.disk.problem
+            )
+
+    def _take_cycle(self, row: Floats) -> None:
+        """Take a cycle."""
+        self._open()
+        if self._narrator is None:
+            self._narrator = nameless(row)
+        glance = Glance(row, self._narrator.first_row)
+        whole = (
+            glance.levels != self._levels or self._now - self._whole_at >= WHOLE_EVERY
+        )
+        if whole:
+            self._whole_at, self._levels = self._now, glance.levels
+        kept = kept_cycle(row, self._narrator.first_row, whole)
+        if self._rows and len(self._rows[-1]) != len(kept):
+            self._close_block()
+        self._rows.append(kept)
+        if len(self._rows) >= MOST_FRAMES:
+            self._close_block()
+        for message in self._narrator.cycle(row, self._now, self._time):
+            self._store(message)
+        self.cycles += 1
+        what = self._trigger.look(
+            self._now, glance.level, glance.clearance, glance.slack
+        )
+        if what:
+            self._near_miss(what)
+
+    def _near_miss(self, what: str) -> None:
+        """Keep what was before apart, and what is to come."""
+        self._close_block()
+        self._store(self._words(ros.WARN, f"near miss: {what}"))
+        if self._apart is not None and self._now - self._apart.began < (
+            self.settings.longest
+        ):
+            self._apart_until = self._now + self.settings.after
+            return
+        if self._apart is not None:
+            self._apart.end()
+        self.near_misses += 1
+        self._apart = self._new("near-miss", {"near_miss": what})
+        self._apart.waiting = self._before.messages()
+        self._apart_until = self._now + self.settings.after
+        old = sorted(self.folder.glob("near-miss-*.mcap"))
+        for path in old[: max(0, len(old) - self.settings.keep_near)]:
+            path.unlink(missing_ok=True)
+
+    def _take_scene(self, about: Mapping[str, Any], archive: bytes) -> None:
+        """Take what the next cycles are about; another scene is another recording."""
+        if self._about == about:
+            return
+        if self._main is not None:
+            self.flush()
+            for writing in (self._main, self._apart):
+                if writing is not None:
+                    writing.end()
+            self._main = self._apart = None
+            self._before = Before(self.settings.before)
+        self._about, self._scene = dict(about), archive
+        names = scene_names(about, archive)
+        joints, robots = about.get("names", ()), about.get("robots", ())
+        self._narrator = None
+        if names is not None:
+            self._narrator = Narrator(joints, robots, names, names.first_row)
+
+    def _rotate(self) -> None:
+        """Begin another recording if this one is long enough."""
+        if self._main is None:
+            return
+        size, age = self._main.bytes.offset, self._now - self._main.began
+        if size >= self.settings.file_size or age >= self.settings.file_time:
+            self._close_block()
+            self._main.end()
+            self._main = None
+
+    def _open(self) -> None:
+        """Begin a recording if there is none."""
+        main = self._main
+        if main is not None and (
+            main.bytes.offset >= WITHOUT * self.settings.file_size
+            or self._now - main.began >= WITHOUT * self.settings.file_time
+        ):
+            self._close_block()
+            main.end()
+            self._main = None
+        if self._main is None and not (self.disk.problem and self.disk.waiting):
+            self._main = self._new("recording", {})
+            if self._told_problem:
+                self.tell(f"what was before is missing: {self._told_problem}")
+                self._told_problem = ""
+
+    def _new(self, name: str, more: Mapping[str, str]) -> Writing:
+        """A recording that begins now."""
+        began = datetime.fromtimestamp(self._time * 1e-9, UTC)
+        stem = f"{name}-{began:%Y%m%dT%H%M%S.%f}Z"
+        path, k = self.folder / f"{stem}.mcap", 1
+        while path.exists():
+            k += 1
+            path = self.folder / f"{stem}-{k}.mcap"
+        about = {
+            **self._about,
+            **more,
+            "recorder": version(),
+            "machine": f"{platform.machine()} {platform.system()}",
+            "began": began.isoformat(),
+            "settings_of_recorder": asdict(self.settings),
+        }
+        writing = Writing(self.disk, path, self._now)
+        writing.begin(about, self._scene, self._time)
+        return writing
+
+    def _close_block(self) -> None:
+        """Store the frames that wait."""
+        if self._rows:
+            rows, self._rows = self._rows, []
+            self._store(Stored(ros.FRAMES.number, self._time, pack_block(rows)))
+        self._checkpoint = False
+
+    def _store(self, message: Stored) -> None:
+        """Keep a message wherever it belongs."""
+        self._before.add(self._now, message, self._checkpoint)
+        for writing in (self._main, self._apart):
+            if writing is not None:
+                writing.waiting.append(message)
+
+    def _words(self, level: int, sentence: str) -> Stored:
+        """A line of the log."""
+        return Stored(
+            ros.WORDS.number, self._time, ros.log(self._time, level, sentence)
+        )
+
+    def _set_clock(self, row: Floats) -> None:
+        """Take the time of a frame: a wall clock that never goes back."""
+        self._now = float(row[MONOTONIC])
+        if self._offset is None:
+            self._offset = float(row[WALL]) - self._now
+        self._time = max(self._time, int((self._offset + self._now) * 1e9))
+
+
+def scene_names(about: Mapping[str, Any], archive: bytes) -> Names | None:
+    """Names for verdicts of the scene that is recorded; None if it is not known."""
+    if not archive:
+        log.warning("the scene is not in the ring: no replay, and no names of pairs")
+        return None
+    try:
+        return names_of(compile_scene(scene_of(archive)))
+    except ArchiveError as error:
+        log.warning("%s", error)
+        return None
+
+
+def nameless(row: Floats) -> Narrator:
+    """A narrator of a scene that is not known."""
+    n, r = int(row[JOINTS]), int(row[ROBOTS])
+    guarded = row[TOLD] > 0
+    first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if guarded else 0)
+    joints = [f"joint{k + 1}" for k in range(n)]
+    return Narrator(joints, [f"robot{k + 1}" for k in range(r)], None, first)
+
+
+def version() -> str:
+    """Version of the package."""
+    from armguard import __version__
+
+    return __version__
+
+
+def wait_for_ring(path: Path, patience: float) -> RingReader:
+    """The ring, as soon as it is there.
+
+    Args:
+        path: Its file.
+        patience: How long it is waited for [s].
+
+    Raises:
+        RingError: It does not come.
+    """
+    end = time.monotonic() + patience
+    while True:
+        try:
+            return RingReader(path)
+        except RingError:
+            if time.monotonic() > end:
+                raise
+        time.sleep(0.05)

@@ -1,0 +1,136 @@
+"""What can be read of a recording that was cut off or damaged: all that is whole.
+
+A recording is not read by what it says of itself, but looked through for what proves to
+be whole by its checksum: a wrong bit costs the chunk it is in, a cut the chunk it goes
+through, and nothing else. What is unreadable is told with its place.
+"""
+
+import mmap
+import struct
+import zlib
+from collections.abc import Iterator
+
+import zstandard
+
+from armguard.station.blackbox.mcap_file import MAGIC, Stored
+
+Data = bytes | mmap.mmap
+
+ATTACHMENT, CHUNK, MESSAGE, FOOTER = 0x09, 0x06, 0x05, 0x02
+
+# Of a record: what it is, and how long.
+RECORD = struct.Struct("<BQ")
+
+# Of a chunk: first and last time, size and checksum of what is in it; then how it is
+# compressed, which in ours is always the same, and how long that is.
+CHUNK_HEAD = struct.Struct("<QQQI")
+COMPRESSED = b"\x04\x00\x00\x00zstd"
+BEHIND = RECORD.size + CHUNK_HEAD.size
+
+# Of a message: its channel, its number, two times.
+MESSAGE_HEAD = struct.Struct("<HIQQ")
+
+# A chunk that claims to be larger is damage: nobody makes room for it.
+MOST_BYTES = 1 << 28
+
+# Records there are.
+OPCODES = range(1, 16)
+
+
+def chunks(data: Data, problems: list[str]) -> Iterator[bytes]:
+    """What is in every chunk that is whole, in order.
+
+    Args:
+        data: The file.
+        problems: What is missing is added here, in words.
+    """
+    if data[: len(MAGIC)] != MAGIC:
+        problems.append("the file does not begin like an MCAP file")
+    at, look, end = len(MAGIC), len(MAGIC), len(data)
+    while (tag := data.find(COMPRESSED, look + BEHIND)) >= 0:
+        found = chunk_at(data, tag - BEHIND)
+        if found is None:
+            # Damaged; or something else that holds this word.
+            look = tag + 1 - BEHIND
+            continue
+        check_between(data, at, tag - BEHIND, problems)
+        inner, at = found
+        look = at
+        yield inner
+    # What is behind the last chunk: the end of the file, if it was written.
+    if end < at + len(MAGIC) or data[end - len(MAGIC) :] != MAGIC:
+        problems.append(
+            f"the file was cut off: {end - at} bytes behind its last whole chunk"
+        )
+    else:
+        check_between(data, at, end - len(MAGIC), problems)
+
+
+def chunk_at(data: Data, start: int) -> tuple[bytes, int] | None:
+    """What is in the chunk that starts there, and where it ends; None if not whole."""
+    kind, length = RECORD.unpack_from(data, start)
+    _, _, size, checksum = CHUNK_HEAD.unpack_from(data, start + RECORD.size)
+    at = start + BEHIND + len(COMPRESSED) + 8
+    if kind != CHUNK or at > len(data) or size > MOST_BYTES:
+        return None
+    (compressed,) = struct.unpack_from("<Q", data, at - 8)
+    behind = at + compressed
+    if behind > len(data) or length != behind - start - RECORD.size:
+        return None
+    try:
+        inner: bytes = zstandard.ZstdDecompressor().decompress(
+            data[at:behind], max_output_size=size
+        )
+    except zstandard.ZstdError:
+        return None
+    if len(inner) != size or zlib.crc32(inner) != checksum:
+        return None
+    return inner, behind
+
+
+def check_between(data: Data, start: int, end: int, problems: list[str]) -> None:
+    """Note what between two whole chunks is no record."""
+    at = start
+    while at + RECORD.size <= end:
+        kind, length = RECORD.unpack_from(data, at)
+        if kind not in OPCODES or kind == CHUNK or at + RECORD.size + length > end:
+            break
+        at += RECORD.size + length
+    if at != end:
+        problems.append(f"bytes {at} to {end} of the file are damaged")
+
+
+def messages(inner: bytes) -> Iterator[Stored]:
+    """The messages of a chunk."""
+    at = 0
+    while at + RECORD.size <= len(inner):
+        kind, length = RECORD.unpack_from(inner, at)
+        at += RECORD.size
+        if kind == MESSAGE:
+            topic, _, time, _ = MESSAGE_HEAD.unpack_from(inner, at)
+            yield Stored(topic, time, inner[at + MESSAGE_HEAD.size : at + length])
+        at += length
+
+
+def attachment(data: Data, name: str) -> bytes | None:
+    """The attached file of that name; None if no whole copy of it is there."""
+    word = name.encode()
+    word = struct.pack("<I", len(word)) + word
+    at = -1
+    while (at := data.find(word, at + 1)) >= 0:
+        # Before the name stand two times, which the checksum covers as well.
+        start, place = at - 16, at + len(word)
+        if start < 0 or place + 4 > len(data):
+            continue
+        (kind,) = struct.unpack_from("<I", data, place)
+        place += 4 + kind
+        if place + 8 > len(data):
+            continue
+        (size,) = struct.unpack_from("<Q", data, place)
+        place += 8
+        if place + size + 4 > len(data):
+            continue
+        (checksum,) = struct.unpack_from("<I", data, place + size)
+        if zlib.crc32(data[start : place + size]) == checksum:
+            return bytes(data[place : place + size])
+    return None

@@ -1,0 +1,269 @@
+"""Replay: what went in goes in again, and the answers are compared bit by bit."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import ArmguardError
+from armguard.geometry.pose import Pose
+from armguard.guard.contract import Region
+from armguard.guard.verdict import Verdict
+from armguard.respond import Command, Guard
+from armguard.station.blackbox.blocks import digest_of
+from armguard.station.blackbox.difference import difference
+from armguard.station.blackbox.recording import Recording
+from armguard.station.frames import Form, Frame, Kind
+
+Floats = NDArray[np.float64]
+
+# What no guard can read, in place of an input that it could not read.
+UNREADABLE: Any = "?"
+
+
+@dataclass(slots=True)
+class Replay:
+    """What a replay came to.
+
+    Attributes:
+        cycles: Cycles that were judged again and compared.
+        skipped: Cycles that could not be, since nothing is known of the guard before.
+        checkpoints: Checkpoints at which all that the guard remembers was compared.
+        first_cycle: Number of the first cycle compared, None if none was.
+        difference: The first difference in words; empty if there was none.
+        different_cycle: Its cycle, None if there was none.
+        different_time: When that was, from the recording's first frame on [s].
+        problems: What of the recording is missing or damaged.
+    """
+
+    cycles: int = 0
+    skipped: int = 0
+    checkpoints: int = 0
+    first_cycle: int | None = None
+    difference: str = ""
+    different_cycle: int | None = None
+    different_time: float | None = None
+    problems: list[str] = field(default_factory=list)
+
+    @property
+    def identical(self) -> bool:
+        """Whether every compared cycle gave the same bits, and there was one."""
+        return self.cycles > 0 and not self.difference
+
+    @property
+    def sentence(self) -> str:
+        """The same for people."""
+        left = (
+            f"; {self.skipped:,} before a checkpoint were not" if self.skipped else ""
+        )
+        if self.difference:
+            return (
+                f"cycle {self.different_cycle:,} at {self.different_time:.3f} s is "
+                f"different: {self.difference}; {self.cycles:,} cycles before it were "
+                f"bit-identical{left}"
+            )
+        if not self.cycles:
+            return f"no cycle could be judged again{left}"
+        return f"{self.cycles:,} cycles, bit-identical{left}"
+
+
+def replay(
+    recording: Recording,
+    *,
+    start: float = 0.0,
+    end: float = np.inf,
+    progress: Callable[[int], None] | None = None,
+) -> Replay:
+    """Judge every cycle of a recording again, in a guard of its own scene.
+
+    Args:
+        recording: The recording.
+        start: Where to begin, from its first frame on [s]; what lies between the
+            checkpoint before that and there is judged too.
+        end: Where to end [s].
+        progress: Called with the cycles judged since the last call.
+
+    Raises:
+        RecordingError: It holds no scene.
+    """
+    answer = Replay()
+    guard = guard_of(recording)
+    knows = False
+    expected: int | None = None
+    done = 0
+    for time, frame in timed(recording, start):
+        if time > end:
+            break
+        if frame.kind is Kind.CYCLE:
+            if expected is None:
+                # A guard that has judged nothing yet knows all there is to know.
+                knows = knows or frame.cycle == 0
+            elif frame.cycle != expected:
+                knows = False
+            expected = frame.cycle + 1
+            if not knows:
+                answer.skipped += 1
+                continue
+            found = difference_of(guard, frame)
+            if found:
+                answer.difference = found
+                answer.different_cycle, answer.different_time = frame.cycle, time
+                break
+            if answer.first_cycle is None:
+                answer.first_cycle = frame.cycle
+            answer.cycles += 1
+            done += 1
+            if progress is not None and done >= 100:
+                progress(done)
+                done = 0
+        elif frame.kind is Kind.CHECKPOINT:
+            if not knows or expected not in (None, frame.cycle):
+                guard.restore(frame.data)
+                expected = frame.cycle
+            elif guard.checkpoint() != frame.data:
+                answer.difference = "the guard remembers something else than it did"
+                answer.different_cycle, answer.different_time = frame.cycle, time
+                break
+            else:
+                answer.checkpoints += 1
+            knows = True
+        elif frame.kind is Kind.EVENT and (knows or frame.cycle == 0):
+            try:
+                do(guard, frame)
+            except ArmguardError as error:
+                answer.difference = (
+                    f"the guard refuses {frame.text['call']}, which it did not: {error}"
+                )
+                answer.different_cycle, answer.different_time = frame.cycle, time
+                break
+    answer.problems = recording.problems
+    return answer
+
+
+def guard_of(recording: Recording) -> Guard:
+    """A guard of the scene of a recording."""
+    budget = int(recording.info.get("budget", 1024))
+    return Guard(recording.scene(), budget=budget, self_test=False)
+
+
+def timed(recording: Recording, start: float) -> Iterator[tuple[float, Frame]]:
+    """Frames with the time since the first, from the checkpoint before a time on."""
+    began: float | None = None
+    waiting: list[tuple[float, Frame]] = []
+    for frame in recording.frames():
+        began = frame.monotonic if began is None else began
+        time = frame.monotonic - began
+        if time < start:
+            if frame.kind is Kind.CHECKPOINT:
+                waiting = []
+            waiting.append((time, frame))
+            continue
+        yield from waiting
+        waiting = []
+        yield time, frame
+
+
+def difference_of(guard: Guard, frame: Frame) -> str:
+    """Judge a cycle again; how the answer differs, empty if in no bit."""
+    verdict, command = judge(guard, frame)
+    told = np.zeros(0) if command is None else command.numbers
+    if digest_of(verdict.numbers, told) == frame.data:
+        return ""
+    return difference(frame, verdict, told, guard)
+
+
+def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
+    """One cycle again, with the very input that it had."""
+    given = inputs(guard, frame)
+    if frame.form is Form.STEP:
+        if guard_is_fixed(guard):
+            return guard.step(given["q"], given["stamp"]), None
+        return guard.step(**given), None
+    asked = frame.asked.copy()
+    if frame.form is Form.VELOCITIES:
+        command = guard.filter(given.pop("q"), asked, given.pop("stamp"), **given)
+    elif frame.form is Form.POSITIONS:
+        command = guard.filter_positions(
+            given.pop("q"), asked, given.pop("stamp"), **given
+        )
+    else:
+        twists = dict(zip(frame.text["tools"], asked.reshape(-1, 6), strict=True))
+        if frame.text.get("fault"):
+            twists = {
+                name: UNREADABLE if np.isnan(twist).all() else twist
+                for name, twist in twists.items()
+            }
+        command = guard.filter_twists(
+            given.pop("q"), twists, given.pop("stamp"), **given
+        )
+    return command.verdict, command
+
+
+def guard_is_fixed(guard: Guard) -> bool:
+    """Whether no robot's stops are predicted."""
+    return all(part.mode == "fixed" for part in guard.tables.robots)
+
+
+def inputs(guard: Guard, frame: Frame) -> dict[str, Any]:
+    """What a cycle was given; what could not be read is unreadable again."""
+    robots = [part.name for part in guard.tables.robots]
+    given: dict[str, Any] = {
+        "q": frame.q.copy(),
+        "stamp": stamp_of(robots, frame.stamps),
+        "velocity": None if frame.velocity is None else frame.velocity.copy(),
+        "now": frame.now,
+    }
+    wrong = frame.text.get("wrong", "")
+    if wrong == "stamp of nobody":
+        given["stamp"] = {**dict(zip(robots, frame.stamps, strict=True)), "": 0.0}
+    elif wrong:
+        given[wrong] = UNREADABLE
+    return given
+
+
+def stamp_of(robots: list[str], stamps: Floats) -> Any:
+    """The stamp as it was given: one of all, one of each robot, or none."""
+    if np.isnan(stamps).all():
+        return None
+    if (stamps == stamps[0]).all():
+        return float(stamps[0])
+    return {name: float(stamp) for name, stamp in zip(robots, stamps, strict=True)}
+
+
+def do(guard: Guard, frame: Frame) -> None:
+    """Do once more what was done to the guard between two cycles.
+
+    Raises:
+        ArmguardError: The guard refuses it.
+    """
+    told = dict(frame.text)
+    call = told.pop("call")
+    if call == "place":
+        guard.place(
+            told["name"],
+            np.array(told["pose"]),
+            told["stamp"],
+            velocity=told["velocity"],
+        )
+        return
+    if call == "allow" and told["region"] is not None:
+        where = told["region"]
+        told["region"] = Region(
+            half_extents=tuple(where["half_extents"]),
+            pose=Pose(xyz=tuple(where["xyz"]), rpy=tuple(where["rpy"])),
+            frame=where["frame"],
+        )
+    elif call == "field_goal" and told["pose"] is not None:
+        told["pose"] = np.array(told["pose"])
+    getattr(guard, CALLS[call])(**told)
+
+
+# What may be called on a guard by a recording.
+CALLS = {
+    name: name
+    for name in (
+        "remove grasp release allow swap_model engage retreat field_goal reset"
+    ).split()
+}
