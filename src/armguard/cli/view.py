@@ -1,10 +1,12 @@
 """`armguard view`: the live view of a service, or of a recording."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from armguard.cli.console import say
 from armguard.station.errors import StationError
 
 
@@ -25,15 +27,22 @@ def view(
 
     The first line on standard output tells what to open.
     """
-    try:
-        import viser  # noqa: F401
-    except ImportError:
-        raise StationError(
-            "the view needs viser: pip install 'armguard[view]'"
-        ) from None
+    if find_spec("viser") is None:
+        raise StationError("the view needs viser: pip install 'armguard[view]'")
     from armguard.station.view.__main__ import show
-    from armguard.station.view.live_view import LiveView
-    from armguard.station.wire import read_key
 
-    key = b"" if key_file is None else read_key(key_file)
-    show(LiveView(port, page_port, key=key))
+    if recording is None:
+        from armguard.station.view.live_view import LiveView
+        from armguard.station.wire import read_key
+
+        key = b"" if key_file is None else read_key(key_file)
+        show(LiveView(port, page_port, key=key))
+        return
+    from armguard.station.blackbox import open_recording
+    from armguard.station.view.recorded_view import RecordedView
+
+    found = open_recording(recording)
+    shown = RecordedView(found.scene(), found.frames(), page_port)
+    for problem in found.problems:
+        say(f"note: {problem}")
+    show(shown)
