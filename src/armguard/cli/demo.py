@@ -1,76 +1,179 @@
-"""`armguard demo`: two arms in the paper's bay, cycle by cycle."""
+"""`armguard demo`: a guard at work on simulated arms that an operator drives."""
 
-from itertools import cycle as repeat
-from itertools import islice
-from time import perf_counter, sleep
-from typing import Annotated
+import threading
+import time
+from collections.abc import Callable
+from enum import StrEnum
+from importlib.util import find_spec
+from typing import Annotated, Any
 
 import typer
 from rich.live import Live
 from rich.text import Text
 
-from armguard.cli.console import STYLES, JsonOption, out, print_json, say
-from armguard.cli.summary import event_line, print_summary, summary
-from armguard.guard import EventLog, Verdict
-from armguard.guard.verdict import Counts
-from armguard.respond import Guard
-from armguard.scene.bay import TASKS, bay_scene, bay_task
+from armguard.cli.console import (
+    CLEAR,
+    STYLES,
+    TOO_CLOSE,
+    JsonOption,
+    out,
+    print_json,
+    say,
+)
+from armguard.cli.summary import event_line
+from armguard.guard import Level
+from armguard.scene import compile_scene
+from armguard.station.frames import Kind, frame_of
+from armguard.station.processes import interrupted
+from armguard.station.service.scenes import open_scene
+from armguard.station.simulated.stage import Stage
+from armguard.station.simulated.tally import Tally, in_words
 
-# Redraws of the status line a second; the guard runs at its own rate.
-REDRAWS = 20
+# Looks into the ring, and redraws of the status line, a second.
+LOOKS = 20
+
+# On a machine that does other things as well a cycle may come so late [s].
+LATE = 0.012
+
+# A start that takes longer says so as often [s].
+SAYS = 5.0
+
+
+class Bundled(StrEnum):
+    """Scenes that come with the package."""
+
+    BAY = "bay"
+    TWO_PANDAS = "two-pandas"
+
+
+class Response(StrEnum):
+    """What robots do about what is near."""
+
+    DEFLECT = "deflect"
+    SLOW = "slow"
+    STOP = "stop"
 
 
 def demo(
-    task: Annotated[
-        int, typer.Option(help=f"Bundled task, by its length: {TASKS}.")
-    ] = 700,
-    cycles: Annotated[
-        int | None,
-        typer.Option(min=1, help="Cycles to run; a longer run repeats the task."),
-    ] = None,
+    scene: Annotated[
+        Bundled, typer.Option(help="The paper's bay, or two Pandas at a table.")
+    ] = Bundled.BAY,
+    response: Annotated[
+        Response, typer.Option(help="What arms do about what is near.")
+    ] = Response.DEFLECT,
     headless: Annotated[
-        bool, typer.Option(help="As fast as it goes, without a live display.")
+        bool, typer.Option(help="In the terminal, without the page in the browser.")
     ] = False,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="How long; until interrupted if left out."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the operator's whims.")] = 1,
+    page_port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
     json: bool = JsonOption,
 ) -> None:
-    """Guard two seven-joint arms in the paper's space-station bay."""
-    motion = bay_task(task)
-    guard = Guard(bay_scene(), progress=say)
-    q = motion.q[:, [motion.names.index(name) for name in guard.q_names]]
-    total = len(q) if cycles is None else cycles
-    period = 0.0
-    if motion.stamps is not None and not (headless or json):
-        period = float(motion.stamps[1] - motion.stamps[0])
-    log, times, counts = EventLog(), list[float](), list[Counts]()
-    if not json:
-        out.print(
-            f"bay: {len(guard.tables.kinds)} primitives, "
-            f"{guard.tables.moving_count} of them moving, "
-            f"{guard.tables.checkable_pairs} pairs to check; buffer "
-            f"{guard.tables.buffers.max() * 1e3:.1f} mm; task of {task} cycles"
-        )
-    start = perf_counter()
-    with Live(console=out, refresh_per_second=REDRAWS, transient=True) as live:
-        for k, configuration in enumerate(islice(repeat(q), total)):
-            verdict = guard.step(configuration, stamp=k * period if period else None)
-            times.append(verdict.cycle_time)
-            counts.append(verdict.counts)
-            event = log.add(verdict)
-            if event is not None and not json:
-                live.console.print(event_line(event))
-            if period:
-                live.update(status(k, total, verdict))
-                sleep(max(start + (k + 1) * period - perf_counter(), 0.0))
-    answer = {"scene": "bay", "task": task, **summary(log, times, counts)}
+    """Guard two simulated arms that a careless operator drives.
+
+    Service, arms and operator are processes of their own, as they would be with real
+    robots. Exit code 0 if nothing touched, 1 if something did.
+    """
+    say(f"starting a guard, simulated arms and an operator in '{scene}' ...")
+    options = ("--response", str(response), "--late", str(LATE), "--no-self-test")
+    with interrupted() as ended, Stage(scene, *options) as stage:
+        stage.start_service()
+        tables = compile_scene(open_scene(scene, period=0.004, late=LATE)[0])
+        stage.wait_for_service(waiting(ended))
+        stage.start_arms()
+        stage.start_operator(seed=seed)
+        if not headless and not json:
+            show_page(stage, page_port)
+        tally = Tally(tables)
+        watch(stage, tally, seconds, ended, quiet=json)
+    answer: dict[str, Any] = {"scene": str(scene), **tally.summary()}
+    answer["exit_code"] = CLEAR if answer["touched"] is None else TOO_CLOSE
     if json:
         print_json(answer)
     else:
-        print_summary(answer, log)
+        for line in in_words(answer):
+            out.print(line, markup=False)
+    raise typer.Exit(answer["exit_code"])
 
 
-def status(k: int, total: int, verdict: Verdict) -> Text:
+def waiting(ended: threading.Event) -> Callable[[float], None]:
+    """Says now and then what is being waited for; stops waiting when it is over.
+
+    Args:
+        ended: Set when somebody interrupts.
+    """
+    last = 0.0
+
+    def wait(so_far: float) -> None:
+        nonlocal last
+        if ended.is_set():
+            raise typer.Exit(CLEAR)
+        if so_far - last >= SAYS:
+            last = so_far
+            say(
+                f"waiting for the service, {so_far:.0f} s; the first start on a "
+                "machine compiles for some minutes"
+            )
+
+    return wait
+
+
+def watch(
+    stage: Stage,
+    tally: Tally,
+    seconds: float | None,
+    ended: threading.Event,
+    *,
+    quiet: bool,
+) -> None:
+    """Follow what the guard writes, until time is up or somebody interrupts.
+
+    Raises:
+        StationError: The service has ended.
+    """
+    reader = stage.frames()
+    start = time.monotonic()
+    with Live(console=out, refresh_per_second=LOOKS, transient=True) as live:
+        while not ended.wait(1.0 / LOOKS):
+            for row in reader.unread():
+                frame = frame_of(row)
+                if frame.kind is not Kind.CYCLE:
+                    continue
+                event = tally.add(frame)
+                if event is not None and not quiet and event.level >= Level.SLOW:
+                    live.console.print(event_line(event))
+            so_far = time.monotonic() - start
+            if not quiet and tally.verdict is not None:
+                live.update(status(so_far, tally))
+            if seconds is not None and so_far >= seconds:
+                break
+            stage.check()
+    if reader.lost:
+        say(f"{reader.lost} cycles were missed by this summary")
+    reader.close()
+
+
+def status(so_far: float, tally: Tally) -> Text:
     """The line that follows the motion."""
-    level = verdict.level
-    return Text(
-        f"cycle {k + 1:5d}/{total}  {level.name:13} {verdict.why}", style=STYLES[level]
+    verdict = tally.verdict
+    assert verdict is not None
+    stops = sum(tally.stops.values())
+    share = 100.0 * tally.deflected / max(tally.cycles, 1)
+    text = (
+        f"{so_far:6.1f} s  {verdict.level.name:13} {stops} stops, otherwise than "
+        f"asked {share:.0f} %  {verdict.why}"
     )
+    return Text(text, style=STYLES[verdict.level], overflow="ellipsis", no_wrap=True)
+
+
+def show_page(stage: Stage, port: int) -> None:
+    """Start the page, and say where it is; without it the demo goes on."""
+    if find_spec("viser") is None:
+        say("no page: it needs viser, pip install 'armguard[view]'")
+        return
+    words = ("--port", str(stage.port), "--page-port", str(port))
+    stage.crew.start("view", ("-m", "armguard", "view", *words))
+    out.print(f"live view: http://127.0.0.1:{port} (Ctrl-C ends everything)")

@@ -8,6 +8,7 @@ from armguard.scene.meshes import Surface, convex_pieces, mesh_hull
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.scene.trajectory import Trajectory, load_trajectory
+from armguard.scene.two_pandas import two_pandas_path, two_pandas_scene
 
 __all__ = [
     "Grasp",
@@ -24,4 +25,6 @@ __all__ = [
     "load_scene",
     "load_trajectory",
     "mesh_hull",
+    "two_pandas_path",
+    "two_pandas_scene",
 ]

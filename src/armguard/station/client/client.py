@@ -364,7 +364,7 @@ class Client:
         silent = now - self._heard > limit
         return self._stopped(Cause.SERVICE_SILENT if silent else Cause.NO_ANSWER)
 
-    def call(self, name: str, timeout: float = 10.0, **arguments: Any) -> Any:
+    def call(self, name: str, /, timeout: float = 10.0, **arguments: Any) -> Any:
         """Call something between two cycles, see docs/service.md.
 
         Args:

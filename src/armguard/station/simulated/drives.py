@@ -168,9 +168,7 @@ def way_of_stop(
     return way, np.maximum(risen - deceleration * full, 0.0)
 
 
-def swing_out(
-    since: Floats, height: Floats, duration: float
-) -> tuple[Floats, Floats]:
+def swing_out(since: Floats, height: Floats, duration: float) -> tuple[Floats, Floats]:
     """How far beyond its rest each joint is while it settles, and how fast.
 
     Out and back once, without a jump of the speed.

@@ -65,8 +65,8 @@ class TeleDriver:
 
     Every few seconds each arm sets out for another place, often to a point where it
     meets the others, or to something that stands there. Between two legs nothing is
-    asked for, as by somebody who takes his hand away, so an arm that was stopped goes on
-    with the next one.
+    asked for, as by somebody who takes his hand away, so an arm that was stopped goes
+    on with the next one.
 
     Attributes:
         robots: Names of the robots.
@@ -119,24 +119,36 @@ class TeleDriver:
             wish[own] = self._wish_of(r, float(times[r]), q[own])
         return wish
 
+    def own(self, r: int) -> slice:
+        """Part of q of the r-th robot."""
+        return self._own[r]
+
     def next_leg(self, t: float) -> float:
         """When the first leg after a time begins [s]."""
-        return (np.floor(t / LEG) + 1.0) * LEG
+        return float(np.floor(t / LEG) + 1.0) * LEG
+
+    def towards(self, r: int, target: Floats, q: Floats, share: float) -> Floats:
+        """Velocities that lead the r-th robot straight to positions, shape (j,).
+
+        Args:
+            r: Place of the robot.
+            target: Positions of its joints, shape (j,) [rad or m].
+            q: Where they are, shape (j,).
+            share: Share of the top speeds, at most [-].
+        """
+        wish = APPROACH * (target - q)
+        # All joints in proportion, so that the way is straight.
+        most = float(np.max(np.abs(wish) / self._top[r]))
+        velocity: Floats = wish * min(share / most, 1.0) if most > 0.0 else wish
+        return velocity
 
     def _wish_of(self, r: int, t: float, q: Floats) -> Floats:
         """Velocities that are asked for of one arm, shape (j,)."""
         k = int(np.floor(t / LEG))
         leg = self._leg(r, k)
         since = t - k * LEG
-        share = leg.pace * eased(since / EASE) * eased((leg.end - since) / EASE)
-        wish = APPROACH * (leg.target - q)
-        # In proportion, so that the way is straight.
-        most = share * self._top[r]
-        excess = float(np.max(np.abs(wish) / self._top[r]))
-        if excess == 0.0 or share == 0.0:
-            return np.zeros_like(wish)
-        velocity: Floats = wish * min(share / excess, share)
-        return np.clip(velocity, -most, most)
+        ease = eased(since / EASE) * eased((leg.end - since) / EASE)
+        return ease * self.towards(r, leg.target, q, leg.pace)
 
     def _leg(self, r: int, k: int) -> Leg:
         """The k-th leg of an arm."""

@@ -1,0 +1,1 @@
+"""Every fault we know, played against a running guard: declared against observed."""

@@ -1,0 +1,72 @@
+"""`python -m armguard.station.simulated`: simulated arms, or one who drives arms."""
+
+import argparse
+import signal
+import sys
+from pathlib import Path
+
+from armguard.errors import ArmguardError
+from armguard.scene import compile_scene
+from armguard.station.client import Client
+from armguard.station.service.scenes import open_scene
+from armguard.station.simulated.controller import SimulatedArms
+from armguard.station.simulated.driving import DrivingOperator, Hands
+from armguard.station.simulated.operator import Operator
+from armguard.station.simulated.plant import Imperfection
+from armguard.station.simulated.sway import Sway
+from armguard.station.simulated.tele import TeleDriver
+
+# How long the service gets to answer [s].
+PATIENCE = 30.0
+
+
+def main() -> int:
+    """Run until somebody ends it; an error of ours is one message and exit code 2."""
+    words = argparse.ArgumentParser(
+        prog="python -m armguard.station.simulated", description=__doc__
+    )
+    words.add_argument("--port", type=int, required=True, help="of the service")
+    words.add_argument("--scene", help="scene file or bundled scene; the service's")
+    words.add_argument("--seed", type=int, default=0, help="of errors of the arms")
+    words.add_argument("--errors", type=float, default=0.5, help="share used up [-]")
+    words.add_argument("--lateness", type=float, default=0.5, help="the same of delays")
+    words.add_argument("--trace", type=Path, help="ring to write what is true into")
+    words.add_argument(
+        "--drive", type=int, metavar="SEED", help="no arms: drive those that are there"
+    )
+    words.add_argument(
+        "--sway", action="store_true", help="no arms: have those there sway about home"
+    )
+    asked = words.parse_args()
+    ending: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda got, _: ending.append(got))
+    try:
+        drives = asked.sway or asked.drive is not None
+        name = "operator" if drives else "arms"
+        with Client(asked.port, name=name) as client:
+            client.connect(timeout=PATIENCE)
+            welcome = client.welcome
+            what = asked.scene or welcome.scene_file
+            scene, _ = open_scene(what, period=welcome.period, late=welcome.period)
+            if drives:
+                tables = compile_scene(scene)
+                hands: Hands = Sway(tables)
+                if not asked.sway:
+                    hands = Operator(TeleDriver(tables, asked.drive))
+                DrivingOperator(client, hands).run(lambda: bool(ending))
+                return 0
+            how = Imperfection(
+                errors=asked.errors, lateness=asked.lateness, seed=asked.seed
+            )
+            arms = SimulatedArms(client, scene, imperfection=how, trace=asked.trace)
+            arms.run(lambda: bool(ending))
+            arms.close()
+    except ArmguardError as error:
+        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
