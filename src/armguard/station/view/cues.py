@@ -23,7 +23,7 @@ ACTION_WORDS = {
 
 
 def state_message(
-    cycle: Judged, age: float, grey: str = "", recorded: str = ""
+    cycle: Judged, age: float, grey: str = "", recorded: str = "", remark: str = ""
 ) -> dict[str, Any]:
     """The message of a cycle.
 
@@ -32,6 +32,7 @@ def state_message(
         age: Time since it was written [s].
         grey: Why it is not to be taken for the present; empty if it is.
         recorded: When it was recorded, in words; empty where it is live.
+        remark: What the service says beside the verdict; empty if nothing.
     """
     verdict, command = cycle.verdict, cycle.command
     level = verdict.level
@@ -47,6 +48,7 @@ def state_message(
         "colour": hexadecimal(LEVEL_COLOURS[level]),
         "ink": hexadecimal(ink_on(LEVEL_COLOURS[level])),
         "why": verdict.why,
+        "remark": remark,
         "slack_ms": finite(slack.s * 1e3),
         "slack_mm": finite(slack.m * 1e3),
         "age": age,

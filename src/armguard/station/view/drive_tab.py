@@ -11,7 +11,7 @@ from armguard.scene.settings import CHOICES
 from armguard.station.frames import Frame
 from armguard.station.view.drawing.handles import Handles
 from armguard.station.view.driving.commander import Commander
-from armguard.station.view.driving.driver import Driver, Tele
+from armguard.station.view.driving.driver import Driver, Hands
 from armguard.station.view.driving.jog import KEYS_SENTENCE, PAD_SENTENCE
 from armguard.station.view.world import World
 
@@ -40,7 +40,7 @@ class DriveTab:
         world: World,
         driver: Driver,
         commander: Commander,
-        tele: Callable[[], Tele],
+        tele: Callable[[], Hands],
         keyboard: Callable[[bool], None],
     ) -> None:
         self._world, self._driver, self._commander = world, driver, commander
@@ -148,10 +148,16 @@ class DriveTab:
 
     def _add_stops(self, server: viser.ViserServer) -> None:
         engage = server.gui.add_button("Engage all", icon=viser.Icon.PLAYER_PLAY)
+        reset = server.gui.add_button("Reset after a brake", color="gray")
 
         @engage.on_click
         def _(_: viser.GuiEvent) -> None:
             self._commander.call("engage")
+
+        @reset.on_click
+        def _(_: viser.GuiEvent) -> None:
+            self._driver.let_go()
+            self._commander.call("reset")
 
     def _add_grippers(self, server: viser.ViserServer) -> None:
         holds = self._world.tables.holds
@@ -214,6 +220,4 @@ class DriveTab:
         @apply.on_click
         def _(_: viser.GuiEvent) -> None:
             self._driver.let_go()
-            self._commander.call(
-                "configure", response=response.value, mode=mode.value
-            )
+            self._commander.call("configure", response=response.value, mode=mode.value)

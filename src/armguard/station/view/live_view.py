@@ -14,6 +14,7 @@ from armguard.station.client import Client, Welcome
 from armguard.station.errors import NoServiceError
 from armguard.station.frames import Frame, Kind
 from armguard.station.simulated import TeleDriver
+from armguard.station.simulated.operator import Operator
 from armguard.station.view.drive_tab import DriveTab
 from armguard.station.view.driving.commander import Commander
 from armguard.station.view.driving.driver import Driver
@@ -81,6 +82,8 @@ class LiveView:
         """Draw the newest cycle, or say why there is none."""
         while not self._jobs.empty():
             self._jobs.get()()
+        cause = self.commander.cause
+        self.view.remark = cause.sentence if cause.stops else ""
         frame = self._frames.newest
         if self.view.draw(frame) and frame is not None:
             self._drive.show(frame, time.monotonic())
@@ -114,7 +117,7 @@ class LiveView:
                 world,
                 self.driver,
                 self.commander,
-                lambda: TeleDriver(world.tables, secrets.randbits(31)),
+                lambda: Operator(TeleDriver(world.tables, secrets.randbits(31))),
                 lambda on: view.page.tell("driving", {"on": on}, keep=True),
             )
         with view.tabs.add_tab("Edit", viser.Icon.CUBE):

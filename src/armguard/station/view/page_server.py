@@ -162,7 +162,9 @@ class PageServer:
         self._loop.run_until_complete(work())
         self._loop.close()
 
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _answer(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | None:
         """A file of the page, or None for the channel."""
         path = request.path.partition("?")[0]
         if request.headers.get("Host", "") not in self._names:
@@ -204,7 +206,9 @@ class PageServer:
             '<script src="/station.js" defer></script>\n'
         )
         page = page.replace("<title>Viser</title>", "")
-        return page.replace('<meta charset="utf-8" />', '<meta charset="utf-8" />' + ours)
+        return page.replace(
+            '<meta charset="utf-8" />', '<meta charset="utf-8" />' + ours
+        )
 
 
 def answer(

@@ -33,9 +33,7 @@ class ClearancePlot:
             (self._times, self._values, np.zeros(count)),
             (
                 uplot.Series(label="s"),
-                uplot.Series(
-                    label="clearance [mm]", stroke=hexadecimal(BLUE), width=2
-                ),
+                uplot.Series(label="clearance [mm]", stroke=hexadecimal(BLUE), width=2),
                 uplot.Series(
                     label="stop", stroke=hexadecimal(VERMILLION), width=2, dash=[6, 4]
                 ),

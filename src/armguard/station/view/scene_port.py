@@ -28,11 +28,16 @@ def open_scene_port(origins: Callable[[], set[str]]) -> viser.ViserServer:
         if live.request.headers.get("Origin") not in origins():
             await live.close(1008, "another page's origin")
 
+    return server
+
+
+def dress(server: viser.ViserServer) -> None:
+    """Empty the panel, and give it its place and its colours."""
+    server.gui.reset()
     server.gui.configure_theme(
-        show_logo=False,
+        # The button would open a tunnel to the outside.
         show_share_button=False,
-        control_width="medium",
+        show_logo=False,
         brand_color=BLUE,
     )
     server.gui.main_panel.dock_right()
-    return server

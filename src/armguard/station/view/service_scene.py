@@ -6,6 +6,7 @@ from typing import Any
 from armguard.scene import Scene, compile_scene
 from armguard.scene.bay import bay_path
 from armguard.scene.settings import CHOICES
+from armguard.scene.two_pandas import two_pandas_path
 from armguard.station.client import Welcome
 from armguard.station.errors import StationError
 from armguard.station.service.scenes import open_scene, scene_hash
@@ -25,11 +26,11 @@ def guarded_scene(welcome: Welcome) -> Scene:
             something that was not checked.
         SceneError: There is no such scene.
     """
-    name = welcome.scene_file
-    if name == str(bay_path()):
-        name = "bay"
+    bundled = {"": "two-pandas", str(bay_path()): "bay"}
+    bundled[str(two_pandas_path())] = "two-pandas"
+    name = bundled.get(welcome.scene_file, welcome.scene_file)
     late = float(welcome.text["late"])
-    scene, _ = open_scene(name or "two-pandas", period=welcome.period, late=late)
+    scene, _ = open_scene(name, period=welcome.period, late=late)
     for modes, responses in settings_of(scene):
         for robot in scene.robots:
             scene.set_mode(modes[robot], robot)

@@ -13,7 +13,7 @@ from armguard.station.frames import Frame
 from armguard.station.view.cues import state_message
 from armguard.station.view.judged import level_at_a_glance
 from armguard.station.view.page_server import PageServer
-from armguard.station.view.scene_port import open_scene_port
+from armguard.station.view.scene_port import dress, open_scene_port
 from armguard.station.view.watch_tab import WatchTab
 from armguard.station.view.world import World
 
@@ -31,6 +31,7 @@ class View:
         page: The page and its channel.
         server: Viser's server, for tabs and nodes.
         world: What is drawn.
+        remark: What the service says beside its verdicts; empty if nothing.
         cue_delays: From a cycle's writing until its changed level left for the pages,
             of the last thousand changes [s].
 
@@ -56,11 +57,12 @@ class View:
         self._shown: Frame | None = None
         self._glance: tuple[int, ...] = ()
         self._told = -float("inf")
+        self.remark = ""
         self.show_scene(scene)
 
     def show_scene(self, scene: Scene) -> viser.GuiTabGroupHandle:
         """Draw another scene from now on; its tabs, to put more into."""
-        self.server.gui.reset()
+        dress(self.server)
         self.world = World(self.server, scene)
         self._shown, self._glance = None, ()
         tabs = self.server.gui.add_tab_group()
@@ -90,7 +92,8 @@ class View:
         if not changed and now - self._told < SENTENCE:
             return
         first, self._glance, self._told = not self._glance, glance, now
-        message = state_message(self.world.judged(frame), now - frame.monotonic)
+        cycle = self.world.judged(frame)
+        message = state_message(cycle, now - frame.monotonic, remark=self.remark)
         self.page.tell("state", message, keep=True)
         if changed and not first:
             self.cue_delays.append(time.monotonic() - frame.monotonic)

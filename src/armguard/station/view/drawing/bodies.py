@@ -71,7 +71,9 @@ class Bodies:
                     BLUE,
                     opacity=0.35,
                 )
-                for i, body in enumerate(self._tables.bodies[: self._tables.moving_count])
+                for i, body in enumerate(
+                    self._tables.bodies[: self._tables.moving_count]
+                )
             ]
         for node in self._primitives:
             node.visible = shown

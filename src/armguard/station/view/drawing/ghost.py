@@ -14,9 +14,13 @@ from armguard.station.view.drawing.bodies import add_mesh, on_bodies, slug
 from armguard.station.view.drawing.frames import Floats, Placer
 from armguard.station.view.palette import BLUE
 from armguard.station.view.robot_meshes import plain_meshes
+from armguard.station.view.surfaces import Mesh
 
 # A body that would not get farther than this has none [m, or by the turn of its axes].
 LEAST = 0.004
+
+# Size of the ghost beside the arm's own [-].
+SHARE = 0.97
 
 
 class Ghost:
@@ -42,7 +46,7 @@ class Ghost:
                         f"/ghost/{body}", show_axes=False, visible=False
                     )
                 path = f"/ghost/{body}/{slug(name)}"
-                add_mesh(server, path, mesh, BLUE, opacity=0.18)
+                add_mesh(server, path, shrunk(mesh), BLUE, opacity=0.22)
         self._nodes = nodes
         self._placer = Placer(nodes)
         self.shown = True
@@ -72,6 +76,12 @@ class Ghost:
         for node, shown in zip(self._nodes, wanted, strict=True):
             if node is not None and node.visible != shown:
                 node.visible = bool(shown)
+
+
+def shrunk(mesh: Mesh) -> Mesh:
+    """A mesh a little smaller, so that it hides where the arm itself is."""
+    middle = (mesh.vertices.max(axis=0) + mesh.vertices.min(axis=0)) / 2.0
+    return Mesh(middle + SHARE * (mesh.vertices - middle), mesh.faces)
 
 
 def resting(frame: Frame, tables: SceneTables) -> Floats | None:

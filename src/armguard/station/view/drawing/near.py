@@ -130,4 +130,3 @@ def pair_colour(pair: NearPair) -> Rgb:
 def pair_word(pair: NearPair) -> str:
     """The word that goes with the colour."""
     return "allowed" if pair.contract else LEVEL_WORDS[pair_level(pair)]
-

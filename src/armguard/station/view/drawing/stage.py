@@ -63,4 +63,3 @@ def whereabouts(tables: SceneTables) -> tuple[Floats, Floats, float]:
     middle = tools + (tools - base) * [1.0, 1.0, 0.0]
     spread = float(np.ptp(places, axis=0).max())
     return arms, middle, max(reach, spread, 0.5)
-

@@ -90,11 +90,9 @@ class Commander:
         """Order a stop of all robots; nobody needs the command for that."""
         self._try(self._client.stop)
 
-    def call(self, name: str, **arguments: Any) -> bool:
+    def call(self, what: str, /, **arguments: Any) -> bool:
         """Call something of the service; whether it was done."""
-        return self._try(
-            lambda: self._client.call(name, timeout=PATIENCE, **arguments)
-        )
+        return self._try(lambda: self._client.call(what, timeout=PATIENCE, **arguments))
 
     def send(self, velocities: Floats, twists: Mapping[str, Floats]) -> None:
         """Ask for twists where there are any, else for velocities."""

@@ -2,18 +2,20 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.levels import Level
+from armguard.guard.verdict import names_of
+from armguard.respond.command import Blocked
 from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
 from armguard.station.view.driving.commander import Commander
 from armguard.station.view.driving.jog import Jog
-from armguard.station.view.judged import level_at_a_glance
+from armguard.station.view.judged import judged, level_at_a_glance
 from armguard.station.view.driving.wishes import (
     ANGULAR,
     LINEAR,
@@ -31,11 +33,13 @@ Floats = NDArray[np.float64]
 PERIOD = 0.02
 
 
-class Tele(Protocol):
-    """Somebody who drives in the operator's place."""
+class Hands(Protocol):
+    """Somebody who drives in the operator's place, see `simulated.Operator`."""
 
-    def wish(self, t: float, q: Floats) -> Floats:
-        """Velocities at a time, shape (n,)."""
+    def drive(
+        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
+    ) -> tuple[Floats, list[str]]:
+        """Velocities that are asked for, shape (n,), and robots to be engaged."""
 
 
 class Driver:
@@ -63,11 +67,12 @@ class Driver:
         self.tables, self._newest, self._commander = tables, newest, commander
         self.chosen = 0
         self.share = 0.5
-        self.tele: Tele | None = None
+        self.tele: Hands | None = None
         self.jog = Jog(stopped, self._choose)
         self._targets = np.full(len(tables.q_names), np.nan)
         self._handles: dict[str, Floats] = {}
         self._fastest = top_speeds(tables)
+        self._names = names_of(tables)
         self._began = time.monotonic()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="drive", daemon=True)
@@ -122,8 +127,17 @@ class Driver:
         if np.isfinite(self._targets).any():
             return Wish(towards(self._targets, frame.q, self.share * self._fastest))
         if self.tele is not None:
-            return Wish(self.tele.wish(time.monotonic() - self._began, frame.q))
+            return self._asked_by(self.tele, frame)
         return Wish(still)
+
+    def _asked_by(self, hands: Hands, frame: Frame) -> Wish:
+        """What somebody else asks for, and whom he engages."""
+        why = judged(frame, self.tables, self._names).command
+        blocked = {} if why is None else why.blocked
+        velocities, engaged = hands.drive(
+            frame.monotonic - self._began, frame.q, blocked
+        )
+        return Wish(velocities, engaged=tuple(engaged))
 
     def _drop_targets(self, frame: Frame) -> None:
         """Forget joints that are where they were to be, or whose robot was stopped.
@@ -151,4 +165,6 @@ class Driver:
             if frame is None or not self._commander.commands:
                 continue
             wish = self.wish(frame)
+            for robot in wish.engaged:
+                self._commander.call("engage", name=robot)
             self._commander.send(wish.velocities, wish.twists)

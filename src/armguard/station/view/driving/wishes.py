@@ -27,10 +27,12 @@ class Wish:
         velocities: Of all joints, shape (n,) [rad/s or m/s].
         twists: By robot, shape (6,) [m/s], [rad/s]; where there are any, they are sent
             in place of the velocities.
+        engaged: Robots that are to be engaged first.
     """
 
     velocities: Floats
     twists: dict[str, Floats] = field(default_factory=dict)
+    engaged: tuple[str, ...] = ()
 
 
 def top_speeds(tables: SceneTables) -> Floats:

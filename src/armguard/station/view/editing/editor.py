@@ -84,11 +84,7 @@ class Editor:
             return None
         if name not in self.spare:
             return State(T)
-        shape = self._placements.shapes.get(
-            name, self._tables.standing[name].shapes[0].shape
-        )
-        assert isinstance(shape, Box)
-        return State(T, shape.half_extents)
+        return State(T, self._half(name))
 
     def add(self, half: Triple, T: Floats) -> str:
         """Put up a box that was held ready; its name in the loop.
@@ -162,11 +158,18 @@ class Editor:
         self._wake.set()
         self._thread.join(timeout=1.0)
 
+    def _half(self, name: str) -> Triple:
+        """Half extents that a box which was held ready has now [m]."""
+        foreseen = self._tables.standing[name].shapes[0].shape
+        shape = self._placements.shapes.get(name, foreseen)
+        assert isinstance(shape, Box)
+        return shape.half_extents
+
     def _do(self, name: str, state: State | None) -> bool:
         if state is None:
             return self._call("remove", name=name)
         arguments: dict[str, Any] = {"name": name, "pose": state.T.tolist()}
-        if state.half is not None:
+        if state.half is not None and state.half != self._half(name):
             arguments["shape"] = {"kind": "box", "half_extents": list(state.half)}
         return self._call("place", **arguments)
 

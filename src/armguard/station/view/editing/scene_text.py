@@ -110,7 +110,9 @@ def check(
     else:
         shape = {"box": list(entry.size)} if entry.size is not None else objects[name]
         kept = {key: value for key, value in shape.items() if key != "at"}
-        rest = {k: v for k, v in objects.get(name, {}).items() if k not in ("at", "box")}
+        rest = {
+            k: v for k, v in objects.get(name, {}).items() if k not in ("at", "box")
+        }
         objects[name] = {**rest, **kept, "at": place_of(entry.pose)}
     if not objects and not before.get("objects"):
         wanted.pop("objects")
@@ -201,7 +203,10 @@ def with_entry(text: str, name: str, entry: Entry) -> str:
     if found is None:
         return with_new(text, objects, name, entry)
     key, value = found
-    if not isinstance(value, MappingNode) or value.start_mark.index < key.end_mark.index:
+    if (
+        not isinstance(value, MappingNode)
+        or value.start_mark.index < key.end_mark.index
+    ):
         raise SceneError(
             f"the entry of '{name}' is said elsewhere in the file; edit it by hand"
         )

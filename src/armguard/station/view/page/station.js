@@ -22,7 +22,7 @@
   const slack = make("div", "slack", told);
   const robots = make("div", "robots", bar);
   const sound = make("button", "sound", bar);
-  sound.textContent = "Sound off";
+  sound.textContent = "Sound: off";
   const stop = make("button", "stop", bar);
   stop.textContent = "STOP";
   stop.title = "stops all arms (space)";
@@ -65,7 +65,7 @@
     light.classList.toggle("urgent", message.level >= 30);
     document.documentElement.style.setProperty("--level", message.colour);
     document.documentElement.style.setProperty("--ink", message.ink);
-    why.textContent = message.why;
+    why.textContent = message.remark ? `${message.remark} (${message.why})` : message.why;
     for (const robot of message.robots) {
       const own = card(robot.name);
       own.box.style.setProperty("--own", robot.colour);
@@ -128,7 +128,7 @@
     muted = !muted;
     audio ??= new AudioContext();
     if (!muted) await audio.resume();
-    sound.textContent = muted ? "Sound off" : "Sound on";
+    sound.textContent = muted ? "Sound: off" : "Sound: on";
     sound.setAttribute("aria-pressed", String(!muted));
     sound.blur();
   };
