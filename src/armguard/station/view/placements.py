@@ -78,6 +78,8 @@ def shape_of(words: Mapping[str, Any]) -> Shape:
         for key, value in words.items()
         if key != "kind"
     }
-    by_kind = {shape.kind.name.lower(): shape for shape in SHAPES.values()}
+    by_kind: dict[str, Any] = {
+        shape.kind.name.lower(): shape for shape in SHAPES.values()
+    }
     made: Shape = by_kind[words["kind"]](**sizes)
     return made

@@ -44,8 +44,9 @@ def guarded_scene(welcome: Welcome) -> Scene:
 
 
 def settings_of(scene: Scene) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """Modes and responses that a service may have been told, by robot, as `serve` and
-    `configure` set them: those of the scene, or one for all.
+    """Modes and responses that a service may have been told, by robot.
+
+    As `serve` and `configure` set them: those of the scene, or one for all.
     """
     own = {name: robot.response for name, robot in scene.robots.items()}
     modes = {name: robot.mode for name, robot in scene.robots.items()}

@@ -121,7 +121,7 @@ class View:
 
 
 def at_rate(work: Callable[[], None], until: Callable[[], bool]) -> None:
-    """Do something thirty times a second until told not to; what is late is left out."""
+    """Do something thirty times a second until told not to; none is made up for."""
     due = time.monotonic()
     while not until():
         work()

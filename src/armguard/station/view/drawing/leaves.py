@@ -90,8 +90,8 @@ class Leaves:
         cells = tree.cells(tree.leaves())
         boxes = world.boxes[: tables.moving_count]
         low, high = cells[:, None, :3], cells[:, None, 3:]
-        meets = ((boxes[None, :, :3] <= high) & (boxes[None, :, 3:] >= low)).all(axis=2)
-        near = cells[meets.any(axis=1)]
+        beyond = np.maximum(boxes[None, :, :3] - high, low - boxes[None, :, 3:])
+        near = cells[(beyond.max(axis=2) <= 0.0).any(axis=1)]
         return np.asarray(near[np.argsort(near[:, 3] - near[:, 0])][:MOST])
 
 

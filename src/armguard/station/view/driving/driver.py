@@ -15,7 +15,6 @@ from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
 from armguard.station.view.driving.commander import Commander
 from armguard.station.view.driving.jog import Jog
-from armguard.station.view.judged import judged, level_at_a_glance
 from armguard.station.view.driving.wishes import (
     ANGULAR,
     LINEAR,
@@ -26,6 +25,7 @@ from armguard.station.view.driving.wishes import (
     towards,
     twist_towards,
 )
+from armguard.station.view.judged import judged, level_at_a_glance
 
 Floats = NDArray[np.float64]
 

@@ -63,7 +63,7 @@ def difference(before: str, after: str, name: str) -> str:
 
 
 def write_checked(path: Path, before: str, after: str) -> None:
-    """Write a scene file if it still is what was shown, and can be loaded as it will be.
+    """Write a scene file if it still is what was shown, and can be loaded then.
 
     Raises:
         SceneError: Somebody else wrote it meanwhile, or the scene would be wrong.
