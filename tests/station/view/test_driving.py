@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from armguard.scene import bay_scene, compile_scene
-from armguard.station.view.driving.jog import B, HELD, LEFT_BUMPER, RIGHT_BUMPER, Jog
+from armguard.station.view.driving.jog import HELD, LEFT_BUMPER, RIGHT_BUMPER, B, Jog
 from armguard.station.view.driving.wishes import (
+    AHEAD,
     ANGULAR,
     LINEAR,
+    ramped,
     tool_frame,
-    towards,
     twist_towards,
 )
 
@@ -82,12 +83,18 @@ def test_nonsense_asks_for_nothing(said):
     assert not hand.jog.direction.any()
 
 
-def test_joints_are_led_to_their_targets_and_the_others_stay():
-    q = np.zeros(4)
-    fastest = np.full(4, 0.5)
-    target = np.array([1.0, np.nan, -0.01, 0.0005])
-    asked = towards(target, q, fastest)
-    assert asked == pytest.approx([0.5, 0.0, -0.04, 0.0])
+def test_joints_are_led_to_their_targets_in_steps_and_the_others_stay():
+    q = np.zeros(3)
+    step = np.full(3, 0.01)
+    target = np.array([0.025, np.nan, -1.0])
+    asked = q
+    for k in range(1, 4):
+        asked = ramped(asked, target, q, step)
+        assert asked == pytest.approx([min(0.01 * k, 0.025), 0.0, -0.01 * k])
+    # An arm that does not follow is not run away from.
+    for _ in range(100):
+        asked = ramped(asked, target, q, step)
+    assert asked == pytest.approx([0.025, 0.0, -0.01 * AHEAD])
 
 
 def test_a_twist_leads_a_tool_where_its_handle_is():

@@ -11,7 +11,7 @@ from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
 from armguard.station.view.playback import Playback
 
-PERIOD = 0.1
+PERIOD = 0.01
 CYCLES = 20
 
 
@@ -20,7 +20,9 @@ def frames(tmp_path_factory):
     """Two seconds of an arm at rest; one cycle in which nothing could be read."""
     path = Path(tmp_path_factory.mktemp("ring")) / "ring"
     clock = iter(100.0 + PERIOD * np.arange(10 * CYCLES) / 2.0)
-    guard = Guard(bay_scene("path"), self_test=False)
+    scene = bay_scene("path")
+    scene.period = PERIOD
+    guard = Guard(scene, self_test=False)
     taped = RecordedGuard(guard, RingWriter(path), monotonic=lambda: next(clock))
     for k in range(CYCLES):
         q = np.full_like(guard.home, np.nan) if k == 12 else guard.home

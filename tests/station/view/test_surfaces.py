@@ -32,8 +32,8 @@ def test_corners_lie_on_the_surface_the_check_measures(shape_class):
         point = Sphere(radius=1e-9)
         for vertex in mesh.vertices[:: max(len(mesh.vertices) // 12, 1)]:
             gap = distance(shape, TURNED, point, Pose(xyz=tuple(vertex))).distance
-            # A cone's and an ellipsoid's points are grown straight, not all around.
-            assert -1e-3 < gap - grown < 1e-6
+            # Balls around corners have facets, which cut a little inside.
+            assert -0.15 * grown < gap - grown < 1e-6
 
 
 def test_without_growth_a_box_and_a_capsule_are_themselves():

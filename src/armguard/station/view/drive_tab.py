@@ -18,6 +18,9 @@ from armguard.station.view.world import World
 # Sliders follow their joints this often [s], but not within this time of being moved.
 FOLLOW, TOUCHED = 0.2, 0.6
 
+# A slider ends so far inside of its joint's limits, so that the arm does [rad or m].
+INSIDE = 0.005
+
 # Modes that predict stops; a service needs one of them.
 MODES = ("path", "speed")
 
@@ -62,11 +65,12 @@ class DriveTab:
         if now - self._followed < FOLLOW:
             return
         self._followed = now
-        for slider, q, touched in zip(
-            self._sliders, frame.q, self._touched, strict=True
-        ):
-            shown = min(max(round(float(q), 3), slider.min), slider.max)
-            if now - touched > TOUCHED and slider.value != shown:
+        for k, slider in enumerate(self._sliders):
+            # A slider that leads its joint shows where to.
+            if self._driver.leads(k) or now - self._touched[k] < TOUCHED:
+                continue
+            shown = min(max(round(float(frame.q[k]), 3), slider.min), slider.max)
+            if slider.value != shown:
                 slider.value = shown
         has = self._commander.commands
         if self._take.disabled != has:
@@ -76,7 +80,7 @@ class DriveTab:
             self._robot.value = robot
 
     def let_go(self) -> None:
-        """Whoever held something has gone."""
+        """Who held something is gone."""
         self._driver.let_go()
         self.handles.let_go()
 
@@ -191,7 +195,7 @@ class DriveTab:
         tables = self._world.tables
         low, high = float(tables.lower[place]), float(tables.upper[place])
         # What turns without end is led within one turn.
-        low, high = max(low, -np.pi), min(high, np.pi)
+        low, high = max(low, -np.pi) + INSIDE, min(high, np.pi) - INSIDE
         slider = server.gui.add_slider(
             joint,
             min=round(low, 3),

@@ -32,7 +32,7 @@ OLD = 0.5
 AGAIN, ATTEMPT = 1.0, 0.2
 
 # Answers are only looked at for who commands: one in so many cycles will do.
-EVERY = 10
+EVERY = 5
 
 
 class LiveView:
@@ -82,8 +82,7 @@ class LiveView:
         """Draw the newest cycle, or say why there is none."""
         while not self._jobs.empty():
             self._jobs.get()()
-        cause = self.commander.cause
-        self.view.remark = cause.sentence if cause.stops else ""
+        self.view.remark = self.commander.remark
         frame = self._frames.newest
         if self.view.draw(frame) and frame is not None:
             self._drive.show(frame, time.monotonic())

@@ -200,8 +200,10 @@ class PageServer:
         page = (folder / "index.html").read_text(encoding="utf-8")
         ours = (
             "<title>armguard</title>\n"
-            "<script>history.replaceState(null, '', '?websocket=ws://' + "
-            f"location.hostname + ':{self._scene_port}')</script>\n"
+            "<script>{const asked = new URLSearchParams(location.search);"
+            "asked.set('websocket', 'ws://' + location.hostname + "
+            f"':{self._scene_port}');"
+            "history.replaceState(null, '', '?' + asked)}</script>\n"
             '<link rel="stylesheet" href="/station.css">\n'
             '<script src="/station.js" defer></script>\n'
         )

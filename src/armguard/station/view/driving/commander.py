@@ -1,17 +1,13 @@
 """The one client that driving goes through; several threads may ask it."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
 from armguard.station.client import Client, Welcome
+from armguard.station.view.driving.wishes import Wish
 from armguard.station.wire.words import Cause
-
-Floats = NDArray[np.float64]
 
 # A call that is not answered for so long is given up; wishes wait meanwhile [s].
 PATIENCE = 2.0
@@ -46,6 +42,12 @@ class Commander:
     def alive(self) -> bool:
         """Whether the service was heard of lately."""
         return self.cause not in SILENT
+
+    @property
+    def remark(self) -> str:
+        """Why the service stops everything, whatever the guard says; else empty."""
+        said = self.cause.stops and self.cause < Cause.NOT_CONNECTED
+        return self.cause.sentence if said else ""
 
     def connect(self, timeout: float) -> Welcome:
         """Say hello anew, to a service that was started anew.
@@ -94,13 +96,15 @@ class Commander:
         """Call something of the service; whether it was done."""
         return self._try(lambda: self._client.call(what, timeout=PATIENCE, **arguments))
 
-    def send(self, velocities: Floats, twists: Mapping[str, Floats]) -> None:
-        """Ask for twists where there are any, else for velocities."""
+    def send(self, wish: Wish) -> None:
+        """Ask for something, in the form it is in."""
         with self._lock:
-            if twists:
-                self._client.send_twists(twists)
+            if wish.twists:
+                self._client.send_twists(wish.twists)
+            elif wish.positions is not None:
+                self._client.send_positions(wish.positions)
             else:
-                self._client.send_velocities(velocities)
+                self._client.send_velocities(wish.velocities)
 
     def close(self) -> None:
         """Give the command back, and say good-bye."""

@@ -20,9 +20,9 @@ from armguard.station.view.driving.wishes import (
     LINEAR,
     THERE,
     Wish,
+    ramped,
     tool_frame,
     top_speeds,
-    towards,
     twist_towards,
 )
 from armguard.station.view.judged import judged, level_at_a_glance
@@ -70,6 +70,7 @@ class Driver:
         self.tele: Hands | None = None
         self.jog = Jog(stopped, self._choose)
         self._targets = np.full(len(tables.q_names), np.nan)
+        self._ramp: Floats | None = None
         self._handles: dict[str, Floats] = {}
         self._fastest = top_speeds(tables)
         self._names = names_of(tables)
@@ -90,6 +91,10 @@ class Driver:
     def lead_joint(self, joint: int, target: float) -> None:
         """Lead a joint to a position [rad or m]."""
         self._targets[joint] = target
+
+    def leads(self, joint: int) -> bool:
+        """Whether a joint is being led to a position."""
+        return bool(np.isfinite(self._targets[joint]))
 
     def lead_tool(self, robot: str, T: Floats | None) -> None:
         """Lead a robot's tool to a frame, shape (4, 4); None to let go of it."""
@@ -112,7 +117,7 @@ class Driver:
         if self._handles:
             return Wish(
                 still,
-                {
+                twists={
                     name: twist_towards(
                         tool_frame(self.tables, parts[name], frame.poses), T, self.share
                     )
@@ -123,9 +128,13 @@ class Driver:
         if direction.any():
             fastest = self.share * np.repeat([LINEAR, ANGULAR], 3)
             name = self.tables.robots[self.chosen].name
-            return Wish(still, {name: direction * fastest})
+            return Wish(still, twists={name: direction * fastest})
         if np.isfinite(self._targets).any():
-            return Wish(towards(self._targets, frame.q, self.share * self._fastest))
+            step = self.share * self._fastest * PERIOD
+            last = frame.q if self._ramp is None else self._ramp
+            self._ramp = ramped(last, self._targets, frame.q, step)
+            return Wish(still, positions=self._ramp)
+        self._ramp = None
         if self.tele is not None:
             return self._asked_by(self.tele, frame)
         return Wish(still)
@@ -167,4 +176,4 @@ class Driver:
             wish = self.wish(frame)
             for robot in wish.engaged:
                 self._commander.call("engage", name=robot)
-            self._commander.send(wish.velocities, wish.twists)
+            self._commander.send(wish)

@@ -9,11 +9,14 @@ from armguard.scene.tables import RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
 
-# A joint or a tool that is near where it is to be is led there in proportion [1/s].
+# A wish for positions is at most so many steps ahead of where the joints are.
+AHEAD = 8.0
+
+# A tool that is near where it is to be is led there in proportion [1/s].
 APPROACH = 4.0
 
-# It is there within this [rad or m].
-THERE = 1e-3
+# A joint is where it is to be within this [rad or m].
+THERE = 2e-3
 
 # Fastest motion of a tool that keys and handles ask for [m/s], [rad/s].
 LINEAR, ANGULAR = 0.30, 1.0
@@ -21,16 +24,18 @@ LINEAR, ANGULAR = 0.30, 1.0
 
 @dataclass(slots=True)
 class Wish:
-    """What to send: velocities of joints, or twists of tools.
+    """What to send: velocities of joints, positions of them, or twists of tools.
 
     Attributes:
         velocities: Of all joints, shape (n,) [rad/s or m/s].
-        twists: By robot, shape (6,) [m/s], [rad/s]; where there are any, they are sent
-            in place of the velocities.
+        positions: Of all joints, shape (n,) [rad or m]; sent in place of velocities
+            where there are any.
+        twists: By robot, shape (6,) [m/s], [rad/s]; likewise.
         engaged: Robots that are to be engaged first.
     """
 
     velocities: Floats
+    positions: Floats | None = None
     twists: dict[str, Floats] = field(default_factory=dict)
     engaged: tuple[str, ...] = ()
 
@@ -44,17 +49,21 @@ def top_speeds(tables: SceneTables) -> Floats:
     return np.concatenate(parts)
 
 
-def towards(target: Floats, q: Floats, fastest: Floats) -> Floats:
-    """Velocities that lead joints to where they are to be, shape (n,).
+def ramped(position: Floats, target: Floats, q: Floats, step: Floats) -> Floats:
+    """Positions to ask for next on the way to a target, shape (n,).
+
+    A wish that comes late then leaves the arm where it was sent last, not in motion.
 
     Args:
-        target: Where, shape (n,); NaN for a joint that is to stay.
+        position: Positions that were asked for last, shape (n,).
+        target: Where joints are to be, shape (n,); NaN for one that is to stay.
         q: Where they are, shape (n,).
-        fastest: Their greatest speeds, shape (n,).
+        step: How far each may go until the next wish, shape (n,).
     """
-    left = np.where(np.isfinite(target), target - q, 0.0)
-    left = np.where(np.abs(left) < THERE, 0.0, left)
-    return np.clip(APPROACH * left, -fastest, fastest)
+    left = np.where(np.isfinite(target), target - position, 0.0)
+    wanted = position + np.clip(left, -step, step)
+    # What does not follow is not run away from.
+    return np.clip(wanted, q - AHEAD * step, q + AHEAD * step)
 
 
 def twist_towards(T: Floats, T_wanted: Floats, share: float) -> Floats:

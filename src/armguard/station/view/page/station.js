@@ -142,7 +142,8 @@
 
   let driving = false; // whether the view wants keys at all
   const held = new Set();
-  const typing = (event) => event.target?.closest?.("input, textarea, [contenteditable=true]");
+  const typing = (event) => event.target?.closest?.(
+    "input:not([type=checkbox]):not([type=radio]):not([type=range]), textarea, [contenteditable=true]");
   const tellKeys = () => say({ type: "keys", held: [...held] });
   const letGo = () => { if (held.size) { held.clear(); tellKeys(); } };
   window.addEventListener("keydown", (event) => {
@@ -156,7 +157,7 @@
     if (!/^(Key[A-Z]|Digit[1-9]|Arrow\w+)$/.test(event.code)) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    if (!event.repeat) { held.add(event.code); tellKeys(); }
+    if (!held.has(event.code)) { held.add(event.code); tellKeys(); }
   }, true);
   window.addEventListener("keyup", (event) => {
     if (held.delete(event.code)) { event.stopImmediatePropagation(); tellKeys(); }
@@ -187,6 +188,7 @@
         listen(changed);
       } else if (message.type === "driving") {
         driving = message.on;
+        bar.dataset.driving = String(driving);
         letGo();
       }
     };
