@@ -1,6 +1,7 @@
 """The one client that driving goes through; several threads may ask it."""
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,9 @@ from armguard.station.wire.words import Cause
 
 # A call that is not answered for so long is given up; wishes wait meanwhile [s].
 PATIENCE = 2.0
+
+# Answers may not tell yet who commands for so long after a claim [s].
+FRESH = 0.5
 
 # What a client says that hears nothing of its service.
 SILENT = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
@@ -31,6 +35,7 @@ class Commander:
         self._client, self._complain = client, complain
         self._lock = threading.Lock()
         self._commands = False
+        self._claimed = -float("inf")
         self.cause = Cause.NONE
 
     @property
@@ -63,25 +68,36 @@ class Commander:
             return self._client.connect(timeout)
 
     def listen(self) -> None:
-        """Take over what came in."""
+        """Take over what came in; who was silent for too long has lost the command."""
         with self._lock:
-            self.cause = self._client.latest.cause
-            self._commands = self._client.commands and self.alive
+            latest = self._client.latest
+            self.cause = latest.cause
             while self._client.receive() is not None:
                 pass
+            ours = latest.commander == self._client.sender
+            fresh = time.monotonic() - self._claimed < FRESH
+            lost = self._commands and not (ours or fresh)
+            self._commands = self._commands and not lost
+        if lost:
+            self._complain(
+                "the command is gone: somebody took it, or the service heard nothing "
+                "of this page for too long"
+            )
 
     def claim(self, force: bool = False) -> bool:
         """Take the command; whether that was granted."""
         if force:
-            self._commands = self._try(lambda: self._client.claim(force=True))
-            return self._commands
-        try:
-            with self._lock:
-                self._client.claim()
-        except ArmguardError:
-            return False
-        self._commands = True
-        return True
+            granted = self._try(lambda: self._client.claim(force=True))
+        else:
+            try:
+                with self._lock:
+                    self._client.claim()
+                granted = True
+            except ArmguardError:
+                granted = False
+        self._claimed = time.monotonic()
+        self._commands = granted
+        return granted
 
     def give_back(self) -> None:
         """Give the command back."""
