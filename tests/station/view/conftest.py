@@ -48,7 +48,7 @@ robots:
 
 objects:
   floor: {{box: [2, 2, 0.1], at: {{xyz: [0, 0, 0.3]}}}}   # what it stands on
-  post: {{box: [0.1, 0.1, 1.0], at: {{xyz: [0.35, 0.55, 0.85]}}}}
+  post: {{box: [0.1, 0.1, 1.4], at: {{xyz: [0.2, 0.32, 1.05]}}}}
   spare: {{box: [0.2, 0.2, 0.2], at: {{xyz: [-1, -1, 1]}}, present: false}}
 
 allow:
@@ -153,7 +153,7 @@ def browser(tmp_path_factory: Any) -> Iterator[Any]:
         found.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def station(browser: Any, tmp_path_factory: Any) -> Iterator[Station]:
     """A service with an arm, and its view in a page."""
     folder = tmp_path_factory.mktemp("station")
