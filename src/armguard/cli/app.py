@@ -14,6 +14,7 @@ from armguard.cli.replay import replay
 from armguard.cli.report import report
 from armguard.cli.run import run
 from armguard.cli.serve import serve
+from armguard.cli.view import view
 from armguard.errors import ArmguardError
 
 app = typer.Typer(

@@ -1,0 +1,48 @@
+"""`armguard view`: the live view of a service, or of a recording."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armguard.cli.console import say
+from armguard.station.errors import StationError
+
+
+def view(
+    recording: Annotated[
+        Path | None,
+        typer.Argument(help="A recording to play; the running service if left out."),
+    ] = None,
+    port: Annotated[int, typer.Option(help="Port of the service.")] = 47800,
+    page_port: Annotated[
+        int, typer.Option(help="Port of the page; 0 for one that is free.")
+    ] = 8080,
+    key_file: Annotated[
+        Path | None, typer.Option(help="File with the service's key.")
+    ] = None,
+) -> None:
+    """Show a running service in the browser and drive through it, or play a recording.
+
+    The first line on standard output tells what to open.
+    """
+    if find_spec("viser") is None:
+        raise StationError("the view needs viser: pip install 'armguard[view]'")
+    from armguard.station.view.__main__ import show
+
+    if recording is None:
+        from armguard.station.view.live_view import LiveView
+        from armguard.station.wire import read_key
+
+        key = b"" if key_file is None else read_key(key_file)
+        show(LiveView(port, page_port, key=key))
+        return
+    from armguard.station.blackbox import open_recording
+    from armguard.station.view.recorded_view import RecordedView
+
+    found = open_recording(recording)
+    shown = RecordedView(found.scene(), found.frames(), page_port)
+    for problem in found.problems:
+        say(f"note: {problem}")
+    show(shown)

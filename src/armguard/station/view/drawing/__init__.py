@@ -1,0 +1,1 @@
+"""What stands in the page's scene: each file draws one kind of thing."""

@@ -1,0 +1,197 @@
+"""The view of a running service: its ring is drawn, its client drives."""
+
+import queue
+import secrets
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from armguard.scene.bay import bay_path
+from armguard.station.client import Client, Welcome
+from armguard.station.errors import NoServiceError
+from armguard.station.frames import Frame, Kind
+from armguard.station.simulated import TeleDriver
+from armguard.station.simulated.operator import Operator
+from armguard.station.view.drive_tab import DriveTab
+from armguard.station.view.driving.commander import Commander
+from armguard.station.view.driving.driver import Driver
+from armguard.station.view.edit_tab import EditTab
+from armguard.station.view.editing.editor import Editor
+from armguard.station.view.live import LiveFrames
+from armguard.station.view.service_scene import guarded_scene
+from armguard.station.view.view import View, at_rate
+
+# A frame that is older than this is not the present any more [s].
+OLD = 0.5
+
+# Time between two attempts to find a service that went away, and how long each may
+# take [s].
+AGAIN, ATTEMPT = 1.0, 0.2
+
+# Answers are only looked at for who commands: one in so many cycles will do.
+EVERY = 5
+
+
+class LiveView:
+    """Shows a service and drives through it, also after it was started anew.
+
+    Attributes:
+        view: The page.
+        driver: Who drives.
+        commander: What driving goes through.
+
+    Args:
+        port: Port of the service.
+        page_port: Where the page is to be; 0 for any port that is free.
+        key: The service's key; empty for the public word.
+
+    Raises:
+        NoServiceError: No service answers.
+        StationError: The page's port is taken, or the scene is not the service's.
+        RingError: The service's ring is not on this machine.
+    """
+
+    def __init__(self, port: int, page_port: int = 8080, *, key: bytes = b"") -> None:
+        client = Client(port, key=key, name="view", sensor=True, every=EVERY)
+        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._tried = time.monotonic()
+        self._welcome = client.connect()
+        self.commander = Commander(client, self._complain)
+        self.view = View(guarded_scene(self._welcome), page_port, self._heard)
+        self._add_tabs()
+        self._watch()
+
+        @self.view.server.on_client_disconnect
+        def _(_: viser.ClientHandle) -> None:
+            # The hand that held a handle or a slider is gone.
+            self._drive.let_go()
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        return self.view.page.address
+
+    def run(self, until: Callable[[], bool]) -> None:
+        """Draw until told not to."""
+        at_rate(self.draw, until)
+
+    def draw(self) -> None:
+        """Draw the newest cycle, or say why there is none."""
+        while not self._jobs.empty():
+            self._jobs.get()()
+        self.view.remark = self.commander.remark
+        frame = self._frames.newest
+        if self.view.draw(frame) and frame is not None:
+            self._drive.show(frame, time.monotonic())
+            self._edit.show()
+        age = self._frames.age()
+        if age >= OLD:
+            self.view.tell(frame, self._why_old(age))
+            self._find_again()
+
+    def close(self) -> None:
+        """Give the command back, let go of ring, page and service."""
+        self._close_tabs()
+        self._frames.close()
+        self.view.close()
+        self.commander.close()
+
+    def _add_tabs(self) -> None:
+        """Put up the tabs by which the scene that is shown is driven and edited."""
+        view, world = self.view, self.view.world
+        file = Path(self._welcome.scene_file) if self._welcome.scene_file else None
+        self.driver = Driver(
+            world.tables,
+            lambda: self._frames.newest,
+            self.commander,
+            self.commander.stop,
+        )
+        self._editor = Editor(world.tables, world.placements, self.commander.call)
+        with view.tabs.add_tab("Drive", viser.Icon.DEVICE_GAMEPAD_2):
+            self._drive = DriveTab(
+                view.server,
+                world,
+                self.driver,
+                self.commander,
+                lambda: Operator(TeleDriver(world.tables, secrets.randbits(31))),
+                lambda on: view.page.tell("driving", {"on": on}, keep=True),
+            )
+        with view.tabs.add_tab("Edit", viser.Icon.CUBE):
+            # The bundled scene belongs to everybody.
+            own = file if file != bay_path() else None
+            self._edit = EditTab(view.server, world, self._editor, own)
+        view.page.tell("driving", {"on": False}, keep=True)
+
+    def _close_tabs(self) -> None:
+        self.driver.close()
+        self._editor.close()
+
+    def _watch(self) -> None:
+        """Read the service's ring from now on."""
+        self._hash = self._welcome.scene_hash
+        ring = Path(self._welcome.ring)
+        self._frames = LiveFrames(ring, self.view.cue, self._other)
+        self._frames.start()
+        self.driver.start()
+
+    def _other(self, frame: Frame) -> None:
+        """What is no cycle, from the ring's thread."""
+        text = frame.text
+        if frame.kind is Kind.EVENT:
+            self.view.world.placements.take(text)
+        elif text.get("note") == "scene" and text["scene_hash"] != self._hash:
+            self._hash = text["scene_hash"]
+            self._jobs.put(self._adopt_settings)
+
+    def _adopt_settings(self) -> None:
+        """The service goes on with other settings of its scene."""
+        try:
+            self._greet(self.commander.connect(timeout=1.0))
+        except NoServiceError as error:
+            self._complain(str(error))
+
+    def _find_again(self) -> None:
+        """Look for a service at the same port that was started anew."""
+        now = time.monotonic()
+        if self.commander.alive or now - self._tried < AGAIN:
+            return
+        try:
+            self._greet(self.commander.connect(ATTEMPT))
+        except NoServiceError:
+            pass
+        self._tried = time.monotonic()
+
+    def _greet(self, welcome: Welcome) -> None:
+        """Show what a service guards that was said hello to anew."""
+        scene = guarded_scene(welcome)
+        self._close_tabs()
+        self._frames.close()
+        self._welcome = welcome
+        self.view.show_scene(scene)
+        self._add_tabs()
+        self._watch()
+
+    def _why_old(self, age: float) -> str:
+        """Why there is nothing new."""
+        if self._frames.closed:
+            return "the service has ended"
+        why = "" if self.commander.alive else f": {self.commander.cause.sentence}"
+        return f"nothing new since {age:.1f} s{why}"
+
+    def _heard(self, said: Mapping[str, Any]) -> None:
+        """What a page says, from the page's thread."""
+        kind = said["type"]
+        if kind == "stop":
+            self.commander.stop()
+        elif kind == "gone":
+            self.driver.jog.let_go()
+        elif kind in ("keys", "pad"):
+            self.driver.jog.hear(said)
+
+    def _complain(self, sentence: str) -> None:
+        """Tell everybody why something was not done."""
+        for client in self.view.server.get_clients().values():
+            client.add_notification("Refused", sentence, color="orange")

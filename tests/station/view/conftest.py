@@ -1,0 +1,228 @@
+"""A service, simulated arms, a view and a browser: the real processes of each."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from armguard.scene.bay import bay_path
+from armguard.station.frames import Frame, Kind, frame_of
+from armguard.station.ring import RingReader
+from armguard.station.simulated.stage import Stage
+
+CHROMIUM = Path("/usr/bin/chromium")
+
+# Without these it looks for its maker's hosts, and does not run as root.
+FLAGS = [
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--enable-unsafe-swiftshader",
+]
+
+# Nothing here takes longer, however busy the machine is [s].
+PATIENCE = 40.0
+
+# An arm, a post in its way, a crate it may not reach, and a box held ready. The period
+# is long and may be late: a browser that draws without a graphics card takes its time.
+SCENE = f"""\
+robots:
+  left:
+    urdf: {bay_path().parent / "bay_arm.urdf"}
+    base: {{xyz: [0, 0, 0.5]}}
+    home: {{joint1: 0, joint2: -0.35, joint3: 0, joint4: 1.7, joint5: 0, joint6: 1.25}}
+    response: stop
+    stopping:
+      deceleration: 4.0
+      acceleration: 8.0
+      delays: {{sensing: 0.003, command: 0.003, stale: 1.0}}
+
+objects:
+  floor: {{box: [2, 2, 0.1], at: {{xyz: [0, 0, 0.3]}}}}   # what it stands on
+  post: {{box: [0.1, 0.1, 1.4], at: {{xyz: [0.2, 0.32, 1.05]}}}}
+  spare: {{box: [0.2, 0.2, 0.2], at: {{xyz: [-1, -1, 1]}}, present: false}}
+
+allow:
+  - {{a: left/link1, b: floor, reason: it stands there}}
+"""
+
+
+class Station:
+    """What is running, and a page that shows it.
+
+    Attributes:
+        page: The browser's page.
+        requests: Addresses the page asked for.
+        errors: What went wrong in the page.
+        scene_file: The scene's file.
+        stage: Service and arms.
+        address: Where the page is.
+    """
+
+    def __init__(self, stage: Stage, page: Any, address: str, scene_file: Path) -> None:
+        self.stage, self.page, self.address = stage, page, address
+        self.scene_file = scene_file
+        self.requests: list[str] = []
+        self.errors: list[str] = []
+
+    def cycles(self) -> list[Frame]:
+        """The cycles that are in the ring."""
+        ring = RingReader(Path(self.stage.client.welcome.ring))
+        rows = [row for row in ring.unread() if int(row[0]) == Kind.CYCLE]
+        ring.close()
+        return [frame_of(row) for row in rows]
+
+    def newest(self) -> Frame:
+        """The newest cycle."""
+        return self.cycles()[-1]
+
+    def until(self, what: Callable[[], Any], says: str) -> Any:
+        """Wait for something; the pages of the browser go on meanwhile."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            found = what()
+            if found:
+                return found
+            self.page.wait_for_timeout(50)
+        why = self.page.locator("#why").inner_text()
+        raise AssertionError(f"after {PATIENCE:.0f} s: {says}; the page says: {why}")
+
+    def tab(self, name: str) -> None:
+        """Open a tab of the panel."""
+        self.page.get_by_role("tab", name=name).click()
+
+    def button(self, name: str) -> Any:
+        """A button of the page."""
+        return self.page.get_by_role("button", name=name)
+
+    def take(self) -> None:
+        """Take the command, unless it is ours."""
+        button = self.button("Take the command")
+        if button.is_enabled():
+            # Unless it is granted meanwhile; then there is nothing to click.
+            with suppress(Exception):
+                button.click(timeout=1000)
+
+    def lead(self, joint: int) -> None:
+        """Lead a joint to its upper end, with the command, and engaged if need be.
+
+        A machine that is busy with drawing may be late for once: then everything is
+        stopped and the command may be gone, as it is to be.
+        """
+        self.take()
+        if self.light() in ("BRAKE", "HARDWARE_STOP"):
+            self.button("Reset after a brake").click()
+        elif self.light() != "CLEAR":
+            self.button("Engage all").click()
+        # The first slider is the speed's; then come the joints.
+        self.page.get_by_role("slider").nth(joint).press("End")
+
+    def light(self) -> str:
+        """The level the light shows."""
+        return str(self.page.locator("#light").get_attribute("data-level"))
+
+    def picture(self, name: str) -> None:
+        """Keep a picture of the page."""
+        folder = os.environ.get("ARMGUARD_PICTURES")
+        if folder:
+            self.page.screenshot(path=Path(folder) / f"{name}.png")
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: Any) -> Iterator[Any]:
+    """Chromium without a window; without one the tests are skipped."""
+    if not CHROMIUM.exists():
+        pytest.skip(f"there is no browser at {CHROMIUM}")
+    playwright = pytest.importorskip("playwright.sync_api")
+    # It draws with the processors that the loop runs on: let that go first.
+    polite = tmp_path_factory.mktemp("browser") / "chromium"
+    polite.write_text(f'#!/bin/sh\nexec nice -n 19 {CHROMIUM} "$@"\n')
+    polite.chmod(0o755)
+    with playwright.sync_playwright() as tools:
+        found = tools.chromium.launch(executable_path=str(polite), args=FLAGS)
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="session")
+def station(browser: Any, tmp_path_factory: Any) -> Iterator[Station]:
+    """A service with an arm, and its view in a page."""
+    folder = tmp_path_factory.mktemp("station")
+    file = folder / "scene.yaml"
+    file.write_text(SCENE, encoding="utf-8")
+    options = ("--rate", "100", "--late", "0.1", "--no-self-test")
+    with (
+        (folder / "log").open("wb") as log,
+        Stage(str(file), *options, log=log) as stage,
+    ):
+        stage.start_service()
+        stage.wait_for_service()
+        stage.start_arms()
+        with shown(stage.port) as (process, address):
+            del process
+            page = browser.new_page(viewport={"width": 1024, "height": 768})
+            yield opened(Station(stage, page, address, file))
+            page.close()
+
+
+class shown:
+    """A view of a service, as a process of its own."""
+
+    def __init__(self, port: int, *words: str) -> None:
+        self._words = (
+            *(sys.executable, "-m", "armguard", "view"),
+            *("--port", str(port), "--page-port", "0", *words),
+        )
+
+    def __enter__(self) -> tuple[subprocess.Popen[str], str]:
+        self._process = subprocess.Popen(self._words, stdout=subprocess.PIPE, text=True)
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        assert "http://" in line, "the view said nothing"
+        return self._process, line.split()[-1]
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        self._process.wait(timeout=PATIENCE)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+
+def opened(station: Station) -> Station:
+    """Open the page, listening to all it asks for; whatever is outside is refused."""
+    page = station.page
+
+    def ask(route: Any) -> None:
+        station.requests.append(route.request.url)
+        ours = route.request.url.startswith((station.address, "blob:", "data:"))
+        if ours:
+            route.continue_()
+        else:
+            route.abort()
+
+    def hear(message: Any) -> None:
+        if message.type == "error":
+            station.errors.append(message.text)
+
+    page.on("console", hear)
+    page.on("pageerror", lambda error: station.errors.append(str(error)))
+    page.on("websocket", lambda socket: station.requests.append(socket.url))
+    page.route("**", ask)
+    # Drawn coarsely: here no graphics card draws, but the processors that do the rest.
+    page.goto(f"{station.address}?fixedDpr=0.25")
+    station.until(lambda: station.light() not in ("None", ""), "no light")
+    page.get_by_role("tab", name="Drive").wait_for(timeout=PATIENCE * 1e3)
+    # Viser says that it draws without a graphics card; that is so.
+    told = page.get_by_text("Software WebGL rendering detected")
+    if told.count():
+        page.locator("[class*=Notification] button").first.click(force=True)
+    return station

@@ -1,0 +1,154 @@
+"""The page's own channel: who may listen, how fast a level is there, what ends it."""
+
+import asyncio
+import json
+import os
+import signal
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+from armguard import Guard, bay_scene
+from armguard.station.recorded import RecordedGuard
+from armguard.station.ring import RingWriter
+from armguard.station.view.live import LiveFrames
+from armguard.station.view.view import View
+
+PATIENCE = 20.0
+
+
+class Loop:
+    """A loop that judges when it is told to, and a view that reads its ring."""
+
+    def __init__(self, folder: Path) -> None:
+        scene = bay_scene("path")
+        scene.period = 0.01
+        self.guard = Guard(scene, self_test=False)
+        self.ring = RingWriter(folder / "ring")
+        self.taped = RecordedGuard(self.guard, self.ring)
+        self.heard: list[object] = []
+        self.view = View(scene, 0, self.heard.append)
+        self.frames = LiveFrames(folder / "ring", self.view.cue, lambda frame: None)
+        self.frames.start()
+        self.stamp = 0.0
+
+    def cycle(self, readable: bool = True) -> None:
+        """One cycle; a stop if it cannot be read."""
+        q = self.guard.home if readable else np.full_like(self.guard.home, np.nan)
+        self.stamp += 0.01
+        self.taped.step(q, self.stamp, velocity=np.zeros_like(self.guard.home))
+
+    def close(self) -> None:
+        self.frames.close()
+        self.view.close()
+        self.ring.close()
+
+
+@pytest.fixture(scope="module")
+def loop(tmp_path_factory):
+    made = Loop(tmp_path_factory.mktemp("loop"))
+    yield made
+    made.close()
+
+
+def listening(loop, origin):
+    """A page of some origin on the channel."""
+    address = loop.view.page.address.replace("http", "ws") + "station"
+    return connect(address, origin=origin)
+
+
+async def state(page, level):
+    """Wait until the page is told of a level; the message."""
+    async with asyncio.timeout(PATIENCE):
+        while True:
+            message = json.loads(await page.recv())
+            if message["type"] == "state" and message["name"] == level:
+                return message
+
+
+def test_every_change_of_a_level_is_told_with_its_sentence(loop):
+    async def listen():
+        origin = loop.view.page.address.rstrip("/")
+        async with listening(loop, origin) as page:
+            for _ in range(5):
+                loop.cycle()
+                clear = await state(page, "CLEAR")
+                loop.cycle(readable=False)
+                stop = await state(page, "STOP")
+                assert stop["cycle"] == clear["cycle"] + 1
+                assert "finite" in stop["why"]
+                assert stop["word"] == "STOP"
+                assert {robot["name"] for robot in stop["robots"]} == {"left", "right"}
+            await page.send(json.dumps({"type": "stop"}))
+            await page.send("no JSON")
+            await page.send(json.dumps([1]))
+
+    asyncio.run(listen())
+    end = time.monotonic() + PATIENCE
+    while {"type": "gone"} not in loop.heard and time.monotonic() < end:
+        time.sleep(0.01)
+    assert loop.heard == [{"type": "stop"}, {"type": "gone"}]
+    assert len(loop.view.cue_delays) >= 9
+
+
+def test_pages_of_others_are_refused(loop):
+    async def listen(origin):
+        async with listening(loop, origin):
+            pass
+
+    for origin in ("http://example.org", None, "http://127.0.0.1:1"):
+        with pytest.raises(InvalidStatus):
+            asyncio.run(listen(origin))
+    scene = f"ws://127.0.0.1:{loop.view.server.get_port()}"
+
+    async def look():
+        import viser
+
+        protocol = f"viser-v{viser.__version__}"
+        async with connect(
+            scene, origin="http://example.org", subprotocols=[protocol]
+        ) as page:
+            async with asyncio.timeout(PATIENCE):
+                while True:
+                    await page.recv()
+
+    with pytest.raises(Exception, match="1008"):
+        asyncio.run(look())
+
+
+def test_only_its_own_files_are_given_and_only_under_its_own_name(loop):
+    address = loop.view.page.address
+    with urllib.request.urlopen(address, timeout=PATIENCE) as answer:
+        page = answer.read().decode()
+        assert "station.js" in page
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+    for path in ("../view.py", "nothing", "page_server.py"):
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(address + path, timeout=PATIENCE)
+    stranger = urllib.request.Request(address, headers={"Host": "example.org"})
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(stranger, timeout=PATIENCE)
+
+
+def test_a_port_that_is_taken_is_an_error_in_words(loop):
+    with pytest.raises(Exception, match=f"port {loop.view.page.port}.*--page-port"):
+        View(bay_scene("path"), loop.view.page.port, loop.heard.append)
+
+
+def test_a_view_that_is_killed_costs_the_loop_nothing(station):
+    from tests.station.view.conftest import shown
+
+    before = station.newest().cycle
+    with shown(station.stage.port) as (process, _):
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait(timeout=PATIENCE)
+        end = time.monotonic() + PATIENCE
+        while station.newest().cycle < before + 50 and time.monotonic() < end:
+            time.sleep(0.05)
+    assert station.newest().cycle >= before + 50

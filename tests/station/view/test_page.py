@@ -1,0 +1,126 @@
+"""The page in a real browser, on a real service with simulated arms."""
+
+import numpy as np
+
+from armguard.guard import layout
+from armguard.guard.levels import Level
+
+STOPPED = ("STOP", "RECOVER")
+
+# Levels come and go faster than a test can ask: the page notes each with its sentence.
+NOTE_LEVELS = """() => {
+  const light = document.getElementById("light");
+  const why = document.getElementById("why");
+  window.levelsSeen = [];
+  const note = () => window.levelsSeen.push([light.dataset.level, why.textContent]);
+  new MutationObserver(note).observe(light, {attributes: true, childList: true});
+}"""
+
+
+def at_rest(station):
+    """Whether nothing is told to move any more."""
+    return not station.newest().told[:7].any()
+
+
+def test_it_loads_from_this_machine_alone_and_without_a_complaint(station):
+    station.until(
+        lambda: station.light() == "CLEAR", "the arm is at rest, in the clear"
+    )
+    station.picture("page")
+    outside = [
+        url
+        for url in station.requests
+        if not url.startswith((station.address, "ws://127.0.0.1:", "blob:", "data:"))
+    ]
+    assert outside == []
+    assert station.errors == []
+    assert station.page.get_by_text("Share").count() == 0
+    assert station.page.locator("#why").inner_text() != ""
+    assert "written" in station.page.locator("#slack").inner_text()
+
+
+def test_a_slider_moves_the_arm(station):
+    station.tab("Drive")
+    station.page.get_by_text("Joints of left").click()
+    before = station.newest().q.copy()
+
+    def led():
+        if at_rest(station):
+            station.lead(7)
+        return station.newest().q[6] > before[6] + 0.5
+
+    station.until(led, "the joint is not led")
+    others = (station.newest().q - before)[:6]
+    assert np.abs(others).max() < 0.01
+    station.until(lambda: at_rest(station), "it does not come to rest")
+    station.picture("slider")
+
+
+def test_keys_move_the_tool_while_they_are_held(station):
+    station.tab("Drive")
+    station.page.get_by_label("Keys and gamepad").check(force=True)
+    station.page.locator("#station[data-driving=true]").wait_for()
+    before = station.newest().poses.copy()
+    station.page.keyboard.down("KeyR")
+
+    def rises():
+        if at_rest(station) and station.light() != "CLEAR":
+            station.button("Engage all").click()
+        station.take()
+        return np.abs(station.newest().poses - before).max() > 0.02
+
+    station.until(rises, "the tool did not rise")
+    station.page.keyboard.up("KeyR")
+    station.until(lambda: at_rest(station), "it goes on rising")
+
+
+def test_a_near_miss_turns_the_light_and_stops_the_arm(station):
+    page = station.page
+    page.locator("#sound").click()
+    station.tab("Drive")
+    # The post stands to the left of the arm: it is led there, and on.
+
+    page.evaluate(NOTE_LEVELS)
+
+    def stopped():
+        if at_rest(station):
+            station.lead(1)
+        told = page.evaluate("window.levelsSeen")
+        return any(level in STOPPED and "post" in why for level, why in told)
+
+    station.until(stopped, "the post did not stop the arm")
+    station.picture("stopped")
+    # It was the loop that stopped it, and the page had it from there.
+    levels = [
+        (frame.verdict[layout.HEADER + layout.ROBOT_LEVEL], frame.told[:7].any())
+        for frame in station.cycles()
+    ]
+    assert max(level for level, _ in levels) >= Level.STOP
+    assert not all(moves for level, moves in levels if level >= Level.STOP)
+    beeps = page.evaluate("window.stationBeeps")
+    assert {beep["name"] for beep in beeps} == {"left"}
+    assert any(beep["level"] >= Level.STOP for beep in beeps)
+    # Muted again, it says no more.
+    page.locator("#sound").click()
+    count = len(page.evaluate("window.stationBeeps"))
+    page.wait_for_timeout(600)
+    assert len(page.evaluate("window.stationBeeps")) == count
+
+
+def test_the_stop_button_stops_everything(station):
+    page = station.page
+    station.tab("Drive")
+    station.button("Engage all").click()
+    page.locator("#stop").click()
+    station.until(
+        lambda: station.light() in STOPPED, "the light says nothing of a stop"
+    )
+    station.until(
+        lambda: "stop was ordered" in page.locator("#why").inner_text(),
+        "the page does not say that a stop was ordered",
+    )
+    station.button("Engage all").click()
+    station.until(
+        lambda: "stop was ordered" not in page.locator("#why").inner_text(),
+        "it was engaged",
+    )
