@@ -83,7 +83,8 @@ def serve(
     if metrics is not None:
         companions["metrics"] = ("--port", str(metrics))
     if zenoh:
-        companions["zenoh"] = ()
+        keyed = () if key_file is None else ("--key-file", str(key_file))
+        companions["zenoh"] = ("--companion", *keyed)
     if view:
         companions["view"] = ()
     settings = ServiceSettings(

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +17,7 @@ from armguard.scene.scene import Scene
 from armguard.station import frames
 from armguard.station.frames import HEADER, Form, Kind, text_frame, words
 from armguard.station.ring import RingWriter
+from armguard.station.shape_words import words_of
 
 Floats = NDArray[np.float64]
 
@@ -57,6 +57,8 @@ class RecordedGuard:
         self._robots = tuple(part.name for part in guard.tables.robots)
         self._joints = len(guard.q_names)
         self._poses = guard.poses.reshape(-1)
+        # Shapes that objects were given since the start.
+        self._shapes: dict[str, Shape | None] = {}
         self._nowhere = np.full(self._joints, np.nan)
 
     def step(
@@ -155,6 +157,8 @@ class RecordedGuard:
     ) -> None:
         """See `Guard.place`."""
         self.guard.place(name, pose, stamp, velocity=velocity, shape=shape)
+        # Told every time: a checkpoint knows where things stand, not their sizes.
+        shape = self._shapes[name] = shape or self._shapes.get(name)
         T = pose.matrix() if isinstance(pose, Pose) else np.asarray(pose)
         moves = None if velocity is None else np.asarray(velocity).tolist()
         self.note(
@@ -404,11 +408,6 @@ class RecordedGuard:
             frames.put_text(text, row[at:])
         self._ring.commit()
         self.cycle += 1
-
-
-def words_of(shape: Shape) -> dict[str, Any]:
-    """A shape as its kind and its sizes."""
-    return {"kind": shape.kind.name.lower(), **asdict(shape)}
 
 
 def by_name(values: Mapping[str, float], names: Sequence[str]) -> Floats:

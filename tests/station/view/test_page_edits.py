@@ -1,4 +1,4 @@
-"""Boxes put up at the page stand in the loop at once, and in the file when confirmed."""
+"""Boxes put up at the page stand in the loop at once, in the file when confirmed."""
 
 from pathlib import Path
 

@@ -16,6 +16,7 @@ from armguard.station.blackbox.blocks import digest_of
 from armguard.station.blackbox.difference import difference
 from armguard.station.blackbox.recording import Recording
 from armguard.station.frames import Form, Frame, Kind
+from armguard.station.shape_words import shape_of
 
 Floats = NDArray[np.float64]
 
@@ -276,6 +277,7 @@ def do(guard: Guard, frame: Frame) -> None:
             np.array(told["pose"]),
             told["stamp"],
             velocity=told["velocity"],
+            shape=None if told["shape"] is None else shape_of(told["shape"]),
         )
         return
     if call == "allow" and told["region"] is not None:

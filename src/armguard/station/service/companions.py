@@ -13,8 +13,8 @@ log = logging.getLogger("armguard.service")
 MODULES: Mapping[str, tuple[str, ...]] = {
     "record": ("armguard.station.blackbox", "--ring", "{ring}"),
     "view": ("armguard.station.view", "--service", "{port}"),
-    "metrics": ("armguard.station.metrics", "--ring", "{ring}"),
-    "zenoh": ("armguard.station.bridge", "--service", "{port}"),
+    "metrics": ("armguard.station.exporter", "--ring", "{ring}"),
+    "zenoh": ("armguard.station.zenoh_bridge", "--port", "{port}"),
 }
 
 # How long they get to end by themselves [s].

@@ -1,11 +1,13 @@
 """The guard of the service, what it is asked in each cycle, and how it is changed."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import SceneError
+from armguard.geometry.shapes import Shape
 from armguard.respond import Command, Guard
 from armguard.scene import Scene
 from armguard.station import frames
@@ -17,6 +19,7 @@ from armguard.station.service.scenes import scene_hash
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.states import States
 from armguard.station.service.wishes import Wishes
+from armguard.station.shape_words import shape_of
 from armguard.station.wire.layout import Form
 from armguard.station.wire.words import Cause
 
@@ -52,6 +55,7 @@ class Judge:
         self._ring = ring
         # Where objects were put since the start, or that they were taken away.
         self._moved: dict[str, dict[str, Any] | None] = {}
+        self._shapes: dict[str, Shape] = {}
         self.guard, self.hash = self._build(settings.self_test)
         n = len(self.guard.guard.q_names)
         self._nothing: Floats = np.zeros(n)
@@ -157,10 +161,14 @@ class Judge:
         pose: Any,
         stamp: float | None = None,
         velocity: Any = None,
+        shape: Mapping[str, Any] | None = None,
     ) -> None:
-        """See `Guard.place`."""
+        """See `Guard.place`; a shape is told by its kind and its sizes."""
         T = np.array(pose, dtype=np.float64)
-        self.guard.place(name, T, stamp, velocity=velocity)
+        made = self._shapes.get(name) if shape is None else shape_of(shape)
+        self.guard.place(name, T, stamp, velocity=velocity, shape=made)
+        if made is not None:
+            self._shapes[name] = made
         self._moved[name] = {"pose": T, "stamp": stamp, "velocity": velocity}
 
     def remove(self, name: str) -> None:
@@ -230,7 +238,13 @@ class Judge:
             if put is None:
                 guard.remove(name)
             else:
-                guard.place(name, put["pose"], put["stamp"], velocity=put["velocity"])
+                guard.place(
+                    name,
+                    put["pose"],
+                    put["stamp"],
+                    velocity=put["velocity"],
+                    shape=self._shapes.get(name),
+                )
         return {"scene_hash": found}
 
     def checkpoint(self) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import SceneError, did_you_mean
+from armguard.geometry.shapes import Box
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.scene import Scene, load_scene
 from armguard.scene.bay import bay_path, bay_scene
@@ -24,6 +25,11 @@ Floats = NDArray[np.float64]
 
 # Scenes that come with the package.
 BUNDLED = ("bay", "two-pandas")
+
+# Boxes a service holds ready for what nobody foresaw, and half of their sizes until
+# somebody says otherwise [m].
+SPARE_BOXES = 8
+SPARE = (0.05, 0.05, 0.05)
 
 
 def open_scene(
@@ -60,11 +66,19 @@ def open_scene(
             f"'{what}' is no file and no bundled scene; those are " + ", ".join(BUNDLED)
         )
     scene.period, scene.late = period, late
+    hold_boxes_ready(scene)
     if mode is not None:
         scene.set_mode(mode)
     if response is not None:
         scene.set_response(response)
     return scene, file
+
+
+def hold_boxes_ready(scene: Scene) -> None:
+    """Add boxes that are not there, for what is put up while the service runs."""
+    for k in range(1, SPARE_BOXES + 1):
+        if f"box{k}" not in scene.objects:
+            scene.add(Box(half_extents=SPARE), name=f"box{k}", present=False)
 
 
 def checked_mode(word: str | None) -> Mode | None:

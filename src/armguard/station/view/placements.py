@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes import Shape
-from armguard.geometry.shapes.registry import SHAPES
 from armguard.scene.scene import Scene
 from armguard.scene.standing import Standing
+from armguard.station.shape_words import shape_of
 
 Floats = NDArray[np.float64]
 
@@ -69,17 +69,3 @@ class Placements:
         else:
             return
         self.changes = next(FRESH)
-
-
-def shape_of(words: Mapping[str, Any]) -> Shape:
-    """A shape from its kind and its sizes, as frames have them."""
-    sizes = {
-        key: tuple(value) if isinstance(value, list) else value
-        for key, value in words.items()
-        if key != "kind"
-    }
-    by_kind: dict[str, Any] = {
-        shape.kind.name.lower(): shape for shape in SHAPES.values()
-    }
-    made: Shape = by_kind[words["kind"]](**sizes)
-    return made
