@@ -64,6 +64,11 @@ class Recording:
         return tuple(self.info.get("robots", ()))
 
     @property
+    def has_scene(self) -> bool:
+        """Whether the scene is in it, whole."""
+        return self._attached(SCENE) is not None
+
+    @property
     def cycle_count(self) -> int:
         """About how many cycles it holds, by its numbers; 0 if nobody knows."""
         period = float(self.info.get("period") or 0.0)

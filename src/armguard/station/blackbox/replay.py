@@ -94,9 +94,16 @@ def replay(
         return replay_scene(recording, start, end, progress)
     answer, began = Replay(), None
     for part in parts:
-        first = next(part.frames()).monotonic
-        began = first if began is None else began
-        past = first - began
+        first = next(part.frames(), None)
+        if first is None:
+            continue
+        began = first.monotonic if began is None else began
+        past = first.monotonic - began
+        if not part.has_scene:
+            # A recorder that began late learns of the scene with the next checkpoint.
+            answer.skipped += sum(f.kind is Kind.CYCLE for f in part.frames())
+            answer.problems += part.problems
+            continue
         found = replay_scene(part, start - past, end - past, progress)
         answer.cycles += found.cycles
         answer.skipped += found.skipped
