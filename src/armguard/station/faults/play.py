@@ -7,7 +7,7 @@ from armguard.station.faults.fault import Effect, Fault, Outcome, Unplayable
 from armguard.station.faults.playground import Playground
 
 # A machine that was late by itself, which these tell, is given so many tries.
-TRIES = 3
+TRIES = 4
 LATE = ("CYCLE_LATE", "STATE_STALE", "DEADLINE_MISSED", "SERVICE_SILENT")
 
 # Arms that rest are watched for so long, whether they set out again by themselves [s].

@@ -51,8 +51,8 @@ FAULTS: tuple[Fault, ...] = (
         inject=states(tampering.late(0.002)),
     ),
     Fault(
-        name="late by 100 ms", group=MESSAGES, effect=STOPS, reasons=NO_STATE,
-        within=WITHIN_STALE, inject=states(tampering.late(0.1)),
+        name="late by 300 ms", group=MESSAGES, effect=STOPS, reasons=NO_STATE,
+        within=WITHIN_STALE, inject=states(tampering.late(0.3)),
     ),
     Fault(
         name="1 % lost", group=MESSAGES, effect=GOES_ON, hold=1.0,
