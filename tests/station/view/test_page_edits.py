@@ -22,8 +22,12 @@ def test_a_box_is_added_moved_written_and_removed(station):
     station.button("Add a box").click()
     station.until(lambda: events(station, "place"), "no box was placed")
     assert events(station, "place")[-1]["name"] == "spare"
-    place = page.get_by_role("textbox").nth(1)
-    station.until(lambda: place.input_value() != "0", "the numbers do not follow")
+    label = page.get_by_text("Place [m]")
+    place = label.locator("xpath=ancestor::*[.//input][1]").locator("input").first
+    x = events(station, "place")[-1]["pose"][0][3]
+    station.until(
+        lambda: abs(float(place.input_value()) - x) < 1e-3, "the numbers do not follow"
+    )
     place.fill("-0.6")
     place.press("Enter")
 

@@ -9,7 +9,9 @@ import viser
 
 from armguard.errors import ArmguardError
 from armguard.geometry.pose import Pose
-from armguard.station.view.drawing.frames import quaternion
+from armguard.scene.tables import SceneTables
+from armguard.station.frames import Frame
+from armguard.station.view.drawing.frames import Floats, quaternion
 from armguard.station.view.drawing.handles import frame_of
 from armguard.station.view.editing.editor import Editor, State
 from armguard.station.view.editing.scene_text import (
@@ -21,8 +23,8 @@ from armguard.station.view.world import World
 
 NOTHING = "nothing"
 
-# A box that was just added: its edge and how far above the arms it is [m].
-EDGE, ABOVE = 0.2, 0.3
+# Edge of a box that was just added [m].
+EDGE = 0.2
 
 
 class EditTab:
@@ -47,6 +49,7 @@ class EditTab:
         self._gizmo: Any | None = None
         self._held = False
         self._known: tuple[str, ...] = ()
+        self._poses: Floats = np.zeros((0, 12))
         gui = server.gui
         self._choice = gui.add_dropdown("Object", (NOTHING,))
         add = gui.add_button("Add a box", icon=viser.Icon.CUBE_PLUS)
@@ -93,8 +96,9 @@ class EditTab:
             if event.client is not None:
                 self._names[self._choice.value] = self._name.value.strip()
 
-    def show(self) -> None:
+    def show(self, frame: Frame) -> None:
         """Let the choice, the numbers and the handle follow."""
+        self._poses = frame.poses
         movable = (NOTHING, *self._editor.movable)
         if movable != self._known:
             self._known = movable
@@ -125,11 +129,8 @@ class EditTab:
                 self._gizmo.wxyz = quaternion(state.T[:3, :3])
 
     def _add(self) -> None:
-        tables = self._world.tables
         T = np.eye(4)
-        tops = [tables.cube_centre[0], tables.cube_centre[1]]
-        T[:2, 3] = tops
-        T[2, 3] = float(tables.cube_centre[2] + ABOVE)
+        T[:3, 3] = free_place(self._world.tables, self._poses)
         name = self._editor.add((EDGE / 2.0,) * 3, T)
         self._names.setdefault(name, self._fresh_name())
         self._known = (*self._known, name)
@@ -196,7 +197,7 @@ class EditTab:
         after = edited(before, self._editor.changes(self._names))
         if before == after:
             raise ArmguardError("nothing is otherwise than the file says")
-        with client.gui.add_modal(f"Changes of {file.name}", size="xl") as modal:
+        with client.gui.add_modal(f"Changes of {file.name}") as modal:
             client.gui.add_html(coloured(difference(before, after, file.name)))
             yes = client.gui.add_button("Write", color="green")
             no = client.gui.add_button("Leave the file as it is")
@@ -217,6 +218,23 @@ class EditTab:
         except (ArmguardError, OSError) as error:
             if event.client is not None:
                 event.client.add_notification("Not done", str(error), color="orange")
+
+
+def free_place(tables: SceneTables, poses: Floats) -> Floats:
+    """A place well away from all bodies, for a box that was just added, shape (3,) [m].
+
+    Args:
+        tables: The scene.
+        poses: Poses of all bodies, rows of [R | p], shape (b, 12).
+    """
+    reach = 0.4 * tables.cube_edge
+    sides = np.array(
+        [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (0, 1)]
+    )
+    places = tables.cube_centre + reach * sides
+    bodies = poses[:, [3, 7, 11]]
+    gaps = np.linalg.norm(places[:, None] - bodies[None], axis=2)
+    return np.asarray(places[int(gaps.min(axis=1, initial=np.inf).argmax())])
 
 
 def coloured(diff: str) -> str:

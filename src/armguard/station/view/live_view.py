@@ -86,7 +86,7 @@ class LiveView:
         frame = self._frames.newest
         if self.view.draw(frame) and frame is not None:
             self._drive.show(frame, time.monotonic())
-            self._edit.show()
+            self._edit.show(frame)
         age = self._frames.age()
         if age >= OLD:
             self.view.tell(frame, self._why_old(age))
