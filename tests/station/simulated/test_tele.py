@@ -82,11 +82,12 @@ def test_out_of_what_is_too_near_he_tries_other_ways():
     [("bay", "deflect"), ("bay", "stop"), ("two-pandas", "deflect")],
 )
 def test_a_minute_at_work_is_busy_and_nothing_touches(name, response):
-    found = work(name, response)
+    found = work(name, response, seed=8)
     assert found.least > 0.0
     assert found.levels[Level.SLOW] + found.levels[Level.STOP] > 500
-    assert found.deflected > 500
     assert (found.moving > 0.5).all()
     assert (found.stuck < 6.0).all()
     if response == "stop":
         assert found.stops >= 3
+    else:
+        assert found.deflected > 500
