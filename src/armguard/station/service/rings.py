@@ -1,4 +1,4 @@
-"""Rings of services, by name: where a new one goes, and what killed ones left behind."""
+"""Rings by name: where a new one goes, and what killed services left behind."""
 
 import os
 import re
