@@ -6,7 +6,12 @@ import pytest
 from armguard.benchmark.service import ServiceBench, bench_service
 from armguard.benchmark.service_arms import Arms
 from armguard.benchmark.service_figures import from_buckets, lateness, print_service
-from armguard.benchmark.service_processes import kept
+from armguard.benchmark.service_processes import (
+    BenchmarkError,
+    kept,
+    line_of,
+    running,
+)
 from armguard.station.service.counters import BUCKETS, bucket_of
 
 FIGURES = {"median_us", "p99_us", "p999_us", "max_us"}
@@ -81,6 +86,13 @@ def test_memory_that_grows_is_not_flat():
     assert kept(grows)["growth_kib_per_minute"] == pytest.approx(3600.0)
     leaks = [(t, memory, files + int(t) // 10) for t, memory, files in steady]
     assert not kept(leaks)["flat"]
+
+
+def test_a_process_that_dies_is_told_with_its_last_words(tmp_path):
+    words = ("armguard", "serve", "no-such-scene", "--port", "0")
+    with pytest.raises(BenchmarkError, match="no-such-scene"):
+        with running(*words, log=tmp_path / "log") as process:
+            line_of(process, 60.0)
 
 
 def test_arms_do_what_they_are_told_as_fast_as_they_can():

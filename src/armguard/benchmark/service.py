@@ -53,6 +53,9 @@ RATE = 1000.0
 ROUND = 30.0
 BARE, ALONE, ECHO = 0.2, 0.1, 0.1
 
+# After a pause a process has that long to notice it [s].
+SETTLE = 0.3
+
 # What the service says of the benchmark itself: its pauses, its client, its stops.
 EXPECTED = ("deadline:", "hello:")
 
@@ -131,7 +134,9 @@ def bench_service(bench: ServiceBench, progress: Progress) -> dict[str, Any]:
         length = bench.seconds / rounds
         for k in range(rounds):
             progress(f"round {k + 1} of {rounds}, {length:.0f} s of the service each")
-            one_round(bench, loops, service.pid, port, echo_port, counters, found)
+            one_round(
+                bench, length, loops, service.pid, (port, echo_port), counters, found
+            )
             if service.poll() is not None:
                 raise BenchmarkError(f"the service has ended: {service.returncode}")
         passed = time.monotonic() - begin
@@ -198,16 +203,25 @@ def viewed(port: int, folder: Path, watch: Watch, notes: list[str]) -> Iterator[
 
 def one_round(
     bench: ServiceBench,
+    length: float,
     loops: Loops,
     service: int,
-    port: int,
-    echo_port: int,
+    ports: tuple[int, int],
     counters: CountersReader,
     found: Found,
 ) -> None:
-    """Each loop in its turn."""
-    rate = bench.rate
-    length = bench.seconds if bench.soak else min(bench.seconds, ROUND)
+    """Each loop in its turn.
+
+    Args:
+        bench: How.
+        length: How long the service is measured [s].
+        loops: The process that is all of them.
+        service: The service's process.
+        ports: Ports of the service and of the echo.
+        counters: What the service counts.
+        found: What is found is added to it.
+    """
+    rate, (port, echo_port) = bench.rate, ports
     before = counters.values(), counters.stops(), histograms(counters)
     found.add("service", loops.ask("client", rate, length, port))
     after = counters.values(), counters.stops(), histograms(counters)
@@ -233,6 +247,8 @@ def paused(process: int) -> Iterator[None]:
         yield
     finally:
         one.send_signal(signal.SIGCONT)
+        # What it counts for having been paused must not be counted as its own.
+        time.sleep(SETTLE)
 
 
 def histograms(counters: CountersReader) -> dict[str, Histogram]:

@@ -15,11 +15,15 @@ ROWS, STEP = 2000, 0.03
 # they ask for [rad/s].
 PULL, FASTEST = 2.0, 1.2
 
-# What the bay's arms can do: they speed up and stop with that much [rad/s²].
-STRENGTH = 8.0
+# What the bay's arms can do: they speed up and stop with that much, their brakes with
+# more [rad/s²].
+STRENGTH, BRAKES = 8.0, 30.0
 
-# A period that was longer than that is none: the arms stood meanwhile [s].
-LONGEST = 0.05
+# As `Action` numbers what is more than a stop.
+BRAKE = 20
+
+# Nobody waits longer than that for a turn; after that they have been stopped [s].
+LONGEST = 1.0
 
 
 class Arms:
@@ -41,6 +45,7 @@ class Arms:
         self.worked = 0.0
         self._told: Floats = np.zeros_like(self.q)
         self._at = float("nan")
+        self._braked = False
 
     def measure(self, now: float) -> None:
         """Let them move until now [s]."""
@@ -48,7 +53,7 @@ class Arms:
         self._at = now
         if not 0.0 < passed < LONGEST:
             return
-        most = STRENGTH * passed
+        most = (BRAKES if self._braked else STRENGTH) * passed
         after = self.v + np.clip(self._told - self.v, -most, most)
         self.q += 0.5 * (self.v + after) * passed
         self.v = after
@@ -67,7 +72,8 @@ class Arms:
     def obey(self, answer: Answer, now: float) -> None:
         """An answer has come [s]."""
         self.measure(now)
-        self._told = answer.velocity
+        self._braked = answer.action_number >= BRAKE
+        self._told = np.zeros_like(self.q) if self._braked else answer.velocity
 
     def rest(self) -> None:
         """Nobody tells them anything any more: they stop."""

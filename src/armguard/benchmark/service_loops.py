@@ -33,6 +33,9 @@ NANO = 1_000_000_000
 # arms have to be engaged [s].
 WARM = 0.5
 
+# As `Level` numbers it.
+BRAKE = 40
+
 # Who was stopped asks to be let go again after that long [s].
 PATIENCE = 0.05
 
@@ -148,7 +151,7 @@ class Talk:
         arms.obey(answer, client.clock())
         self._look(answer)
         if answer.action_number >= STOP_ACTION and arms.resting:
-            self._let_go(now)
+            self._let_go(now, answer.level_number)
 
     def _look(self, answer: Answer) -> None:
         """Count what an answer says."""
@@ -174,8 +177,12 @@ class Talk:
             self._inside.append(answer.inside)
         self._levels[answer.level.name] += 1
 
-    def _let_go(self, now: float) -> None:
-        """Whoever was stopped is engaged again, as an operator would."""
+    def _let_go(self, now: float, level: int) -> None:
+        """Whoever was stopped is engaged again, as an operator would.
+
+        Arms that did not stop as declared, because this process had no time to obey,
+        would be measured standing for the rest of the run: all starts anew then.
+        """
         if now - self._asked < PATIENCE:
             return
         self._asked = now
@@ -183,6 +190,9 @@ class Talk:
         with suppress(StationError):
             if not self._client.commands:
                 self._client.claim(force=True)
+            if level >= BRAKE:
+                self._client.call("reset", timeout=0.2)
+                self._tally["reset"] += 1
             self._client.call("engage", timeout=0.2)
             self._tally["engaged"] += self._client.clock() >= self._counted
 

@@ -38,6 +38,9 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
     Args:
         words: The module and its arguments.
         log: Where its standard error goes.
+
+    Raises:
+        BenchmarkError: As raised while it ran, with its own last words if it has died.
     """
     with log.open("w", encoding="utf-8") as errors:
         process = subprocess.Popen(
@@ -50,6 +53,12 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
         )
     try:
         yield process
+    except BenchmarkError as error:
+        said = log.read_text(encoding="utf-8", errors="replace").strip()
+        if process.poll() is None or not said:
+            raise
+        # Who has died knows best of what.
+        raise BenchmarkError(f"{error}; {said.splitlines()[-1]}") from error
     finally:
         # One that is paused cannot end.
         with suppress(ProcessLookupError):

@@ -59,6 +59,7 @@ def session_at(port):
         ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]),
         ("scouting/multicast/enabled", False),
         ("scouting/gossip/enabled", False),
+        ("transport/shared_memory/enabled", False),
     ):
         config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)

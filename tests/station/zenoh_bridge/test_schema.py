@@ -1,11 +1,23 @@
 """What is read and refused without a service."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from armguard.station.client import Client
+from armguard.station.client.answer import stop_answer
+from armguard.station.client.client import NOTHING
+from armguard.station.wire import Cause
 from armguard.station.zenoh_bridge.authority import Authority
-from armguard.station.zenoh_bridge.schema import DroppedError, finite, read
+from armguard.station.zenoh_bridge.schema import (
+    DroppedError,
+    command_of,
+    finite,
+    read,
+    verdict_of,
+)
 from armguard.station.zenoh_bridge.settings import (
     BridgeError,
     BridgeSettings,
@@ -58,6 +70,18 @@ def test_what_has_no_number_is_null():
     assert json.dumps([finite(1.5), finite(float("inf")), finite(float("nan"))]) == (
         "[1.5, null, null]"
     )
+
+
+def test_a_stop_of_robots_nobody_has_seen_is_json():
+    """The last word of a service that ends before any state came."""
+    nowhere = np.full(2, np.nan)
+    welcome = replace(NOTHING, names=("a/j1", "a/j2"), robots=("a",))
+    stop = stop_answer(Cause.SHUTDOWN, nowhere, welcome, Client(port=1).clock)
+    command = json.loads(json.dumps(command_of(stop, None), allow_nan=False))
+    assert command["positions"] == [None, None]
+    assert command["velocities"] == [0.0, 0.0] and command["stop"]
+    verdict = json.loads(json.dumps(verdict_of(stop), allow_nan=False))
+    assert verdict["slack"] is None and verdict["ages"] == {"a": None}
 
 
 def test_a_token_is_worth_nothing_once_the_command_is_lost():

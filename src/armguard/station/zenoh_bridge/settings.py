@@ -104,6 +104,8 @@ def open_session(settings: BridgeSettings) -> zenoh.Session:
         ("connect/endpoints", list(settings.connect)),
         ("scouting/multicast/enabled", False),
         ("scouting/gossip/enabled", False),
+        # A session that is killed would leave files in shared memory behind.
+        ("transport/shared_memory/enabled", False),
     ):
         config.insert_json5(key, json.dumps(value))
     try:
