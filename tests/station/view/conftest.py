@@ -55,6 +55,8 @@ allow:
   - {{a: left/link1, b: floor, reason: it stands there}}
 """
 
+OPTIONS = ("--rate", "100", "--late", "0.1", "--no-self-test")
+
 
 class Station:
     """What is running, and a page that shows it.
@@ -159,10 +161,9 @@ def station(browser: Any, tmp_path_factory: Any) -> Iterator[Station]:
     folder = tmp_path_factory.mktemp("station")
     file = folder / "scene.yaml"
     file.write_text(SCENE, encoding="utf-8")
-    options = ("--rate", "100", "--late", "0.1", "--no-self-test")
     with (
         (folder / "log").open("wb") as log,
-        Stage(str(file), *options, log=log) as stage,
+        Stage(str(file), *OPTIONS, log=log) as stage,
     ):
         stage.start_service()
         stage.wait_for_service()

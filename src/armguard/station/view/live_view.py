@@ -165,7 +165,11 @@ class LiveView:
         self._tried = time.monotonic()
 
     def _greet(self, welcome: Welcome) -> None:
-        """Show what a service guards that was said hello to anew."""
+        """Show what a service guards that was said hello to anew, if that is new."""
+        known = self._welcome.session, self._welcome.scene_hash
+        if known == (welcome.session, welcome.scene_hash):
+            # It was only silent for a while.
+            return
         scene = guarded_scene(welcome)
         self._close_tabs()
         self._frames.close()

@@ -74,9 +74,10 @@ class Commander:
             self.cause = latest.cause
             while self._client.receive() is not None:
                 pass
-            ours = latest.commander == self._client.sender
-            fresh = time.monotonic() - self._claimed < FRESH
-            lost = self._commands and not (ours or fresh)
+            # Only the service knows who commands; its silence says nothing of that.
+            said = latest.cycle >= 0 and time.monotonic() - self._claimed > FRESH
+            other = latest.commander != self._client.sender
+            lost = self._commands and said and other
             self._commands = self._commands and not lost
         if lost:
             self._complain(

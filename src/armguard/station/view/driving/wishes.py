@@ -63,8 +63,7 @@ def ramped(position: Floats, target: Floats, q: Floats, step: Floats) -> Floats:
     left = np.where(np.isfinite(target), target - position, 0.0)
     wanted = position + np.clip(left, -step, step)
     # What does not follow is not run away from.
-    followed: Floats = np.clip(wanted, q - AHEAD * step, q + AHEAD * step)
-    return followed
+    return np.asarray(np.clip(wanted, q - AHEAD * step, q + AHEAD * step))
 
 
 def twist_towards(T: Floats, T_wanted: Floats, share: float) -> Floats:
