@@ -180,3 +180,22 @@ def test_between_two_things_too_near_it_says_that_it_is_pinched():
     command = loop.run([0.5], 10)
     assert command.blocked == {"arm": Blocked.PINCHED}
     assert command.velocity[0] == 0.0
+
+
+@pytest.mark.parametrize("value", [1e308, 50.0, np.nan])
+def test_so_has_one_whose_stop_was_over_while_nothing_could_be_judged(value):
+    guard, period = ball_guard(), 0.001
+    q, v = guard.home, np.zeros(len(guard.q_names))
+    for k in range(3000):
+        measured = np.full_like(q, value) if 500 <= k < 2000 else q
+        command = guard.filter(
+            measured, np.full_like(q, -0.2), k * period, velocity=v, now=k * period
+        )
+        v = command.velocity
+        q = q + v * period
+        if k >= 500:
+            assert command.action is not Action.FOLLOW or not command.velocity.any()
+    assert command.blocked["arm"] is Blocked.STOPPED
+    guard.filter(q, 0.0 * v, 3.0, velocity=v, now=3.0)
+    command = guard.filter(q, 0.0 * v - 0.1, 3.001, velocity=v, now=3.001)
+    assert command.velocity.any()

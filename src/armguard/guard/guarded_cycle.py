@@ -15,6 +15,7 @@ from armguard.guard.cues import write_cues
 from armguard.guard.cycle import clear_header, positions_are_finite
 from armguard.guard.explain import explain_nearest
 from armguard.guard.grade import grade_robots
+from armguard.guard.hanging import nothing_hangs
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, ROBOT, SPANS_TESTED
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
@@ -116,7 +117,9 @@ def take_input(positions: int, count: int, lines: int) -> None:
     if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
         call_for_nothing(parts[REFUSE], (parts[SELF],))
         return
-    if v.given[COMMANDED] != 0.0 and not is_as_told(v, m, out):
+    if v.given[COMMANDED] != 0.0 and not (
+        is_as_told(v, m, out) and nothing_hangs(q, v, m, out)
+    ):
         call_for_nothing(parts[REFUSE], (parts[SELF],))
         return
     v.given[JUDGED] = 1.0

@@ -66,6 +66,7 @@ class Reason(IntEnum):
     NOT_FOLLOWED = 119
     WRONG_COMMAND = 120
     NO_WAY = 121
+    STATE_FROZEN = 122
 
 
 SENTENCES: dict[Reason, str] = {
@@ -98,6 +99,7 @@ SENTENCES: dict[Reason, str] = {
     Reason.TOO_FAST: "a joint is faster than its declared top speed",
     Reason.OBJECT_UNSEEN: "an object that moves was never seen: place it, with a stamp",
     Reason.WRONG_COMMAND: "what is wanted has the wrong length or holds no numbers",
+    Reason.STATE_FROZEN: "what it measures does not change though it was told to move",
     Reason.NO_WAY: "no velocity was found that keeps all it must",
     Reason.NOT_FOLLOWED: "a joint is faster than it was told to be",
     Reason.NO_VELOCITY: "the velocity is not known from one sample; give the next one",

@@ -41,6 +41,9 @@ IN_MILLISECONDS = (
 # Reasons that a joint explains which has not stopped as declared.
 LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
 
+# Reasons that are about how fast a joint is.
+AT_SPEED = (Reason.STATE_JUMPED, Reason.TOO_FAST, Reason.NOT_FOLLOWED)
+
 # Reasons that are about the whole cycle, not about one robot.
 OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL)
 
@@ -665,11 +668,13 @@ class Verdict:
         k = int(self._data[layout.JOINT])
         names = self._names
         value = float(self._data[layout.VALUE])
-        if reason in (Reason.STATE_JUMPED, Reason.TOO_FAST):
+        if reason in AT_SPEED:
             return (
                 f"joint '{names.joints[k]}' at {value:.2f} a second: "
                 + (SENTENCES[reason])
             )
+        if reason is Reason.STATE_FROZEN:
+            return f"joint '{names.joints[k]}': {SENTENCES[reason]} by {value:.4f}"
         if reason is Reason.NOT_FINITE:
             return f"joint '{names.joints[k]}' is at {value}; it must be finite"
         return (

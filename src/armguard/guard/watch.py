@@ -72,6 +72,12 @@ SPARE_COMMANDS = 8
 # Pairs noted of a cycle, which may be proven again by what they had left.
 JUDGED_ROOM = 4096
 
+# Places in `Watch.hangs`.
+HANGS_AT = 0  # what the joint measures [rad or m]
+TOLD_FOR = 1  # for how long it was told to move since it does so [s]
+TOLD_WAY = 2  # how far at least [rad or m]
+HANGS = 3
+
 # Samples kept of each joint, from which velocities are estimated.
 HISTORY = 16
 
@@ -150,6 +156,10 @@ class Watch(NamedTuple):
         grown: How much farther each primitive may get since, shape (m,) [m].
         yields: 1 for one of which less than it wants may be told before it is stopped,
             shape (r,).
+        hangs: Since when each joint measures the same, see `hanging`, shape (n, HANGS).
+        looked_at: Stamp of each robot's sample that was looked at for that, shape (r,).
+        may_stand: 1 for a joint of a finger, which may stand against what it grips,
+            shape (n,).
     """
 
     stamps: Floats
@@ -211,6 +221,9 @@ class Watch(NamedTuple):
     judged_settled: Floats
     grown: Floats
     yields: Longs
+    hangs: Floats
+    looked_at: Floats
+    may_stand: Longs
 
 
 def watch_ledger(watch: Watch) -> Ledger:
@@ -282,6 +295,9 @@ def open_watch(address: int) -> Watch:
         vector_f8(lines, 56),
         vector_f8(lines, 57),
         vector_i8(lines, 58),
+        matrix_f8(lines, 59),
+        vector_f8(lines, 60),
+        vector_i8(lines, 61),
     )
 
 
@@ -361,7 +377,21 @@ def watch_of(tables: SceneTables) -> Watch:
         judged_settled=np.zeros(1),
         grown=np.zeros(m),
         yields=np.ones(robots, dtype=np.int64),
+        hangs=np.zeros((n, HANGS)),
+        looked_at=np.full(robots, -np.inf),
+        may_stand=joints_of_fingers(tables),
     )
+
+
+def joints_of_fingers(tables: SceneTables) -> Longs:
+    """1 where a joint moves a gripper's finger, shape (n,)."""
+    found = np.zeros(len(tables.q_names), dtype=np.int64)
+    for part in tables.holds.grippers:
+        for finger in part.fingers:
+            j = int(tables.q_index[tables.links[finger].body])
+            if j >= 0:
+                found[j] = 1
+    return found
 
 
 def commands_under_way(tables: SceneTables) -> int:

@@ -48,7 +48,7 @@ from armguard.motion.figures import (
 from armguard.motion.state import Motion, open_motion
 from armguard.respond.command import Blocked
 from armguard.respond.daqp_interface import FUNCTION
-from armguard.respond.engagement import NOTHING_ASKED, engage
+from armguard.respond.engagement import NOTHING_ASKED, engage, wait_if_stopped
 from armguard.respond.evasion import look_for_threats
 from armguard.respond.finger_pace import slow_fingers
 from armguard.respond.grip_keeping import keep_grips
@@ -201,6 +201,10 @@ def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
     call_for_nothing(w.parts[CLOSE], (int(judged), w.parts[SELF]))
+    if not judged:
+        # Nobody asked what was wanted; a stop may be over before the next who does.
+        for r in range(a.notes.shape[0]):
+            wait_if_stopped(r, a, v)
     note_leads(int(judged), response.ctypes.data, w.parts[SELF])
     tell(a, v)
     return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH

@@ -74,9 +74,7 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         if abs(a.asked[j]) > NOTHING_ASKED:
             notes[ASKS] = 1
-    if phase == STOPPING or phase == BRAKING or phase == LOST:
-        notes[STATE], notes[BLOCKED] = WAITING, STOPPED
-        notes[TOLD_POSITIONS] = notes[REFUSED] = 0
+    if wait_if_stopped(r, a, v):
         return False
     if a.asking[FORM] == POSITIONS:
         stand_to_positions(r, a, m)
@@ -95,6 +93,17 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     if notes[STATE] == CATCHING_UP:
         a.speed[r] = a.settings[r, RESUME_SPEED]
     return bool(notes[STATE] != WAITING)
+
+
+@kernel
+def wait_if_stopped(r: int, a: Response, v: Watch) -> bool:
+    """Have a robot wait for its operator if it is being stopped; whether it is."""
+    notes, phase = a.notes[r], v.phase[r]
+    if phase != STOPPING and phase != BRAKING and phase != LOST:
+        return False
+    notes[STATE], notes[BLOCKED] = WAITING, STOPPED
+    notes[TOLD_POSITIONS] = notes[REFUSED] = 0
+    return True
 
 
 @kernel

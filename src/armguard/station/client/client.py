@@ -184,6 +184,13 @@ class Client:
         self._last = 0
         self.clock = ServiceClock()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            # From now on it takes messages of the service alone.
+            self._socket.connect(self._address)
+        except OSError as error:
+            self.close()
+            host, port = self._address
+            raise NoServiceError(f"{host}:{port}: {error}") from error
         self._socket.setblocking(False)
         end = time.monotonic() + timeout
         while not self.connected:
@@ -452,7 +459,7 @@ class Client:
         self._sent = time.monotonic()
         if self._socket is not None:
             try:
-                self._socket.sendto(message, self._address)
+                self._socket.send(message)
             except OSError:
                 self.dropped += 1
         return self._outbox.sequence
@@ -502,7 +509,7 @@ class Client:
         """Take over all messages there are."""
         while self._socket is not None:
             try:
-                size, _ = self._socket.recvfrom_into(self._buffer)
+                size = self._socket.recv_into(self._buffer)
             except BlockingIOError:
                 return
             except OSError:

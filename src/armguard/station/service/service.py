@@ -66,9 +66,6 @@ NANO = 1_000_000_000
 # Messages that are read before the clock is looked at again.
 BATCH = 8
 
-# A cycle may come this share of the period early, if its state is there.
-CATCH_UP = 64
-
 # Time from one checkpoint in the ring to the next [ns].
 CHECKPOINT = 10 * NANO
 
@@ -288,10 +285,8 @@ class Service:
         if not fresh:
             # No state came when it should have: sleep again.
             self._expected = NEVER
-        # Cycles keep their distance, but for a little that lets them catch up with a
-        # controller whose states would have to wait otherwise.
-        pace = self._period - (self._period // CATCH_UP if fresh else 0)
-        self._earliest = max(self._earliest + pace, start + self._period // 2)
+        # A state is not made to wait for a grid: after every hiccup it would be off it.
+        self._earliest = start + self._period // 2
         self._latest = start + self._period + (self._grace if fresh else 0)
         cause = self._cause(start)
         self._force = Cause.NONE

@@ -1,0 +1,70 @@
+"""Positions that stay the same to the last bit though their joint was told to move.
+
+What hangs, an encoder, a driver, a bus, goes on to tell the last position it knew, with
+fresh stamps: to whoever believes it the arm stands, while it moves. How soon a joint
+speeds up is not declared, so it shows only after a while; but a joint that moves at all
+does not measure the very same.
+"""
+
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.levels import Reason
+from armguard.guard.observe import blame_joint
+from armguard.guard.watch import (
+    HANGS_AT,
+    RECOVERING,
+    RUNNING,
+    TOLD_FOR,
+    TOLD_WAY,
+    Watch,
+)
+from armguard.kernel import kernel
+from armguard.motion.figures import FIXED, MODE, POSITION_ERROR, TRACKING
+from armguard.motion.state import Motion
+
+Floats = NDArray[np.float64]
+
+STATE_FROZEN = int(Reason.STATE_FROZEN)
+
+# A joint may measure the same for so long while it is told to move [s].
+HANGS_AFTER = 0.08
+
+
+@kernel
+def nothing_hangs(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+    """Whether no joint measures the same though it should have moved by now.
+
+    Every command that may be in effect has to lead it farther than its drive may miss
+    and its position be off. Fingers may stand against what they grip.
+
+    Args:
+        q: Measured positions.
+        v: Watch; what was told of every joint meanwhile is added up.
+        m: Motion.
+        out: Answer; a joint that hangs is named in it.
+    """
+    hanging = -1
+    for j in range(q.shape[0]):
+        r = int(m.robot_of_joint[j])
+        state, time = v.hangs[j], v.stamps[r] - v.looked_at[r]
+        driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
+        watched = driven and m.robot_figures[r, MODE] != FIXED and v.may_stand[j] == 0
+        if not watched or q[j] != state[HANGS_AT] or not isfinite(time):
+            state[HANGS_AT], state[TOLD_FOR], state[TOLD_WAY] = q[j], 0.0, 0.0
+            continue
+        figures = m.joint_figures[j]
+        speed = max(v.under_way[j, 0], -v.under_way[j, 1]) - figures[TRACKING]
+        if time > 0.0 and speed > 0.0:
+            state[TOLD_FOR] += time
+            state[TOLD_WAY] += speed * time
+        far = state[TOLD_WAY] > 2.0 * figures[POSITION_ERROR]
+        if far and state[TOLD_FOR] > HANGS_AFTER:
+            hanging = j
+    for r in range(v.looked_at.shape[0]):
+        v.looked_at[r] = v.stamps[r]
+    return hanging < 0 or blame_joint(
+        STATE_FROZEN, hanging, v.hangs[hanging, TOLD_WAY], out
+    )

@@ -1,0 +1,79 @@
+"""An encoder that hangs: the same position, again and again, with fresh stamps."""
+
+import numpy as np
+import pytest
+
+from armguard.guard import Reason
+from armguard.respond import Action, Guard
+from driven import ball_guard
+from grippers import pick_scene
+
+PERIOD = 0.001
+
+
+def follow(guard, wish, cycles, hangs=lambda k, told: None, begin=0.0):
+    """Commands of an arm that does as it is told; `hangs` says what is measured."""
+    q, v = guard.home, np.zeros(len(guard.q_names))
+    commands = []
+    for k in range(cycles):
+        time = begin + k * PERIOD
+        told = hangs(k, q)
+        measured = q if told is None else told
+        command = guard.filter(measured, wish, time, velocity=v, now=time)
+        v = command.velocity
+        q = q + v * PERIOD
+        commands.append(command)
+    return commands
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3])
+def test_an_arm_that_is_told_to_move_and_measures_the_same_is_stopped(speed):
+    guard = ball_guard()
+    stuck = {}
+
+    def hangs(k, q):
+        if k < 500:
+            return None
+        return stuck.setdefault("at", q.copy())
+
+    wish = np.full(len(guard.q_names), -speed)
+    commands = follow(guard, wish, 700, hangs)
+    reasons = [c.verdict.reason for c in commands]
+    first = reasons.index(Reason.STATE_FROZEN)
+    assert 500 + 80 <= first <= 500 + 100
+    assert all(c.action is Action.FOLLOW for c in commands[:first])
+    assert commands[first].action is Action.STOP
+    assert commands[first].verdict.joint in guard.q_names
+    assert "does not change though it was told to move" in commands[first].verdict.why
+    assert commands[-1].velocity.max() == 0.0
+
+
+def test_an_arm_that_rests_may_measure_the_same_for_ever():
+    guard = ball_guard()
+    wish = np.zeros(len(guard.q_names))
+    for command in follow(guard, wish, 2000, lambda k, q: guard.home):
+        assert command.action is Action.FOLLOW
+
+
+def test_an_arm_that_moves_by_the_least_bit_does_not_hang():
+    guard = ball_guard()
+    wish = np.full(len(guard.q_names), -0.1)
+    commands = follow(
+        guard, wish, 400, lambda k, q: guard.home * (1.0 + 1e-15 * (k % 2)) + k * 1e-16
+    )
+    assert all(c.verdict.reason is not Reason.STATE_FROZEN for c in commands)
+
+
+def test_fingers_may_stand_against_what_they_grip():
+    guard = Guard(pick_scene(), self_test=False)
+    wish = np.zeros(len(guard.q_names))
+    closing = [k for k, name in enumerate(guard.q_names) if "open_" in name]
+    wish[closing] = -0.02
+    commands = follow(guard, wish, 400, lambda k, q: guard.home)
+    assert commands[-1].velocity[closing].min() < 0.0
+    assert all(c.action is Action.FOLLOW for c in commands)
+    hand = np.zeros(len(guard.q_names))
+    hand[0] = 0.02
+    commands = follow(guard, hand, 400, lambda k, q: guard.home, begin=0.4)
+    assert commands[-1].verdict.reason is not Reason.OK
+    assert Reason.STATE_FROZEN in [c.verdict.reason for c in commands]
