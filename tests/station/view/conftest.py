@@ -95,6 +95,7 @@ class Station:
             if found:
                 return found
             self.page.wait_for_timeout(50)
+        self.picture("failed")
         why = self.page.locator("#why").inner_text()
         raise AssertionError(f"after {PATIENCE:.0f} s: {says}; the page says: {why}")
 
@@ -139,7 +140,7 @@ class Station:
             self.page.screenshot(path=Path(folder) / f"{name}.png")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser(tmp_path_factory: Any) -> Iterator[Any]:
     """Chromium without a window; without one the tests are skipped."""
     if not CHROMIUM.exists():
@@ -155,7 +156,7 @@ def browser(tmp_path_factory: Any) -> Iterator[Any]:
         found.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def station(browser: Any, tmp_path_factory: Any) -> Iterator[Station]:
     """A service with an arm, and its view in a page."""
     folder = tmp_path_factory.mktemp("station")
@@ -171,6 +172,7 @@ def station(browser: Any, tmp_path_factory: Any) -> Iterator[Station]:
         with shown(stage.port) as (process, address):
             del process
             page = browser.new_page(viewport={"width": 1024, "height": 768})
+            page.set_default_timeout(PATIENCE * 1e3)
             yield opened(Station(stage, page, address, file))
             page.close()
 
@@ -188,7 +190,9 @@ class shown:
         self._process = subprocess.Popen(self._words, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
-        assert "http://" in line, "the view said nothing"
+        if "http://" not in line:
+            self.__exit__()
+            raise AssertionError("the view did not start; it said why above")
         return self._process, line.split()[-1]
 
     def __exit__(self, *_: object) -> None:
@@ -219,7 +223,8 @@ def opened(station: Station) -> Station:
     page.on("websocket", lambda socket: station.requests.append(socket.url))
     page.route("**", ask)
     # Drawn coarsely: here no graphics card draws, but the processors that do the rest.
-    page.goto(f"{station.address}?fixedDpr=0.25")
+    sharpness = 1.0 if os.environ.get("ARMGUARD_PICTURES") else 0.1
+    page.goto(f"{station.address}?fixedDpr={sharpness}")
     station.until(lambda: station.light() not in ("None", ""), "no light")
     page.get_by_role("tab", name="Drive").wait_for(timeout=PATIENCE * 1e3)
     # Viser says that it draws without a graphics card; that is so.

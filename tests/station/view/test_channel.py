@@ -2,8 +2,6 @@
 
 import asyncio
 import json
-import os
-import signal
 import time
 import urllib.error
 import urllib.request
@@ -155,16 +153,3 @@ def test_only_its_own_files_are_given_and_only_under_its_own_name(loop):
 def test_a_port_that_is_taken_is_an_error_in_words(loop):
     with pytest.raises(Exception, match=f"port {loop.view.page.port}.*--page-port"):
         View(bay_scene("path"), loop.view.page.port, loop.heard.append)
-
-
-def test_a_view_that_is_killed_costs_the_loop_nothing(station):
-    from tests.station.view.conftest import shown
-
-    before = station.newest().cycle
-    with shown(station.stage.port) as (process, _):
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait(timeout=PATIENCE)
-        end = time.monotonic() + PATIENCE
-        while station.newest().cycle < before + 50 and time.monotonic() < end:
-            time.sleep(0.05)
-    assert station.newest().cycle >= before + 50

@@ -1,9 +1,17 @@
 """The page in a real browser, on a real service with simulated arms."""
 
+import os
+import signal
+import time
+from pathlib import Path
+
 import numpy as np
+from tests.station.view.conftest import PATIENCE, shown
 
 from armguard.guard import layout
 from armguard.guard.levels import Level
+from armguard.station.frames import Kind, frame_of
+from armguard.station.ring import RingReader
 
 STOPPED = ("STOP", "RECOVER")
 
@@ -124,3 +132,73 @@ def test_the_stop_button_stops_everything(station):
         lambda: "stop was ordered" not in page.locator("#why").inner_text(),
         "it was engaged",
     )
+
+
+def test_a_view_that_is_killed_costs_the_loop_nothing(station):
+    before = station.newest().cycle
+    with shown(station.stage.port) as (process, _):
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait(timeout=PATIENCE)
+        end = time.monotonic() + PATIENCE
+        while station.newest().cycle < before + 50 and time.monotonic() < end:
+            time.sleep(0.05)
+    assert station.newest().cycle >= before + 50
+
+
+def events(station, call):
+    """What was called of the guard, by the ring."""
+    ring = RingReader(Path(station.stage.client.welcome.ring))
+    frames = [frame_of(row) for row in ring.unread() if int(row[0]) == Kind.EVENT]
+    ring.close()
+    return [frame.text for frame in frames if frame.text["call"] == call]
+
+
+def test_a_box_is_added_moved_written_and_removed(station):
+    # The last one: a view that is started now finds another file than the service's.
+    page, before = station.page, station.scene_file.read_text(encoding="utf-8")
+    station.tab("Edit")
+    station.button("Add a box").click()
+    station.until(lambda: events(station, "place"), "no box was placed")
+    assert events(station, "place")[-1]["name"] == "spare"
+    label = page.get_by_text("Place [m]")
+    place = label.locator("xpath=ancestor::*[.//input][1]").locator("input").first
+    x = events(station, "place")[-1]["pose"][0][3]
+
+    def follows():
+        if not label.count():
+            # A page that was out of breath begins anew, with the first tab.
+            station.tab("Edit")
+            return False
+        return abs(float(place.input_value(timeout=2000)) - x) < 1e-3
+
+    station.until(follows, "the numbers do not follow")
+    place.fill("-0.6")
+    place.press("Enter")
+
+    def moved():
+        pose = np.array(events(station, "place")[-1]["pose"])
+        return abs(pose[0, 3] + 0.6) < 1e-6
+
+    station.until(moved, "the box was not moved")
+    station.picture("edit")
+    station.button("Write to the scene file").click()
+    diff = page.get_by_text("wall_1:")
+    diff.wait_for()
+    assert "at: {xyz: [-0.6," in diff.inner_text()
+    station.picture("diff")
+    assert station.scene_file.read_text(encoding="utf-8") == before
+    station.button("Write").last.click()
+    station.until(
+        lambda: station.scene_file.read_text(encoding="utf-8") != before,
+        "nothing was written",
+    )
+    after = station.scene_file.read_text(encoding="utf-8")
+    more = [line for line in after.splitlines() if line not in before.splitlines()]
+    assert len(more) == 1
+    assert more[0].startswith("  wall_1: {box: [0.2, 0.2, 0.2]")
+    assert "# what it stands on" in after
+    station.button("Remove").click()
+    station.until(lambda: events(station, "remove"), "the box was not removed")
+    station.button("Undo").click()
+    count = len(events(station, "place"))
+    station.until(lambda: len(events(station, "place")) >= count, "undone")
