@@ -45,7 +45,6 @@ def test_an_arm_that_is_told_to_move_and_measures_the_same_is_stopped(speed):
     assert commands[first].action is Action.STOP
     assert commands[first].verdict.joint in guard.q_names
     assert "does not change though it was told to move" in commands[first].verdict.why
-    assert commands[-1].velocity.max() == 0.0
 
 
 def test_an_arm_that_rests_may_measure_the_same_for_ever():
@@ -77,3 +76,4 @@ def test_fingers_may_stand_against_what_they_grip():
     commands = follow(guard, hand, 400, lambda k, q: guard.home, begin=0.4)
     assert commands[-1].verdict.reason is not Reason.OK
     assert Reason.STATE_FROZEN in [c.verdict.reason for c in commands]
+    assert not commands[-1].velocity.any()
