@@ -74,6 +74,5 @@ def test_fingers_may_stand_against_what_they_grip():
     hand = np.zeros(len(guard.q_names))
     hand[0] = 0.02
     commands = follow(guard, hand, 400, lambda k, q: guard.home, begin=0.4)
-    assert commands[-1].verdict.reason is not Reason.OK
     assert Reason.STATE_FROZEN in [c.verdict.reason for c in commands]
     assert not commands[-1].velocity.any()
