@@ -27,6 +27,7 @@ from armguard.station.wire.layout import (
     HAS_VELOCITY,
     HAS_WISH,
     HEADER,
+    HEARTBEAT,
     HELLO,
     LEAST,
     MAGIC,
@@ -547,6 +548,11 @@ class Client:
             self._answers.append(answer)
             if answer.commander != self._sender:
                 # What came before the grant was sent before it, and came before it.
+                self._token = 0
+        elif kind == Kind.HEARTBEAT:
+            if len(message) < HEADER.size + HEARTBEAT.size + SEAL:
+                return False
+            if HEARTBEAT.unpack_from(message, HEADER.size)[1] != self._sender:
                 self._token = 0
         elif kind == Kind.GRANT:
             granted, _, token, holder, _, _ = GRANT.unpack_from(message, HEADER.size)

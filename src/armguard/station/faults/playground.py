@@ -231,6 +231,8 @@ class Playground:
         delays: Mapping[str, Callable[[], float]] = {
             "cycle": lambda: period + self._late,
             "stale": lambda: stale,
+            # As long as a joint is led along by 80 ms of commands.
+            "hangs": lambda: 0.2,
             "wish": lambda: 0.1,
             "client": lambda: 0.1,
             "commander": lambda: 0.5,

@@ -144,6 +144,13 @@ FAULTS: tuple[Fault, ...] = (
         inject=fresh(lambda ground: rewritten(ground.seal, tampering.frozen())),
     ),
     Fault(
+        name="positions freeze", group=CONTENT, effect=STOPS, within=("hangs", "cycle"),
+        reasons=("STATE_FROZEN",),
+        inject=fresh(
+            lambda ground: rewritten(ground.seal, tampering.positions_frozen())
+        ),
+    ),
+    Fault(
         name="stamps go back", group=CONTENT, effect=STOPS, within=("cycle",),
         reasons=("TIME_BACKWARDS",), inject=edited(tampering.shift_stamp(-0.5)),
     ),

@@ -200,6 +200,20 @@ def frozen() -> Edit:
     return edit
 
 
+def positions_frozen() -> Edit:
+    """Have every STATE tell the positions of the first one, and all else as it is."""
+    kept: list[bytes] = []
+
+    def edit(message: bytearray) -> None:
+        # Behind the positions are as many velocities.
+        end = POSITIONS_AT + (len(message) - SEAL - POSITIONS_AT) // 2
+        if not kept:
+            kept.append(bytes(message[POSITIONS_AT:end]))
+        message[POSITIONS_AT:end] = kept[0]
+
+    return edit
+
+
 def other_robots(message: bytearray) -> None:
     """Have a STATE be of robots that do not exist."""
     pack_into("<I", message, HEADER.size, 1 << 30)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes import ShapeKind
 
 Floats = NDArray[np.float64]
@@ -75,8 +76,9 @@ def core_points(kind: int, row: Floats) -> Floats:
     elif kind == ShapeKind.HALF_SPACE:
         return ground(origin, row[4:7])
     else:
-        # What only its support function knows is drawn as the ball that holds it.
-        local = ball(2) * row[6]
+        # Of what only its support function knows, the farthest points all around.
+        far = [core_support(kind, row, tuple(d)) for d in ball(3).tolist()]
+        return np.asarray(origin + np.array(far))
     return np.asarray(origin + local @ R.T, dtype=np.float64)
 
 
