@@ -5,6 +5,7 @@ from inspect import signature
 from pathlib import Path
 from textwrap import indent
 
+import numpy as np
 import pytest
 
 from armguard.errors import SceneError
@@ -346,3 +347,17 @@ def test_the_example_of_the_page_is_read(tmp_path):
     figures = load_scene(write(tmp_path, rest)).robots["arm"].stopping
     assert figures.tables["joint1"].speeds == pytest.approx((0.66, 1.32, 2.0))
     assert figures.tables["joint1"].times == pytest.approx((0.23, 0.29, 0.35))
+
+
+def test_how_old_states_may_be_is_set_for_all_robots():
+    scene = bay_scene("path")
+    scene.set_stale(0.1)
+    assert [robot.stopping.stale for robot in scene.robots.values()] == [0.1, 0.1]
+    for wrong, words in {
+        0.0: "finite and > 0",
+        np.nan: "finite",
+        1e-4: "to measure",
+    }.items():
+        with pytest.raises(SceneError, match=words):
+            scene.set_stale(wrong)
+    assert [robot.stopping.stale for robot in scene.robots.values()] == [0.1, 0.1]

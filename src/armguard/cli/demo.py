@@ -33,7 +33,10 @@ from armguard.station.simulated.tally import Tally, in_words
 LOOKS = 20
 
 # On a machine that does other things as well a cycle may come so late [s].
-LATE = 0.012
+LATE = 0.03
+
+# And states may be so old: drawing the page may take all there is of a machine [s].
+STALE = 0.1
 
 # A start that takes longer says so as often [s].
 SAYS = 5.0
@@ -78,10 +81,13 @@ def demo(
     robots. Exit code 0 if nothing touched, 1 if something did.
     """
     say(f"starting a guard, simulated arms and an operator in '{scene}' ...")
-    options = ("--response", str(response), "--late", str(LATE), "--no-self-test")
+    patience = ("--late", str(LATE), "--stale", str(STALE))
+    options = ("--response", str(response), *patience, "--no-self-test")
     with interrupted() as ended, Stage(scene, *options) as stage:
         stage.start_service()
-        tables = compile_scene(open_scene(scene, period=0.004, late=LATE)[0])
+        tables = compile_scene(
+            open_scene(scene, period=0.004, late=LATE, stale=STALE)[0]
+        )
         stage.wait_for_service(waiting(ended))
         stage.start_arms()
         stage.start_operator(seed=seed)

@@ -29,6 +29,10 @@ def serve(
     late: Annotated[
         float, typer.Option(help="How much later than its period a cycle may come [s].")
     ] = 0.004,
+    stale: Annotated[
+        float | None,
+        typer.Option(help="How old states may be; as the scene says if left out [s]."),
+    ] = None,
     mode: Annotated[
         str | None, typer.Option(help="How distances are made: path or speed.")
     ] = None,
@@ -93,6 +97,7 @@ def serve(
         key=b"" if key_file is None else read_key(key_file),
         rate=rate,
         late=late,
+        stale=stale,
         ring=ring,
         self_test=self_test,
         realtime=realtime,
@@ -105,6 +110,7 @@ def serve(
         scene,
         period=settings.period,
         late=late,
+        stale=stale,
         mode=checked_mode(mode),
         response=checked_response(response),
         progress=say_progress,

@@ -584,6 +584,30 @@ class Scene:
             chosen = response_settings(f"robot '{name}'", response)
             self._robots[name] = replace(self._robots[name], response=chosen)
 
+    def set_stale(self, stale: float) -> None:
+        """Change how old states of all robots may be before they are not believed.
+
+        A state costs the distance of the age it has, however old it might have been.
+
+        Args:
+            stale: The age [s].
+
+        Raises:
+            SceneError: It is no time, or states of a robot are never that fresh.
+        """
+        if not (isfinite(stale) and stale > 0.0):
+            raise SceneError(f"stale is {stale} s; it must be finite and > 0")
+        for name, robot in self._robots.items():
+            if robot.stopping is not None and stale < robot.stopping.sensing:
+                raise SceneError(
+                    f"stale is {stale} s, less than it takes to measure robot "
+                    f"'{name}', {robot.stopping.sensing} s"
+                )
+        for name, robot in self._robots.items():
+            if robot.stopping is not None:
+                stopping = replace(robot.stopping, stale=stale)
+                self._robots[name] = replace(robot, stopping=stopping)
+
     def set_home(self, name: str, home: Mapping[str, float]) -> None:
         """Give a robot another home configuration.
 

@@ -37,6 +37,7 @@ def open_scene(
     *,
     period: float,
     late: float,
+    stale: float | None = None,
     mode: Mode | None = None,
     response: ResponseName | None = None,
     progress: Progress | None = None,
@@ -47,6 +48,8 @@ def open_scene(
         what: A scene file, or a name of `BUNDLED`.
         period: Time from one cycle to the next [s].
         late: How much later than that a cycle may come [s].
+        stale: How old states may be before they are not believed; as the scene says if
+            None [s].
         mode: How distances are made; as the scene says if None.
         response: What robots do about what is near; as the scene says if None.
         progress: See `load_scene`.
@@ -67,6 +70,8 @@ def open_scene(
         )
     scene.period, scene.late = period, late
     hold_boxes_ready(scene)
+    if stale is not None:
+        scene.set_stale(stale)
     if mode is not None:
         scene.set_mode(mode)
     if response is not None:

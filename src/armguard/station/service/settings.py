@@ -22,6 +22,7 @@ class ServiceSettings:
         rate: Cycles a second [Hz].
         late: How much later than its period a cycle may come; the guard counts with
             it, so it costs distance [s].
+        stale: How old states may be; as the scene says if None [s].
         wish_watchdog: A wish older than that counts as none [s].
         commander_watchdog: Who commands and has not been heard for that long does not
             command any more [s].
@@ -47,6 +48,7 @@ class ServiceSettings:
     key: bytes = b""
     rate: float = 250.0
     late: float = 0.004
+    stale: float | None = None
     wish_watchdog: float = 0.1
     commander_watchdog: float = 0.5
     controller_watchdog: float = 0.5

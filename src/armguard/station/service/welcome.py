@@ -38,6 +38,7 @@ def welcome_text(
             ],
             "period": tables.period,
             "late": tables.late,
+            "stale": settings.stale,
             "bodies": list(bodies),
             "tools": list(tools_of(tables)),
             "watchdogs": {

@@ -24,6 +24,9 @@ ASKS = 1.0
 # How long the service gets to answer [s].
 AN_ANSWER = 0.1
 
+# How long he looks after arms that had to be braked, before he resets them [s].
+LOOKS_AFTER = 2.0
+
 # What a client says that has lost its service.
 LOST = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
 
@@ -57,7 +60,7 @@ class DrivingOperator:
         self.pressed = False
         self._hands = hands
         self._start = client.clock()
-        self._asked = self._stopped = -np.inf
+        self._asked = self._stopped = self._braked = -np.inf
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Drive until something is true."""
@@ -85,9 +88,13 @@ class DrivingOperator:
         client.send_velocities(wish)
         for robot in engages:
             self._engage(robot)
-        if self.pressed:
-            self.pressed = False
-            if answer.action >= Action.BRAKE:
+        braked = answer.action >= Action.BRAKE
+        if not (braked and self._hands.engages):
+            self._braked = now
+        looked_after = now - self._braked > LOOKS_AFTER
+        if self.pressed or looked_after:
+            self.pressed, self._braked = False, now
+            if braked:
                 # He has looked after arms that did not stop as they should have.
                 self._call("reset")
             self._engage(None)

@@ -29,8 +29,12 @@ def guarded_scene(welcome: Welcome) -> Scene:
     bundled = {"": "two-pandas", str(bay_path()): "bay"}
     bundled[str(two_pandas_path())] = "two-pandas"
     name = bundled.get(welcome.scene_file, welcome.scene_file)
-    late = float(welcome.text["late"])
-    scene, _ = open_scene(name, period=welcome.period, late=late)
+    scene, _ = open_scene(
+        name,
+        period=welcome.period,
+        late=float(welcome.text["late"]),
+        stale=welcome.text["stale"],
+    )
     for modes, responses in settings_of(scene):
         for robot in scene.robots:
             scene.set_mode(modes[robot], robot)
