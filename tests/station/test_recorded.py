@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from armguard import Guard, Pose, Sphere, bay_scene
+from armguard import Box, Guard, Pose, Sphere, bay_scene
 from armguard.guard.verdict import Verdict, names_of
 from armguard.respond import Command
+from armguard.station.blackbox.replay import do
 from armguard.station.frames import Form, Kind, frame_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
@@ -78,3 +79,40 @@ def test_input_that_is_none_is_written_as_nan_with_its_fault(tmp_path: Path):
     assert np.isnan(frame.q).all()
     assert np.isnan(frame.asked).all()
     assert frame.text["fault"] == command.verdict.fault != ""
+
+
+def test_a_box_that_was_given_a_size_has_it_again_after_a_checkpoint(tmp_path: Path):
+    def spare() -> Guard:
+        scene = bay_scene("path")
+        half = (0.01, 0.01, 0.01)
+        scene.add(Box(half_extents=half), name="spare", present=False)
+        return Guard(scene, self_test=False)
+
+    guard = spare()
+    taped = RecordedGuard(guard, RingWriter(tmp_path / "ring"))
+    q, still = guard.home, np.zeros(len(guard.q_names))
+    tool = guard.poses[-1, [3, 7, 11]]
+    large = Box(half_extents=(0.05, 0.05, 0.05))
+    taped.place("spare", Pose(xyz=tuple(tool + [0.0, 0.0, 0.3])), shape=large)
+    for k in range(3):
+        taped.filter(q, still, k * PERIOD, velocity=still)
+    taped.checkpoint()
+    taped.remove("spare")
+    taped.place("spare", Pose(xyz=tuple(tool + [0.15, 0.0, 0.0])))
+    for k in range(3, 9):
+        taped.filter(q, still, k * PERIOD, velocity=still)
+    found = [frame_of(row) for row in RingReader(tmp_path / "ring").unread()]
+    begin = next(k for k, frame in enumerate(found) if frame.kind is Kind.CHECKPOINT)
+    again = spare()
+    again.restore(found[begin].data)
+    met = 0
+    for frame in found[begin + 1 :]:
+        if frame.kind is Kind.EVENT:
+            do(again, frame)
+            continue
+        stamp = float(frame.stamps[0])
+        command = again.filter(frame.q, frame.asked, stamp, velocity=frame.velocity)
+        assert command.numbers.tobytes() == frame.told.tobytes()
+        assert command.verdict.numbers.tobytes() == frame.verdict.tobytes()
+        met += any("spare" in (p.a, p.b) for p in command.verdict.near)
+    assert met == 6
