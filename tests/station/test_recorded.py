@@ -91,14 +91,14 @@ def test_a_box_that_was_given_a_size_has_it_again_after_a_checkpoint(tmp_path: P
     guard = spare()
     taped = RecordedGuard(guard, RingWriter(tmp_path / "ring"))
     q, still = guard.home, np.zeros(len(guard.q_names))
-    tool = guard.poses[-1, [3, 7, 11]]
+    x, y, z = guard.poses[-1, [3, 7, 11]].tolist()
     large = Box(half_extents=(0.05, 0.05, 0.05))
-    taped.place("spare", Pose(xyz=tuple(tool + [0.0, 0.0, 0.3])), shape=large)
+    taped.place("spare", Pose(xyz=(x, y, z + 0.3)), shape=large)
     for k in range(3):
         taped.filter(q, still, k * PERIOD, velocity=still)
     taped.checkpoint()
     taped.remove("spare")
-    taped.place("spare", Pose(xyz=tuple(tool + [0.15, 0.0, 0.0])))
+    taped.place("spare", Pose(xyz=(x + 0.15, y, z)))
     for k in range(3, 9):
         taped.filter(q, still, k * PERIOD, velocity=still)
     found = [frame_of(row) for row in RingReader(tmp_path / "ring").unread()]
