@@ -27,13 +27,16 @@ class Complaints:
         self._last: dict[str, int] = {}
         self._silent: dict[str, int] = {}
 
-    def name(self, cause: str, sentence: str, now: int) -> None:
+    def name(
+        self, cause: str, sentence: str, now: int, level: int = logging.WARNING
+    ) -> None:
         """Say a sentence, or only count it.
 
         Args:
             cause: What is complained of.
             sentence: The same in words.
             now: Monotonic clock [ns].
+            level: Level of the log.
         """
         last = self._last.get(cause)
         if last is not None and now - last < PAUSE:
@@ -41,9 +44,8 @@ class Complaints:
             return
         self._last[cause] = now
         more = self._silent.pop(cause, 0)
-        log.warning(
-            "%s: %s%s", cause, sentence, f" ({more} more before)" if more else ""
-        )
+        before = f" ({more} more before)" if more else ""
+        log.log(level, "%s: %s%s", cause, sentence, before)
 
 
 class PatientHandler(logging.Handler):

@@ -426,7 +426,9 @@ class Service:
             name = bytes(payload[HELLO.size : HELLO.size + 64]).decode(errors="replace")
             peer = Peer(door.sender, name, address, door.sequence, now)
             self._peers.greet(peer)
-            self._complaints.name("hello", f"{name!r} at {address} is here", now)
+            who = repr(name) if name else "somebody"
+            sentence = f"{who} at {address[0]}:{address[1]} is here"
+            self._complaints.name("hello", sentence, now, logging.INFO)
         peer.every, peer.sensor = every, bool(flags & SENSOR)
         self.counters.count(HELLOS)
         self._welcome(peer, door.stamp, now)
