@@ -45,6 +45,11 @@ if numba.config.DISABLE_JIT:
         """Call a kernel that returns nothing by its address."""
         KERNELS[address](*arguments)
 
+    def call_for_count(address: int, arguments: tuple[int, ...]) -> int:
+        """Call a kernel that returns an int by its address."""
+        count: int = KERNELS[address](*arguments)
+        return count
+
     def call_for_proof(address: int, arguments: tuple[int, ...]) -> tuple[int, float]:
         """Call a kernel that returns an int and a float by its address."""
         found: tuple[int, float] = KERNELS[address](*arguments)
@@ -139,6 +144,7 @@ else:
         return call
 
     call_for_nothing = caller(types.none)
+    call_for_count = caller(types.int64)
     call_for_proof = caller(types.containers.Tuple((types.int64, types.float64)))
 
     @intrinsic  # type: ignore[untyped-decorator]

@@ -97,7 +97,7 @@ def solved(given, native):
     response.rows[:k], response.limits[:k], response.eased[:k] = rows, limits, limits
     response.notes[0, ROW_COUNT] = k
     if not native:
-        unsolved = guard._solve(1, response)
+        unsolved = guard.solve_programs(1)
     else:
         unsolved = solve_once(guard._response_lines, guard._lines)
     return None if unsolved else response.target.copy()

@@ -6,10 +6,10 @@ What cannot be proven is not sent. If not even what is under way can be proven a
 longer, the robot is stopped, which the last cycle has proven to be in time.
 """
 
+import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from armguard.address import call_for_nothing
+from armguard.address import call_for_nothing, pointer
 from armguard.guard.change import judge_change
 from armguard.guard.commands import (
     hold_still,
@@ -50,9 +50,6 @@ from armguard.ledger import ledger_at
 from armguard.motion.state import NEXT, NOW, TESTS, Motion, open_motion
 from armguard.motion.stop_path import bound_reaches, plan_stops
 
-Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
-
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 TOO_CLOSE = int(Reason.TOO_CLOSE)
 
@@ -60,30 +57,33 @@ TOO_CLOSE = int(Reason.TOO_CLOSE)
 SHARES = (0.5, 0.25, 0.0)
 
 
-@kernel(inline=False, entry=True)
-def open_cycle(q: Floats, lines: Longs) -> bool:
+@kernel(inline=False)
+def open_cycle(positions: int, count: int, lines: int) -> int:
     """First half: judge every pair for what is measured and what is under way.
 
     Args:
-        q: Joint positions, shape (n,) [rad or m].
-        lines: Ledger of a workspace; its state, memory and `out` are updated.
+        positions: Address of the joint positions.
+        count: How many there are.
+        lines: Address of the ledger of a workspace; its state, memory and `out` are
+            updated.
 
     Returns:
-        Whether the input could be judged.
+        1 if the input could be judged, else 0.
     """
-    w = open_workspace(lines)
+    w = open_workspace(ledger_at(lines))
+    q = numba.carray(pointer(positions), (count,), np.float64)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     v.given[COMMANDED] = 1.0
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = v.told[j]
     clear_header(w)
     if not judge_input(q, w):
-        return False
+        return 0
     report_measured_limits(q, w, v, m)
     if w.out[REASON] == OUT_OF_LIMITS:
         call_for_nothing(w.parts[REFUSE], (w.parts[SELF],))
-        return False
-    return True
+        return 0
+    return 1
 
 
 @kernel(inline=False)

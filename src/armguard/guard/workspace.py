@@ -132,7 +132,10 @@ GRIPS = 12  # ledger of contracts and grippers
 JUDGE_ALL = 13  # `judge_motions`, where `JUDGE` is `judge_with_contracts`
 PROVE_ALL = 14  # `prove_pair`, where `PROVE` is `prove_with_contract`
 INTENT = 15  # `read_intents`
-PARTS = 16
+OPEN = 16  # `open_cycle`
+RESPOND = 17  # what turns what is asked for into what is to be proven
+FINISH = 18  # what proves that and writes what robots are told
+PARTS = 19
 
 # Kinds of index.
 OCTREE = 0

@@ -16,11 +16,13 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
-from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.index.small_tree import compile_octree
-from armguard.respond.cycle import finish, respond
-from armguard.respond.guard import Guard
-from armguard.respond.program import add_pairs
+from armguard.respond.guard import PARTS_OF_CYCLE, Guard
+from armguard.respond.whole_cycle import (
+    begin_filtered_cycle,
+    end_filtered_cycle,
+    run_filtered_cycle,
+)
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.robot.stopping import stopping_figures
 from armguard.scene.scene import Scene
@@ -70,13 +72,14 @@ def compile_cycle(mode: Mode) -> None:
 
 def compile_filter() -> None:
     """Compile what a filtered cycle has beside the others."""
-    kernel_address(close_cycle, 2)
-    kernel_address(add_pairs, 2)
+    for kernel, count in PARTS_OF_CYCLE.values():
+        kernel_address(kernel, count)
     lines, numbers = numba.int64[::1], numba.float64[::1]
+    wish = (numbers, numba.int64, numbers, lines, lines)
     entries: tuple[tuple[Any, tuple[Any, ...]], ...] = (
-        (open_cycle, (numbers, lines)),
-        (respond, (lines, lines)),
-        (finish, (numba.boolean, numba.int64, lines, lines)),
+        (run_filtered_cycle, wish),
+        (begin_filtered_cycle, wish),
+        (end_filtered_cycle, (numba.int64, lines, lines)),
     )
     for kernel, arguments in entries:
         kernel.compile(arguments)

@@ -6,9 +6,6 @@ solved -> (proof) -> what is told, and what is held.
 
 from math import inf, isfinite, sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
 from armguard.address import call_for_nothing
 from armguard.guard.commands import time_passed
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
@@ -39,6 +36,7 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
+from armguard.ledger import ledger_at
 from armguard.motion.figures import (
     DECELERATION,
     FIRST_JOINT,
@@ -83,9 +81,6 @@ from armguard.respond.state import (
 )
 from armguard.respond.tool_asking import ask_for_tools
 
-Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
-
 WRONG_COMMAND = int(Reason.WRONG_COMMAND)
 NO_WAY = int(Reason.NO_WAY)
 BLOCKED_NO_WAY = int(Blocked.NO_WAY)
@@ -98,35 +93,36 @@ GENTLE = 0.5
 LEAD_TIME = 0.1
 
 
-@kernel(inline=False, entry=True)
-def respond(response: Longs, lines: Longs) -> int:
+@kernel(inline=False)
+def respond(response: int, lines: int) -> int:
     """Turn what is asked for into a target that is to be proven.
 
     Args:
-        response: Ledger of the responses; `asked` or `goal` is written already.
-        lines: Ledger of the workspace, after `open_cycle`.
+        response: Address of the ledger of the responses; `asked` or `goal` is written
+            already.
+        lines: Address of that of the workspace, after `open_cycle`.
 
     Returns:
         Robots whose program is to be solved, a bit for each; where the solver can be
         called from here, those for which that did not succeed.
     """
-    a, w = open_response(response), open_workspace(lines)
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     hold(a, v, m)
     note_missed(a, v, m)
     if a.asking[FORM] == TWISTS:
         ask_for_tools(a, w, m)
     take_asked(a, v, m)
-    lead_robots(response.ctypes.data, w.parts[SELF])
+    lead_robots(response, w.parts[SELF])
     s = open_lead(a.lead)
     if w.parts[INTENT] != NOWHERE:
         call_for_nothing(w.parts[INTENT], (a.asked.ctypes.data, w.parts[SELF]))
-    look_for_threats(response.ctypes.data, w.parts[SELF])
+    look_for_threats(response, w.parts[SELF])
     for r in range(a.notes.shape[0]):
         follows = follow_lead(r, engage(r, a, v, m), a, s, v)
         frame_limits(r, follows, a, w, v, m)
     keep_grips(a, w, m)
-    call_for_nothing(w.parts[ADD_PAIRS], (response.ctypes.data, w.parts[SELF]))
+    call_for_nothing(w.parts[ADD_PAIRS], (response, w.parts[SELF]))
     open_programs = 0
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
@@ -177,35 +173,35 @@ def speed_to(way: float, deceleration: float, period: float) -> float:
     return float(min(way / period, speed))
 
 
-@kernel(inline=False, entry=True)
-def finish(judged: bool, unsolved: int, response: Longs, lines: Longs) -> int:
+@kernel(inline=False)
+def finish(judged: int, unsolved: int, response: int, lines: int) -> int:
     """Prove the target, order stops, and write what the robots are told.
 
     Args:
         judged: What `open_cycle` returned.
         unsolved: Robots whose program has no solution, a bit for each.
-        response: Ledger of the responses.
-        lines: Ledger of the workspace.
+        response: Address of the ledger of the responses.
+        lines: Address of that of the workspace.
 
     Returns:
         How many places of the workspace's `out` were used.
     """
-    a, w = open_response(response), open_workspace(lines)
+    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
         v.recover[r] = 0
         stays = a.settings[r, KIND] == STOP and not retreats(r, a)
         v.yields[r] = 0 if stays else 1
-        if judged:
+        if judged != 0:
             settle_target(r, (unsolved >> r) & 1, a, w, v, m)
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
-    call_for_nothing(w.parts[CLOSE], (int(judged), w.parts[SELF]))
-    if not judged:
+    call_for_nothing(w.parts[CLOSE], (judged, w.parts[SELF]))
+    if judged == 0:
         # Nobody asked what was wanted; a stop may be over before the next who does.
         for r in range(a.notes.shape[0]):
             wait_if_stopped(r, a, v)
-    note_leads(int(judged), response.ctypes.data, w.parts[SELF])
+    note_leads(judged, response, w.parts[SELF])
     tell(a, v)
     return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
 

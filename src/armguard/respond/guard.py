@@ -17,7 +17,7 @@ from armguard.guard.levels import Reason
 from armguard.guard.monitor import FLOAT64, Monitor
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
-from armguard.guard.workspace import ADD_PAIRS, CLOSE
+from armguard.guard.workspace import ADD_PAIRS, CLOSE, FINISH, OPEN, RESPOND
 from armguard.respond.asked import as_vector, named_vector
 from armguard.respond.command import Command
 from armguard.respond.compiling import compile_ahead
@@ -32,7 +32,6 @@ from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
     CROWDED,
-    FORM,
     MOST_TWISTS,
     NEVER,
     POSITIONS,
@@ -41,7 +40,7 @@ from armguard.respond.state import (
     STATE,
     TOOL_POINT,
     TOOL_TWIST,
-    TWIST_COUNT,
+    TWIST_ROW,
     TWISTS,
     VELOCITIES,
     Response,
@@ -49,9 +48,25 @@ from armguard.respond.state import (
     response_of,
 )
 from armguard.respond.tool import Tool, tool_of
+from armguard.respond.whole_cycle import (
+    begin_filtered_cycle,
+    end_filtered_cycle,
+    run_filtered_cycle,
+)
 from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+# What a filtered cycle calls by address, by its place: kernels, and how many arguments
+# each takes.
+PARTS_OF_CYCLE: Mapping[int, tuple[Any, int]] = {
+    CLOSE: (close_cycle, 2),
+    ADD_PAIRS: (add_pairs, 2),
+    OPEN: (open_cycle, 3),
+    RESPOND: (respond, 2),
+    FINISH: (finish, 4),
+}
 
 
 class Guard(Monitor):
@@ -109,6 +124,23 @@ class Guard(Monitor):
             if self_test:
                 lines = (*self.self_test.lines, filter_line(self))
                 self.self_test = SelfTestReport(lines)
+
+    @property
+    def ledgers(self) -> tuple[Longs, Longs]:
+        """Ledgers of its responses and of its workspace, for `run_filtered_cycle`.
+
+        For who hands over what was measured by himself. They are good until the guard
+        is called for something else.
+        """
+        if self._response is None:
+            self._prepare_filter()
+        return self._response_lines, self._lines
+
+    @property
+    def solves_compiled(self) -> bool:
+        """Whether kernels can call the solver of programs."""
+        response = self._response or self._prepare_filter()
+        return bool(response.solver[FUNCTION])
 
     def filter(
         self,
@@ -349,21 +381,20 @@ class Guard(Monitor):
             array, fault = self._as_positions(q)
             if fault:
                 array = self._nowhere
-        judged = open_cycle(array, self._lines)
-        unsolved = 0
-        if judged:
-            response.asking[FORM] = form
-            into = response.goal if form == POSITIONS else response.asked
-            if asked is None:
-                into.fill(np.nan)
-            elif isinstance(asked, np.ndarray):
-                into[:] = asked
-            else:
-                self._tell_twists(asked, response)
-            unsolved = respond(self._response_lines, self._lines)
-            if unsolved and not response.solver[FUNCTION]:
-                unsolved = self._solve(unsolved, response)
-        used = finish(judged, unsolved, self._response_lines, self._lines)
+        if asked is None:
+            wish = self._nowhere
+        elif isinstance(asked, np.ndarray):
+            wish = asked
+        else:
+            wish = rows_of_twists(asked)
+        lines = self._response_lines, self._lines
+        if response.solver[FUNCTION]:
+            used = run_filtered_cycle(array, form, wish, *lines)
+        else:
+            unsolved = begin_filtered_cycle(array, form, wish, *lines)
+            if unsolved > 0:
+                unsolved = self.solve_programs(unsolved)
+            used = end_filtered_cycle(unsolved, *lines)
         data = self._out[:used].copy()
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT
@@ -379,12 +410,15 @@ class Guard(Monitor):
         )
         return Command(response.told.copy(), self.tables.robots, verdict)
 
-    def _solve(self, programs: int, response: Response) -> int:
+    def solve_programs(self, programs: int) -> int:
         """Solve the programs of the robots whose bit is set, by way of Python.
+
+        Between `begin_filtered_cycle` and `end_filtered_cycle`.
 
         Returns:
             Those of them for which that did not succeed.
         """
+        response = self._response or self._prepare_filter()
         unsolved = 0
         for r, own in enumerate(self._parts_of_q):
             if not programs >> r & 1:
@@ -419,8 +453,8 @@ class Guard(Monitor):
                     f"robot '{part.name}' has the mode 'fixed', which predicts no "
                     "stops; to filter commands it needs 'path' or 'speed'"
                 )
-        self._addresses[CLOSE] = kernel_address(close_cycle, 2)
-        self._addresses[ADD_PAIRS] = kernel_address(add_pairs, 2)
+        for place, (kernel, count) in PARTS_OF_CYCLE.items():
+            self._addresses[place] = kernel_address(kernel, count)
         self._lead = lead_of(self.tables)
         self._lead_ledger = lead_ledger(self._lead)
         self._escape = escape_of(self.tables)
@@ -455,17 +489,8 @@ class Guard(Monitor):
             type(value) is np.ndarray
             and value.dtype is FLOAT64
             and value.shape == self._shape
+            and value.flags.carray
         )
-
-    def _tell_twists(
-        self, wanted: Sequence[tuple[Tool, Floats]], response: Response
-    ) -> None:
-        """Write twists of tools for the cycle."""
-        response.asking[TWIST_COUNT] = len(wanted)
-        for row, (tool, twist) in zip(response.twists, wanted, strict=False):
-            row[:TOOL_POINT] = tool.robot, tool.body
-            row[TOOL_POINT:TOOL_TWIST] = tool.p_body
-            row[TOOL_TWIST:] = twist
 
     def _tool(self, name: str) -> Tool | None:
         """How a tool follows the joints of its robot; None if there is none."""
@@ -474,3 +499,13 @@ class Guard(Monitor):
                 return None
             self._tools[name] = tool_of(self.tables, name)
         return self._tools[name]
+
+
+def rows_of_twists(wanted: Sequence[tuple[Tool, Floats]]) -> Floats:
+    """Twists of tools as a cycle takes them, one after another."""
+    rows = np.zeros((len(wanted), TWIST_ROW))
+    for row, (tool, twist) in zip(rows, wanted, strict=True):
+        row[:TOOL_POINT] = tool.robot, tool.body
+        row[TOOL_POINT:TOOL_TWIST] = tool.p_body
+        row[TOOL_TWIST:] = twist
+    return rows.reshape(-1)

@@ -95,7 +95,7 @@ class RecordedGuard:
             if not isinstance(v_desired, Mapping)
             else (by_name(v_desired, self.guard.q_names))
         )
-        self.write_command(
+        self._write_command(
             Form.VELOCITIES, q, velocity, stamp, now, asked, command, received
         )
         return command
@@ -114,7 +114,7 @@ class RecordedGuard:
         command = self.guard.filter_positions(
             q, q_desired, stamp, velocity=velocity, now=now
         )
-        self.write_command(
+        self._write_command(
             Form.POSITIONS, q, velocity, stamp, now, q_desired, command, received
         )
         return command
@@ -133,7 +133,7 @@ class RecordedGuard:
         command = self.guard.filter_twists(q, twists, stamp, velocity=velocity, now=now)
         rows = [as_row(twist, 6) for twist in twists.values()]
         asked = np.concatenate(rows) if rows else self._nowhere[:0]
-        self.write_command(
+        self._write_command(
             Form.TWISTS,
             q,
             velocity,
@@ -288,7 +288,29 @@ class RecordedGuard:
         text_frame(kind, self.cycle, now, wall, text, data, self._ring.reserve)
         self._ring.commit()
 
-    def write_command(
+    def write_row(
+        self,
+        length: int,
+        fill: Callable[[Floats, float, float], None],
+        text: bytes = b"",
+    ) -> None:
+        """Write down a cycle that somebody else ran with the guard's kernels.
+
+        For a loop that answers first: the guard must not have been called since.
+
+        Args:
+            length: Words of its frame before its text.
+            fill: Fills them in; told the time on the monotonic and the wall clock [s].
+            text: The frame's text.
+        """
+        row = self._ring.reserve(length + words(len(text)))
+        fill(row, self._monotonic(), self._wall())
+        if text:
+            frames.put_text(text, row[length:])
+        self._ring.commit()
+        self.cycle += 1
+
+    def _write_command(
         self,
         form: Form,
         q: ArrayLike,
@@ -299,25 +321,8 @@ class RecordedGuard:
         command: Command,
         received: float,
         tools: Sequence[str] = (),
-        ended: float | None = None,
     ) -> None:
-        """Write down a filtered cycle.
-
-        For a loop that answers first: what `filter` and its like do at their end. The
-        guard must not have been called since.
-
-        Args:
-            form: What was asked for.
-            q: What the guard was given, from here to `now`.
-            velocity: See there.
-            stamp: See there.
-            now: See there.
-            asked: What was asked for, of twists all rows as one.
-            command: What the guard gave back.
-            received: When what the cycle was asked with came in, monotonic [s].
-            tools: Names of the tools of twists.
-            ended: When it had been judged, monotonic; now if None [s].
-        """
+        """Write down a filtered cycle."""
         self._write(
             form,
             q,
@@ -329,7 +334,6 @@ class RecordedGuard:
             command.verdict,
             received,
             tools,
-            ended,
         )
 
     def _write(
@@ -344,7 +348,6 @@ class RecordedGuard:
         verdict: Verdict,
         received: float,
         tools: Sequence[str] = (),
-        ended: float | None = None,
     ) -> None:
         """Write down a cycle."""
         n, r = self._joints, len(self._robots)
@@ -370,7 +373,7 @@ class RecordedGuard:
             np.nan if now is None else as_number(now),
             velocity is not None,
             received,
-            written if ended is None else ended,
+            written,
             verdict.cycle_time,
             n,
             r,

@@ -47,7 +47,7 @@ def test_an_exception_is_a_stop_and_the_loop_goes_on(service, monkeypatch, part)
         place = PLACE["cycle_faults"]
         faults = service.counters.value(place)
         with monkeypatch.context() as patch:
-            patch.setattr(service._judge, part, broken)
+            patch.setattr(service._hub.judge, part, broken)
             service._checkpoint = 0
             wait_for(lambda: service.counters.value(place) > faults)
             answer = arms.drive_until(WISH, lambda a: a.cause is Cause.FAULT)

@@ -31,7 +31,7 @@ OF_COMMANDER = (
 OF_SENSORS = ("place", "remove")
 
 # Those for everybody.
-OF_ALL = ("why", "stop", "ping")
+OF_ALL = ("why", "objects", "stop", "ping")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,22 +8,48 @@ from numpy.typing import NDArray
 
 from armguard.errors import SceneError
 from armguard.geometry.shapes import Shape
+from armguard.guard.verdict import Verdict, names_of
 from armguard.respond import Command, Guard
+from armguard.respond.whole_cycle import NOT_JUDGED
 from armguard.scene import Scene
-from armguard.station import frames
+from armguard.scene.tables import SceneTables
+from armguard.station.desk.desk import (
+    AS_WISHED,
+    ASK,
+    ASKED_COUNT,
+    ASKED_FORM,
+    ENDED,
+    NOTHING,
+    START,
+    STOP,
+    USED,
+    desk_ledger,
+    desk_of,
+)
+from armguard.station.desk.judging import begin_judging, conclude_judging, judge
+from armguard.station.desk.keeping import write_frame
+from armguard.station.desk.taking import take_state, take_wish
+from armguard.station.desk.telling import write_answer
 from armguard.station.errors import RefusedError
-from armguard.station.frames import Kind
+from armguard.station.frames import HEADER, Kind, text_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingWriter
 from armguard.station.service.scenes import scene_hash
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.states import States
-from armguard.station.service.wishes import Wishes
-from armguard.station.shape_words import shape_of
+from armguard.station.shape_words import shape_of, words_of
 from armguard.station.wire.layout import Form
 from armguard.station.wire.words import Cause
 
 Floats = NDArray[np.float64]
+
+TWISTS = int(Form.TWISTS)
+
+# What a guard is asked for, by why what is wished for does not count.
+ASK_OF = {
+    cause: STOP if cause.stops else AS_WISHED if cause is Cause.NONE else NOTHING
+    for cause in Cause
+}
 
 # A joint that is slower than that rests [rad/s or m/s].
 RESTS = 0.01
@@ -36,20 +62,28 @@ class Judge:
         guard: The guard; it writes every cycle into the ring.
         scene: What it guards.
         hash: The scene's hash, in hex.
-        last: The last command; None before there is one.
+        desk: What a cycle reads and writes.
+        address: Address of the desk's ledger.
 
     Args:
         scene: See there.
         file: The file it came from, or "".
         settings: Settings of the service.
         ring: The ring.
+        message: Where messages come in, as words of eight bytes.
+        answer: Where they go out, likewise.
     """
 
     def __init__(
-        self, scene: Scene, file: str, settings: ServiceSettings, ring: RingWriter
+        self,
+        scene: Scene,
+        file: str,
+        settings: ServiceSettings,
+        ring: RingWriter,
+        message: Floats,
+        answer: Floats,
     ) -> None:
         self.scene = scene
-        self.last: Command | None = None
         self._file = file
         self._settings = settings
         self._ring = ring
@@ -57,103 +91,73 @@ class Judge:
         self._moved: dict[str, dict[str, Any] | None] = {}
         self._shapes: dict[str, Shape] = {}
         self.guard, self.hash = self._build(settings.self_test)
-        n = len(self.guard.guard.q_names)
-        self._nothing: Floats = np.zeros(n)
-        self._impossible: Floats = np.full(n, np.nan)
-        # What the last cycle was asked.
-        self._asked: tuple[Form, Floats, Floats | None, float]
-        self._asked = Form.VELOCITIES, self._nothing, None, 0.0
-        # Whether what was told is what is held if the commander falls silent.
-        self._holds = False
+        tables = self.guard.guard.tables
+        self._tools = tools_of(tables)
+        self.desk = desk_of(tables, self._tools, message, answer)
+        self._ledger = desk_ledger(self.desk)
+        self.address: int = self._ledger.lines.ctypes.data
+        self._given = self.desk.given.data
+        # Whether a cycle was judged since the guard was made.
+        self._judged = False
+        # Poses for the frame being written, and the length of its text [bytes].
+        self._poses: Floats = np.zeros(0)
+        self._text_size = 0
+        # Names of the tools of twists, as a frame tells them.
+        self._texts: dict[tuple[int, ...], bytes] = {}
+        self._compile()
         self._tell_scene()
 
-    def ask(
-        self,
-        states: States,
-        wishes: Wishes,
-        cause: Cause,
-        now: float,
-    ) -> tuple[Command, Form]:
-        """One cycle; `write_down` writes it down.
+    @property
+    def last(self) -> Command | None:
+        """The last command; None before there is one."""
+        if not self._judged:
+            return None
+        desk, tables = self.desk, self.guard.guard.tables
+        data = desk.numbers[: self._given[USED]].copy()
+        now = self._given[START] * 1e-9
+        took = (self._given[ENDED] - self._given[START]) * 1e-9
+        verdict = Verdict(data, names_of(tables), now, took, "")
+        return Command(desk.told.copy(), tables.robots, verdict)
+
+    def ask(self, cause: Cause) -> None:
+        """One cycle, and its answer on the desk; `write_down` writes it down.
 
         Args:
-            states: What was measured.
-            wishes: What the commander wants.
-            cause: Why that does not count, if it does not.
-            now: Time of the cycle [s].
-
-        Returns:
-            The command, and what was asked for.
+            cause: Why what is wished for does not count, if it does not.
         """
-        guard, velocity = self.guard.guard, states.velocities
-        form = wishes.form
-        if cause.stops:
-            # A wish that is none is how a guard is told to stop.
-            form, wish = Form.VELOCITIES, self._impossible
-        elif cause == Cause.NONE:
-            wish = wishes.values
-        elif form == Form.POSITIONS and np.isfinite(wishes.held).all():
-            wish = wishes.held
+        self._given[ASK] = ASK_OF[cause]
+        guard = self.guard.guard
+        ledgers = guard.ledgers
+        if guard.solves_compiled:
+            judge(self.address, *ledgers)
         else:
-            form, wish = Form.VELOCITIES, self._nothing
-        q, stamps = states.q, states.stamp
-        if form == Form.VELOCITIES:
-            command = guard.filter(q, wish, stamps, velocity=velocity, now=now)
-        elif form == Form.POSITIONS:
-            command = guard.filter_positions(
-                q, wish, stamps, velocity=velocity, now=now
-            )
-        else:
-            command = guard.filter_twists(
-                q, wishes.twists, stamps, velocity=velocity, now=now
-            )
-        self.last = command
-        self._asked = form, wish, velocity, now
-        self._holds = cause == Cause.NONE or cause.stops
-        return command, form
+            unsolved = begin_judging(self.address, *ledgers)
+            if unsolved > 0:
+                unsolved = guard.solve_programs(unsolved)
+            conclude_judging(unsolved, self.address, *ledgers)
+        self._judged = True
 
-    def write_down(
-        self, states: States, wishes: Wishes, received: float, ended: float
-    ) -> None:
-        """Keep the last cycle, now that it has been answered.
+    def tell_again(self) -> None:
+        """Write the answer anew: why it is not what was judged is known only now."""
+        write_answer(self.address)
 
-        Args:
-            states: What it was judged from.
-            wishes: What the commander wanted.
-            received: When the state came in that began it; NaN for none [s].
-            ended: When it had been judged [s].
-        """
-        command = self.last
-        if command is None:
-            return
-        form, wish, velocity, now = self._asked
-        if self._holds:
-            wishes.held[:] = command.position
-        tools: tuple[str, ...] = ()
-        if form == Form.TWISTS:
-            tools = tuple(wishes.twists)
-            rows = [self._nothing[:0], *wishes.twists.values()]
-            wish = np.concatenate(rows)
-        self.guard.write_command(
-            frames.Form(int(form)),
-            states.q,
-            velocity,
-            states.stamp,
-            now,
-            wish,
-            command,
-            received,
-            tools,
-            ended,
-        )
+    def write_down(self) -> None:
+        """Keep the last cycle, now that it has been answered."""
+        given, desk = self._given, self.desk
+        text = b""
+        if given[ASKED_FORM] == TWISTS:
+            text = self._text_of(given[ASKED_COUNT] // 6)
+        self._poses = self.guard.guard.poses.reshape(-1)
+        self._text_size = len(text)
+        length = HEADER + 2 * len(desk.q) + len(desk.stamps) + given[ASKED_COUNT]
+        length += len(desk.told) + given[USED] + len(self._poses)
+        self.guard.write_row(length, self._fill, text)
 
     def at_rest(self, states: States) -> bool:
         """Whether no robot moves, or is told to."""
-        if self.last is None:
+        if not self._judged:
             return True
-        measured = states.velocities
-        slow = measured is None or bool((np.abs(measured) < RESTS).all())
-        return slow and not self.last.velocity.any()
+        return states.rest(RESTS) and not self.desk.told[: len(self.desk.q)].any()
 
     def place(
         self,
@@ -176,17 +180,35 @@ class Judge:
         self.guard.remove(name)
         self._moved[name] = None
 
+    def objects(self) -> dict[str, Any]:
+        """What was put elsewhere, given another shape or taken away since the start.
+
+        For who comes late: the scene's file does not tell. By name: its pose as it was
+        placed, and its shape in words if it was given one; None if it was removed.
+        """
+        return {
+            name: None
+            if put is None
+            else {
+                "pose": put["pose"].tolist(),
+                "stamp": put["stamp"],
+                "shape": words_of(self._shapes[name]) if name in self._shapes else None,
+            }
+            for name, put in self._moved.items()
+        }
+
     def why(self) -> dict[str, Any]:
         """The last command in words."""
-        if self.last is None:
+        last = self.last
+        if last is None:
             return {"why": Cause.WAITING.sentence}
-        verdict = self.last.verdict
+        verdict = last.verdict
         return {
             "why": verdict.why,
             "cycle": self.guard.cycle - 1,
             "level": verdict.level.name,
             "reason": verdict.reason.name,
-            "blocked": {name: b.sentence for name, b in self.last.blocked.items()},
+            "blocked": {name: b.sentence for name, b in last.blocked.items()},
             "held": {name: list(by) for name, by in self.guard.guard.held.items()},
         }
 
@@ -232,7 +254,7 @@ class Judge:
                 self.scene.set_response(robot.response, name)
             raise
         guard.cycle = cycle
-        self.guard, self.hash, self.last = guard, found, None
+        self.guard, self.hash, self._judged = guard, found, False
         self._tell_scene()
         for name, put in self._moved.items():
             if put is None:
@@ -260,6 +282,35 @@ class Judge:
         guard = Guard(self.scene, budget=self._settings.budget, self_test=self_test)
         return RecordedGuard(guard, self._ring), scene_hash(guard.tables)
 
+    def _compile(self) -> None:
+        """Compile, or load, what the loop calls; nothing has come in or was asked."""
+        take_state(self.address)
+        take_wish(self.address)
+        guard = self.guard.guard
+        guard.reset()
+        # No state is none that a guard believes: it only refuses.
+        self.ask(Cause.WAITING)
+        self.tell_again()
+        begin_judging(self.address, *guard.ledgers)
+        conclude_judging(NOT_JUDGED, self.address, *guard.ledgers)
+        self._poses = guard.poses.reshape(-1)
+        self._fill(np.zeros(len(self._poses) + 8 * len(self.desk.numbers)), 0.0, 0.0)
+        guard.reset()
+        self._judged = False
+        self.desk.held.fill(np.nan)
+
+    def _fill(self, row: Floats, monotonic: float, wall: float) -> None:
+        """Fill in the frame of the last cycle."""
+        write_frame(self.address, row, self._poses, monotonic, wall, self._text_size)
+
+    def _text_of(self, count: int) -> bytes:
+        """What a frame tells of the tools of so many twists."""
+        tools = tuple(int(k) for k in self.desk.twists[:count, 0])
+        if tools not in self._texts:
+            names = [self._tools[k] for k in tools]
+            self._texts[tools] = text_of({"fault": "", "tools": names})
+        return self._texts[tools]
+
     def _tell_scene(self) -> None:
         """Write down what is guarded."""
         from armguard import __version__
@@ -279,6 +330,11 @@ class Judge:
             },
         }
         self.guard.describe(self.scene, about)
+
+
+def tools_of(tables: SceneTables) -> tuple[str, ...]:
+    """Names of tools in the order of their indices: robots, then links."""
+    return (*(part.name for part in tables.robots), *tables.links)
 
 
 def scene_word(scene: str) -> int:

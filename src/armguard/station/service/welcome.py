@@ -1,26 +1,22 @@
 """What a client is told when it says hello."""
 
 import json
-from collections.abc import Iterable
 from typing import Any
 
 from armguard.guard.levels import SENTENCES, Level
 from armguard.scene.tables import SceneTables
+from armguard.station.desk.desk import bodies_of
+from armguard.station.service.hub import Hub
+from armguard.station.service.judge import tools_of
+from armguard.station.service.peers import Peer
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.wire.boot import boot_id
 from armguard.station.wire.layout import PART, VERSION, WELCOME, Kind
-from armguard.station.wire.outbox import Outbox
-
-
-def tools_of(tables: SceneTables) -> tuple[str, ...]:
-    """Names of tools in the order of their indices: robots, then links."""
-    return (*(part.name for part in tables.robots), *tables.links)
 
 
 def welcome_text(
     tables: SceneTables,
     settings: ServiceSettings,
-    bodies: Iterable[str],
     **more: Any,
 ) -> bytes:
     """The JSON of a WELCOME; home comes first, so that it is in the first part."""
@@ -39,7 +35,7 @@ def welcome_text(
             "period": tables.period,
             "late": tables.late,
             "stale": settings.stale,
-            "bodies": list(bodies),
+            "bodies": list(bodies_of(tables)),
             "tools": list(tools_of(tables)),
             "watchdogs": {
                 "wish": settings.wish_watchdog,
@@ -60,41 +56,39 @@ def welcome_text(
     ).encode()
 
 
-def parts_of(text: bytes) -> list[bytes]:
-    """A text in parts that each fit into a message."""
-    return [text[at : at + PART] for at in range(0, len(text), PART)]
+class Welcome:
+    """Tells what is guarded, in parts that each fit into a message."""
 
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
 
-def welcome_part(
-    outbox: Outbox,
-    tables: SceneTables,
-    parts: list[bytes],
-    k: int,
-    asked: int,
-    received: int,
-) -> memoryview:
-    """The message with the k-th part.
+    def adopt(self, text: bytes) -> None:
+        """Tell that from now on."""
+        self._parts = [text[at : at + PART] for at in range(0, len(text), PART)]
 
-    Args:
-        outbox: Where messages of the service are written.
-        tables: The scene.
-        parts: All parts.
-        k: Which one.
-        asked: Stamp of the HELLO it answers [ns].
-        received: When that came in, monotonic [ns].
-    """
-    payload = outbox.payload
-    WELCOME.pack_into(
-        payload,
-        0,
-        k,
-        len(parts),
-        len(tables.q_names),
-        len(tables.robots),
-        tables.period,
-        asked,
-        received,
-    )
-    end = WELCOME.size + len(parts[k])
-    payload[WELCOME.size : end] = parts[k]
-    return outbox.seal(Kind.WELCOME, end)
+    def send(self, hub: Hub, peer: Peer, asked: int, received: int) -> None:
+        """Tell somebody all of it.
+
+        Args:
+            hub: What all parts of the loop share.
+            peer: Who.
+            asked: Stamp of the HELLO it answers [ns].
+            received: When that came in, monotonic [ns].
+        """
+        tables, outbox = hub.judge.guard.guard.tables, hub.outbox
+        payload = outbox.payload
+        for k, part in enumerate(self._parts):
+            WELCOME.pack_into(
+                payload,
+                0,
+                k,
+                len(self._parts),
+                len(tables.q_names),
+                len(tables.robots),
+                tables.period,
+                asked,
+                received,
+            )
+            end = WELCOME.size + len(part)
+            payload[WELCOME.size : end] = part
+            hub.send(outbox.seal(Kind.WELCOME, end), peer.address)

@@ -32,6 +32,11 @@ class Outbox:
         self._buffer = memoryview(bytearray(MOST))
 
     @property
+    def buffer(self) -> memoryview:
+        """Room for a whole message, its header first."""
+        return self._buffer
+
+    @property
     def payload(self) -> memoryview:
         """Room for the payload of the next message."""
         return self._buffer[HEADER.size : MOST - SEAL]

@@ -1,0 +1,100 @@
+"""A filtered cycle in one piece: what is measured and asked for in, what is told out.
+
+For who calls the guard a thousand times a second: each step from Python to compiled
+code and back costs more than many a kernel.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import call_for_count
+from armguard.guard.workspace import FINISH, OPEN, RESPOND, SELF, open_workspace
+from armguard.kernel import kernel
+from armguard.respond.state import (
+    FORM,
+    POSITIONS,
+    TWIST_COUNT,
+    TWIST_ROW,
+    TWISTS,
+    Response,
+    open_response,
+)
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+# Returned in place of robots where the input could not be judged.
+NOT_JUDGED = -1
+
+
+@kernel(inline=False, entry=True)
+def run_filtered_cycle(
+    q: Floats, form: int, wish: Floats, response: Longs, lines: Longs
+) -> int:
+    """A whole cycle; for where the solver of programs can be called from kernels.
+
+    Args:
+        q: Joint positions, shape (n,) [rad or m].
+        form: What is asked for: `VELOCITIES`, `POSITIONS` or `TWISTS`.
+        wish: Velocities or positions of all joints, shape (n,), or rows of twists one
+            after another, shape (k TWIST_ROW,). Of another length it is none, and the
+            robots stop.
+        response: Ledger of the responses.
+        lines: Ledger of the workspace.
+
+    Returns:
+        How many places of the workspace's `out` were used.
+    """
+    unsolved = begin_filtered_cycle(q, form, wish, response, lines)
+    return end_filtered_cycle(unsolved, response, lines)
+
+
+@kernel(inline=False, entry=True)
+def begin_filtered_cycle(
+    q: Floats, form: int, wish: Floats, response: Longs, lines: Longs
+) -> int:
+    """The same as far as programs are to be solved; the arguments are the same.
+
+    Returns:
+        See `respond`; NOT_JUDGED if the input could not be judged.
+    """
+    a, w = open_response(response), open_workspace(lines)
+    address = w.parts[SELF]
+    if call_for_count(w.parts[OPEN], (q.ctypes.data, q.shape[0], address)) == 0:
+        return NOT_JUDGED
+    take_wish(form, wish, a)
+    return int(call_for_count(w.parts[RESPOND], (response.ctypes.data, address)))
+
+
+@kernel(inline=False, entry=True)
+def end_filtered_cycle(unsolved: int, response: Longs, lines: Longs) -> int:
+    """The rest of a cycle, and the number of places of `out` that were used.
+
+    Args:
+        unsolved: What `begin_filtered_cycle` returned, less the robots whose programs
+            were solved meanwhile.
+        response: See there.
+        lines: See there.
+    """
+    w = open_workspace(lines)
+    judged = 0 if unsolved == NOT_JUDGED else 1
+    open_programs = 0 if judged == 0 else unsolved
+    arguments = (judged, open_programs, response.ctypes.data, w.parts[SELF])
+    return int(call_for_count(w.parts[FINISH], arguments))
+
+
+@kernel
+def take_wish(form: int, wish: Floats, a: Response) -> None:
+    """Write what is asked for to where it is looked for."""
+    a.asking[FORM] = form
+    if form == TWISTS:
+        count = wish.shape[0] // TWIST_ROW
+        a.asking[TWIST_COUNT] = count
+        for k in range(count):
+            for i in range(TWIST_ROW):
+                a.twists[k, i] = wish[k * TWIST_ROW + i]
+        return
+    into = a.goal if form == POSITIONS else a.asked
+    whole = wish.shape[0] == into.shape[0]
+    for j in range(into.shape[0]):
+        into[j] = wish[j] if whole else np.nan

@@ -1,0 +1,1 @@
+"""A cycle of the service from message to message: its arrays and its kernels."""

@@ -1,0 +1,276 @@
+"""Everything a cycle of the service reads and writes, made once.
+
+A STATE comes in as bytes and a COMMAND goes out as bytes. What lies between is numbers
+in arrays that kernels look at, so that a message becomes an answer in two calls of
+compiled code: `take_state` and `judge`.
+"""
+
+# `carray` has no types that mypy could see.
+# mypy: disable-error-code="no-any-return"
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.address import pointer
+from armguard.guard import layout
+from armguard.guard.levels import Level, Reason, level_of
+from armguard.guard.monitor import NEAR_CAPACITY
+from armguard.guard.verdict import first_row_of
+from armguard.kernel import kernel
+from armguard.ledger import (
+    Ledger,
+    ledger_at,
+    matrix_f8,
+    vector_f8,
+    vector_i8,
+)
+from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
+from armguard.respond.tool import tool_of
+from armguard.scene.tables import SceneTables
+from armguard.station.wire.layout import TWIST
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+# Places in `given`. What a message is, before it is taken:
+SIZE = 0  # [bytes]
+NOW = 1  # monotonic [ns]
+SENDER = 2
+SEQUENCE = 3
+TOKEN = 4  # what a wish must show; 0 if its sender does not command
+WATCHDOG = 5  # after that much silence a robot may get another controller [ns]
+# What came of it:
+HAS_WISH = 6  # 1 if there is a wish in a STATE
+WISH_OUTCOME = 7  # what came of that
+WISH_FORM = 8  # form of the newest wish, as messages number it
+WISH_COUNT = 9  # how many numbers, or twists, it has
+MEASURED = 10  # 1 if the newest state of every robot had velocities
+# What a cycle is told:
+ASK = 11  # what to ask the guard
+CYCLE = 12  # its number
+BEGAN_BY = 13  # sender, number and arrival of the state that began it [ns]; 0 for none
+BEGAN_WITH = 14
+BEGAN_AT = 15
+START = 16  # monotonic [ns]
+ENDED = 17  # when it had been judged [ns]
+CAUSE = 18
+FLAGS = 19
+COMMANDER = 20
+# What came of that:
+ASKED_FORM = 21  # form of what was asked
+ASKED_COUNT = 22  # how many numbers that has
+USED = 23  # places of `numbers` that are used
+LEVEL = 24  # the highest level, its reason
+REASON = 25
+GIVEN = 26
+
+# What to ask a guard.
+AS_WISHED = 0  # what the commander wishes for
+NOTHING = 1  # that nothing moves, or where positions were wished for that they are held
+STOP = 2  # a stop
+
+# What came of a message, see `DROPS`.
+TAKEN = 0
+PAYLOAD = 1
+ROBOTS = 2
+JOINTS = 3
+SECOND_CONTROLLER = 4
+NOT_COMMANDER = 5
+WISH_NOT_FINITE = 6
+OUTCOMES = (
+    "",
+    "payload",
+    "robots",
+    "joints",
+    "second_controller",
+    "not_commander",
+    "wish_not_finite",
+)
+
+# A row of `twists`: index of the tool, then its twist.
+TWIST_AT = 1
+
+
+class Desk(NamedTuple):
+    """Arrays of one service and one scene.
+
+    Attributes:
+        given: See SIZE, shape (GIVEN,).
+        message: The message that came in, as words of eight bytes.
+        answer: The message that goes out, likewise.
+        q: Joint positions, shape (n,) [rad or m].
+        velocity: Joint velocities, shape (n,) [rad/s or m/s].
+        stamps: When robots were measured, shape (r,) [s].
+        measured: 1 where the newest state had velocities, shape (r,).
+        sender: Controller of each robot, 0 for none yet, shape (r,).
+        sequence: Number of the state of each robot, shape (r,).
+        heard: When it came in, monotonic, shape (r,) [ns].
+        first_joint: Place in q of the first joint of each robot, shape (r,).
+        joint_count: How many joints it has, shape (r,).
+        wish: Velocities or positions that are wished for, shape (n,).
+        twists: Twists that are wished for, see TWIST_AT, shape (MOST_TWISTS, TWIST).
+        tools: What tools are to the guard, by index: robot, body, origin in the body,
+            shape (k, TOOL_TWIST).
+        rows: Twists as the guard takes them, shape (MOST_TWISTS TWIST_ROW,).
+        held: Positions told last, which are held when a commander in positions falls
+            silent, shape (n,).
+        asked: What the guard was asked for last, shape (max(n, 6 MOST_TWISTS),).
+        numbers: The verdict's numbers, see `armguard.guard.layout`.
+        told: What robots were told, as `Command` cuts it, shape (4 n + 2 r,).
+        body_of: Index in a COMMAND of the body of each primitive, shape (p,).
+        level_of: Level of each reason, shape (k,).
+        first_row: Where near pairs start in `numbers`, shape (1,).
+    """
+
+    given: Longs
+    message: Floats
+    answer: Floats
+    q: Floats
+    velocity: Floats
+    stamps: Floats
+    measured: Longs
+    sender: Longs
+    sequence: Longs
+    heard: Longs
+    first_joint: Longs
+    joint_count: Longs
+    wish: Floats
+    twists: Floats
+    tools: Floats
+    rows: Floats
+    held: Floats
+    asked: Floats
+    numbers: Floats
+    told: Floats
+    body_of: Longs
+    level_of: Longs
+    first_row: Longs
+
+
+def desk_of(
+    tables: SceneTables, tools: tuple[str, ...], message: Floats, answer: Floats
+) -> Desk:
+    """A desk for a scene, before any state has come in.
+
+    Args:
+        tables: The scene.
+        tools: Names of tools in the order of their indices in messages.
+        message: Where messages come in.
+        answer: Where they go out.
+    """
+    n, r = len(tables.q_names), len(tables.robots)
+    rows = np.zeros((max(len(tools), 1), TOOL_TWIST))
+    for row, name in zip(rows, tools, strict=False):
+        tool = tool_of(tables, name)
+        row[:TOOL_POINT] = tool.robot, tool.body
+        row[TOOL_POINT:] = tool.p_body
+    names = bodies_of(tables)
+    place = {name: k for k, name in enumerate(names)}
+    levels = np.full(max(Reason) + 1, int(Level.STOP), dtype=np.int64)
+    for reason in Reason:
+        levels[reason] = level_of(reason)
+    first_row = first_row_of(tables)
+    most = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
+    return Desk(
+        given=np.zeros(GIVEN, dtype=np.int64),
+        message=message,
+        answer=answer,
+        q=np.full(n, np.nan),
+        velocity=np.zeros(n),
+        stamps=np.full(r, np.nan),
+        measured=np.zeros(r, dtype=np.int64),
+        sender=np.zeros(r, dtype=np.int64),
+        sequence=np.zeros(r, dtype=np.int64),
+        heard=np.zeros(r, dtype=np.int64),
+        first_joint=np.array([p.first_joint for p in tables.robots], dtype=np.int64),
+        joint_count=np.array([p.joint_count for p in tables.robots], dtype=np.int64),
+        wish=np.zeros(n),
+        twists=np.zeros((MOST_TWISTS, TWIST)),
+        tools=rows,
+        rows=np.zeros(MOST_TWISTS * TWIST_ROW),
+        held=np.full(n, np.nan),
+        asked=np.zeros(max(n, 6 * MOST_TWISTS)),
+        numbers=np.zeros(first_row + most * layout.NEAR_WIDTH),
+        told=np.zeros(4 * n + 2 * r),
+        body_of=np.array([place[b] for b in tables.body_names], dtype=np.int64),
+        level_of=levels,
+        first_row=np.array([first_row], dtype=np.int64),
+    )
+
+
+def bodies_of(tables: SceneTables) -> tuple[str, ...]:
+    """Names of bodies in the order of their indices in a COMMAND."""
+    return tuple(dict.fromkeys(tables.body_names))
+
+
+def desk_ledger(desk: Desk) -> Ledger:
+    """The arrays in the order `open_desk` expects."""
+    return Ledger(desk)
+
+
+@kernel
+def open_desk(address: int) -> Desk:
+    """The desk a ledger leads to, by that one's address."""
+    lines = ledger_at(address)
+    return Desk(
+        vector_i8(lines, 0),
+        vector_f8(lines, 1),
+        vector_f8(lines, 2),
+        vector_f8(lines, 3),
+        vector_f8(lines, 4),
+        vector_f8(lines, 5),
+        vector_i8(lines, 6),
+        vector_i8(lines, 7),
+        vector_i8(lines, 8),
+        vector_i8(lines, 9),
+        vector_i8(lines, 10),
+        vector_i8(lines, 11),
+        vector_f8(lines, 12),
+        matrix_f8(lines, 13),
+        matrix_f8(lines, 14),
+        vector_f8(lines, 15),
+        vector_f8(lines, 16),
+        vector_f8(lines, 17),
+        vector_f8(lines, 18),
+        vector_f8(lines, 19),
+        vector_i8(lines, 20),
+        vector_i8(lines, 21),
+        vector_i8(lines, 22),
+    )
+
+
+@kernel
+def as_i8(words: Floats) -> Longs:
+    """The same memory as whole numbers of eight bytes."""
+    return numba.carray(pointer(words.ctypes.data), words.shape, np.int64)
+
+
+@kernel
+def as_u4(words: Floats) -> NDArray[np.uint32]:
+    """The same memory as whole numbers of four bytes."""
+    count = 2 * words.shape[0]
+    return numba.carray(pointer(words.ctypes.data), (count,), np.uint32)
+
+
+@kernel
+def u4_at(words: Floats, place: int) -> int:
+    """A whole number of four bytes, counted in such."""
+    # As a signed one of eight: mixed with others it would become a float.
+    return int(np.int64(as_u4(words)[place]))
+
+
+@kernel
+def as_u2(words: Floats) -> NDArray[np.uint16]:
+    """The same memory as whole numbers of two bytes."""
+    count = 4 * words.shape[0]
+    return numba.carray(pointer(words.ctypes.data), (count,), np.uint16)
+
+
+@kernel
+def as_f4(words: Floats) -> NDArray[np.float32]:
+    """The same memory as numbers of four bytes."""
+    count = 2 * words.shape[0]
+    return numba.carray(pointer(words.ctypes.data), (count,), np.float32)

@@ -1,0 +1,94 @@
+"""A cycle of the service as the ring keeps it, see `armguard.station.frames`."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.kernel import kernel
+from armguard.station.desk import desk as places
+from armguard.station.desk.desk import (
+    ASKED_COUNT,
+    ASKED_FORM,
+    MEASURED,
+    START,
+    USED,
+    open_desk,
+)
+from armguard.station.frames import (
+    ASKED,
+    CYCLE,
+    CYCLE_TIME,
+    DATA,
+    ENDED,
+    FORM,
+    HAS_VELOCITY,
+    HEADER,
+    JOINTS,
+    KIND,
+    MONOTONIC,
+    NOW,
+    POSES,
+    RECEIVED,
+    ROBOTS,
+    TEXT,
+    TOLD,
+    VERDICT,
+    WALL,
+    Kind,
+)
+
+Floats = NDArray[np.float64]
+
+OF_CYCLE = int(Kind.CYCLE)
+
+
+@kernel(inline=False, entry=True)
+def write_frame(
+    address: int, row: Floats, poses: Floats, monotonic: float, wall: float, text: int
+) -> None:
+    """Fill in a cycle's frame, all but its text.
+
+    Args:
+        address: Address of the ledger of a desk, after `judge`.
+        row: The frame.
+        poses: Poses of all bodies one after another, shape (12 b,).
+        monotonic: Time on the monotonic clock [s].
+        wall: Time on the wall clock [s].
+        text: Length of the text that follows [bytes].
+    """
+    d = open_desk(address)
+    given = d.given
+    n, robots = d.q.shape[0], d.stamps.shape[0]
+    for k in range(HEADER):
+        row[k] = 0.0
+    row[KIND], row[CYCLE] = OF_CYCLE, given[places.CYCLE]
+    row[MONOTONIC], row[WALL] = monotonic, wall
+    row[FORM], row[NOW] = given[ASKED_FORM], given[START] * 1e-9
+    row[HAS_VELOCITY] = given[MEASURED]
+    began = given[places.BEGAN_AT]
+    row[RECEIVED] = began * 1e-9 if began != 0 else np.nan
+    row[ENDED] = given[places.ENDED] * 1e-9
+    row[CYCLE_TIME] = (given[places.ENDED] - given[START]) * 1e-9
+    row[JOINTS], row[ROBOTS], row[ASKED] = n, robots, given[ASKED_COUNT]
+    row[TOLD], row[VERDICT] = d.told.shape[0], given[USED]
+    row[POSES], row[TEXT], row[DATA] = poses.shape[0], text, 0.0
+    at = HEADER
+    at = put(d.q, n, row, at)
+    if given[MEASURED] != 0:
+        at = put(d.velocity, n, row, at)
+    else:
+        for j in range(n):
+            row[at + j] = 0.0
+        at += n
+    at = put(d.stamps, robots, row, at)
+    at = put(d.asked, given[ASKED_COUNT], row, at)
+    at = put(d.told, d.told.shape[0], row, at)
+    at = put(d.numbers, given[USED], row, at)
+    put(poses, poses.shape[0], row, at)
+
+
+@kernel
+def put(numbers: Floats, count: int, row: Floats, at: int) -> int:
+    """Copy numbers into a row; the place behind them."""
+    for k in range(count):
+        row[at + k] = numbers[k]
+    return at + count

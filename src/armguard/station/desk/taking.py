@@ -1,0 +1,194 @@
+"""From a message that was let in to what was measured and what is wished for."""
+
+from math import isfinite
+
+from armguard.kernel import kernel
+from armguard.respond.state import MOST_TWISTS
+from armguard.station.desk.desk import (
+    HAS_WISH,
+    JOINTS,
+    MEASURED,
+    NOT_COMMANDER,
+    NOW,
+    PAYLOAD,
+    ROBOTS,
+    SECOND_CONTROLLER,
+    SENDER,
+    SEQUENCE,
+    SIZE,
+    TAKEN,
+    TOKEN,
+    TWIST_AT,
+    WATCHDOG,
+    WISH_COUNT,
+    WISH_FORM,
+    WISH_NOT_FINITE,
+    WISH_OUTCOME,
+    Desk,
+    as_i8,
+    open_desk,
+    u4_at,
+)
+from armguard.station.wire.layout import HAS_VELOCITY, HEADER, SEAL, STATE, TWIST, Form
+from armguard.station.wire.layout import HAS_WISH as WITH_WISH
+from armguard.station.wire.layout import WISH as WISH_HEAD
+
+# Where the parts of a STATE begin, and how long the head of a wish is [bytes].
+STATE_AT = HEADER.size
+POSITIONS_AT = STATE_AT + STATE.size
+WISH_SIZE = WISH_HEAD.size
+
+VELOCITIES, POSITIONS, TWISTS = (int(form) for form in Form)
+
+
+@kernel(inline=False, entry=True)
+def take_state(address: int) -> int:
+    """Take a STATE over, and the wish in it.
+
+    Args:
+        address: Address of the ledger of a desk: its message is a STATE, and `given`
+            says which one.
+
+    Returns:
+        TAKEN, or why it was dropped; then nothing has changed. What came of the wish in
+        it is written to `given`.
+    """
+    d = open_desk(address)
+    given = d.given
+    given[HAS_WISH] = 0
+    size = given[SIZE]
+    if size < POSITIONS_AT + SEAL:
+        return PAYLOAD
+    bits = u4_at(d.message, STATE_AT // 4)
+    flags = u4_at(d.message, STATE_AT // 4 + 1)
+    robots = d.first_joint.shape[0]
+    if bits == 0 or bits >> robots != 0:
+        return ROBOTS
+    joints = 0
+    for r in range(robots):
+        if (bits >> r) & 1 != 0:
+            joints += d.joint_count[r]
+    both = 2 if flags & HAS_VELOCITY != 0 else 1
+    end = POSITIONS_AT + 8 * joints * both
+    room = size - SEAL - end
+    with_wish = flags & WITH_WISH != 0
+    # With a wish there is more, and how much more is the wish's to tell.
+    if room < WISH_SIZE if with_wish else room != 0:
+        return JOINTS
+    for r in range(robots):
+        other = d.sender[r] != given[SENDER] and d.sender[r] != 0
+        if (bits >> r) & 1 != 0 and other:
+            if given[NOW] - d.heard[r] < given[WATCHDOG]:
+                return SECOND_CONTROLLER
+    keep_state(bits, joints, both, d)
+    if with_wish:
+        given[HAS_WISH] = 1
+        given[WISH_OUTCOME] = keep_wish(end, d)
+    return TAKEN
+
+
+@kernel
+def keep_state(bits: int, joints: int, both: int, d: Desk) -> None:
+    """Copy the numbers of a STATE that is one.
+
+    Args:
+        bits: Its robots.
+        joints: How many joints they have together.
+        both: 2 if there are velocities, else 1.
+        d: The desk.
+    """
+    given, words = d.given, d.message
+    stamp = words[STATE_AT // 8 + 1]
+    at = POSITIONS_AT // 8
+    every = 1
+    for r in range(d.first_joint.shape[0]):
+        if (bits >> r) & 1 != 0:
+            first = d.first_joint[r]
+            for k in range(d.joint_count[r]):
+                d.q[first + k] = words[at + k]
+                if both == 2:
+                    d.velocity[first + k] = words[at + joints + k]
+            at += d.joint_count[r]
+            d.stamps[r] = stamp
+            d.measured[r] = both - 1
+            d.sender[r], d.sequence[r] = given[SENDER], given[SEQUENCE]
+            d.heard[r] = given[NOW]
+        every &= d.measured[r]
+    given[MEASURED] = every
+
+
+@kernel(inline=False, entry=True)
+def take_wish(address: int) -> int:
+    """Take a WISH over.
+
+    Args:
+        address: See `take_state`.
+
+    Returns:
+        TAKEN, or why it was dropped.
+    """
+    return keep_wish(STATE_AT, open_desk(address))
+
+
+@kernel(inline=False)
+def keep_wish(start: int, d: Desk) -> int:
+    """Take over the wish that begins there [bytes]."""
+    given, words = d.given, d.message
+    room = given[SIZE] - SEAL - start - WISH_SIZE
+    if room < 0:
+        return PAYLOAD
+    form = u4_at(words, start // 4 + 2)
+    count = u4_at(words, start // 4 + 3)
+    if room != 8 * count:
+        return PAYLOAD
+    if given[TOKEN] == 0 or as_i8(words)[start // 8] != given[TOKEN]:
+        return NOT_COMMANDER
+    at = (start + WISH_SIZE) // 8
+    if form == TWISTS:
+        # Each tool is led by one twist.
+        if count % TWIST != 0 or count > TWIST * min(MOST_TWISTS, d.tools.shape[0]):
+            return JOINTS
+    elif form != VELOCITIES and form != POSITIONS:
+        return PAYLOAD
+    elif count != d.wish.shape[0]:
+        return JOINTS
+    finite = True
+    for k in range(count):
+        finite &= isfinite(words[at + k])
+    if not finite:
+        return WISH_NOT_FINITE
+    if form == TWISTS:
+        if not tools_are_known(at, count, d):
+            return JOINTS
+        keep_twists(at, count, d)
+    else:
+        for k in range(count):
+            d.wish[k] = words[at + k]
+        given[WISH_COUNT] = count
+    given[WISH_FORM] = form
+    return TAKEN
+
+
+@kernel
+def tools_are_known(at: int, count: int, d: Desk) -> bool:
+    """Whether every twist names a tool by its index."""
+    for k in range(at, at + count, TWIST):
+        tool = d.message[k]
+        if not 0.0 <= tool < d.tools.shape[0] or tool != int(tool):
+            return False
+    return True
+
+
+@kernel
+def keep_twists(at: int, count: int, d: Desk) -> None:
+    """Copy twists; of two for one tool the later one counts."""
+    kept = 0
+    for k in range(at, at + count, TWIST):
+        place = kept
+        for i in range(kept):
+            if d.twists[i, 0] == d.message[k]:
+                place = i
+        for i in range(TWIST_AT + 6):
+            d.twists[place, i] = d.message[k + i]
+        kept = max(kept, place + 1)
+    d.given[WISH_COUNT] = kept

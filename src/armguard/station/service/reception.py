@@ -1,0 +1,271 @@
+"""Messages that were let in, and what each of them does."""
+
+import logging
+import time
+from collections.abc import Callable
+
+from armguard.station.desk.desk import (
+    HAS_WISH,
+    NOW,
+    OUTCOMES,
+    SENDER,
+    SEQUENCE,
+    SIZE,
+    TOKEN,
+    WATCHDOG,
+    WISH_OUTCOME,
+)
+from armguard.station.desk.taking import take_state, take_wish
+from armguard.station.service.calls import Calls, read_call
+from armguard.station.service.counters import DROPS, PLACE
+from armguard.station.service.cycles import NANO, Cycles
+from armguard.station.service.hub import Hub
+from armguard.station.service.peers import Address, Peer
+from armguard.station.service.welcome import Welcome
+from armguard.station.wire.layout import (
+    CLAIM,
+    GIVE_BACK,
+    GRANT,
+    HEADER,
+    HELLO,
+    REPLY,
+    SEAL,
+    SENSOR,
+    Kind,
+)
+from armguard.station.wire.words import Cause
+
+log = logging.getLogger("armguard.service")
+
+RECEIVED = PLACE["received"]
+ACCEPTED = PLACE["accepted"]
+STATES = PLACE["states"]
+WISHES = PLACE["wishes"]
+CALLS = PLACE["calls"]
+CALLS_REFUSED = PLACE["calls_refused"]
+HELLOS = PLACE["hellos"]
+CLAIMS = PLACE["claims"]
+CLAIMS_REFUSED = PLACE["claims_refused"]
+STOP_ORDERS = PLACE["stop_orders"]
+
+
+class Reception:
+    """Reads messages, one at a time.
+
+    Args:
+        hub: What all parts of the loop share.
+        cycles: Told of states.
+        calls: Done on request.
+        welcome: What is told to who says hello.
+        buffer: Where messages come in; the desk looks at the same bytes.
+    """
+
+    def __init__(
+        self,
+        hub: Hub,
+        cycles: Cycles,
+        calls: Calls,
+        welcome: Welcome,
+        buffer: bytearray,
+    ) -> None:
+        self._hub, self._cycles = hub, cycles
+        self._calls, self._welcome = calls, welcome
+        self._buffer, self._message = buffer, memoryview(buffer)
+        given = hub.judge.desk.given.data
+        self._given, self._given_u = given, given.cast("B").cast("Q")
+        given[WATCHDOG] = int(hub.settings.controller_watchdog * NANO)
+        self._kinds: dict[int, Callable[[Peer, memoryview, int], str]] = {
+            Kind.STATE: self._take_state,
+            Kind.WISH: self._take_wish,
+            Kind.HEARTBEAT: self._take_nothing,
+            Kind.CLAIM: self._take_claim,
+            Kind.GIVE_BACK: self._take_give_back,
+            Kind.CALL: self._take_call,
+            Kind.STOP: self._take_stop,
+            Kind.BYE: self._take_bye,
+        }
+
+    def read(self) -> bool:
+        """Take one message over; False if there was none. Raises nothing."""
+        hub = self._hub
+        found = hub.post.receive(self._buffer, hub.complaints)
+        if found is None:
+            return False
+        size, address = found
+        if size < 0:
+            return True
+        now = time.monotonic_ns()
+        count = hub.counters.count
+        count(RECEIVED)
+        message = self._message[:size]
+        try:
+            peer = hub.door.admit(message, address, now)
+            drop = hub.door.drop
+            if not drop and hub.door.kind == Kind.HELLO:
+                drop = self._take_hello(peer, message, address, now)
+            elif not drop and peer is not None:
+                drop = self._kinds[hub.door.kind](peer, message, now)
+        except Exception as error:  # nothing of what others send may end the loop
+            drop = "payload"
+            hub.complaints.name("message", f"{type(error).__name__}: {error}", now)
+        if drop:
+            count(PLACE[f"dropped_{drop}"])
+            hub.complaints.name(drop, f"{DROPS[drop]}, from {address}", now)
+        else:
+            count(ACCEPTED)
+        return True
+
+    def order_stop(self, who: str) -> None:
+        """Stop all robots until the commander engages them."""
+        hub = self._hub
+        hub.counters.count(STOP_ORDERS)
+        if not hub.ordered:
+            hub.ordered = True
+            hub.judge.note("stop ordered", by=who)
+            log.warning("a stop was ordered by %r", who)
+
+    def _take_hello(
+        self, peer: Peer | None, message: memoryview, address: Address, now: int
+    ) -> str:
+        """Somebody says who he is, for the first time or again."""
+        payload = message[HEADER.size : -SEAL]
+        if len(payload) < HELLO.size:
+            return "payload"
+        flags, every = HELLO.unpack_from(payload)
+        hub = self._hub
+        door, peers = hub.door, hub.peers
+        if peer is None:
+            if peers.full:
+                return "too_many_senders"
+            if not door.sender:
+                return "unknown_sender"
+            name = bytes(payload[HELLO.size : HELLO.size + 64]).decode(errors="replace")
+            peer = Peer(door.sender, name, address, door.sequence, now)
+            peers.greet(peer)
+            who = repr(name) if name else "somebody"
+            sentence = f"{who} at {address[0]}:{address[1]} is here"
+            hub.complaints.name("hello", sentence, now, logging.INFO)
+        peer.every, peer.sensor = every, bool(flags & SENSOR)
+        hub.counters.count(HELLOS)
+        self._welcome.send(hub, peer, door.stamp, now)
+        return ""
+
+    def _take_state(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody measured joints, and may wish for something."""
+        hub = self._hub
+        self._hand_over(peer, message, now)
+        drop = take_state(hub.judge.address)
+        if drop:
+            return OUTCOMES[drop]
+        hub.states.look()
+        hub.counters.count(STATES)
+        self._cycles.begin_with(peer, hub.door.sequence, now)
+        if not hub.states.complete:
+            stop = hub.answers.write_stop(
+                hub.states, 0, Cause.WAITING, now, hub.command.sender
+            )
+            hub.send(stop, peer.address)
+        if self._given[HAS_WISH]:
+            return self._look_at_wish(self._given[WISH_OUTCOME], now)
+        return ""
+
+    def _take_wish(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody wishes for something."""
+        self._hand_over(peer, message, now)
+        return self._look_at_wish(take_wish(self._hub.judge.address), now)
+
+    def _hand_over(self, peer: Peer, message: memoryview, now: int) -> None:
+        """Say on the desk which message lies there."""
+        command, given = self._hub.command, self._given_u
+        given[SIZE], given[NOW] = len(message), now
+        given[SENDER], given[SEQUENCE] = peer.sender, self._hub.door.sequence
+        given[TOKEN] = command.token if peer.sender == command.sender else 0
+
+    def _look_at_wish(self, outcome: int, now: int) -> str:
+        """Why a wish was dropped, "" if it counts."""
+        hub, drop = self._hub, OUTCOMES[outcome]
+        if not drop:
+            hub.wishes.heard = now
+            hub.counters.count(WISHES)
+        elif drop == "wish_not_finite":
+            # Who wishes for what is no number wishes for nothing.
+            hub.wishes.drop()
+        return drop
+
+    def _take_nothing(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody is alive."""
+        return "" if len(message) == HEADER.size + SEAL else "payload"
+
+    def _take_claim(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody wants to command."""
+        if len(message) != HEADER.size + CLAIM.size + SEAL:
+            return "payload"
+        force, _ = CLAIM.unpack_from(message, HEADER.size)
+        hub = self._hub
+        command, before = hub.command, hub.command.sender
+        granted = command.claim(peer.sender, bool(force))
+        hub.counters.count(CLAIMS if granted else CLAIMS_REFUSED)
+        if granted and before != peer.sender:
+            hub.wishes.drop()
+            hub.judge.note(
+                "commander", sender=peer.sender, name=peer.name, before=before
+            )
+        GRANT.pack_into(
+            hub.outbox.payload,
+            0,
+            granted,
+            0,
+            command.token if granted else 0,
+            command.sender,
+            hub.settings.commander_watchdog,
+            hub.door.sequence,
+        )
+        hub.send(hub.outbox.seal(Kind.GRANT, GRANT.size), peer.address)
+        return ""
+
+    def _take_give_back(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody does not want to command any more."""
+        if len(message) != HEADER.size + GIVE_BACK.size + SEAL:
+            return "payload"
+        (token,) = GIVE_BACK.unpack_from(message, HEADER.size)
+        command = self._hub.command
+        if peer.sender != command.sender or token != command.token:
+            return "not_commander"
+        self._hub.lose_command("given back")
+        return ""
+
+    def _take_call(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody calls for something."""
+        hub, sequence = self._hub, self._hub.door.sequence
+        request = read_call(bytes(message[HEADER.size : -SEAL]))
+        if request is None:
+            return "call_unreadable"
+        hub.counters.count(CALLS)
+        if peer.last_call is not None and peer.last_call[0] == request.number:
+            reply = peer.last_call[1]
+        else:
+            commands = peer.sender == hub.command.sender
+            done, reply = self._calls.do(request, peer, commands)
+            if not done:
+                hub.counters.count(CALLS_REFUSED)
+            peer.last_call = request.number, reply
+        payload = hub.outbox.payload
+        reply = reply[: len(payload) - REPLY.size]
+        REPLY.pack_into(payload, 0, sequence)
+        payload[REPLY.size : REPLY.size + len(reply)] = reply
+        hub.send(hub.outbox.seal(Kind.REPLY, REPLY.size + len(reply)), peer.address)
+        return ""
+
+    def _take_stop(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody orders a stop, which everybody may."""
+        self.order_stop(peer.name)
+        return ""
+
+    def _take_bye(self, peer: Peer, message: memoryview, now: int) -> str:
+        """Somebody leaves."""
+        hub = self._hub
+        hub.peers.leave(peer)
+        hub.states.release(peer.sender)
+        if peer.sender == hub.command.sender:
+            hub.lose_command("said good-bye")
+        return ""
