@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.commands import time_passed
-from armguard.guard.contracts import GRANTED, allowed_speed, contract_of
+from armguard.guard.contracts import contract_of
 from armguard.guard.grips import BY_INTENT, ENDING, STATE, open_grips
 from armguard.guard.grips import KIND as CONTRACT_KIND
 from armguard.guard.layout import (
@@ -75,7 +75,9 @@ from armguard.respond.state import (
     BREAKS,
     BY_PRIORITY,
     CROWDED,
+    DEFLECT,
     EQUALLY,
+    FIELD,
     KIND,
     LEADS_AWAY,
     LESS,
@@ -91,6 +93,7 @@ from armguard.respond.state import (
     Response,
     open_response,
 )
+from armguard.respond.straight import granted_speed, slow_to_contract
 
 Floats = NDArray[np.float64]
 
@@ -320,6 +323,8 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
+        if a.settings[r, KIND] == DEFLECT or a.settings[r, KIND] == FIELD:
+            slow_to_contract(r, part, i, j, out[place + WITNESS], a, w, m)
         # What is touched is opened whenever an arm drifts into it. Else nobody is moved
         # who is to stand still, or to keep his path.
         keeps_path = a.settings[r, KIND] == SLOW
@@ -491,14 +496,13 @@ def add_contract(
     k = contract_of(i, j, h)
     if k < 0:
         return
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
     for q in range(first, end):
         a.rows[at, q] = a.raw[q]
     c = h.contracts[k]
-    limit = part * GRANTED * allowed_speed(distance, time, c)
+    limit = part * granted_speed(r, distance, c, m)
     if c[STATE] == ENDING and c[CONTRACT_KIND] == BY_INTENT:
         # What is not meant any more is come no nearer to.
         limit = 0.0
