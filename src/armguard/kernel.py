@@ -1,6 +1,7 @@
 """The one decorator of compiled code, and the folder where it is kept."""
 
 import os
+import re
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -13,6 +14,9 @@ from numba.core.registry import CPUDispatcher
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 PACKAGE = Path(__file__).parent
+
+# What a source file takes names from.
+IMPORTED = re.compile(rb"^from armguard\.([\w.]+) import", re.MULTILINE)
 
 
 def cache_home() -> Path:
@@ -28,19 +32,29 @@ def cache_home() -> Path:
 
 
 def kernel_digest() -> str:
-    """Hash of every source file that holds a kernel, and of Numba's version.
+    """Hash of every source file that holds a kernel or a name one uses, and of Numba's.
 
-    Numba's own cache looks at one file only: it does not notice an edit in a
-    function called from another file (numba issue 8396). Keying the folder on all
-    of them does.
+    Numba's own cache looks at one file only: it does not notice an edit in a function
+    called from another file (numba issue 8396), nor in a constant taken from one.
+    Keying the folder on all of them does.
     """
     digest = sha256(numba.__version__.encode())
-    for path in sorted(PACKAGE.rglob("*.py")):
-        source = path.read_bytes()
-        if b"@kernel" in source:
-            digest.update(path.relative_to(PACKAGE).as_posix().encode())
-            digest.update(source)
+    sources = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}
+    holders = [path for path, source in sources.items() if b"@kernel" in source]
+    used = {path for holder in holders for path in sources_of(sources[holder])}
+    for path in sorted(used.intersection(sources).union(holders)):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode())
+        digest.update(sources[path])
     return digest.hexdigest()[:16]
+
+
+def sources_of(source: bytes) -> list[Path]:
+    """Where a source file of the package takes names from, of the package itself."""
+    found = []
+    for module in IMPORTED.findall(source):
+        path = PACKAGE.joinpath(*module.decode().split("."))
+        found += [path.with_suffix(".py"), path / "__init__.py"]
+    return found
 
 
 KERNEL_CACHE = cache_home() / f"kernels-{kernel_digest()}"

@@ -4,15 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.kernel import kernel
-from armguard.station.desk import desk as places
 from armguard.station.desk.desk import (
     ASKED_COUNT,
     ASKED_FORM,
+    BEGAN_AT,
     MEASURED,
     START,
     USED,
     open_desk,
 )
+from armguard.station.desk.desk import CYCLE as NUMBER
+from armguard.station.desk.desk import ENDED as ENDED_AT
 from armguard.station.frames import (
     ASKED,
     CYCLE,
@@ -60,14 +62,14 @@ def write_frame(
     n, robots = d.q.shape[0], d.stamps.shape[0]
     for k in range(HEADER):
         row[k] = 0.0
-    row[KIND], row[CYCLE] = OF_CYCLE, given[places.CYCLE]
+    row[KIND], row[CYCLE] = OF_CYCLE, given[NUMBER]
     row[MONOTONIC], row[WALL] = monotonic, wall
     row[FORM], row[NOW] = given[ASKED_FORM], given[START] * 1e-9
     row[HAS_VELOCITY] = given[MEASURED]
-    began = given[places.BEGAN_AT]
+    began = given[BEGAN_AT]
     row[RECEIVED] = began * 1e-9 if began != 0 else np.nan
-    row[ENDED] = given[places.ENDED] * 1e-9
-    row[CYCLE_TIME] = (given[places.ENDED] - given[START]) * 1e-9
+    row[ENDED] = given[ENDED_AT] * 1e-9
+    row[CYCLE_TIME] = (given[ENDED_AT] - given[START]) * 1e-9
     row[JOINTS], row[ROBOTS], row[ASKED] = n, robots, given[ASKED_COUNT]
     row[TOLD], row[VERDICT] = d.told.shape[0], given[USED]
     row[POSES], row[TEXT], row[DATA] = poses.shape[0], text, 0.0

@@ -24,10 +24,10 @@ from armguard.station.desk.desk import (
     STOP,
     USED,
     desk_ledger,
-    desk_of,
 )
 from armguard.station.desk.judging import begin_judging, conclude_judging, judge
 from armguard.station.desk.keeping import write_frame
+from armguard.station.desk.making import desk_of
 from armguard.station.desk.taking import take_state, take_wish
 from armguard.station.desk.telling import write_answer
 from armguard.station.errors import RefusedError

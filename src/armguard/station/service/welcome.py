@@ -5,7 +5,7 @@ from typing import Any
 
 from armguard.guard.levels import SENTENCES, Level
 from armguard.scene.tables import SceneTables
-from armguard.station.desk.desk import bodies_of
+from armguard.station.desk.making import bodies_of
 from armguard.station.service.hub import Hub
 from armguard.station.service.judge import tools_of
 from armguard.station.service.peers import Peer
