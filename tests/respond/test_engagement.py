@@ -199,3 +199,29 @@ def test_so_has_one_whose_stop_was_over_while_nothing_could_be_judged(value):
     guard.filter(q, 0.0 * v, 3.0, velocity=v, now=3.0)
     command = guard.filter(q, 0.0 * v - 0.1, 3.001, velocity=v, now=3.001)
     assert command.velocity.any()
+
+
+@pytest.mark.parametrize("begins", ["new", "reset"])
+@pytest.mark.parametrize("wrong", ["stamp", "position", "velocity"])
+def test_before_anything_is_known_no_position_is_told(begins, wrong):
+    guard = ball_guard()
+    home, nothing = guard.home, np.zeros(len(guard.q_names))
+    there = home + 0.3
+    if begins == "reset":
+        guard.filter(home, nothing, 0.0, velocity=nothing, now=0.0)
+        guard.reset()
+    q, v = there.copy(), nothing.copy()
+    stamp = 5.0 if wrong == "stamp" else 0.0
+    if wrong == "position":
+        q[0] = np.nan
+    if wrong == "velocity":
+        v = np.full(len(q), 1e6)
+    command = guard.filter(q, nothing, stamp, velocity=v, now=0.0)
+    assert command.action is not Action.FOLLOW
+    assert not command.velocity.any()
+    # Where it says that it is, or nothing: anything else might be far from there.
+    assert np.array_equal(command.position, q, equal_nan=True)
+    for k in range(1, 200):
+        stamp = k * 0.001
+        command = guard.filter(there, nothing, stamp, velocity=nothing, now=stamp)
+        assert np.abs(command.position - there).max() < 0.01

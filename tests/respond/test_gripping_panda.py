@@ -168,3 +168,25 @@ def test_what_fitted_primitives_reach_too_far_does_not_count_as_depth(arm):
     least = min(arm.gaps[HAND, "cup"])
     assert -0.002 <= least <= 0.0
     assert all(c.action == 0 for c in arm.commands)
+
+
+def test_what_is_put_down_goes_down_straight():
+    # Ever slower than it is asked to, and neither aside nor tilted.
+    arm = Arm(guard_of(cup_scene()))
+    assert arm.go(0.45, 0.0, UP, 0.2)
+    assert arm.go(0.45, 0.0, DOWN, 0.08)
+    for _ in range(1500):
+        arm.cycle(fingers=-0.03)
+    arm.guard.grasp("arm", "cup")
+    assert arm.go(0.45, 0.0, DOWN + 0.06, 0.1)
+    begin = arm.hand
+    for _ in range(2500):
+        arm.cycle(np.array([0.0, 0.0, -0.08, 0.0, 0.0, 0.0]))
+    assert arm.hand[2, 3] == pytest.approx(DOWN, abs=3e-3)
+    assert np.abs(arm.hand[:2, 3] - begin[:2, 3]).max() < 1e-3
+    assert np.abs(arm.hand[:3, :3] - begin[:3, :3]).max() < 4e-3
+    # Who slides it along the table is not held back by that.
+    for _ in range(500):
+        arm.cycle(np.array([0.0, -0.05, -0.02, 0.0, 0.0, 0.0]))
+    assert arm.hand[1, 3] - begin[1, 3] < -0.015
+    assert all(c.action == 0 for c in arm.commands)

@@ -149,7 +149,8 @@ class Command:
     def position(self) -> Floats:
         """The same for robots that are told positions, shape (n,) [rad or m].
 
-        Where the velocities lead until the next cycle.
+        Where the velocities lead until the next cycle. NaN where a robot has not told
+        where it is since the start or a reset: then there is nothing to be sent.
         """
         return self._of_joints(1)
 

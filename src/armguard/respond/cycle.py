@@ -249,7 +249,7 @@ def hold(a: Response, v: Watch, m: Motion) -> None:
     """Sum up where the joints were told to be by now; never far from where they are."""
     time = time_passed(v)
     for j in range(a.held.shape[0]):
-        if v.sent_count[0] == 0:
+        if v.sent_count[0] == 0 or not isfinite(a.held[j]):
             a.held[j] = m.q[j]
         last = v.told[j]
         a.held[j] += last * time

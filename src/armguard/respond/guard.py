@@ -344,6 +344,9 @@ class Guard(Monitor):
             self._escape.notes.fill(0)
             self._response.spare_of.fill(NEVER)
             self._response.missed.fill(0.0)
+            self._response.held.fill(np.nan)
+            self._response.asked.fill(0.0)
+            self._response.far.fill(0.0)
 
     def _arrays_kept(self) -> dict[str, NDArray[Any]]:
         """See `Monitor._arrays_kept`."""

@@ -75,9 +75,7 @@ from armguard.respond.state import (
     BREAKS,
     BY_PRIORITY,
     CROWDED,
-    DEFLECT,
     EQUALLY,
-    FIELD,
     KIND,
     LEADS_AWAY,
     LESS,
@@ -93,7 +91,12 @@ from armguard.respond.state import (
     Response,
     open_response,
 )
-from armguard.respond.straight import granted_speed, slow_to_contract
+from armguard.respond.straight import (
+    granted_speed,
+    slow_to_contract,
+    slow_to_rows,
+    straight_contract,
+)
 
 Floats = NDArray[np.float64]
 
@@ -323,8 +326,10 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        if a.settings[r, KIND] == DEFLECT or a.settings[r, KIND] == FIELD:
-            slow_to_contract(r, part, i, j, out[place + WITNESS], a, w, m)
+        straight = straight_contract(r, i, j, a, w, m)
+        if straight >= 0:
+            slow_to_contract(r, straight, part, out[place + WITNESS], a, w, m)
+        begin = a.notes[r, ROW_COUNT]
         # What is touched is opened whenever an arm drifts into it. Else nobody is moved
         # who is to stand still, or to keep his path.
         keeps_path = a.settings[r, KIND] == SLOW
@@ -335,6 +340,8 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if meant:
             distance = out[place + WITNESS]
             add_contract(r, part, i, j, distance, not keeps_path, a, w, m)
+        if straight >= 0:
+            slow_to_rows(r, straight, begin, a, w, m)
 
 
 @kernel

@@ -126,7 +126,8 @@ class Response(NamedTuple):
         asked: Velocities the operators ask for, shape (n,).
         goal: Positions they ask for, shape (n,).
         far: How far the joints are from these, shape (n,).
-        held: Where the joints were told to be by now, shape (n,).
+        held: Where the joints were told to be by now, NaN before anything is known of
+            that, shape (n,).
         target: What may be told at once of what is asked, shape (n,).
         low: Least velocities, shape (n,).
         high: Greatest velocities, shape (n,).
@@ -271,7 +272,7 @@ def response_of(tables: SceneTables, lead: Longs, escape: Longs) -> Response:
         asked=np.zeros(n),
         goal=np.zeros(n),
         far=np.zeros(n),
-        held=np.zeros(n),
+        held=np.full(n, np.nan),
         target=np.zeros(n),
         low=np.zeros(n),
         high=np.zeros(n),

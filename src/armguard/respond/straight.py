@@ -10,77 +10,142 @@ there would hold back the other.
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.vec3 import norm
 from armguard.guard.contracts import GRANTED, allowed_speed, contract_of
 from armguard.guard.grips import (
     BODY,
     BY_INTENT,
+    FIRST_A,
     GRIPPER,
     IN_FORCE,
     KIND,
+    POINT,
     STANDING,
     STATE,
     Grips,
     open_grips,
 )
+from armguard.guard.intent import TOWARDS, velocity_of
 from armguard.guard.workspace import GRIPS, INTENT, NOWHERE, Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import NEXT, REACTION, Motion
-from armguard.respond.state import Response
+from armguard.respond.state import DEFLECT, FIELD, ROW_COUNT, ROWS, Response
+from armguard.respond.state import KIND as RESPONSE
 
 Floats = NDArray[np.float64]
 
 
 @kernel(inline=False)
-def slow_to_contract(
-    r: int,
-    part: float,
-    i: int,
-    j: int,
-    distance: float,
-    a: Response,
-    w: Workspace,
-    m: Motion,
-) -> None:
-    """Slow an arm down to the speed at which a contract lets it close a pair.
+def straight_contract(
+    r: int, i: int, j: int, a: Response, w: Workspace, m: Motion
+) -> int:
+    """The contract under which a robot comes to something straight; -1 if none.
+
+    Who slides along what he has got to is held back by a program, not by this.
 
     Args:
         r: The robot.
-        part: Its share of that speed.
         i: First primitive.
         j: Second primitive.
-        distance: Their distance [m].
+        a: Responses; `raw` holds how fast each joint closes the pair.
+        w: Workspace.
+        m: Motion.
+    """
+    deflects = a.settings[r, RESPONSE] == DEFLECT or a.settings[r, RESPONSE] == FIELD
+    if w.parts[INTENT] == NOWHERE or not deflects:
+        return -1
+    h = open_grips(w.parts[GRIPS])
+    k = contract_of(i, j, h)
+    if k < 0:
+        return -1
+    c = h.contracts[k]
+    if c[STATE] != IN_FORCE or not (c[KIND] == BY_INTENT or c[KIND] == STANDING):
+        return -1
+    point = (c[POINT], c[POINT + 1], c[POINT + 2])
+    moves = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.asked, m)
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    closing = 0.0
+    for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        closing += a.raw[q] * a.asked[q]
+    return k if closing >= TOWARDS * norm(moves) else -1
+
+
+@kernel(inline=False)
+def slow_to_contract(
+    r: int, k: int, part: float, distance: float, a: Response, w: Workspace, m: Motion
+) -> None:
+    """Slow an arm down to the speed at which its contract lets it close a pair.
+
+    Args:
+        r: The robot.
+        k: The contract.
+        part: The robot's share of that speed.
+        distance: Distance of the pair [m].
         a: Responses; `raw` holds how fast each joint closes the pair, `target` is
             changed.
         w: Workspace.
         m: Motion.
     """
-    if w.parts[INTENT] == NOWHERE:
-        return
     h = open_grips(w.parts[GRIPS])
-    k = contract_of(i, j, h)
-    if k < 0:
-        return
     c = h.contracts[k]
-    if c[STATE] != IN_FORCE or not (c[KIND] == BY_INTENT or c[KIND] == STANDING):
-        return
     limit = part * granted_speed(r, distance, c, m)
+    slow_arm(r, share_kept(r, a.raw, limit, c, a, h, m), c, a, h, m)
+
+
+@kernel(inline=False)
+def slow_to_rows(
+    r: int, k: int, begin: int, a: Response, w: Workspace, m: Motion
+) -> None:
+    """Slow an arm down to what rows of its program allow, as far as to standstill.
+
+    Args:
+        r: The robot.
+        k: The contract that the rows are of.
+        begin: The first of these rows; they are the last ones there are.
+        a: Responses; `target` is changed.
+        w: Workspace.
+        m: Motion.
+    """
+    h = open_grips(w.parts[GRIPS])
+    c = h.contracts[k]
+    kept = 1.0
+    for row in range(begin, a.notes[r, ROW_COUNT]):
+        at = r * ROWS + row
+        kept = min(kept, share_kept(r, a.rows[at], a.limits[at], c, a, h, m))
+    slow_arm(r, kept, c, a, h, m)
+
+
+@kernel
+def share_kept(
+    r: int, row: Floats, limit: float, c: Floats, a: Response, h: Grips, m: Motion
+) -> float:
+    """Share of an arm's target that keeps a row, in [0, 1]."""
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    reached = 0.0
+    for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        if not is_finger(q, c, h, m):
+            reached += row[q] * a.target[q]
+    if not reached > limit or not reached > 0.0:
+        return 1.0
+    return float(max(limit, 0.0) / reached)
+
+
+@kernel
+def slow_arm(r: int, kept: float, c: Floats, a: Response, h: Grips, m: Motion) -> None:
+    """Keep a share of an arm's target, or what its declared stop leaves of it."""
+    if kept >= 1.0:
+        return
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
-    closing = 0.0
-    for q in range(first, end):
-        if not is_finger(q, c, h, m):
-            closing += a.raw[q] * a.target[q]
-    if not closing > limit or not closing > 0.0:
-        return
-    kept = max(limit, 0.0) / closing
+    share = kept
     for q in range(first, end):
         # No joint slows down harder than its stop is declared.
         if not is_finger(q, c, h, m) and a.target[q] * a.brake[q] > 0.0:
-            kept = max(kept, min(a.brake[q] / a.target[q], 1.0))
+            share = max(share, min(a.brake[q] / a.target[q], 1.0))
     for q in range(first, end):
         if not is_finger(q, c, h, m):
-            a.target[q] = min(max(kept * a.target[q], a.low[q]), a.high[q])
+            a.target[q] = min(max(share * a.target[q], a.low[q]), a.high[q])
 
 
 @kernel

@@ -4,6 +4,8 @@ For who calls the guard a thousand times a second: each step from Python to comp
 code and back costs more than many a kernel.
 """
 
+from math import isfinite
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,6 +63,7 @@ def begin_filtered_cycle(
     a, w = open_response(response), open_workspace(lines)
     address = w.parts[SELF]
     if call_for_count(w.parts[OPEN], (q.ctypes.data, q.shape[0], address)) == 0:
+        hold_what_is_known(q, a)
         return NOT_JUDGED
     take_wish(form, wish, a)
     return int(call_for_count(w.parts[RESPOND], (response.ctypes.data, address)))
@@ -81,6 +84,17 @@ def end_filtered_cycle(unsolved: int, response: Longs, lines: Longs) -> int:
     open_programs = 0 if judged == 0 else unsolved
     arguments = (judged, open_programs, response.ctypes.data, w.parts[SELF])
     return int(call_for_count(w.parts[FINISH], arguments))
+
+
+@kernel
+def hold_what_is_known(q: Floats, a: Response) -> None:
+    """Before anything could be judged, hold robots where they say they are.
+
+    Where they do not say it, NaN is told: any other position might be far from them.
+    """
+    for j in range(a.held.shape[0]):
+        if q.shape[0] == a.held.shape[0] and not isfinite(a.held[j]):
+            a.held[j] = q[j]
 
 
 @kernel
