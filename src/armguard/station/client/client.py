@@ -280,9 +280,7 @@ class Client:
         answer = watchdog.newest
         if answer is None or answer.began != own:
             # Something else came, or nothing; or others begin the cycles.
-            left = now * NANO + wait - monotonic()
-            dialogue.wait(lambda: dialogue.answer_to(*own), left)
-            answer = dialogue.answer_to(*own)
+            answer = dialogue.await_answer(own, now * NANO + wait - monotonic())
         dialogue.answers.clear()
         cause = watchdog.cause
         if cause is Cause.NONE and answer is not None:

@@ -42,10 +42,11 @@ class Connection:
         self.socket: socket.socket | None = None
         self.dropped = 0
         self.address = address
-        # The same socket once more: this one waits.
+        # The same socket once more, which waits: for how long it was asked to [s], and
+        # whole milliseconds of that.
         self._patient: socket.socket | None = None
         self._wait = nan
-        self._waits = False
+        self._milliseconds = 0
         self._sent = 0
 
     @property
@@ -71,7 +72,7 @@ class Connection:
             raise NoServiceError(f"{self.place}: {error}") from error
         self.socket.setblocking(False)
         self._patient = self.socket.dup()
-        self._wait = nan
+        self._wait, self._milliseconds = nan, 0
 
     def close(self) -> None:
         """Nothing is sent or received any more."""
@@ -132,7 +133,7 @@ class Connection:
         """
         if wait != self._wait:
             self._set_wait(wait)
-        if self._patient is None or not self._waits:
+        if self._patient is None or not self._milliseconds:
             return -1
         try:
             return self._patient.recv_into(self.inbox.buffer)
@@ -152,7 +153,7 @@ class Connection:
         """For how long `receive_within` waits."""
         self._wait = wait
         milliseconds = int(min(max(wait, 0.0), ALIVE * NANO) * 1e3)
-        self._waits = milliseconds > 0
-        if self._patient is not None and self._waits:
+        if self._patient is not None and milliseconds not in (0, self._milliseconds):
             # The socket rounds up to milliseconds.
             self._patient.settimeout(milliseconds * 1e-3 - 1e-6)
+        self._milliseconds = milliseconds

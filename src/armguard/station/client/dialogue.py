@@ -61,11 +61,20 @@ class Dialogue:
         self.welcome = None
         self.states.expect(None)
 
-    def answer_to(self, sender: int, sequence: int) -> Answer | None:
-        """The newest answer, if that state or a later one of that sender was judged."""
-        newest = self.watchdog.newest
-        answers = newest is not None and newest.answers(sender, sequence)
-        return newest if answers else None
+    def await_answer(self, own: tuple[int, int], timeout: float) -> Answer | None:
+        """The answer to a state, or to a later one of its sender; None if none came.
+
+        Args:
+            own: Sender and number of the state.
+            timeout: How long to wait [s].
+        """
+
+        def answered() -> bool:
+            newest = self.watchdog.newest
+            return newest is not None and newest.answers(*own)
+
+        self.wait(answered, timeout)
+        return self.watchdog.newest if answered() else None
 
     def stopped(self, cause: Cause) -> Answer:
         """What robots are told where nothing counts that was heard."""
