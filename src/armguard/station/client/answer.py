@@ -2,25 +2,29 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import inf, nan
-from struct import Struct
+from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy import frombuffer
 from numpy.typing import NDArray
 
 from armguard.station.client.enums import words
-from armguard.station.client.welcome import Welcome
-from armguard.station.wire.layout import (
-    COMMAND,
-    HEADER,
-    MISSED,
-    NOBODY,
-    ROBOT,
-    ROBOTS_AT,
-    SEAL,
-    SUMMARY,
+from armguard.station.client.fields import (
+    ACTION,
+    BEGAN,
+    BODY,
+    CAUSE,
+    COMMANDER,
+    FLAGS,
+    JOINTS,
+    LEVEL,
+    REASON,
+    ROBOTS,
+    SENT,
 )
+from armguard.station.client.welcome import Welcome
+from armguard.station.wire.layout import HEADER, MISSED, NOBODY, ROBOT, ROBOTS_AT
 from armguard.station.wire.words import Cause
 
 if TYPE_CHECKING:
@@ -32,21 +36,13 @@ Floats = NDArray[np.float64]
 # As `Level` and `Action` number a stop.
 STOP_LEVEL, STOP_ACTION = 30, 10
 
-# A `COMMAND`, but that a client's own answers are of cycle -1.
-BODY = Struct(COMMAND.format.replace("Q", "q", 1))
+CAUSES = {int(cause): cause for cause in Cause}
 
-# What is looked at in every message, at once. Of its header: what is the same in all of
-# a session and scene, as four numbers, then sequence and clock; of its body: sender and
-# sequence of the state that began the cycle, and the nearest pair; then its summary.
-SAME = Struct("<4Q")
-FIELDS = Struct(SAME.format + "Qq" + "8xQQ" + "40xII64x" + SUMMARY.format[1:])
-SEQUENCE, SENT, BODY_A, BODY_B = 4, 5, 8, 9
-BEGAN = slice(6, 8)
-REASON, CAUSE, LEVEL, ACTION, FLAGS, JOINTS, ROBOTS, _, COMMANDER = range(10, 19)
+# Looked up here and not in numpy, which takes longer than what is done with them.
+FLOAT = np.dtype(np.float64)
+ROW = ROBOT.size
 
 NANO = 1e-9
-
-CAUSES = {int(cause): cause for cause in Cause}
 
 
 class RobotNumbers(NamedTuple):
@@ -61,10 +57,6 @@ class RobotNumbers(NamedTuple):
     age: float
     sender: int
     sequence: int
-
-
-# What a robot is told by a client that has heard nothing.
-STOPPED = RobotNumbers(STOP_LEVEL, STOP_ACTION, 0, 0, 0.0, 1.0, inf, 0, 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,15 +125,16 @@ class Answer:
     @property
     def velocity(self) -> Floats:
         """Joint velocities to send, shape (n,) [rad/s or m/s]; not to be written."""
-        n, r = self._fields[JOINTS], self._fields[ROBOTS]
-        return np.frombuffer(self._message, np.float64, n, ROBOTS_AT + r * ROBOT.size)
+        n = self._fields[JOINTS]
+        first = ROBOTS_AT + ROW * self._fields[ROBOTS]
+        return frombuffer(self._message, FLOAT, n, first)
 
     @property
     def position(self) -> Floats:
         """The same as positions, shape (n,) [rad or m]; not to be written."""
-        n, r = self._fields[JOINTS], self._fields[ROBOTS]
-        first = ROBOTS_AT + r * ROBOT.size + 8 * n
-        return np.frombuffer(self._message, np.float64, n, first)
+        n = self._fields[JOINTS]
+        first = ROBOTS_AT + ROW * self._fields[ROBOTS] + 8 * n
+        return frombuffer(self._message, FLOAT, n, first)
 
     @property
     def cycle(self) -> int:
@@ -152,7 +145,7 @@ class Answer:
     def inside(self) -> float:
         """From a state's arrival to when it had been judged; NaN if none came [s]."""
         _, sender, _, received, ended = self._cut[:5]
-        return (ended - received) * 1e-9 if sender else nan
+        return (ended - received) * NANO if sender else nan
 
     @property
     def time(self) -> float:
@@ -214,7 +207,7 @@ class Answer:
     @property
     def numbers(self) -> tuple[RobotNumbers, ...]:
         """What each robot is told, in the order of a COMMAND."""
-        rows = self._message[ROBOTS_AT : ROBOTS_AT + self._fields[ROBOTS] * ROBOT.size]
+        rows = self._message[ROBOTS_AT : ROBOTS_AT + ROW * self._fields[ROBOTS]]
         return tuple(map(RobotNumbers._make, ROBOT.iter_unpack(rows)))
 
     @property
@@ -322,30 +315,3 @@ class Answer:
 
     def _rows(self) -> Iterator[tuple[str, RobotNumbers]]:
         return zip(self.welcome.robots, self.numbers, strict=True)
-
-
-def stop_answer(
-    cause: Cause, position: Floats, welcome: Welcome, clock: Callable[[], float]
-) -> Answer:
-    """The answer of a client that has none: every robot stops.
-
-    Args:
-        cause: Why.
-        position: Where robots are, NaN where that is not known, shape (n,).
-        welcome: What the service told about itself.
-        clock: Its clock [s].
-    """
-    now, joints, robots = clock(), len(welcome.names), len(welcome.robots)
-    head = 0, 0, 0, 0, 0, 0, 0, 0, round(now / NANO)
-    nothing = -1, 0, 0, 0, 0, now, nan, nan, NOBODY, NOBODY, *(nan,) * 8
-    summary = 0, cause, STOP_LEVEL, STOP_ACTION, 0, joints, robots, 0, 0
-    message = (
-        HEADER.pack(*head)
-        + BODY.pack(*nothing)
-        + SUMMARY.pack(*summary)
-        + ROBOT.pack(*STOPPED) * robots
-        + bytes(8 * joints)
-        + np.asarray(position, np.float64).tobytes()
-        + bytes(SEAL)
-    )
-    return Answer(message, FIELDS.unpack_from(message), welcome, clock)

@@ -7,7 +7,7 @@ from time import monotonic, monotonic_ns
 
 import numpy as np
 
-from armguard.station.client.answer import NANO, Answer, stop_answer
+from armguard.station.client.answer import NANO, Answer
 from armguard.station.client.calls import Calls
 from armguard.station.client.clock import ServiceClock
 from armguard.station.client.command import Command
@@ -15,6 +15,7 @@ from armguard.station.client.connection import Connection
 from armguard.station.client.handshake import Handshake
 from armguard.station.client.inbox import Head
 from armguard.station.client.states import States
+from armguard.station.client.stop import stop_answer
 from armguard.station.client.watchdog import Watchdog
 from armguard.station.client.welcome import NOTHING, Welcome
 from armguard.station.wire.layout import HEARTBEAT, Kind

@@ -3,17 +3,16 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from armguard.station.client.answer import (
+from armguard.station.client.answer import CAUSES, Answer
+from armguard.station.client.fields import (
     BODY_A,
     BODY_B,
     CAUSE,
-    CAUSES,
     FIELDS,
     JOINTS,
     ROBOTS,
     SAME,
     SEQUENCE,
-    Answer,
 )
 from armguard.station.client.welcome import NOTHING, Welcome
 from armguard.station.wire.layout import (

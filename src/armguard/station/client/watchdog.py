@@ -1,7 +1,7 @@
 """Whether what the service said last still counts; else why everything stops."""
 
-import time
 from math import inf
+from time import monotonic
 
 from armguard.station.client.answer import Answer
 from armguard.station.client.clock import ServiceClock
@@ -35,14 +35,16 @@ class Watchdog:
     def cause(self) -> Cause:
         """Why the newest answer does not count; NONE if it does."""
         newest, clock = self.newest, self._clock
-        now = time.monotonic() + clock.offset
+        now = monotonic() + clock.offset
         # What the clock may be wrong by counts for the answer, if it is known.
-        limit = self._limit + (clock.bound if clock.bound < inf else 0.0)
+        bound = clock.bound
+        limit = self._limit + bound if bound < inf else self._limit
         if self.gone:
             return Cause.SERVICE_GONE
-        heard = self.heard
-        if newest is not None:
-            if now - newest.sent <= limit:
-                return Cause.NONE
-            heard = max(heard, newest.sent)
+        if newest is None:
+            heard = self.heard
+        elif now - newest.sent <= limit:
+            return Cause.NONE
+        else:
+            heard = max(self.heard, newest.sent)
         return Cause.NO_ANSWER if now - heard <= limit else Cause.SERVICE_SILENT
