@@ -73,8 +73,8 @@ class Fuzzer:
     def __init__(self, client: Client, seed: int) -> None:
         self.client = client
         self._rng = np.random.default_rng(seed)
-        self._outbox = client._outbox
-        self._seal = client._seal
+        self._outbox = client._connection.outbox
+        self._seal = client._connection.seal
         self._older: list[bytes] = []
         self._makers: tuple[Callable[[], bytes], ...] = (
             self._state,
@@ -202,9 +202,11 @@ def fuzz(
     with Client(port=port, key=key, name="fuzzer", every=0) as client:
         client.connect(20.0)
         fuzzer = Fuzzer(client, seed)
+        own = client._connection.socket
+        assert own is not None
         first = counters.value("received")
         for k in range(number):
-            client._socket.sendto(fuzzer.draw()[: MOST + 90], ("127.0.0.1", port))
+            own.sendto(fuzzer.draw()[: MOST + 90], ("127.0.0.1", port))
             if k % UNDER_WAY == 0:
                 # What was sent before this question is read before it.
                 client.call("ping")

@@ -43,7 +43,8 @@ class Served:
         self.ring = Path(found[2])
 
     def client(self, **settings: object) -> Client:
-        """A client that is connected."""
+        """A client that is connected, and bears as much as the service."""
+        settings.setdefault("watchdog", LATE)
         client = Client(port=self.port, **settings)
         client.connect(timeout=20.0)
         return client

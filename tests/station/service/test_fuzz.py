@@ -31,7 +31,7 @@ def test_nothing_that_is_wrong_moves_a_robot_or_ends_the_loop(served):
         assert served.process.poll() is None
         assert after["cycle_faults"] == 0
         assert after["stop_orders"] == before["stop_orders"]
-        own = client._outbox.sequence
+        own = client._connection.outbox.sequence
         # Each state and wish that was taken was ours.
         assert after["states"] - before["states"] <= own
         assert after["wishes"] - before["wishes"] <= own

@@ -21,9 +21,9 @@ class Forger:
     def __init__(self, client: Client) -> None:
         # Its socket, address and numbers are those of a client that said hello.
         self.client = client
-        self.outbox: Outbox = client._outbox
-        self.socket: socket.socket = client._socket
-        self.address = client._address
+        self.outbox: Outbox = client._connection.outbox
+        self.socket: socket.socket = client._connection.socket
+        self.address = client._connection.address
         self.seal = Seal()
 
     def send(self, message: bytes) -> None:
@@ -35,7 +35,7 @@ class Forger:
         return bytearray(self.outbox.message(Kind.STATE, payload))
 
     def wish(self, values: np.ndarray, form: int = Form.VELOCITIES) -> bytearray:
-        token = self.client._token
+        token = self.client._dialogue.command.token
         payload = WISH.pack(token, form, len(values)) + values.tobytes()
         return bytearray(self.outbox.message(Kind.WISH, payload))
 

@@ -2,25 +2,29 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import inf, nan
+from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy import frombuffer
 from numpy.typing import NDArray
 
 from armguard.station.client.enums import words
-from armguard.station.client.welcome import Welcome
-from armguard.station.wire.layout import (
-    COMMAND,
-    HEADER,
-    MISSED,
-    NOBODY,
-    ROBOT,
-    ROBOTS_AT,
-    SEAL,
-    SUMMARY,
-    MessageError,
+from armguard.station.client.fields import (
+    ACTION,
+    BEGAN,
+    BODY,
+    CAUSE,
+    COMMANDER,
+    FLAGS,
+    JOINTS,
+    LEVEL,
+    REASON,
+    ROBOTS,
+    SENT,
 )
+from armguard.station.client.welcome import Welcome
+from armguard.station.wire.layout import HEADER, MISSED, NOBODY, ROBOT, ROBOTS_AT
 from armguard.station.wire.words import Cause
 
 if TYPE_CHECKING:
@@ -31,6 +35,14 @@ Floats = NDArray[np.float64]
 
 # As `Level` and `Action` number a stop.
 STOP_LEVEL, STOP_ACTION = 30, 10
+
+CAUSES = {int(cause): cause for cause in Cause}
+
+# Looked up here and not in numpy, which takes longer than what is done with them.
+FLOAT = np.dtype(np.float64)
+ROW = ROBOT.size
+
+NANO = 1e-9
 
 
 class RobotNumbers(NamedTuple):
@@ -45,10 +57,6 @@ class RobotNumbers(NamedTuple):
     age: float
     sender: int
     sequence: int
-
-
-# What a robot is told by a client that has heard nothing.
-STOPPED = RobotNumbers(STOP_LEVEL, STOP_ACTION, 0, 0, 0.0, 1.0, inf, 0, 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,52 +80,135 @@ class Nearest:
     point_b: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Answer:
     """What the service told robots; or what a client tells that hears nothing.
 
+    It holds the message, and cuts it into numbers when somebody asks for them.
+
     Attributes:
-        cycle: Number of the cycle; -1 if no service told it.
-        velocity: Joint velocities to send, shape (n,) [rad/s or m/s].
-        position: The same as positions, shape (n,) [rad or m].
-        cause: What the service or the client has to say beside the guard's reason.
-        slack: What the nearest pair has left beyond what it needs [m].
-        slack_time: Least time until a stop must be ordered [s].
-        nearest: The pair with the least clearance; None if none is near.
-        commander: Who commands; 0 for nobody.
         began: Sender and number of the state that began the cycle; zeros for none.
-        missed: Whether the cycle ended later than its period allows.
-        inside: From the state's arrival to when it had been judged; NaN if no state
-            began the cycle [s].
-        time: Time of the cycle, on the service's clock [s].
-        sent: When the answer was sent, on the service's clock [s].
-        clock: The service's clock, as far as it is known here.
+        sent: When it was sent, on the service's clock [s].
         welcome: What the service told about itself.
-        numbers: What each robot is told, in the order of a COMMAND.
-        level_number: The highest level.
-        action_number: The highest action.
-        reason_number: The guard's reason.
+        clock: The service's clock, as far as it is known here.
+
+    Args:
+        message: The message, whose seal fits; nobody changes it any more.
+        fields: Its `FIELDS`.
+        welcome: See there.
+        clock: See there.
     """
 
-    cycle: int
-    velocity: Floats
-    position: Floats
-    cause: Cause
-    slack: float
-    slack_time: float
-    nearest: Nearest | None
-    commander: int
-    began: tuple[int, int]
-    missed: bool
-    inside: float
-    time: float
-    sent: float
-    clock: Callable[[], float]
-    welcome: Welcome
-    numbers: tuple[RobotNumbers, ...]
-    level_number: int
-    action_number: int
-    reason_number: int
+    __slots__ = ("_body", "_fields", "_message", "began", "clock", "sent", "welcome")
+
+    def __init__(
+        self,
+        message: bytes,
+        fields: tuple[int, ...],
+        welcome: Welcome,
+        clock: Callable[[], float],
+    ) -> None:
+        self._message = message
+        self._fields = fields
+        self._body: tuple[float, ...] | None = None
+        self.began = fields[BEGAN]
+        self.sent = fields[SENT] * NANO
+        self.welcome = welcome
+        self.clock = clock
+
+    def __repr__(self) -> str:
+        return (
+            f"Answer(cycle={self.cycle}, cause={self.cause.name}, "
+            f"level={self.level_number}, action={self.action_number}, "
+            f"velocity={self.velocity})"
+        )
+
+    @property
+    def velocity(self) -> Floats:
+        """Joint velocities to send, shape (n,) [rad/s or m/s]; not to be written."""
+        n = self._fields[JOINTS]
+        first = ROBOTS_AT + ROW * self._fields[ROBOTS]
+        return frombuffer(self._message, FLOAT, n, first)
+
+    @property
+    def position(self) -> Floats:
+        """The same as positions, shape (n,) [rad or m]; not to be written."""
+        n = self._fields[JOINTS]
+        first = ROBOTS_AT + ROW * self._fields[ROBOTS] + 8 * n
+        return frombuffer(self._message, FLOAT, n, first)
+
+    @property
+    def cycle(self) -> int:
+        """Number of the cycle; -1 if no service told it."""
+        return int(self._cut[0])
+
+    @property
+    def inside(self) -> float:
+        """From a state's arrival to when it had been judged; NaN if none came [s]."""
+        _, sender, _, received, ended = self._cut[:5]
+        return (ended - received) * NANO if sender else nan
+
+    @property
+    def time(self) -> float:
+        """Time of the cycle, on the service's clock [s]."""
+        return self._cut[5]
+
+    @property
+    def slack(self) -> float:
+        """What the nearest pair has left beyond what it needs [m]."""
+        return self._cut[6]
+
+    @property
+    def slack_time(self) -> float:
+        """Least time until a stop must be ordered [s]."""
+        return self._cut[7]
+
+    @property
+    def nearest(self) -> Nearest | None:
+        """The pair with the least clearance; None if none is near."""
+        a, b, distance, clearance = self._cut[8:12]
+        if a == NOBODY:
+            return None
+        points = np.array(self._cut[12:])
+        bodies = self.welcome.bodies
+        return Nearest(
+            bodies[int(a)], bodies[int(b)], distance, clearance, points[:3], points[3:]
+        )
+
+    @property
+    def reason_number(self) -> int:
+        """The guard's reason."""
+        return self._fields[REASON]
+
+    @property
+    def cause(self) -> Cause:
+        """What the service or the client has to say beside the guard's reason."""
+        return CAUSES[self._fields[CAUSE]]
+
+    @property
+    def level_number(self) -> int:
+        """The highest level."""
+        return self._fields[LEVEL]
+
+    @property
+    def action_number(self) -> int:
+        """The highest action."""
+        return self._fields[ACTION]
+
+    @property
+    def missed(self) -> bool:
+        """Whether the cycle ended later than its period allows."""
+        return bool(self._fields[FLAGS] & MISSED)
+
+    @property
+    def commander(self) -> int:
+        """Who commands; 0 for nobody."""
+        return self._fields[COMMANDER]
+
+    @property
+    def numbers(self) -> tuple[RobotNumbers, ...]:
+        """What each robot is told, in the order of a COMMAND."""
+        rows = self._message[ROBOTS_AT : ROBOTS_AT + ROW * self._fields[ROBOTS]]
+        return tuple(map(RobotNumbers._make, ROBOT.iter_unpack(rows)))
 
     @property
     def stops(self) -> bool:
@@ -208,108 +299,19 @@ class Answer:
 
     def answers(self, sender: int, sequence: int) -> bool:
         """Whether that sender's state, or a later one of his, was judged."""
+        began_by, number = self.began
+        if began_by == sender and number >= sequence:
+            return True
         return any(
             row.sender == sender and row.sequence >= sequence for row in self.numbers
         )
 
+    @property
+    def _cut(self) -> tuple[float, ...]:
+        """The fields of the `COMMAND`."""
+        if self._body is None:
+            self._body = BODY.unpack_from(self._message, HEADER.size)
+        return self._body
+
     def _rows(self) -> Iterator[tuple[str, RobotNumbers]]:
         return zip(self.welcome.robots, self.numbers, strict=True)
-
-
-def read_answer(
-    message: memoryview, sent: int, welcome: Welcome, clock: Callable[[], float]
-) -> Answer:
-    """The answer in a COMMAND.
-
-    Args:
-        message: The message, whose seal fits.
-        sent: Its sender's monotonic clock [ns].
-        welcome: What its sender told about itself.
-        clock: Its sender's clock [s].
-
-    Raises:
-        MessageError: It is not as long as it must be.
-    """
-    robots, joints = len(welcome.robots), len(welcome.names)
-    first = ROBOTS_AT + robots * ROBOT.size
-    if len(message) != first + 16 * joints + SEAL:
-        raise MessageError(f"a COMMAND of {len(message)} bytes has another scene's")
-    head = COMMAND.unpack_from(message, HEADER.size)
-    cycle, sender, sequence, received, ended, time, slack, slack_time = head[:8]
-    a, b, distance, clearance = head[8:12]
-    reason, cause, level, action, flags, n, r, _, commander = SUMMARY.unpack_from(
-        message, HEADER.size + COMMAND.size
-    )
-    if (n, r) != (joints, robots):
-        raise MessageError(f"a COMMAND tells {n} joints of {r} robots")
-    numbers = np.frombuffer(bytes(message[first:-SEAL]), np.float64)
-    nearest = None
-    if a != NOBODY:
-        points = np.array(head[12:])
-        nearest = Nearest(
-            welcome.bodies[a],
-            welcome.bodies[b],
-            distance,
-            clearance,
-            points[:3],
-            points[3:],
-        )
-    rows = tuple(
-        RobotNumbers._make(ROBOT.unpack_from(message, ROBOTS_AT + k * ROBOT.size))
-        for k in range(r)
-    )
-    return Answer(
-        cycle=cycle,
-        velocity=numbers[:n],
-        position=numbers[n:],
-        cause=Cause(cause),
-        slack=slack,
-        slack_time=slack_time,
-        nearest=nearest,
-        commander=commander,
-        began=(sender, sequence),
-        missed=bool(flags & MISSED),
-        inside=(ended - received) * 1e-9 if sender else nan,
-        time=time,
-        sent=sent * 1e-9,
-        clock=clock,
-        welcome=welcome,
-        numbers=rows,
-        level_number=level,
-        action_number=action,
-        reason_number=reason,
-    )
-
-
-def stop_answer(
-    cause: Cause, position: Floats, welcome: Welcome, clock: Callable[[], float]
-) -> Answer:
-    """The answer of a client that has none: every robot stops.
-
-    Args:
-        cause: Why.
-        position: Where robots are, as far as it is known, shape (n,).
-        welcome: What the service told about itself.
-        clock: Its clock [s].
-    """
-    return Answer(
-        cycle=-1,
-        velocity=np.zeros(len(welcome.names)),
-        position=position,
-        cause=cause,
-        slack=nan,
-        slack_time=nan,
-        nearest=None,
-        commander=0,
-        began=(0, 0),
-        missed=False,
-        inside=nan,
-        time=clock(),
-        sent=clock(),
-        clock=clock,
-        welcome=welcome,
-        numbers=(STOPPED,) * len(welcome.robots),
-        level_number=STOP_LEVEL,
-        action_number=STOP_ACTION,
-        reason_number=0,
-    )

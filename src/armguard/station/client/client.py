@@ -1,64 +1,23 @@
 """A client of the service: controller, commander, observer, or all of them."""
 
-import json
-import math
-import secrets
-import select
-import socket
-import time
-from collections import deque
 from collections.abc import Mapping
+from time import monotonic, monotonic_ns
 from types import TracebackType
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from armguard.station.client.answer import Answer, read_answer, stop_answer
-from armguard.station.client.clock import ServiceClock
+from armguard.station.client.answer import NANO, Answer
+from armguard.station.client.calls import Calls
+from armguard.station.client.connection import Connection
+from armguard.station.client.dialogue import Dialogue
 from armguard.station.client.enums import words
-from armguard.station.client.welcome import Welcome, read_welcome
+from armguard.station.client.welcome import Welcome
+from armguard.station.client.wishes import put_wish, twist_rows
 from armguard.station.errors import NoServiceError, RefusedError
-from armguard.station.wire.boot import boot_id
-from armguard.station.wire.layout import (
-    CLAIM,
-    GIVE_BACK,
-    GRANT,
-    HAS_VELOCITY,
-    HAS_WISH,
-    HEADER,
-    HEARTBEAT,
-    HELLO,
-    LEAST,
-    MAGIC,
-    MOST,
-    REPLY,
-    SEAL,
-    SENSOR,
-    STATE,
-    TWIST,
-    VERSION,
-    WELCOME,
-    WISH,
-    Form,
-    Kind,
-)
-from armguard.station.wire.outbox import Outbox
+from armguard.station.wire.layout import GIVE_BACK, HELLO, SENSOR, Form, Kind
 from armguard.station.wire.seal import Seal
 from armguard.station.wire.words import Cause
-
-Floats = NDArray[np.float64]
-
-# Answers that wait to be received; older ones are given up.
-KEPT = 256
-
-# A question that was not answered is asked again after this time [s].
-AGAIN = 0.2
-
-# Who listens says so this often, or the service forgets him [s].
-ALIVE = 0.2
-
-NANO = 1e-9
 
 
 class Client:
@@ -69,7 +28,6 @@ class Client:
 
     Attributes:
         clock: The service's clock; `client.clock()` is its time now [s].
-        dropped: Messages that came in and were none, or old.
 
     Args:
         port: Port of the service.
@@ -97,36 +55,18 @@ class Client:
         sensor: bool = False,
         every: int = 1,
     ) -> None:
-        self.clock = ServiceClock()
-        self.dropped = 0
-        self._address = (host, port)
-        self._watchdog = watchdog
+        self._limit = watchdog
         self._name = name.encode()[:64]
         self._flags = SENSOR if sensor else 0
         self._every = every
-        self._seal = Seal(key)
-        self._sender = secrets.randbits(63) | 1
-        self._outbox = Outbox(self._seal, self._sender)
-        self._socket: socket.socket | None = None
-        self._buffer = bytearray(MOST + 8)
-        self._message = memoryview(self._buffer)
-        self._welcome: Welcome | None = None
-        self._parts: dict[int, bytes] = {}
-        self._part_of = 0
-        self._answers: deque[Answer] = deque(maxlen=KEPT)
-        self._newest: Answer | None = None
-        self._position: Floats = np.zeros(0)
-        self._heard = self._sent = 0.0
-        self._gone = False
-        self._token = 0
-        self._grant: tuple[bool, int, int] | None = None
-        self._replies: dict[int, bytes] = {}
-        self._calls = 0
-        self._asked = False
-        # Number of the service's last message, and of a call under way: of its
-        # message, and its own.
-        self._last = 0
-        self._waiting = (0, 0)
+        self._connection = Connection((host, port), Seal(key))
+        self._calls = Calls()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is known of a service yet."""
+        self._dialogue = Dialogue(self._connection, self._calls, self._limit)
+        self.clock = self._dialogue.clock
 
     def __enter__(self) -> Self:
         return self
@@ -146,24 +86,41 @@ class Client:
         Raises:
             NoServiceError: `connect` has not succeeded yet.
         """
-        if self._welcome is None:
+        if self._dialogue.welcome is None:
             raise NoServiceError("not connected: call connect() first")
-        return self._welcome
+        return self._dialogue.welcome
 
     @property
     def connected(self) -> bool:
         """Whether a service has said what it is."""
-        return self._welcome is not None
+        return self._dialogue.welcome is not None
 
     @property
     def sender(self) -> int:
         """Number by which the service knows this client."""
-        return self._sender
+        return self._connection.sender
 
     @property
     def commands(self) -> bool:
         """Whether this client has the command, as far as it has heard."""
-        return self._token != 0
+        return self._dialogue.command.token != 0
+
+    @property
+    def dropped(self) -> int:
+        """Messages that could not be sent, or came in and were none, or old."""
+        return self._connection.dropped
+
+    def fileno(self) -> int:
+        """Its socket, for a loop that waits for other things too; -1 if it has none.
+
+        With it `select`, `poll` and `asyncio` take a client for a file. When it can be
+        read, call `receive` until that is None. Something has to be asked at least
+        every 0.2 s all the same: it is then that the service hears that this client
+        lives, and `latest` that the service does not. It is another number after
+        `connect`.
+        """
+        one = self._connection.socket
+        return -1 if one is None else one.fileno()
 
     def connect(self, timeout: float = 3.0) -> Welcome:
         """Say hello, also to a service that was started anew.
@@ -176,35 +133,14 @@ class Client:
         """
         words()
         self.close()
-        # A new sender: the service remembers the old one's sequence.
-        self._sender = secrets.randbits(63) | 1
-        self._outbox = Outbox(self._seal, self._sender)
-        self._welcome, self._newest, self._gone = None, None, False
-        self._parts, self._token, self._asked = {}, 0, False
-        self._answers.clear()
-        self._last = 0
-        self.clock = ServiceClock()
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            # From now on it takes messages of the service alone.
-            self._socket.connect(self._address)
-        except OSError as error:
+        self._forget()
+        self._connection.open()
+        if not self._dialogue.ask(self._hello, lambda: self.connected, timeout):
             self.close()
-            host, port = self._address
-            raise NoServiceError(f"{host}:{port}: {error}") from error
-        self._socket.setblocking(False)
-        end = time.monotonic() + timeout
-        while not self.connected:
-            left = end - time.monotonic()
-            if left <= 0.0:
-                self.close()
-                host, port = self._address
-                raise NoServiceError(
-                    f"no service answers at {host}:{port} within {timeout} s; either "
-                    "none runs there, or it has another key"
-                )
-            self._hello()
-            self._wait(lambda: self.connected, min(left, AGAIN))
+            raise NoServiceError(
+                f"no service answers at {self._connection.place} within {timeout} s; "
+                "either none runs there, or it has another key"
+            )
         return self.welcome
 
     def send_state(
@@ -225,9 +161,18 @@ class Client:
 
         Returns:
             Number of the message.
+
+        Raises:
+            RefusedError: A robot is not there, or something has another number of
+                joints.
         """
-        size = self._put_state(q, velocity, stamp, robots, 0)
-        return self._send(Kind.STATE, size)
+        if robots is not None and not isinstance(robots, str):
+            robots = tuple(robots)
+        state = self._dialogue.states.of(robots, velocity is not None, False)
+        now = monotonic_ns()
+        when = now * NANO + self.clock.offset if stamp is None else stamp
+        self._connection.send(state.write(now, when, q, velocity), now)
+        return self._connection.outbox.sequence
 
     def claim(self, force: bool = False, timeout: float = 1.0) -> None:
         """Take the command.
@@ -240,30 +185,29 @@ class Client:
             RefusedError: Somebody else has it.
             NoServiceError: The service does not answer.
         """
-        self._grant = None
-        end = time.monotonic() + timeout
-        while (left := end - time.monotonic()) > 0.0:
-            CLAIM.pack_into(self._outbox.payload, 0, force, 0)
-            self._send(Kind.CLAIM, CLAIM.size)
-            self._wait(lambda: self._granted() is not None, min(left, AGAIN))
-            grant = self._granted()
-            if grant is not None:
-                granted, token, holder = grant
-                if not granted:
-                    raise RefusedError(
-                        f"client {holder:x} has the command; wait until it gives it "
-                        "back, or claim it with force"
-                    )
-                self._token = token
-                return
-        raise NoServiceError("the service does not answer")
+        connection, command = self._connection, self._dialogue.command
+
+        def claim() -> None:
+            size = command.write(connection.outbox.payload, force)
+            connection.say(Kind.CLAIM, size)
+
+        if not self._dialogue.ask(claim, lambda: command.grant is not None, timeout):
+            raise NoServiceError("the service does not answer")
+        granted, token, holder = command.grant or (False, 0, 0)
+        if not granted:
+            raise RefusedError(
+                f"client {holder:x} has the command; wait until it gives it back, or "
+                "claim it with force"
+            )
+        command.token = token
 
     def give_back(self) -> None:
         """Give the command back."""
-        if self._token:
-            GIVE_BACK.pack_into(self._outbox.payload, 0, self._token)
-            self._send(Kind.GIVE_BACK, GIVE_BACK.size)
-            self._token = 0
+        if self._dialogue.command.token:
+            outbox = self._connection.outbox
+            GIVE_BACK.pack_into(outbox.payload, 0, self._dialogue.command.token)
+            self._connection.say(Kind.GIVE_BACK, GIVE_BACK.size)
+            self._dialogue.command.token = 0
 
     def send_velocities(self, velocities: ArrayLike) -> None:
         """Wish for joint velocities, as the commander; again and again.
@@ -271,7 +215,7 @@ class Client:
         Args:
             velocities: In the order of `Welcome.names`, shape (n,) [rad/s or m/s].
         """
-        self._send(Kind.WISH, self._put_wish(0, Form.VELOCITIES, vector(velocities)))
+        self._wish(Form.VELOCITIES, velocities)
 
     def send_positions(self, positions: ArrayLike) -> None:
         """Wish for joint positions, as the commander; again and again.
@@ -279,7 +223,7 @@ class Client:
         Args:
             positions: In the order of `Welcome.names`, shape (n,) [rad or m].
         """
-        self._send(Kind.WISH, self._put_wish(0, Form.POSITIONS, vector(positions)))
+        self._wish(Form.POSITIONS, positions)
 
     def send_twists(self, twists: Mapping[str, ArrayLike]) -> None:
         """Wish for velocities of tools, as the commander; again and again.
@@ -290,16 +234,7 @@ class Client:
         Raises:
             RefusedError: There is no such tool.
         """
-        tools = self.welcome.tools
-        rows = []
-        for name, twist in twists.items():
-            if name not in tools:
-                raise RefusedError(f"the scene has no tool '{name}'")
-            rows.append(np.concatenate(([tools.index(name)], vector(twist))))
-        values = np.concatenate(rows) if rows else np.zeros(0)
-        if len(values) != TWIST * len(rows):
-            raise RefusedError("a twist has six numbers")
-        self._send(Kind.WISH, self._put_wish(0, Form.TWISTS, values))
+        self._wish(Form.TWISTS, twist_rows(self.welcome.tools, twists))
 
     def cycle(
         self,
@@ -321,53 +256,56 @@ class Client:
             timeout: How long to wait; the watchdog if None [s].
 
         Returns:
-            The answer; a stop if none came in time.
+            The answer; a stop if none came in time, or if it is too old by now.
 
         Raises:
-            RefusedError: Somebody else has the command; with the first one only.
+            RefusedError: Something has another number of joints; or, with the first
+                one only, somebody else has the command.
         """
-        if not self._asked:
+        dialogue, connection = self._dialogue, self._connection
+        command, watchdog = dialogue.command, dialogue.watchdog
+        if not command.claimed:
             self.claim()
-            self._asked = True
-        start = self._put_state(q, velocity, stamp, None, HAS_WISH)
-        wish = np.asarray(v_desired, dtype=np.float64)
-        sequence = self._send(Kind.STATE, self._put_wish(start, Form.VELOCITIES, wish))
-
-        def answered() -> bool:
-            newest = self._newest
-            return newest is not None and newest.answers(self._sender, sequence)
-
-        wait = self._watchdog if timeout is None else timeout
-        self._wait(answered, wait)
-        self._answers.clear()
-        if self._newest is not None and answered():
-            return self._newest
-        latest = self.latest
-        return latest if latest.cause.stops else self._stopped(Cause.NO_ANSWER)
+            command.claimed = True
+        state = dialogue.states.of(None, velocity is not None, True)
+        now = monotonic_ns()
+        when = now * NANO + self.clock.offset if stamp is None else stamp
+        message = state.write(now, when, q, velocity, v_desired, command.token)
+        connection.send(message, now)
+        own = connection.sender, connection.outbox.sequence
+        wait = self._limit if timeout is None else timeout
+        size = connection.receive_within(wait)
+        if size >= 0:
+            dialogue.take(size)
+        answer = watchdog.newest
+        if answer is None or answer.began != own:
+            # Something else came, or nothing; or others begin the cycles.
+            answer = dialogue.await_answer(own, now * NANO + wait - monotonic())
+        dialogue.answers.clear()
+        cause = watchdog.cause
+        if cause is Cause.NONE and answer is not None:
+            return answer
+        return dialogue.stopped(cause or Cause.NO_ANSWER)
 
     def receive(self, timeout: float = 0.0) -> Answer | None:
         """The next answer that came in; None if there is none in time."""
-        self._drain()
-        if not self._answers and timeout > 0.0:
-            self._wait(lambda: bool(self._answers), timeout)
-        self._keep_alive()
-        return self._answers.popleft() if self._answers else None
+        self._dialogue.drain()
+        if not self._dialogue.answers and timeout > 0.0:
+            self._dialogue.wait(lambda: bool(self._dialogue.answers), timeout)
+        self._connection.keep_alive()
+        return self._dialogue.answers.popleft() if self._dialogue.answers else None
 
     @property
     def latest(self) -> Answer:
         """The newest answer, or a stop where that is older than the watchdog."""
-        if self._welcome is None:
-            return self._stopped(Cause.NOT_CONNECTED)
-        self._drain()
-        self._keep_alive()
-        if self._gone:
-            return self._stopped(Cause.SERVICE_GONE)
-        limit = self._watchdog + self._uncertain()
-        newest, now = self._newest, self.clock()
-        if newest is not None and now - newest.sent <= limit:
+        if self._dialogue.welcome is None:
+            return self._dialogue.stopped(Cause.NOT_CONNECTED)
+        self._dialogue.drain()
+        self._connection.keep_alive()
+        cause, newest = self._dialogue.watchdog.cause, self._dialogue.watchdog.newest
+        if cause is Cause.NONE and newest is not None:
             return newest
-        silent = now - self._heard > limit
-        return self._stopped(Cause.SERVICE_SILENT if silent else Cause.NO_ANSWER)
+        return self._dialogue.stopped(cause)
 
     def call(self, call: str, /, *, timeout: float = 10.0, **arguments: Any) -> Any:
         """Call something between two cycles, see docs/service.md.
@@ -383,254 +321,38 @@ class Client:
             RefusedError: The service refused; its sentence says why.
             NoServiceError: It does not answer.
         """
-        self._calls += 1
-        number = self._calls
-        request = {"id": number, "call": call, "arguments": arguments}
-        data = json.dumps(request, default=as_json).encode()
-        end = time.monotonic() + timeout
-        while (left := end - time.monotonic()) > 0.0:
-            payload = self._outbox.payload
-            if len(data) > len(payload):
-                raise RefusedError(f"call '{call}' is too long for a message")
-            payload[: len(data)] = data
-            sequence = self._send(Kind.CALL, len(data))
-            self._replies.setdefault(number, b"")
-            self._waiting = (sequence, number)
-            self._wait(lambda: bool(self._replies[number]), min(left, AGAIN))
-            if self._replies[number]:
-                reply = json.loads(self._replies.pop(number))
-                if reply["ok"]:
-                    return reply["result"]
-                raise RefusedError(reply["sentence"], reply["error"])
-        self._replies.pop(number, None)
-        raise NoServiceError(f"the service does not answer the call '{call}'")
+        connection, calls = self._connection, self._calls
+        data = calls.write(call, arguments)
+        if len(data) > len(connection.outbox.payload):
+            raise RefusedError(f"call '{call}' is too long for a message")
+
+        def ask() -> None:
+            connection.outbox.payload[: len(data)] = data
+            calls.was_sent(connection.say(Kind.CALL, len(data)))
+
+        if not self._dialogue.ask(ask, lambda: calls.reply is not None, timeout):
+            raise NoServiceError(f"the service does not answer the call '{call}'")
+        return calls.result()
 
     def stop(self) -> None:
         """Order a stop of all robots; whoever is connected may."""
-        self._send(Kind.STOP, 0)
+        self._connection.say(Kind.STOP)
 
     def close(self) -> None:
         """Say good-bye."""
-        if self._socket is None:
-            return
-        if self._welcome is not None and not self._gone:
-            self._send(Kind.BYE, 0)
-        self._socket.close()
-        self._socket = None
-        self._welcome = None
-
-    def _put_state(
-        self,
-        q: ArrayLike,
-        velocity: ArrayLike | None,
-        stamp: float | None,
-        robots: str | tuple[str, ...] | None,
-        flags: int,
-    ) -> int:
-        """Write a STATE; how many bytes of payload it has."""
-        welcome, payload = self.welcome, self._outbox.payload
-        if robots is None:
-            bits = (1 << len(welcome.robots)) - 1
-        else:
-            named = (robots,) if isinstance(robots, str) else robots
-            bits = sum(1 << welcome.robots.index(name) for name in named)
-        values = vector(q)
-        at = STATE.size + values.nbytes
-        payload[STATE.size : at] = values.view(np.uint8).data
-        if velocity is not None:
-            flags |= HAS_VELOCITY
-            values = vector(velocity)
-            payload[at : at + values.nbytes] = values.view(np.uint8).data
-            at += values.nbytes
-        when = self.clock() if stamp is None else stamp
-        STATE.pack_into(payload, 0, bits, flags, when)
-        return at
-
-    def _put_wish(self, start: int, form: Form, values: Floats) -> int:
-        """Write a wish behind what is there; how many bytes of payload there are."""
-        payload = self._outbox.payload
-        WISH.pack_into(payload, start, self._token, form, len(values))
-        at = start + WISH.size
-        payload[at : at + values.nbytes] = values.view(np.uint8).data
-        return at + values.nbytes
-
-    def _send(self, kind: Kind, size: int) -> int:
-        """Send what was written; its number. What cannot be sent is lost."""
-        message = self._outbox.seal(kind, size)
-        self._sent = time.monotonic()
-        if self._socket is not None:
-            try:
-                self._socket.send(message)
-            except OSError:
-                self.dropped += 1
-        return self._outbox.sequence
-
-    def _granted(self) -> tuple[bool, int, int] | None:
-        """The answer to a claim: whether it was granted, token, who has the command."""
-        return self._grant
+        if self._dialogue.welcome is not None and not self._dialogue.watchdog.gone:
+            self._connection.say(Kind.BYE)
+        self._connection.close()
+        self._dialogue.end()
 
     def _hello(self) -> None:
-        """Say hello."""
-        payload = self._outbox.payload
+        payload = self._connection.outbox.payload
         HELLO.pack_into(payload, 0, self._flags, self._every)
         end = HELLO.size + len(self._name)
         payload[HELLO.size : end] = self._name
-        self._send(Kind.HELLO, end)
+        self._connection.say(Kind.HELLO, end)
 
-    def _keep_alive(self) -> None:
-        """Let the service know that somebody listens."""
-        if time.monotonic() - self._sent > ALIVE:
-            self._send(Kind.HEARTBEAT, 0)
-
-    def _uncertain(self) -> float:
-        """What the service's clock may be wrong by [s]."""
-        bound = self.clock.bound
-        return bound if math.isfinite(bound) else 0.0
-
-    def _stopped(self, cause: Cause) -> Answer:
-        """What is told where nothing was heard."""
-        welcome = self._welcome or NOTHING
-        position = self._position
-        if len(position) != len(welcome.names):
-            position = welcome.home
-        return stop_answer(cause, position, welcome, self.clock)
-
-    def _wait(self, done: Any, timeout: float) -> None:
-        """Take messages over until something is true, or for that long."""
-        end = time.monotonic() + timeout
-        while self._socket is not None:
-            self._drain(done)
-            left = end - time.monotonic()
-            if done() or left <= 0.0:
-                return
-            self._keep_alive()
-            select.select((self._socket,), (), (), min(left, ALIVE))
-
-    def _drain(self, done: Any = None) -> None:
-        """Take over all messages there are."""
-        while self._socket is not None:
-            try:
-                size = self._socket.recv_into(self._buffer)
-            except BlockingIOError:
-                return
-            except OSError:
-                # Nobody listens there: told by the machine of the service.
-                continue
-            if not self._take(self._message[:size]):
-                self.dropped += 1
-            elif done is not None and done():
-                return
-
-    def _take(self, message: memoryview) -> bool:
-        """Take a message over; False if it is none for this client."""
-        if not LEAST <= len(message) <= MOST:
-            return False
-        head = HEADER.unpack_from(message)
-        magic, version, kind, length, session, scene, sender, sequence, stamp = head
-        if (magic, version, length, sender) != (MAGIC, VERSION, len(message), 0):
-            return False
-        if not self._seal.fits(message) or sequence <= self._sequence_of(session):
-            return False
-        if kind == Kind.WELCOME:
-            return self._take_welcome(message, session, scene, sequence)
-        if self._welcome is None or session != self._outbox.session:
-            return False
-        self._last = sequence
-        self._heard = max(self._heard, stamp * NANO)
-        if kind == Kind.COMMAND:
-            if scene != self._outbox.scene:
-                return False
-            try:
-                answer = read_answer(message, stamp, self._welcome, self.clock)
-            except (ValueError, IndexError):
-                return False
-            self._newest = answer
-            self._answers.append(answer)
-            if answer.commander != self._sender:
-                # What came before the grant was sent before it, and came before it.
-                self._token = 0
-        elif kind == Kind.HEARTBEAT:
-            if len(message) < HEADER.size + HEARTBEAT.size + SEAL:
-                return False
-            if HEARTBEAT.unpack_from(message, HEADER.size)[1] != self._sender:
-                self._token = 0
-        elif kind == Kind.GRANT:
-            granted, _, token, holder, _, _ = GRANT.unpack_from(message, HEADER.size)
-            self._grant = bool(granted), token, holder
-        elif kind == Kind.REPLY:
-            (asked,) = REPLY.unpack_from(message, HEADER.size)
-            if asked == self._waiting[0]:
-                data = bytes(message[HEADER.size + REPLY.size : -SEAL])
-                self._replies[self._waiting[1]] = data
-        elif kind == Kind.BYE:
-            self._gone = True
-        return True
-
-    def _sequence_of(self, session: int) -> int:
-        """Number of the last message of a session."""
-        return self._last if session == self._outbox.session else 0
-
-    def _take_welcome(
-        self, message: memoryview, session: int, scene: int, sequence: int
-    ) -> bool:
-        """Take a part of a WELCOME over."""
-        answered = time.monotonic_ns()
-        head = WELCOME.unpack_from(message, HEADER.size)
-        part, parts, _, _, _, asked, read = head
-        if session != self._outbox.session and self._welcome is not None:
-            # A service that was started anew has to be connected to anew.
-            return False
-        if self._welcome is not None:
-            self._last = sequence
-        if scene != self._part_of:
-            self._part_of, self._parts = scene, {}
-        self._parts[part] = bytes(message[HEADER.size + WELCOME.size : -SEAL])
-        if asked:
-            self.clock.learn(asked, read, answered)
-        if len(self._parts) < parts:
-            return True
-        welcome = read_welcome(b"".join(self._parts[k] for k in range(parts)))
-        self._parts = {}
-        if welcome.boot_id and welcome.boot_id == boot_id():
-            self.clock.share()
-        if scene != self._outbox.scene:
-            self._newest = None
-        self._outbox.session, self._outbox.scene = session, scene
-        self._welcome = welcome
-        return True
-
-
-# What is known before anybody was connected to.
-NOTHING = Welcome(
-    names=(),
-    robots=(),
-    parts=(),
-    bodies=(),
-    tools=(),
-    period=0.0,
-    home=np.zeros(0),
-    scene_file="",
-    scene_hash="",
-    ring="",
-    counters="",
-    session=0,
-    version="",
-    watchdogs={},
-    reasons={},
-    boot_id="",
-    text={},
-)
-
-
-def vector(values: ArrayLike) -> Floats:
-    """Numbers as a row of float64 in one piece."""
-    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
-
-
-def as_json(value: Any) -> Any:
-    """What JSON has no word for: poses and arrays."""
-    if hasattr(value, "matrix"):
-        return value.matrix().tolist()
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} cannot be sent")
+    def _wish(self, form: Form, values: ArrayLike) -> None:
+        payload = self._connection.outbox.payload
+        size = put_wish(payload, self._dialogue.command.token, form, values)
+        self._connection.say(Kind.WISH, size)

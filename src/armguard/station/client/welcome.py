@@ -69,6 +69,28 @@ class Welcome:
     text: Mapping[str, Any]
 
 
+# What is known before anybody was connected to.
+NOTHING = Welcome(
+    names=(),
+    robots=(),
+    parts=(),
+    bodies=(),
+    tools=(),
+    period=0.0,
+    home=np.zeros(0),
+    scene_file="",
+    scene_hash="",
+    ring="",
+    counters="",
+    session=0,
+    version="",
+    watchdogs={},
+    reasons={},
+    boot_id="",
+    text={},
+)
+
+
 def read_welcome(data: bytes) -> Welcome:
     """What the JSON of a WELCOME says.
 

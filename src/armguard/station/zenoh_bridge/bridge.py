@@ -13,7 +13,7 @@ import zenoh
 
 from armguard.errors import ArmguardError
 from armguard.station.client import Answer, Client
-from armguard.station.client.answer import stop_answer
+from armguard.station.client.stop import stop_answer
 from armguard.station.errors import RefusedError, StationError
 from armguard.station.service.complaints import Complaints
 from armguard.station.wire import Cause
@@ -55,14 +55,6 @@ OF_SENSORS = ("place", "remove")
 AWAY = (Cause.SERVICE_SILENT, Cause.SERVICE_GONE, Cause.NOT_CONNECTED)
 
 
-class Speaker(Client):
-    """A client that can be waited for together with other things."""
-
-    def fileno(self) -> int:
-        """Its socket; -1 while there is none."""
-        return -1 if self._socket is None else self._socket.fileno()
-
-
 class Bridge:
     """Carries messages between a service and Zenoh; from one thread.
 
@@ -82,7 +74,7 @@ class Bridge:
     def __init__(self, settings: BridgeSettings, timeout: float = 3.0) -> None:
         self._settings = settings
         self.counts: Counter[str] = Counter()
-        self._client = Speaker(
+        self._client = Client(
             settings.port,
             settings.host,
             settings.key,

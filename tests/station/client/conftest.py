@@ -1,0 +1,152 @@
+"""The other end of a client: a socket that says what a test wants it to."""
+
+import json
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from armguard import Client
+from armguard.station.wire import Kind, Outbox, Seal
+from armguard.station.wire.boot import boot_id
+from armguard.station.wire.layout import (
+    COMMAND,
+    GRANT,
+    HEADER,
+    MOST,
+    ROBOT,
+    SUMMARY,
+    WELCOME,
+)
+
+JOINTS, PATIENCE = 3, 20.0
+SESSION, SCENE, TOKEN = 5, 7, 77
+
+TEXT = {
+    "home": [0.1, 0.2, 0.3],
+    "names": ["left/a", "left/b", "right/a"],
+    "robots": [
+        {"name": "left", "first": 0, "count": 2},
+        {"name": "right", "first": 2, "count": 1},
+    ],
+    "period": 0.004,
+    "bodies": ["left/hand", "right/hand", "bench"],
+    "tools": ["left", "right"],
+    "scene_file": "",
+    "scene_hash": "00",
+    "ring": "",
+    "counters": "",
+    "session": SESSION,
+    "version": "0",
+    "watchdogs": {},
+    "reasons": {"0": ["OK", "nothing is near"]},
+    "boot_id": boot_id(),
+}
+
+
+class FarEnd:
+    """What a service says, without one.
+
+    Attributes:
+        seal: Seals its messages.
+        outbox: Where they are written.
+        port: Its port.
+        sender: Who said something last.
+        behind: How old its messages say they are [ns].
+    """
+
+    def __init__(self) -> None:
+        self.seal = Seal()
+        self.outbox = Outbox(self.seal, 0, SESSION, SCENE)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(PATIENCE)
+        self.port = self._socket.getsockname()[1]
+        self.sender = self.behind = 0
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def hear(self, kind: Kind) -> bytes:
+        """The next message of that kind; HELLOs and CLAIMs are answered."""
+        while True:
+            message, self._address = self._socket.recvfrom(MOST)
+            head = HEADER.unpack_from(message)
+            _, _, said, _, _, _, self.sender, sequence, stamp = head
+            if said == Kind.HELLO:
+                welcome = WELCOME.pack(0, 1, JOINTS, 2, 0.004, stamp, stamp)
+                self.say(Kind.WELCOME, welcome + json.dumps(TEXT).encode())
+            elif said == Kind.CLAIM:
+                grant = GRANT.pack(1, 0, TOKEN, self.sender, 0.5, sequence)
+                self.say(Kind.GRANT, grant)
+            if said == kind:
+                return message
+
+    @contextmanager
+    def hearing(
+        self, kind: Kind, then: Callable[[bytes], None] = lambda message: None
+    ) -> Iterator[None]:
+        """Hear one in a thread meanwhile, and do something then."""
+        thread = threading.Thread(target=lambda: then(self.hear(kind)))
+        thread.start()
+        yield
+        thread.join(PATIENCE)
+        assert not thread.is_alive()
+
+    def say(self, kind: Kind, payload: bytes = b"") -> None:
+        self.send(self.message(kind, payload))
+
+    def message(self, kind: Kind, payload: bytes = b"") -> bytearray:
+        message = bytearray(self.outbox.message(kind, payload))
+        struct.pack_into("<q", message, 40, time.monotonic_ns() - self.behind)
+        self.seal.put(memoryview(message))
+        return message
+
+    def send(self, message: bytes | bytearray) -> None:
+        self._socket.sendto(message, self._address)
+
+    def command(self, sequence: int, told: float = 0.0, **other: int) -> bytearray:
+        """A COMMAND that answers the client's state of that number."""
+        began = self.sender, sequence
+        points = 1.0 + told, 2.0, 3.0, 4.0, 5.0, 6.0
+        nearest = other.get("a", 0), other.get("b", 2), 0.3 + told, 0.2 + told
+        summary = 0, other.get("cause", 0), 0, 0, 1, other.get("joints", JOINTS), 2, 1
+        rows = b"".join(
+            ROBOT.pack(0, 0, 10 * k, 0, 0.5, 0.25, told + k, *began) for k in range(2)
+        )
+        payload = (
+            COMMAND.pack(sequence, *began, 10, 20, 1.5, told, 0.7, *nearest, *points)
+            + SUMMARY.pack(*summary, self.sender)
+            + rows
+            + (np.arange(2.0 * JOINTS) + told).tobytes()
+        )
+        return self.message(Kind.COMMAND, payload)
+
+
+@pytest.fixture
+def far() -> Iterator[FarEnd]:
+    end = FarEnd()
+    yield end
+    end.close()
+
+
+@pytest.fixture
+def observer(far: FarEnd) -> Iterator[Client]:
+    """A client that is connected to it."""
+    with Client(port=far.port, watchdog=5.0) as one:
+        with far.hearing(Kind.HELLO):
+            one.connect(PATIENCE)
+        yield one
+
+
+@pytest.fixture
+def client(far: FarEnd, observer: Client) -> Client:
+    """A client that has told where its arms are, and has the command."""
+    with far.hearing(Kind.STATE):
+        observer.cycle([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], timeout=0.0)
+    return observer
