@@ -77,9 +77,9 @@ class Bench:
         return outcome, OUTCOMES[self.desk.given[WISH_OUTCOME]]
 
 
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
-    one = Bench(tmp_path_factory.mktemp("ring") / "ring")
+@pytest.fixture
+def bench(tmp_path):
+    one = Bench(tmp_path / "ring")
     yield one
     one.ring.close()
 
@@ -98,10 +98,8 @@ def wish_of(values, form=Form.VELOCITIES, token=SHOWN):
 def test_states_are_copied_as_they_were_sent(bench):
     rng = np.random.default_rng(0)
     desk = bench.desk
-    desk.sender[:] = 0
     q, v = np.full(N, np.nan), np.zeros(N)
     stamps, sequences, measured = np.full(2, np.nan), [0, 0], [0, 0]
-    desk.q[:], desk.velocity[:], desk.stamps[:] = q, v, stamps
     for k in range(1, 400):
         bits = int(rng.integers(1, 4))
         own = [r for r in range(2) if bits >> r & 1]
@@ -209,10 +207,7 @@ def wish_at(form, k, q):
 @pytest.mark.parametrize("form", list(Form))
 def test_the_desk_gives_the_very_bits_of_a_guard(bench, form):
     guard = Guard(bay_scene("path"), self_test=False)
-    judge, desk, given = bench.judge, bench.desk, bench.desk.given
-    judge.guard.reset()
-    desk.sender[:] = 0
-    desk.held[:] = np.nan
+    judge, given = bench.judge, bench.desk.given
     list(bench.reader.unread())
     asks = {
         Form.VELOCITIES: guard.filter,
@@ -241,7 +236,9 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form):
         last = judge.last
         assert last.numbers.tobytes() == command.numbers.tobytes()
         assert last.verdict.numbers.tobytes() == command.verdict.numbers.tobytes()
-        assert bytes(bench.out[48:])[: size_of(2)] == told(command, guard, k, start)
+        assert bytes(bench.out[48:])[: size_of(2)] == told(
+            command, guard, k, start, form
+        )
         judge.write_down()
         frame = frame_of(next(bench.reader.unread()))
         asked_for = FrameForm.VELOCITIES if cause else FrameForm(form)
@@ -269,7 +266,7 @@ def size_of(robots):
     return 136 + 24 + 40 * robots + 16 * N
 
 
-def told(command, guard, k, start):
+def told(command, guard, k, start, form):
     """The payload of a COMMAND, packed from what a command and a verdict say."""
     verdict = command.verdict
     numbers = verdict.numbers
@@ -295,7 +292,7 @@ def told(command, guard, k, start):
     reason = verdict.reason
     level = max(level_of(reason), *levels.values())
     cause = Cause.STOP_ORDERED if k == 250 else Cause.NONE
-    form = Form.VELOCITIES if cause else guard_form(command, guard)
+    form = Form.VELOCITIES if cause else form
     actions = command.actions
     head += struct.pack(
         "<8HQ", reason, cause, level, max(actions.values()), 2, N, 2, form, ME
@@ -320,20 +317,16 @@ def told(command, guard, k, start):
     return head + command.velocity.tobytes() + command.position.tobytes()
 
 
-def guard_form(command, guard):
-    asking = guard._response.asking[0]
-    return Form(int(asking) + 1)
-
-
 def test_what_is_found_out_late_is_told_again(bench):
-    judge, desk, given = bench.judge, bench.desk, bench.desk.given
-    judge.guard.reset()
-    desk.sender[:] = 0
+    judge, given = bench.judge, bench.desk.given
     q = judge.guard.guard.home
-    payload = state(q, np.zeros(N), stamp=1000.0, wish=wish_of(np.full(N, 0.01)))
-    assert bench.take(payload, token=SHOWN) == ("", "")
-    given[[CYCLE, START, CAUSE, FLAGS]] = 0, 10**12, Cause.NONE, 0
-    judge.ask(Cause.NONE)
+    for k in range(2):
+        start = 10**12 + k * 10**6
+        stamp, wish = start * 1e-9, wish_of(np.full(N, 0.01))
+        payload = state(q, np.zeros(N), stamp=stamp, wish=wish)
+        assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
+        given[[CYCLE, START, CAUSE, FLAGS]] = k, start, Cause.NONE, 0
+        judge.ask(Cause.NONE)
     velocities = slice(48 + 136 + 24 + 80, 48 + 136 + 24 + 80 + 8 * N)
     assert np.frombuffer(bench.out[velocities], np.float64).any()
     given[[CAUSE, FLAGS]] = Cause.DEADLINE_MISSED, MISSED

@@ -598,6 +598,7 @@ class Monitor:
             if name not in KEPT:
                 getattr(self._watch, name)[:] = fresh
         self._motion.v_low[:] = self._motion.v_high[:] = 0.0
+        self._motion.clock.fill(0.0)
         if len(self.tables.holds.grippers):
             self._holding.forget()
             self._world_changed()
