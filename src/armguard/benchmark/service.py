@@ -73,6 +73,7 @@ class ServiceBench:
         realtime: Whether the service, and the loops it is compared with, ask for
             real-time scheduling.
         self_test: See `Guard`.
+        spin: See `ServiceSettings` [s].
         soak: Whether memory over time is what is asked for: longer rounds.
     """
 
@@ -83,6 +84,7 @@ class ServiceBench:
     record: bool = True
     realtime: bool = False
     self_test: bool = True
+    spin: float = 0.0
     soak: bool = False
 
 
@@ -148,6 +150,7 @@ def bench_service(bench: ServiceBench, progress: Progress) -> dict[str, Any]:
         "rate_hz": bench.rate,
         "seconds": bench.seconds,
         "late_s": bench.late,
+        "spin_s": bench.spin,
         "rounds": rounds,
         "start_s": started,
         "others_busy_cores": max(others, 0.0) / passed,
@@ -167,6 +170,8 @@ def serve_words(bench: ServiceBench, folder: Path, notes: list[str]) -> list[str
     """Words that start the service."""
     words = ["serve", "bay", "--port", "0", "--rate", str(bench.rate)]
     words += ["--late", str(bench.late)]
+    if bench.spin:
+        words += ["--spin", str(bench.spin)]
     if bench.realtime:
         words.append("--realtime")
     if not bench.self_test:

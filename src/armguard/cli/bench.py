@@ -38,6 +38,10 @@ def bench(
         bool,
         typer.Option(help="service: it and what it is compared with are real-time."),
     ] = False,
+    spin: Annotated[
+        float,
+        typer.Option(min=0.0, help="service: see `armguard serve --spin` [s]."),
+    ] = 0.0,
     soak: Annotated[
         float | None,
         typer.Option(min=0.1, help="service: memory over so many minutes instead."),
@@ -54,6 +58,7 @@ def bench(
             view=view,
             record=record,
             realtime=realtime,
+            spin=spin,
             soak=soak is not None,
         )
         hand_over(bench_service(wanted, say), print_service, output, json)

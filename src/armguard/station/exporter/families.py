@@ -55,7 +55,8 @@ COUNTS = {
 DROPPED = "dropped_"
 
 TIMES = {
-    "inside": "From a message's arrival to the departure of its answer",
+    "inside": "From a message's arrival until the system has sent its answer",
+    "handed": "From a message's arrival until its answer is handed to the system",
     "judging": "Judging a cycle",
     "waking": "How late a cycle began",
 }

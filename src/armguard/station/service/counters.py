@@ -70,8 +70,10 @@ COUNTERS: tuple[str, ...] = (
 )
 PLACE = {name: k for k, name in enumerate(COUNTERS)}
 
-# From a message's arrival to its answer's departure; judging; how late a cycle began.
-HISTOGRAMS = ("inside", "judging", "waking")
+# From a message's arrival until the system has its answer's message, and has delivered
+# it or woken who is to read it; judging; how late a cycle began; from a message's
+# arrival until its answer is handed to the system.
+HISTOGRAMS = ("inside", "judging", "waking", "handed")
 
 # Buckets on a logarithmic scale: 16 for each doubling of nanoseconds, 6 % wide.
 FINE = 4
@@ -83,7 +85,7 @@ COUNT, SUM, MOST = BUCKETS, BUCKETS + 1, BUCKETS + 2
 # The head: magic, version, counters, histograms, process, start on the wall clock [ns].
 HEAD = 8
 MAGIC = 0x41524D434E54
-VERSION = 1
+VERSION = 2
 # Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
 REASONS = 256
 FIRST_CAUSE = 200

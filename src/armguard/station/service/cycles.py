@@ -24,7 +24,7 @@ from armguard.station.wire.words import Cause
 NANO = 1_000_000_000
 
 # Histograms, by their places in `HISTOGRAMS`.
-INSIDE, JUDGING, WAKING = range(3)
+INSIDE, JUDGING, WAKING, HANDED = range(4)
 
 NEVER = 1 << 62
 
@@ -128,8 +128,10 @@ class Cycles:
             )
         if asker is not None:
             # Who asked is answered first.
+            handed = time.monotonic_ns()
             hub.send(message, asker.address)
             hub.counters.time(INSIDE, time.monotonic_ns() - received)
+            hub.counters.time(HANDED, handed - received)
         for peer in hub.peers.here:
             if peer is asker:
                 continue
