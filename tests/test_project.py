@@ -66,7 +66,17 @@ def test_the_kernel_cache_follows_every_source(tmp_path, monkeypatch):
     before = kernel.kernel_digest()
     vec3 = copy / "geometry" / "vec3.py"
     vec3.write_text(vec3.read_text() + "\n# edited\n")
-    assert kernel.kernel_digest() != before
+    after = kernel.kernel_digest()
+    assert after != before
+    # Kernels take constants from files that hold no kernel.
+    layout = copy / "guard" / "layout.py"
+    assert b"@kernel" not in layout.read_bytes()
+    layout.write_text(layout.read_text() + "\n# edited\n")
+    assert kernel.kernel_digest() != after
+    after = kernel.kernel_digest()
+    serve = copy / "cli" / "serve.py"
+    serve.write_text(serve.read_text() + "\n# edited\n")
+    assert kernel.kernel_digest() == after
 
 
 def test_no_file_holds_the_marks_of_a_merge():

@@ -25,6 +25,24 @@ def test_objects_are_placed_by_sensors_and_written_down(served):
         assert [text["name"] for text in placed] == ["bench"]
 
 
+def test_who_comes_late_is_told_where_things_were_put(served):
+    size = {"kind": "box", "half_extents": [0.1, 0.2, 0.3]}
+    with served.client(sensor=True) as sensor, served.client() as late:
+        before = late.call("objects")
+        spare, gone = (f"box{k}" for k in (1, 2))
+        assert not {spare, gone} & set(before)
+        pose = Pose(xyz=(0.0, 1.5, 0.3))
+        sensor.call("place", name=spare, pose=pose, shape=size)
+        sensor.call("place", name=gone, pose=pose)
+        sensor.call("remove", name=gone)
+        told = late.call("objects")
+        assert told[spare]["shape"] == {**size, "rounding": 0.0}
+        assert np.array(told[spare]["pose"]) == pytest.approx(pose.matrix())
+        assert told[gone] is None
+        assert set(told) == {*before, spare, gone}
+        sensor.call("remove", name=spare)
+
+
 def test_other_settings_are_taken_over_while_everything_rests(served):
     with served.client() as client, served.client() as other:
         arms = Arms(client)
@@ -54,6 +72,10 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
         assert notes[-1]["scene_hash"] == told["scene_hash"]
         assert notes[-1]["settings"]["modes"] == {"left": "speed", "right": "speed"}
         assert notes[-1]["settings"]["responses"]["left"] == "stop"
+        # Who replays what follows has a place to begin.
+        kinds = [frame_of(row).kind for row in RingReader(served.ring).unread()]
+        last_scene = max(k for k, kind in enumerate(kinds) if kind is Kind.NOTE)
+        assert Kind.CHECKPOINT in kinds[last_scene:]
         arms.drive_until(STILL, lambda a: not a.velocity.any())
         arms.drive(STILL, 3)
         back = client.call("configure", response="deflect", mode="path")

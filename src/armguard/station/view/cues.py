@@ -6,13 +6,13 @@ from typing import Any
 from armguard.guard.levels import Level
 from armguard.respond import Action
 from armguard.respond.command import Blocked
-from armguard.station.view.judged import Judged
-from armguard.station.view.palette import (
+from armguard.station.palette import (
     LEVEL_COLOURS,
     LEVEL_WORDS,
     Rgb,
     hexadecimal,
 )
+from armguard.station.view.judged import Judged
 
 ACTION_WORDS = {
     Action.FOLLOW: "follows",

@@ -134,6 +134,8 @@ class LiveView:
         self._hash = self._welcome.scene_hash
         ring = Path(self._welcome.ring)
         self._frames = LiveFrames(ring, self.view.cue, self._other)
+        # What was placed before the oldest record that the ring still has.
+        self.view.world.placements.begin_with(self.commander.objects())
         self._frames.start()
         self.driver.start()
 

@@ -179,7 +179,7 @@ class PageServer:
     async def _talk(self, connection: ServerConnection) -> None:
         self._open.add(connection)
         try:
-            for text in self._last.values():
+            for text in tuple(self._last.values()):
                 await connection.send(text)
             async for message in connection:
                 said = parsed(message)

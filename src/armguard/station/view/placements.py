@@ -55,6 +55,12 @@ class Placements:
             return thing
         return replace(thing, shapes=(replace(thing.shapes[0], shape=shape),))
 
+    def begin_with(self, objects: Mapping[str, Mapping[str, Any] | None]) -> None:
+        """Take over where things are already, as a service lists them."""
+        for name, put in objects.items():
+            call = "remove" if put is None else "place"
+            self.take({"call": call, "name": name, **(put or {})})
+
     def take(self, event: Mapping[str, Any]) -> None:
         """Take an event's frame's text; of other calls nothing is kept."""
         name = event.get("name")

@@ -5,7 +5,7 @@ import viser
 from viser import uplot
 
 from armguard.guard.verdict import Verdict
-from armguard.station.view.palette import BLUE, VERMILLION, hexadecimal
+from armguard.station.palette import BLUE, VERMILLION, hexadecimal
 
 # What is shown, and how often it is added to [s].
 SPAN, STEP = 20.0, 0.1

@@ -7,7 +7,7 @@ from typing import Any
 
 import viser
 
-from armguard.station.view.palette import BLUE
+from armguard.station.palette import BLUE
 
 
 def open_scene_port(origins: Callable[[], set[str]]) -> viser.ViserServer:

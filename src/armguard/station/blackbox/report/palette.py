@@ -1,19 +1,14 @@
-"""Colours of levels and what else tells them apart, for eyes and for printers.
+"""Colours of levels as pages write them, and what else tells levels apart in print.
 
-All are of the palette of Okabe and Ito, which people tell apart who do not see red and
-green; each comes with its word, and in areas with a pattern.
+Each colour comes with its word, and in areas with a pattern.
 """
 
 from armguard.guard.levels import Level
+from armguard.station import palette
+from armguard.station.palette import LEVEL_COLOURS, hexadecimal
 
 COLOURS: dict[Level, str] = {
-    Level.CLEAR: "#56b4e9",
-    Level.CAUTION: "#f0e442",
-    Level.SLOW: "#e69f00",
-    Level.STOP: "#d55e00",
-    Level.RECOVER: "#cc79a7",
-    Level.BRAKE: "#7d3200",
-    Level.HARDWARE_STOP: "#000000",
+    level: hexadecimal(colour) for level, colour in LEVEL_COLOURS.items()
 }
 
 # Letters on a colour.
@@ -39,7 +34,7 @@ WORDS: dict[Level, str] = {
 INK = "#1b1f24"
 FAINT = "#5b6570"
 LINE = "#d5dae0"
-BLUE = "#0072b2"
-GREEN = "#009e73"
-ORANGE = "#e69f00"
-VERMILLION = "#d55e00"
+BLUE = hexadecimal(palette.BLUE)
+GREEN = hexadecimal(palette.GREEN)
+ORANGE = hexadecimal(palette.ORANGE)
+VERMILLION = hexadecimal(palette.VERMILLION)

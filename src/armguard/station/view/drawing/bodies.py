@@ -10,8 +10,7 @@ from armguard.geometry.shapes import Shape, shape_row
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
-from armguard.station.view.drawing.frames import Placer, quaternion
-from armguard.station.view.palette import (
+from armguard.station.palette import (
     BLUE,
     FIXTURE,
     GRASPABLE,
@@ -19,6 +18,7 @@ from armguard.station.view.palette import (
     ROBOT_TINTS,
     Rgb,
 )
+from armguard.station.view.drawing.frames import Placer, quaternion
 from armguard.station.view.placements import Placements
 from armguard.station.view.robot_meshes import link_meshes, placed
 from armguard.station.view.surfaces import Mesh, joined, mesh_of

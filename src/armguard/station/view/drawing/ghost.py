@@ -10,9 +10,9 @@ from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.scene import Scene
 from armguard.scene.tables import RobotPart, SceneTables
 from armguard.station.frames import Frame
+from armguard.station.palette import BLUE
 from armguard.station.view.drawing.bodies import add_mesh, on_bodies, slug
 from armguard.station.view.drawing.frames import Floats, Placer
-from armguard.station.view.palette import BLUE
 from armguard.station.view.robot_meshes import plain_meshes
 from armguard.station.view.surfaces import Mesh
 

@@ -14,8 +14,8 @@ from armguard.guard.world_at_home import build_index, place_all, world_at_home
 from armguard.index import Octree
 from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
+from armguard.station.palette import BLUE
 from armguard.station.view.drawing.frames import Floats
-from armguard.station.view.palette import BLUE
 from armguard.station.view.placements import Placements
 
 # Leaves that are drawn, the smallest first.

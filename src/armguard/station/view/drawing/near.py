@@ -9,8 +9,8 @@ from armguard.guard.levels import Level
 from armguard.guard.verdict import NearPair, Verdict
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.scene.tables import SceneTables
+from armguard.station.palette import GREEN, LEVEL_COLOURS, LEVEL_WORDS, Rgb
 from armguard.station.view.drawing.bodies import add_mesh
-from armguard.station.view.palette import GREEN, LEVEL_COLOURS, LEVEL_WORDS, Rgb
 from armguard.station.view.surfaces import mesh_of
 
 # Pairs with a line; with a label; with shells. The nearest ones.

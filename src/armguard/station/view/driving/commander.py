@@ -113,6 +113,12 @@ class Commander:
         """Call something of the service; whether it was done."""
         return self._try(lambda: self._client.call(what, timeout=PATIENCE, **arguments))
 
+    def objects(self) -> dict[str, Any]:
+        """Where things were put since the service's start; nothing if it is silent."""
+        found: dict[str, Any] = {}
+        self._try(lambda: found.update(self._client.call("objects", timeout=PATIENCE)))
+        return found
+
     def send(self, wish: Wish) -> None:
         """Ask for something, in the form it is in."""
         with self._lock:

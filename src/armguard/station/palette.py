@@ -1,7 +1,8 @@
 """Colours of levels and of robots, and the word that goes with each.
 
-All are of the palette of Okabe and Ito, which people tell apart who do not see red and
-green; the lightness differs too, and no colour stands without its word.
+All but a dark vermillion are of the palette of Okabe and Ito, which people tell apart
+who do not see red and green; the lightness differs too, and no colour stands without
+its word.
 """
 
 from armguard.guard.levels import Level
@@ -15,6 +16,7 @@ VERMILLION: Rgb = (213, 94, 0)
 PURPLE: Rgb = (204, 121, 167)
 BLUE: Rgb = (0, 114, 178)
 GREEN: Rgb = (0, 158, 115)
+BROWN: Rgb = (125, 50, 0)
 BLACK: Rgb = (0, 0, 0)
 
 LEVEL_COLOURS: dict[Level, Rgb] = {
@@ -23,7 +25,7 @@ LEVEL_COLOURS: dict[Level, Rgb] = {
     Level.SLOW: ORANGE,
     Level.STOP: VERMILLION,
     Level.RECOVER: PURPLE,
-    Level.BRAKE: VERMILLION,
+    Level.BRAKE: BROWN,
     Level.HARDWARE_STOP: BLACK,
 }
 
