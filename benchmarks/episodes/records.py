@@ -4,9 +4,12 @@ Episodes that were run with other kernels, or with another plant, operator or ju
 episodes of something else: they are never added to.
 """
 
+import fcntl
 import json
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -62,9 +65,7 @@ class Records:
         self.path = path
         self.of = of
         self.extreme = extreme
-        self.kinds: dict[str, Figures] = (
-            json.loads(path.read_text("utf-8")) if path.exists() else {}
-        )
+        self.kinds = self._read()
 
     def todo(self, kind: str, first: int, end: int) -> Iterator[int]:
         """Seeds of a range of which nothing is known yet."""
@@ -75,15 +76,34 @@ class Records:
 
     def add(self, kind: str, figures: Figures) -> Figures:
         """Add figures of more episodes; all that is known of this kind."""
-        known = self._known(kind)
-        found = merged(known, figures, self.extreme) if known else figures
-        self.kinds[kind] = jsonable({**found, "version": self.of(kind)})
-        text = json.dumps(self.kinds, indent=1) + "\n"
-        # Who is killed while he writes loses nothing that was there.
-        beside = self.path.with_suffix(".part")
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(self.path)
+        with self._alone():
+            # Another campaign may have added to the same file meanwhile.
+            self.kinds = self._read()
+            known = self._known(kind)
+            found = merged(known, figures, self.extreme) if known else figures
+            self.kinds[kind] = jsonable({**found, "version": self.of(kind)})
+            text = json.dumps(self.kinds, indent=1) + "\n"
+            # Who is killed while he writes loses nothing that was there.
+            beside = self.path.with_suffix(".part")
+            beside.write_text(text, encoding="utf-8")
+            beside.replace(self.path)
         return self.kinds[kind]
+
+    def _read(self) -> dict[str, Figures]:
+        if not self.path.exists():
+            return {}
+        found: dict[str, Figures] = json.loads(self.path.read_text("utf-8"))
+        return found
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keep other campaigns off the file meanwhile."""
+        folder = os.open(self.path.parent, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(folder)
 
     def _known(self, kind: str) -> Figures:
         """Figures of a kind that more may be added to; empty if there are none."""

@@ -134,3 +134,17 @@ def test_what_was_run_is_known_and_not_run_again(tmp_path):
     assert list(other.todo("changing", 0, 2)) == [0, 1]
     found = other.add("changing", summed_up("changing", episodes[:1]))
     assert found["episodes"] == 1
+
+
+def test_two_campaigns_that_run_at_once_lose_nothing_of_each_other(tmp_path):
+    path = tmp_path / "found.json"
+    one, other = (Records(path, lambda kind: f"{kind} 1", EXTREME) for _ in range(2))
+    episodes = list(CAMPAIGN.run("changing", range(3)))
+    one.add("changing", summed_up("changing", episodes[:1]))
+    other.add("placing", summed_up("changing", episodes[:1]))
+    found = other.add("changing", summed_up("changing", episodes[1:2]))
+    assert found["episodes"] == 2
+    one.add("changing", summed_up("changing", episodes[2:]))
+    kinds = Records(path, lambda kind: f"{kind} 1", EXTREME).kinds
+    assert kinds["changing"]["episodes"] == 3
+    assert kinds["placing"]["episodes"] == 1
