@@ -35,6 +35,9 @@ DRAWN = 4.0
 # How fast the hand is turned back to look down [1/s].
 UPRIGHT = 15.0
 
+# A joint that is so near to its limit is at it [rad].
+AT_LIMIT = 0.03
+
 # Damping of what leads the hand, so that it stays slow where the arm is stretched.
 DAMPED = 1e-6 * np.eye(6)
 
@@ -101,8 +104,18 @@ class PandaArm:
         wanted[3:] *= 0.5 * UPRIGHT
         J = self._jacobian.reshape(6, -1)[:, :ARM]
         drawn = DRAWN * (POSTURE - q[:ARM])
-        push = np.linalg.solve(J @ J.T + DAMPED, wanted - J @ drawn)
-        return np.asarray(J.T @ push + drawn)
+        free = np.ones(ARM)
+        for _ in range(ARM):
+            own = J * free
+            push = np.linalg.solve(own @ own.T + DAMPED, wanted - own @ drawn)
+            speeds = free * (own.T @ push + drawn)
+            # What a joint at its limit would do is left to the others.
+            up = (q[:ARM] > self.limits[1] - AT_LIMIT) & (speeds > 0.0)
+            down = (q[:ARM] < self.limits[0] + AT_LIMIT) & (speeds < 0.0)
+            if not (up | down).any():
+                break
+            free[up | down] = 0.0
+        return np.asarray(speeds)
 
 
 def mjcf(model: RobotModel, solids: dict[str, Solid]) -> str:

@@ -57,6 +57,9 @@ LONGEST, NEAR = 4.0, 1e-3
 # slides meanwhile [1/s].
 PUSHED, STIFF = 10.0, 25.0
 
+# Share of his speed with which an operator tries again.
+SLOWER = 0.6
+
 # How far joints stay off their limits on such a way [rad], and the arm off everything:
 # its elbow is elsewhere when the hand goes the same way at another speed [m].
 OFF_LIMITS, CLEAR = 0.1, 0.025
@@ -138,6 +141,11 @@ class PandaPicker(Picker):
             if self.plant.cycle(held).action > Action.FOLLOW:
                 return False
         return False
+
+    def again(self, *, fingers: bool) -> None:
+        """Leave what is in the way, to try again without hurry, and more slowly."""
+        super().again(fingers=fingers)
+        self.fast *= SLOWER
 
 
 def run_episode(seed: int) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from armguard.errors import GraspError
 from armguard.geometry import Pose
 from armguard.guard import Reason
-from armguard.respond import Action, Guard
+from armguard.respond import Action, Command, Guard
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.leaving import leave
 from gripping.plant import Plant
@@ -62,6 +62,10 @@ class Outcome:
     worked_s: float = 0.0
 
 
+# What is told of a failure whose reason the guard does not name.
+UNNAMED = "no reason is named"
+
+
 class Picker:
     """The operator.
 
@@ -85,6 +89,8 @@ class Picker:
         # Who is in a hurry goes sideways before he is at the height he goes at.
         self.hurry = 0.06 if rng.random() < 0.5 else np.inf
         self.tries = 0
+        # What kept him from going on when he last tried again.
+        self.blocked_by = ""
 
     def lead(self, goal: Floats, speed: float, *, open_to: float | None = None) -> bool:
         """Lead the hand to a place, and the fingers; whether it got there."""
@@ -147,6 +153,7 @@ class Picker:
 
     def again(self, *, fingers: bool) -> None:
         """Leave what is in the way, to try again without hurry."""
+        self.blocked_by = what_blocks(self.plant.command) or self.blocked_by
         self.tries += 1
         self.hurry = np.inf
         leave(self.plant, fingers=fingers)
@@ -321,11 +328,16 @@ def misplaced(picker: Picker, name: str, goal: Floats) -> str | None:
     return f"misplaced by {off * 1e3:.1f} mm, {above * 1e3:.1f} mm above the table"
 
 
-def why(picker: Picker, when: str) -> str | None:
-    """Why the arm does not get on, as the guard says it."""
-    command = picker.plant.command
+def why(picker: Picker, when: str) -> str:
+    """Why the arm did not get on, as the guard says it, or said it the last time."""
+    told = what_blocks(picker.plant.command) or picker.blocked_by
+    return f"{when}: {told or UNNAMED}"
+
+
+def what_blocks(command: Command | None) -> str:
+    """What keeps an arm from going on, as the guard says it; "" if nothing does."""
     if command is None:
-        return None
+        return ""
     blocked = command.blocked["arm"]
     reason = command.verdict.reason
     named = blocked.name if blocked else ""
@@ -333,4 +345,4 @@ def why(picker: Picker, when: str) -> str | None:
         named += f" {reason.name}"
     near = [p for p in command.verdict.near if p.clearance < 0.005]
     pairs = "; ".join(f"{p.a}, {p.b} {p.clearance * 1e3:.1f} mm left" for p in near)
-    return f"{when}: {named} {pairs}".strip() if named or pairs else None
+    return f"{named} {pairs}".strip()

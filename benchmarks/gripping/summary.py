@@ -7,6 +7,7 @@ from typing import Any
 from armguard.scene import Grasp
 from episodes.records import TOLD, joined
 from gripping.gantry import FIGURES
+from gripping.pick_and_place import UNNAMED
 
 Figures = dict[str, Any]
 
@@ -68,7 +69,9 @@ def summed_up(kind: str, episodes: list[Figures]) -> Figures:
             "fingers_moved_most_mm": 1e3 * max(e["slipped"] for e in episodes),
             "fingers_moved_seeds": [e["seed"] for e in slipped[:TOLD]],
             "failed": [[e["seed"], e["failed"]] for e in failed[:TOLD]],
-            "failed_without_a_reason": sum(e["failed"] is None for e in failed),
+            "failed_without_a_reason": sum(
+                e["failed"].endswith(UNNAMED) for e in failed
+            ),
         }
     else:
         found |= {

@@ -128,6 +128,16 @@ def test_joints_slow_down_before_their_limits():
     assert abs(last.velocity[0]) < 1e-3
 
 
+@pytest.mark.parametrize("response", ["slow", "deflect"])
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_nor_does_one_pass_its_limit_because_another_one_is_faster(response, share):
+    # Who keeps his direction slows down all joints in proportion, but not there.
+    loop = Driven(wall_guard(response), q=[-1.6, 0.0, -0.5])
+    loop.run([-2.0 * share, 0.0, 2.0], 1500)
+    assert loop.stops == []
+    assert -2.0 <= loop.q[0] < -1.98
+
+
 def test_wishes_above_the_top_speed_are_scaled():
     loop = Driven(wall_guard(), q=[-1.0, 0.0, 0.0])
     loop.run([0.0, 8.0, 4.0], 400)

@@ -233,8 +233,12 @@ def frame_limits(
         away = 2.0 * figures[POSITION_ERROR] + LIMIT_SPARE
         up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
         down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
-        high[j] = max(min(last + gain, top, up), brake[j])
-        low[j] = min(max(last - gain, -min(top, down)), brake[j])
+        # Before its limit a joint slows down as hard as it can, whatever others do.
+        own = figures[DECELERATION] * dt
+        hardest = max(last - own, 0.0) if last > 0.0 else min(last + own, 0.0)
+        high[j] = max(min(last + gain, top, up), hardest)
+        low[j] = min(max(last - gain, -min(top, down)), hardest)
+        brake[j] = min(max(brake[j], low[j]), high[j])
         lead_within_limits(j, a, w, m)
         target[j] = min(max(target[j], low[j]), high[j])
 
