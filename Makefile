@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | filter-peer | audit-pairs | room   ARGS="..." is passed on
+#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading filter-peer audit-pairs room format clean
+.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -54,6 +54,9 @@ gripping: .venv/dev
 
 evading: .venv/dev
 	$(BIN)/python benchmarks/evading_campaign.py $(ARGS)
+
+cues: .venv/dev
+	$(BIN)/python benchmarks/cue_times.py $(ARGS)
 
 filter-peer: .venv/dev
 	$(BIN)/python benchmarks/filter_peer.py $(ARGS)

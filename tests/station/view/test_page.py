@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from pathlib import Path
 
@@ -45,6 +46,31 @@ def test_it_loads_from_this_machine_alone_and_without_a_complaint(station):
     assert station.page.get_by_text("Share").count() == 0
     assert station.page.locator("#why").inner_text() != ""
     assert "written" in station.page.locator("#slack").inner_text()
+
+
+def test_the_light_turns_while_the_page_is_busy_drawing(station):
+    station.until(lambda: station.light() == "CLEAR", "the arm is at rest")
+    busy, stops = 3.0, 1.0
+    timer = threading.Timer(stops, station.stage.client.stop)
+    timer.start()
+    # Nothing of the page's own thread runs meanwhile.
+    begin, end = station.page.evaluate(
+        """(busy) => {
+          const begin = Date.now();
+          while (Date.now() < begin + busy) ;
+          return [begin / 1000, Date.now() / 1000];
+        }""",
+        1000.0 * busy,
+    )
+    timer.join()
+    station.until(lambda: station.light() in STOPPED, "the light did not turn")
+    turned = [at for _, at in station.page.evaluate("window.stationTurns")]
+    assert any(begin < at < end for at in turned), (begin, end, turned)
+    # And it goes on as if nothing had been.
+    station.tab("Drive")
+    station.take()
+    station.button("Engage all").click()
+    station.until(lambda: station.light() == "CLEAR", "it was not engaged")
 
 
 def test_a_slider_moves_the_arm(station):

@@ -4,7 +4,6 @@
 (() => {
   const SILENCE = 0.5; // without news for so long the page is grey [s]
   const REPEAT = 50; // keys that are held and gamepads are told again after this [ms]
-  const PITCHES = [523, 349, 659, 440]; // a robot's own tone [Hz]
   const make = (tag, id, parent) => {
     const made = document.createElement(tag);
     if (id) made.id = id;
@@ -16,7 +15,8 @@
   const bar = make("div", "station");
   const light = make("div", "light", bar);
   light.setAttribute("role", "status");
-  light.textContent = "WAITING";
+  const word = make("span", null, light);
+  word.textContent = "WAITING";
   const told = make("div", "told", bar);
   const why = make("div", "why", told);
   const slack = make("div", "slack", told);
@@ -53,15 +53,10 @@
     value === null ? "–" : `${value.toFixed(digits)} ${unit}`;
 
   const show = (message) => {
-    if (state === null || state.level !== message.level) {
-      // Whoever measures how fast the light is reads both of these.
-      light.dataset.cycle = message.cycle;
-      light.dataset.turned = Date.now() / 1000;
-    }
     state = message;
     heard = now();
     light.dataset.level = message.name;
-    light.textContent = message.word;
+    word.textContent = message.word;
     light.classList.toggle("urgent", message.level >= 30);
     document.documentElement.style.setProperty("--level", message.colour);
     document.documentElement.style.setProperty("--ink", message.ink);
@@ -92,52 +87,49 @@
     }
   };
 
-  // ------------------------------------------------------------------- what is heard
+  // ------------------------------------------------------- what does not wait for us
+  // The light, the sounds and the channel have threads of their own, see cues.js; this
+  // one is kept busy by the drawing.
+  const cues = new Worker("cues.js");
+  const over = make("canvas", null, light);
+  const sized = () => {
+    const scale = window.devicePixelRatio || 1;
+    const [width, height] = [light.clientWidth, light.clientHeight];
+    cues.postMessage({ type: "size", width: width * scale, height: height * scale });
+  };
+  if (over.transferControlToOffscreen) {
+    const canvas = over.transferControlToOffscreen();
+    cues.postMessage({ type: "canvas", canvas }, [canvas]);
+    new ResizeObserver(sized).observe(light);
+  }
+  window.stationTurns = []; // the last turns of the light: cycle and wall clock [s]
+  window.stationBeeps = []; // the last beeps, for those who check them
+  const note = (list, what) => { list.push(what); list.splice(0, list.length - 500); };
+
   let audio = null;
   let muted = true;
-  const due = new Map(); // when a robot's next beep is [s of the audio clock]
-  window.stationBeeps = []; // the last beeps, for those who check them
-  const beep = (k, robot) => {
-    const start = audio.currentTime;
-    const tone = audio.createOscillator();
-    const gain = audio.createGain();
-    tone.type = robot.level >= 30 ? "square" : "sine";
-    tone.frequency.value = PITCHES[k % PITCHES.length];
-    gain.gain.setValueAtTime(0.0001, start);
-    gain.gain.exponentialRampToValueAtTime(0.25, start + 0.01);
-    gain.gain.exponentialRampToValueAtTime(0.0001, start + 0.09);
-    tone.connect(gain).connect(audio.destination);
-    tone.start(start);
-    tone.stop(start + 0.1);
-    window.stationBeeps.push({ name: robot.name, hertz: tone.frequency.value, level: robot.level, at: Date.now() / 1000 });
-    window.stationBeeps.splice(0, window.stationBeeps.length - 50);
-  };
-  // From one beep in a second to eight: the more urgent, the faster.
-  const pause = (urgency) => 1 / (1 + 7 * urgency);
-  const listen = (changed) => {
-    if (muted || audio === null || state === null || state.grey !== "" || state.recorded) return;
-    state.robots.forEach((robot, k) => {
-      if (robot.urgency <= 0 && robot.level < 20) return due.delete(robot.name);
-      if (changed || audio.currentTime >= (due.get(robot.name) ?? 0)) {
-        beep(k, robot);
-        due.set(robot.name, audio.currentTime + pause(robot.urgency));
-      }
-    });
+  const hear = async () => {
+    audio = new AudioContext();
+    await audio.audioWorklet.addModule("beeps.js");
+    const node = new AudioWorkletNode(audio, "beeps", { numberOfInputs: 0 });
+    node.port.onmessage = ({ data }) => note(window.stationBeeps, data);
+    node.connect(audio.destination);
+    const { port1, port2 } = new MessageChannel();
+    node.port.postMessage({ pipe: port1 }, [port1]);
+    cues.postMessage({ type: "pipe", pipe: port2 }, [port2]);
   };
   sound.onclick = async () => {
     muted = !muted;
-    audio ??= new AudioContext();
+    if (audio === null) await hear();
     if (!muted) await audio.resume();
+    cues.postMessage({ type: "muted", muted });
     sound.textContent = muted ? "Sound: off" : "Sound: on";
     sound.setAttribute("aria-pressed", String(!muted));
     sound.blur();
   };
 
   // ------------------------------------------------------------------- what is said
-  let channel = null;
-  const say = (message) => {
-    if (channel?.readyState === WebSocket.OPEN) channel.send(JSON.stringify(message));
-  };
+  const say = (message) => cues.postMessage({ type: "say", message });
   stop.onclick = () => { say({ type: "stop" }); stop.blur(); };
 
   let driving = false; // whether the view wants keys at all
@@ -178,29 +170,22 @@
     }
   };
 
-  const connect = () => {
-    channel = new WebSocket(`ws://${location.host}/station`);
-    channel.onmessage = (event) => {
-      const message = JSON.parse(event.data);
-      if (message.type === "state") {
-        const changed = state === null || state.robots.some((one, k) => one.level !== message.robots[k]?.level);
-        show(message);
-        listen(changed);
-      } else if (message.type === "driving") {
-        driving = message.on;
-        bar.dataset.driving = String(driving);
-        letGo();
-      }
-    };
-    channel.onclose = () => setTimeout(connect, 500);
+  cues.onmessage = ({ data }) => {
+    if (data.type === "state") {
+      show(data);
+      cues.postMessage({ type: "seen" });
+    } else if (data.type === "turned") note(window.stationTurns, [data.cycle, data.at]);
+    else if (data.type === "driving") {
+      driving = data.on;
+      bar.dataset.driving = String(driving);
+      letGo();
+    }
   };
 
   const begin = () => {
     document.body.prepend(bar);
     document.body.append(veil);
-    connect();
     setInterval(refresh, 50);
-    setInterval(() => listen(false), 25);
     setInterval(tellPads, REPEAT);
   };
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin);

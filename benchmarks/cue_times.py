@@ -1,0 +1,146 @@
+"""How long after a level changes each channel of the live view says so, in a browser.
+
+python benchmarks/cue_times.py --seconds 120
+
+Service, simulated arms, an operator and the view as in `make demo`; the page is open in
+headless Chromium, with its sound on. What draws the light and what makes the sound note
+on the wall clock when they do; the ring says on the same clock when that cycle was
+written.
+Needs playwright and a Chromium that is installed.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import Page, sync_playwright
+
+from armguard.benchmark.machine import describe_machine
+from armguard.cli.console import say
+from armguard.station.frames import Kind, frame_of
+from armguard.station.ring import RingReader
+from armguard.station.simulated.stage import Stage
+
+RESULTS = Path(__file__).parents[1] / "docs" / "cue_times.json"
+CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+FLAGS = (
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--enable-unsafe-swiftshader",
+    "--autoplay-policy=no-user-gesture-required",
+)
+
+# As `make demo` has it: a browser that draws without a graphics card takes both cores.
+OPTIONS = ("--late", "0.03", "--stale", "0.1", "--no-self-test")
+
+# What must be reached [ms].
+TARGET = 50.0
+
+# A beep that is no later than that after the light turned is of the same message [s].
+AT_ONCE = 0.005
+
+
+def main() -> int:
+    """Measure; write docs/cue_times.json; 1 if a cue came too late."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=120.0)
+    chosen = parser.parse_args()
+    with Stage("bay", "--response", "deflect", *OPTIONS) as stage:
+        stage.start_service()
+        stage.wait_for_service()
+        stage.start_arms()
+        stage.start_operator(seed=8)
+        turns, beeps, written = watch(stage, chosen.seconds)
+    known = [(at, written[cycle]) for cycle, at in turns if cycle in written]
+    light = [1e3 * (at - wrote) for at, wrote in known]
+    # A change beeps at once where its robot is urgent; later beeps only repeat it.
+    sound = [
+        1e3 * (beep - wrote)
+        for at, wrote in known
+        for beep in beeps
+        if 0.0 <= beep - at < AT_ONCE
+    ]
+    answer = {
+        "name": "cues",
+        "machine": describe_machine(),
+        "seconds": chosen.seconds,
+        "target_ms": TARGET,
+        "light": figures(light),
+        "sound": figures(sound),
+    }
+    RESULTS.write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
+    print(json.dumps(answer, indent=1))
+    return int(not light or max(*light, *sound) > TARGET)
+
+
+def figures(times: list[float]) -> dict[str, float]:
+    """How many there are, median, tail and the longest [ms]."""
+    if not times:
+        return {"changes": 0}
+    median, tail = np.percentile(times, [50, 99])
+    return {
+        "changes": len(times),
+        "median_ms": float(median),
+        "p99_ms": float(tail),
+        "max_ms": max(times),
+    }
+
+
+def watch(
+    stage: Stage, seconds: float
+) -> tuple[list[tuple[int, float]], list[float], dict[int, float]]:
+    """Turns of the light, times of beeps, and when each cycle was written [s]."""
+    view = subprocess.Popen(
+        [
+            sys.executable,
+            *("-m", "armguard.station.view"),
+            *("--service", str(stage.port), "--page-port", "0"),
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert view.stdout is not None
+        address = view.stdout.readline().split()[-1]
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(
+                executable_path=CHROMIUM, args=list(FLAGS)
+            )
+            page = browser.new_page()
+            page.goto(address)
+            page.locator("#light[data-level]").wait_for(timeout=60_000)
+            return follow(page, stage.frames(), seconds)
+    finally:
+        view.terminate()
+        view.wait(20)
+
+
+def follow(
+    page: Page, reader: RingReader, seconds: float
+) -> tuple[list[tuple[int, float]], list[float], dict[int, float]]:
+    """The same from an open page."""
+    page.locator("#sound").click()
+    written: dict[int, float] = {}
+    beeps: set[float] = set()
+    turns: set[tuple[int, float]] = set()
+    end = time.monotonic() + seconds
+    say(f"looking on for {seconds:.0f} s")
+    while time.monotonic() < end:
+        page.wait_for_timeout(200)
+        for frame in map(frame_of, reader.unread()):
+            if frame.kind is Kind.CYCLE:
+                written[frame.cycle] = frame.wall
+        beeps |= {b["at"] for b in page.evaluate("window.stationBeeps")}
+        turns |= {(k, at) for k, at in page.evaluate("window.stationTurns")}
+    return sorted(turns), sorted(beeps), written
+
+
+if __name__ == "__main__":
+    sys.exit(main())

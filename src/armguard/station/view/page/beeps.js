@@ -1,0 +1,35 @@
+// Beeps, in the thread that makes sound: it is told of each by the one that reads the
+// channel, and neither waits for the drawing.
+"use strict";
+const LASTS = 0.1; // [s]
+const RISES = 0.01; // [s]
+const LOUD = 0.25;
+
+registerProcessor("beeps", class extends AudioWorkletProcessor {
+  constructor() {
+    super();
+    this.tones = [];
+    this.port.onmessage = ({ data }) => {
+      data.pipe.onmessage = (event) => this.begin(event.data);
+    };
+  }
+
+  begin(beep) {
+    this.tones.push({ ...beep, time: 0 });
+    this.port.postMessage({ ...beep, at: Date.now() / 1000 });
+  }
+
+  process(_, [[out]]) {
+    for (const tone of this.tones) {
+      for (let k = 0; k < out.length; k++, tone.time += 1 / sampleRate) {
+        const rises = Math.min(tone.time / RISES, 1);
+        const falls = Math.max(1 - tone.time / LASTS, 0);
+        const wave = Math.sin(2 * Math.PI * tone.hertz * tone.time);
+        // From a stop on they are harsh.
+        out[k] += LOUD * rises * falls * (tone.level >= 30 ? Math.sign(wave) : wave);
+      }
+    }
+    this.tones = this.tones.filter((tone) => tone.time < LASTS);
+    return true;
+  }
+});
