@@ -47,6 +47,11 @@ def joined(ranges: list[list[int]]) -> list[list[int]]:
     return found
 
 
+def overlap(one: list[list[int]], other: list[list[int]]) -> bool:
+    """Whether ranges of seeds have any in common."""
+    return any(a < d and c < b for a, b in one for c, d in other)
+
+
 class Records:
     """Figures of each kind of episodes in a file, which every change is written to.
 
@@ -69,6 +74,7 @@ class Records:
 
     def todo(self, kind: str, first: int, end: int) -> Iterator[int]:
         """Seeds of a range of which nothing is known yet."""
+        self.kinds = self._read()
         done = self._known(kind).get("seeds", [])
         for seed in range(first, end):
             if not any(a <= seed < b for a, b in done):
@@ -80,6 +86,9 @@ class Records:
             # Another campaign may have added to the same file meanwhile.
             self.kinds = self._read()
             known = self._known(kind)
+            if known and overlap(known["seeds"], figures["seeds"]):
+                # Somebody else ran them as well, and was quicker.
+                return known
             found = merged(known, figures, self.extreme) if known else figures
             self.kinds[kind] = jsonable({**found, "version": self.of(kind)})
             text = json.dumps(self.kinds, indent=1) + "\n"

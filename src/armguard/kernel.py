@@ -32,11 +32,12 @@ def cache_home() -> Path:
 
 
 def kernel_digest() -> str:
-    """Hash of every source file that holds a kernel or a name one uses, and of Numba's.
+    """Hash of every source file that holds a kernel, or a name such a file imports.
 
-    Numba's own cache looks at one file only: it does not notice an edit in a function
-    called from another file (numba issue 8396), nor in a constant taken from one.
-    Keying the folder on all of them does.
+    And of Numba's version. Numba's own cache looks at one file only: it does not notice
+    an edit in a function called from another file (numba issue 8396), nor in a constant
+    taken from one. Keying the folder on all of them does. A kernel's file imports
+    constants from where they are defined, not from where they are handed on.
     """
     digest = sha256(numba.__version__.encode())
     sources = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}

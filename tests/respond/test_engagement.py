@@ -202,7 +202,7 @@ def test_so_has_one_whose_stop_was_over_while_nothing_could_be_judged(value):
 
 
 @pytest.mark.parametrize("begins", ["new", "reset"])
-@pytest.mark.parametrize("wrong", ["stamp", "position", "velocity"])
+@pytest.mark.parametrize("wrong", ["stamp", "nan", "infinite", "far out", "velocity"])
 def test_before_anything_is_known_no_position_is_told(begins, wrong):
     guard = ball_guard()
     home, nothing = guard.home, np.zeros(len(guard.q_names))
@@ -210,18 +210,23 @@ def test_before_anything_is_known_no_position_is_told(begins, wrong):
     if begins == "reset":
         guard.filter(home, nothing, 0.0, velocity=nothing, now=0.0)
         guard.reset()
-    q, v = there.copy(), nothing.copy()
-    stamp = 5.0 if wrong == "stamp" else 0.0
-    if wrong == "position":
-        q[0] = np.nan
-    if wrong == "velocity":
-        v = np.full(len(q), 1e6)
-    command = guard.filter(q, nothing, stamp, velocity=v, now=0.0)
-    assert command.action is not Action.FOLLOW
-    assert not command.velocity.any()
-    # Where it says that it is, or nothing: anything else might be far from there.
-    assert np.array_equal(command.position, q, equal_nan=True)
-    for k in range(1, 200):
+    values = {"nan": np.nan, "infinite": -np.inf, "far out": 1e6}
+    for k in range(3):
+        # Elsewhere each time: what was said before is not told again.
+        q, v = there + 0.1 * k, nothing.copy()
+        now = 0.001 * k
+        stamp = now + 5.0 if wrong == "stamp" else now
+        if wrong in values:
+            q[0] = values[wrong]
+        if wrong == "velocity":
+            v = np.full(len(q), 1e6)
+        command = guard.filter(q, nothing, stamp, velocity=v, now=now)
+        assert command.action is not Action.FOLLOW
+        assert not command.velocity.any()
+        # Where it says that it is, or nothing: anything else might be far from there.
+        known = np.where(np.isfinite(q), q, np.nan)
+        assert np.array_equal(command.position, known, equal_nan=True)
+    for k in range(3, 200):
         stamp = k * 0.001
         command = guard.filter(there, nothing, stamp, velocity=nothing, now=stamp)
-        assert np.abs(command.position - there).max() < 0.01
+        assert np.abs(command.position - there).max() < 1e-9

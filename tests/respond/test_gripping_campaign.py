@@ -145,6 +145,8 @@ def test_two_campaigns_that_run_at_once_lose_nothing_of_each_other(tmp_path):
     found = other.add("changing", summed_up("changing", episodes[1:2]))
     assert found["episodes"] == 2
     one.add("changing", summed_up("changing", episodes[2:]))
+    # What both ran counts once.
+    other.add("changing", summed_up("changing", episodes[1:]))
     kinds = Records(path, lambda kind: f"{kind} 1", EXTREME).kinds
     assert kinds["changing"]["episodes"] == 3
     assert kinds["placing"]["episodes"] == 1

@@ -56,7 +56,13 @@ from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.segment import run_segment
 from armguard.guard.self_test import SelfTestLine, SelfTestReport
 from armguard.guard.self_test import self_test as run_self_test
-from armguard.guard.verdict import NearPair, Verdict, first_row_of, names_of
+from armguard.guard.verdict import (
+    Names,
+    NearPair,
+    Verdict,
+    first_row_of,
+    names_of,
+)
 from armguard.guard.watch import (
     HAS_VELOCITY,
     NOW_TIME,
@@ -203,6 +209,11 @@ class Monitor:
     def q_names(self) -> tuple[str, ...]:
         """'robot/joint' of each place of q."""
         return self.tables.q_names
+
+    @property
+    def names(self) -> Names:
+        """What its verdicts read names from, for who keeps their numbers himself."""
+        return self._names
 
     @property
     def poses(self) -> NDArray[np.float64]:

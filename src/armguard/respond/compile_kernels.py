@@ -79,7 +79,7 @@ def compile_filter() -> None:
     entries: tuple[tuple[Any, tuple[Any, ...]], ...] = (
         (run_filtered_cycle, wish),
         (begin_filtered_cycle, wish),
-        (end_filtered_cycle, (numba.int64, lines, lines)),
+        (end_filtered_cycle, (numbers, numba.int64, lines, lines)),
     )
     for kernel, arguments in entries:
         kernel.compile(arguments)

@@ -129,8 +129,9 @@ class Guard(Monitor):
     def ledgers(self) -> tuple[Longs, Longs]:
         """Ledgers of its responses and of its workspace, for `run_filtered_cycle`.
 
-        For who hands over what was measured by himself. They are good until the guard
-        is called for something else.
+        For who hands over what was measured by himself, and calls nothing else between
+        the beginning of a cycle and its end. Objects that come may bring another one of
+        the workspace.
         """
         if self._response is None:
             self._prepare_filter()
@@ -397,7 +398,7 @@ class Guard(Monitor):
             unsolved = begin_filtered_cycle(array, form, wish, *lines)
             if unsolved > 0:
                 unsolved = self.solve_programs(unsolved)
-            used = end_filtered_cycle(unsolved, *lines)
+            used = end_filtered_cycle(array, unsolved, *lines)
         data = self._out[:used].copy()
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT

@@ -330,7 +330,7 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        straight = straight_contract(r, i, j, a, w, m)
+        straight = straight_contract(r, i, j, a, w, v, m)
         if straight >= 0:
             slow_to_contract(r, straight, part, out[place + WITNESS], a, w, m)
         begin = a.notes[r, ROW_COUNT]

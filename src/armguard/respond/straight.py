@@ -15,17 +15,20 @@ from armguard.guard.contracts import GRANTED, allowed_speed, contract_of
 from armguard.guard.grips import (
     BODY,
     BY_INTENT,
+    END_FINGER,
     FIRST_A,
+    FIRST_FINGER,
     GRIPPER,
     IN_FORCE,
     KIND,
     POINT,
     STANDING,
     STATE,
-    Grips,
     open_grips,
 )
 from armguard.guard.intent import TOWARDS, velocity_of
+from armguard.guard.proofs import robot_of
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import GRIPS, INTENT, NOWHERE, Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
@@ -38,7 +41,7 @@ Floats = NDArray[np.float64]
 
 @kernel(inline=False)
 def straight_contract(
-    r: int, i: int, j: int, a: Response, w: Workspace, m: Motion
+    r: int, i: int, j: int, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> int:
     """The contract under which a robot comes to something straight; -1 if none.
 
@@ -50,6 +53,7 @@ def straight_contract(
         j: Second primitive.
         a: Responses; `raw` holds how fast each joint closes the pair.
         w: Workspace.
+        v: Watch.
         m: Motion.
     """
     deflects = a.settings[r, RESPONSE] == DEFLECT or a.settings[r, RESPONSE] == FIELD
@@ -62,13 +66,16 @@ def straight_contract(
     c = h.contracts[k]
     if c[STATE] != IN_FORCE or not (c[KIND] == BY_INTENT or c[KIND] == STANDING):
         return -1
+    if robot_of(int(c[FIRST_A]), v) != r:
+        # The other robot does not come to it: it is where what is held is put down.
+        return -1
     point = (c[POINT], c[POINT + 1], c[POINT + 2])
-    moves = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.asked, m)
+    velocity = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.asked, m)
     first = int(m.robot_figures[r, FIRST_JOINT])
     closing = 0.0
     for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         closing += a.raw[q] * a.asked[q]
-    return k if closing >= TOWARDS * norm(moves) else -1
+    return k if closing >= TOWARDS * norm(velocity) else -1
 
 
 @kernel(inline=False)
@@ -90,7 +97,7 @@ def slow_to_contract(
     h = open_grips(w.parts[GRIPS])
     c = h.contracts[k]
     limit = part * granted_speed(r, distance, c, m)
-    slow_arm(r, share_kept(r, a.raw, limit, c, a, h, m), c, a, h, m)
+    slow_arm(r, share_kept(r, a.raw, limit, c, a, w, m), c, a, w, m)
 
 
 @kernel(inline=False)
@@ -112,19 +119,25 @@ def slow_to_rows(
     kept = 1.0
     for row in range(begin, a.notes[r, ROW_COUNT]):
         at = r * ROWS + row
-        kept = min(kept, share_kept(r, a.rows[at], a.limits[at], c, a, h, m))
-    slow_arm(r, kept, c, a, h, m)
+        kept = min(kept, share_kept(r, a.rows[at], a.limits[at], c, a, w, m))
+    slow_arm(r, kept, c, a, w, m)
 
 
 @kernel
 def share_kept(
-    r: int, row: Floats, limit: float, c: Floats, a: Response, h: Grips, m: Motion
+    r: int,
+    row: Floats,
+    limit: float,
+    c: Floats,
+    a: Response,
+    w: Workspace,
+    m: Motion,
 ) -> float:
     """Share of an arm's target that keeps a row, in [0, 1]."""
     first = int(m.robot_figures[r, FIRST_JOINT])
     reached = 0.0
     for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        if not is_finger(q, c, h, m):
+        if not is_finger(q, c, w, m):
             reached += row[q] * a.target[q]
     if not reached > limit or not reached > 0.0:
         return 1.0
@@ -132,7 +145,9 @@ def share_kept(
 
 
 @kernel
-def slow_arm(r: int, kept: float, c: Floats, a: Response, h: Grips, m: Motion) -> None:
+def slow_arm(
+    r: int, kept: float, c: Floats, a: Response, w: Workspace, m: Motion
+) -> None:
     """Keep a share of an arm's target, or what its declared stop leaves of it."""
     if kept >= 1.0:
         return
@@ -141,10 +156,10 @@ def slow_arm(r: int, kept: float, c: Floats, a: Response, h: Grips, m: Motion) -
     share = kept
     for q in range(first, end):
         # No joint slows down harder than its stop is declared.
-        if not is_finger(q, c, h, m) and a.target[q] * a.brake[q] > 0.0:
+        if not is_finger(q, c, w, m) and a.target[q] * a.brake[q] > 0.0:
             share = max(share, min(a.brake[q] / a.target[q], 1.0))
     for q in range(first, end):
-        if not is_finger(q, c, h, m):
+        if not is_finger(q, c, w, m):
             a.target[q] = min(max(share * a.target[q], a.low[q]), a.high[q])
 
 
@@ -156,12 +171,24 @@ def granted_speed(r: int, distance: float, c: Floats, m: Motion) -> float:
 
 
 @kernel
-def is_finger(q: int, c: Floats, h: Grips, m: Motion) -> bool:
-    """Whether a joint moves fingers of a contract's gripper, and not the gripper."""
+def is_finger(q: int, c: Floats, w: Workspace, m: Motion) -> bool:
+    """Whether a joint moves a finger of a contract's gripper, and not the gripper."""
     if c[KIND] != BY_INTENT:
         return False
-    hand = int(h.grippers[int(c[GRIPPER]), BODY])
-    for i in range(m.length[hand]):
-        if m.q_index[m.joints[hand, i]] == q:
-            return False
-    return True
+    h = open_grips(w.parts[GRIPS])
+    own = h.grippers[int(c[GRIPPER])]
+    if moves(q, int(own[BODY]), m):
+        return False
+    for f in range(int(own[FIRST_FINGER]), int(own[END_FINGER])):
+        if moves(q, int(w.bodies[h.fingers[f, 0]]), m):
+            return True
+    return False
+
+
+@kernel
+def moves(q: int, body: int, m: Motion) -> bool:
+    """Whether a joint moves a body."""
+    for i in range(m.length[body]):
+        if m.q_index[m.joints[body, i]] == q:
+            return True
+    return False

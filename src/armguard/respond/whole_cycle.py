@@ -18,6 +18,7 @@ from armguard.respond.state import (
     TWIST_COUNT,
     TWIST_ROW,
     TWISTS,
+    VELOCITIES,
     Response,
     open_response,
 )
@@ -48,7 +49,7 @@ def run_filtered_cycle(
         How many places of the workspace's `out` were used.
     """
     unsolved = begin_filtered_cycle(q, form, wish, response, lines)
-    return end_filtered_cycle(unsolved, response, lines)
+    return end_filtered_cycle(q, unsolved, response, lines)
 
 
 @kernel(inline=False, entry=True)
@@ -63,17 +64,17 @@ def begin_filtered_cycle(
     a, w = open_response(response), open_workspace(lines)
     address = w.parts[SELF]
     if call_for_count(w.parts[OPEN], (q.ctypes.data, q.shape[0], address)) == 0:
-        hold_what_is_known(q, a)
         return NOT_JUDGED
     take_wish(form, wish, a)
     return int(call_for_count(w.parts[RESPOND], (response.ctypes.data, address)))
 
 
 @kernel(inline=False, entry=True)
-def end_filtered_cycle(unsolved: int, response: Longs, lines: Longs) -> int:
+def end_filtered_cycle(q: Floats, unsolved: int, response: Longs, lines: Longs) -> int:
     """The rest of a cycle, and the number of places of `out` that were used.
 
     Args:
+        q: What `begin_filtered_cycle` was given.
         unsolved: What `begin_filtered_cycle` returned, less the robots whose programs
             were solved meanwhile.
         response: See there.
@@ -83,32 +84,41 @@ def end_filtered_cycle(unsolved: int, response: Longs, lines: Longs) -> int:
     judged = 0 if unsolved == NOT_JUDGED else 1
     open_programs = 0 if judged == 0 else unsolved
     arguments = (judged, open_programs, response.ctypes.data, w.parts[SELF])
-    return int(call_for_count(w.parts[FINISH], arguments))
+    used = call_for_count(w.parts[FINISH], arguments)
+    if judged == 0:
+        tell_what_is_said(q, open_response(response))
+    return int(used)
 
 
 @kernel
-def hold_what_is_known(q: Floats, a: Response) -> None:
-    """Before anything could be judged, hold robots where they say they are.
+def tell_what_is_said(q: Floats, a: Response) -> None:
+    """Before anything could be judged, tell robots to be where they say they are.
 
     Where they do not say it, NaN is told: any other position might be far from them.
     """
-    for j in range(a.held.shape[0]):
-        if q.shape[0] == a.held.shape[0] and not isfinite(a.held[j]):
-            a.held[j] = q[j]
+    n = a.held.shape[0]
+    for j in range(n):
+        if isfinite(a.held[j]):
+            continue
+        known = q.shape[0] == n and isfinite(q[j])
+        a.told[n + j] = q[j] if known else np.nan
 
 
 @kernel
 def take_wish(form: int, wish: Floats, a: Response) -> None:
     """Write what is asked for to where it is looked for."""
     a.asking[FORM] = form
-    if form == TWISTS:
-        count = wish.shape[0] // TWIST_ROW
+    count = wish.shape[0] // TWIST_ROW
+    whole = count * TWIST_ROW == wish.shape[0] and count <= a.twists.shape[0]
+    if form == TWISTS and whole:
         a.asking[TWIST_COUNT] = count
         for k in range(count):
             for i in range(TWIST_ROW):
                 a.twists[k, i] = wish[k * TWIST_ROW + i]
         return
+    if form == TWISTS:
+        a.asking[FORM] = VELOCITIES
     into = a.goal if form == POSITIONS else a.asked
-    whole = wish.shape[0] == into.shape[0]
+    whole = form != TWISTS and wish.shape[0] == into.shape[0]
     for j in range(into.shape[0]):
         into[j] = wish[j] if whole else np.nan

@@ -312,8 +312,8 @@ class Client:
 
         Args:
             call: What: "engage", "grasp", "release", "allow", "swap_model", "place",
-                "remove", "retreat", "field_goal", "reset", "configure", "why", "stop",
-                "ping".
+                "remove", "retreat", "field_goal", "reset", "configure", "why",
+                "objects", "stop", "ping".
             timeout: How long to wait for the reply [s].
             arguments: Its arguments; poses as `Pose` or transforms (4, 4).
 

@@ -77,7 +77,7 @@ def conclude_judging(
 ) -> None:
     """The rest of a cycle, and its answer; see `end_filtered_cycle`."""
     d = open_desk(address)
-    used = end_filtered_cycle(unsolved, response, lines)
+    used = end_filtered_cycle(d.q, unsolved, response, lines)
     a, w = open_response(response), open_workspace(lines)
     for k in range(used):
         d.numbers[k] = w.out[k]

@@ -25,10 +25,9 @@ from armguard.station.desk.desk import (
     WISH_NOT_FINITE,
     WISH_OUTCOME,
     Desk,
-    as_i8,
     open_desk,
-    u4_at,
 )
+from armguard.station.desk.words import as_i8, u4_at
 from armguard.station.wire.layout import HAS_VELOCITY, HEADER, SEAL, STATE, TWIST, Form
 from armguard.station.wire.layout import HAS_WISH as WITH_WISH
 from armguard.station.wire.layout import WISH as WISH_HEAD

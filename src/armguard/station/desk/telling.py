@@ -2,7 +2,23 @@
 
 from math import inf
 
-from armguard.guard import layout
+from armguard.guard.layout import (
+    CLEARANCE,
+    FIRST,
+    NEAR_WIDTH,
+    NEAREST,
+    ROBOT_AGE,
+    ROBOT_CAUSE,
+    ROBOT_LEVEL,
+    ROBOT_SCALE,
+    ROBOT_URGENCY,
+    ROBOT_WIDTH,
+    SECOND,
+    SLACK_TIME,
+    WITNESS,
+)
+from armguard.guard.layout import HEADER as ROBOTS_IN_NUMBERS
+from armguard.guard.layout import REASON as REASON_IN_NUMBERS
 from armguard.guard.levels import Level
 from armguard.kernel import kernel
 from armguard.respond.command import ACTIONS, DRIVEN, Action
@@ -20,12 +36,9 @@ from armguard.station.desk.desk import (
     REASON,
     START,
     Desk,
-    as_f4,
-    as_i8,
-    as_u2,
-    as_u4,
     open_desk,
 )
+from armguard.station.desk.words import as_f4, as_i8, as_u2, as_u4
 from armguard.station.wire.layout import (
     COMMAND,
     HEADER,
@@ -74,7 +87,7 @@ def write_answer(address: int) -> None:
     longs = as_i8(words)
     n, robots = d.q.shape[0], d.first_joint.shape[0]
     lost = given[CAUSE] >= LOST
-    reason = int(numbers[layout.REASON])
+    reason = int(numbers[REASON_IN_NUMBERS])
     level, action = STOP_LEVEL, FOLLOW
     if 0 <= reason < d.level_of.shape[0]:
         level = d.level_of[reason]
@@ -88,13 +101,13 @@ def write_answer(address: int) -> None:
     longs[AT + 3], longs[ENDED_AT] = given[BEGAN_AT], given[ENDED]
     words[AT + 5] = given[START] * 1e-9
     write_nearest(d)
-    halves = as_u2(words)
+    u2 = as_u2(words)
     at = 4 * SUMMARY_AT
-    halves[at], halves[at + 1] = reason, given[CAUSE]
-    halves[at + 2], halves[at + 3] = level, action
-    halves[at + 4] = given[FLAGS]
-    halves[at + 5], halves[at + 6] = n, robots
-    halves[at + 7] = given[ASKED_FORM]
+    u2[at], u2[at + 1] = reason, given[CAUSE]
+    u2[at + 2], u2[at + 3] = level, action
+    u2[at + 4] = given[FLAGS]
+    u2[at + 5], u2[at + 6] = n, robots
+    u2[at + 7] = given[ASKED_FORM]
     longs[COMMANDER_AT] = given[COMMANDER]
     at = ROBOT_ROWS_AT + robots * ROBOT_WORDS
     for j in range(n):
@@ -112,8 +125,8 @@ def write_robot(r: int, lost: bool, d: Desk) -> tuple[int, int]:
     """
     numbers, told, words = d.numbers, d.told, d.answer
     n, robots = d.q.shape[0], d.first_joint.shape[0]
-    row = layout.HEADER + r * layout.ROBOT_WIDTH
-    own = int(numbers[row + layout.ROBOT_LEVEL])
+    row = ROBOTS_IN_NUMBERS + r * ROBOT_WIDTH
+    own = int(numbers[row + ROBOT_LEVEL])
     phase = told[4 * n + robots + r]
     obeys = STOP_ACTION
     if phase in MOVING:
@@ -125,13 +138,13 @@ def write_robot(r: int, lost: bool, d: Desk) -> tuple[int, int]:
     if lost:
         own, obeys = max(own, STOP_LEVEL), max(obeys, STOP_ACTION)
     at = ROBOT_ROWS_AT + r * ROBOT_WORDS
-    halves, quarters, longs = as_f4(words), as_u2(words), as_i8(words)
-    quarters[4 * at], quarters[4 * at + 1] = own, obeys
-    quarters[4 * at + 2] = int(told[4 * n + r])
-    quarters[4 * at + 3] = int(numbers[row + layout.ROBOT_CAUSE])
-    halves[2 * at + 2] = numbers[row + layout.ROBOT_SCALE]
-    halves[2 * at + 3] = numbers[row + layout.ROBOT_URGENCY]
-    words[at + 2] = numbers[row + layout.ROBOT_AGE]
+    f4, u2, longs = as_f4(words), as_u2(words), as_i8(words)
+    u2[4 * at], u2[4 * at + 1] = own, obeys
+    u2[4 * at + 2] = int(told[4 * n + r])
+    u2[4 * at + 3] = int(numbers[row + ROBOT_CAUSE])
+    f4[2 * at + 2] = numbers[row + ROBOT_SCALE]
+    f4[2 * at + 3] = numbers[row + ROBOT_URGENCY]
+    words[at + 2] = numbers[row + ROBOT_AGE]
     longs[at + 3], longs[at + 4] = d.sender[r], d.sequence[r]
     return own, obeys
 
@@ -140,19 +153,19 @@ def write_robot(r: int, lost: bool, d: Desk) -> tuple[int, int]:
 def write_nearest(d: Desk) -> None:
     """Write what is left, and the nearest pair."""
     numbers, words = d.numbers, d.answer
-    halves = as_u4(words)
-    near = int(numbers[layout.NEAREST])
-    words[SLACK_AT + 1] = numbers[layout.SLACK_TIME]
+    u4 = as_u4(words)
+    near = int(numbers[NEAREST])
+    words[SLACK_AT + 1] = numbers[SLACK_TIME]
     if near < 0:
         words[SLACK_AT] = words[DISTANCE_AT] = words[DISTANCE_AT + 1] = inf
-        halves[2 * BODIES_AT] = halves[2 * BODIES_AT + 1] = NOBODY
+        u4[2 * BODIES_AT] = u4[2 * BODIES_AT + 1] = NOBODY
         for k in range(6):
             words[POINTS_AT + k] = 0.0
         return
-    row = d.first_row[0] + near * layout.NEAR_WIDTH
-    halves[2 * BODIES_AT] = d.body_of[int(numbers[row + layout.FIRST])]
-    halves[2 * BODIES_AT + 1] = d.body_of[int(numbers[row + layout.SECOND])]
-    words[SLACK_AT] = words[DISTANCE_AT + 1] = numbers[row + layout.CLEARANCE]
-    words[DISTANCE_AT] = numbers[row + layout.WITNESS]
+    row = d.first_row[0] + near * NEAR_WIDTH
+    u4[2 * BODIES_AT] = d.body_of[int(numbers[row + FIRST])]
+    u4[2 * BODIES_AT + 1] = d.body_of[int(numbers[row + SECOND])]
+    words[SLACK_AT] = words[DISTANCE_AT + 1] = numbers[row + CLEARANCE]
+    words[DISTANCE_AT] = numbers[row + WITNESS]
     for k in range(6):
-        words[POINTS_AT + k] = numbers[row + layout.WITNESS + 1 + k]
+        words[POINTS_AT + k] = numbers[row + WITNESS + 1 + k]

@@ -13,25 +13,7 @@ from armguard.geometry.pose import Pose
 from armguard.guard.contract import Region
 from armguard.station.errors import RefusedError
 from armguard.station.service.peers import Peer
-
-# Calls of the guard that change what robots may do: for the commander.
-OF_COMMANDER = (
-    "engage",
-    "grasp",
-    "release",
-    "allow",
-    "swap_model",
-    "retreat",
-    "field_goal",
-    "reset",
-    "configure",
-)
-
-# Those that tell where things are: for sensors, and for the commander.
-OF_SENSORS = ("place", "remove")
-
-# Those for everybody.
-OF_ALL = ("why", "objects", "stop", "ping")
+from armguard.station.wire.words import OF_COMMANDER, OF_SENSORS
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +98,12 @@ class Calls:
         except TypeError as error:
             raise RefusedError(f"call '{call}{form}': {error}") from None
         return door(**request.arguments)
+
+
+def refusal(sentence: str) -> bytes:
+    """The reply that says why something was not done."""
+    reply = {"ok": False, "error": RefusedError.__name__, "sentence": sentence}
+    return json.dumps(reply).encode()
 
 
 def region_of(value: Mapping[str, Any] | None) -> Region | None:

@@ -29,9 +29,6 @@ def doors_of(
     def grasp(robot: str, name: str) -> None:
         judge.guard.grasp(robot, name)
 
-    def release(robot: str, name: str) -> None:
-        judge.guard.release(robot, name)
-
     def allow(a: str, b: str, region: Any = None, **more: float) -> None:
         judge.guard.allow(a, b, region=region_of(region), **more)
 
@@ -61,7 +58,7 @@ def doors_of(
     return {
         "engage": engage,
         "grasp": grasp,
-        "release": release,
+        "release": judge.release,
         "allow": allow,
         "swap_model": swap_model,
         "retreat": retreat,

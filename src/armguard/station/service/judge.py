@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import SceneError
 from armguard.geometry.shapes import Shape
-from armguard.guard.verdict import Verdict, names_of
+from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
 from armguard.respond.whole_cycle import NOT_JUDGED
 from armguard.scene import Scene
@@ -44,6 +44,9 @@ from armguard.station.wire.words import Cause
 Floats = NDArray[np.float64]
 
 TWISTS = int(Form.TWISTS)
+
+# Objects that are told of in one reply.
+OBJECTS = 12
 
 # What a guard is asked for, by why what is wished for does not count.
 ASK_OF = {
@@ -116,7 +119,7 @@ class Judge:
         data = desk.numbers[: self._given[USED]].copy()
         now = self._given[START] * 1e-9
         took = (self._given[ENDED] - self._given[START]) * 1e-9
-        verdict = Verdict(data, names_of(tables), now, took, "")
+        verdict = Verdict(data, self.guard.guard.names, now, took, "")
         return Command(desk.told.copy(), tables.robots, verdict)
 
     def ask(self, cause: Cause) -> None:
@@ -180,22 +183,36 @@ class Judge:
         self.guard.remove(name)
         self._moved[name] = None
 
-    def objects(self) -> dict[str, Any]:
+    def objects(self, first: int = 0) -> dict[str, Any]:
         """What was put elsewhere, given another shape or taken away since the start.
 
         For who comes late: the scene's file does not tell. By name: its pose as it was
         placed, and its shape in words if it was given one; None if it was removed.
+
+        Args:
+            first: How many are known already: no more than some fit into a message.
         """
+        names = list(self._moved)
+        told = names[first : first + OBJECTS]
         return {
-            name: None
-            if put is None
-            else {
-                "pose": put["pose"].tolist(),
-                "stamp": put["stamp"],
-                "shape": words_of(self._shapes[name]) if name in self._shapes else None,
-            }
-            for name, put in self._moved.items()
+            "objects": {name: self._where_is(name) for name in told},
+            "count": len(names),
         }
+
+    def _where_is(self, name: str) -> dict[str, Any] | None:
+        put = self._moved[name]
+        if put is None:
+            return None
+        shape = words_of(self._shapes[name]) if name in self._shapes else None
+        return {"pose": put["pose"].tolist(), "stamp": put["stamp"], "shape": shape}
+
+    def release(self, robot: str, name: str) -> None:
+        """See `Guard.release`; where it stands is remembered from now on."""
+        self.guard.release(robot, name)
+        T = np.eye(4)
+        body = self.guard.guard.tables.standing[name].body
+        T[:3] = self.guard.guard.tables.T_parent_joint[body].reshape(3, 4)
+        self._moved[name] = {"pose": T, "stamp": None, "velocity": None}
 
     def why(self) -> dict[str, Any]:
         """The last command in words."""

@@ -16,7 +16,7 @@ from armguard.station.desk.desk import (
     WISH_OUTCOME,
 )
 from armguard.station.desk.taking import take_state, take_wish
-from armguard.station.service.calls import Calls, read_call
+from armguard.station.service.calls import Calls, read_call, refusal
 from armguard.station.service.counters import DROPS, PLACE
 from armguard.station.service.cycles import NANO, Cycles
 from armguard.station.service.hub import Hub
@@ -28,6 +28,7 @@ from armguard.station.wire.layout import (
     GRANT,
     HEADER,
     HELLO,
+    MOST,
     REPLY,
     SEAL,
     SENSOR,
@@ -47,6 +48,9 @@ HELLOS = PLACE["hellos"]
 CLAIMS = PLACE["claims"]
 CLAIMS_REFUSED = PLACE["claims_refused"]
 STOP_ORDERS = PLACE["stop_orders"]
+
+# What is told of a call has to fit into a message [bytes].
+LONGEST_REPLY = MOST - HEADER.size - SEAL - REPLY.size
 
 
 class Reception:
@@ -246,11 +250,12 @@ class Reception:
         else:
             commands = peer.sender == hub.command.sender
             done, reply = self._calls.do(request, peer, commands)
+            if len(reply) > LONGEST_REPLY:
+                done, reply = False, refusal(f"'{request.call}' has too much to tell")
             if not done:
                 hub.counters.count(CALLS_REFUSED)
             peer.last_call = request.number, reply
         payload = hub.outbox.payload
-        reply = reply[: len(payload) - REPLY.size]
         REPLY.pack_into(payload, 0, sequence)
         payload[REPLY.size : REPLY.size + len(reply)] = reply
         hub.send(hub.outbox.seal(Kind.REPLY, REPLY.size + len(reply)), peer.address)

@@ -30,7 +30,15 @@ from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.states import States
 from armguard.station.service.welcome import Welcome, welcome_text
 from armguard.station.service.wishes import Command, Wishes
-from armguard.station.wire.layout import HEARTBEAT, MOST, MOST_ROBOTS, Kind
+from armguard.station.wire.layout import (
+    HEARTBEAT,
+    MOST,
+    MOST_ROBOTS,
+    ROBOT,
+    ROBOTS_AT,
+    SEAL,
+    Kind,
+)
 from armguard.station.wire.outbox import Outbox
 from armguard.station.wire.seal import Seal
 from armguard.station.wire.words import Cause
@@ -77,6 +85,13 @@ class Service:
             raise ServiceError(
                 f"the scene has {len(scene.robots)} robots; a message can name "
                 f"{MOST_ROBOTS}"
+            )
+        joints = len(scene.q_names)
+        size = ROBOTS_AT + len(scene.robots) * ROBOT.size + 16 * joints + SEAL
+        if size > MOST:
+            raise ServiceError(
+                f"the scene has {joints} joints of {len(scene.robots)} robots; what "
+                f"they are told takes {size} bytes, and a message has {MOST}"
             )
         self._settings, self._file = settings, file
         post = Post(settings.bind, settings.port)

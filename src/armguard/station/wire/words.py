@@ -1,4 +1,4 @@
-"""Why a command is what it is, where the guard's own reason does not say it."""
+"""Words of the messages: why a command is what it is, and who may call for what."""
 
 from enum import IntEnum
 
@@ -49,3 +49,22 @@ CAUSE_SENTENCES: dict[Cause, str] = {
     Cause.NO_ANSWER: "the service lives, and has sent no command in time",
     Cause.SERVICE_GONE: "the service has said good-bye",
 }
+
+# Calls of the guard that change what robots may do: for the commander.
+OF_COMMANDER = (
+    "engage",
+    "grasp",
+    "release",
+    "allow",
+    "swap_model",
+    "retreat",
+    "field_goal",
+    "reset",
+    "configure",
+)
+
+# Those that tell where things are: for sensors, and for the commander.
+OF_SENSORS = ("place", "remove")
+
+# Those for everybody.
+OF_ALL = ("why", "objects", "stop", "ping")

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
 import zenoh
 
 from armguard.errors import ArmguardError
@@ -17,6 +18,7 @@ from armguard.station.client.stop import stop_answer
 from armguard.station.errors import RefusedError, StationError
 from armguard.station.service.complaints import Complaints
 from armguard.station.wire import Cause
+from armguard.station.wire.words import OF_ALL, OF_SENSORS
 from armguard.station.zenoh_bridge.authority import Authority, Controllers
 from armguard.station.zenoh_bridge.schema import (
     DroppedError,
@@ -46,10 +48,6 @@ GONE = 2.0
 
 # States whose numbers are remembered until they are answered.
 ASKED = 512
-
-# Calls that need no token, beside the bridge's own; sensors have two more.
-OF_ALL = ("why", "stop", "ping")
-OF_SENSORS = ("place", "remove")
 
 # Causes that say the service itself is away.
 AWAY = (Cause.SERVICE_SILENT, Cause.SERVICE_GONE, Cause.NOT_CONNECTED)
@@ -161,7 +159,8 @@ class Bridge:
     def _adopt(self) -> None:
         """Take over what a service tells about itself."""
         self._welcome = welcome = self._client.welcome
-        self._position = welcome.home
+        # Where robots were told to be last; nothing is known of that yet.
+        self._position = np.full(len(welcome.names), np.nan)
         watchdogs = welcome.watchdogs
         self._joints = Joints(welcome)
         self._authority = Authority(watchdogs["commander"])
@@ -171,7 +170,9 @@ class Bridge:
     def _latest(self) -> Answer:
         """The newest answer, or a stop of the robots there are."""
         if self._client.connected:
-            return self._client.latest
+            latest = self._client.latest
+            self._position = latest.position
+            return latest
         # A client that is not connected does not know the robots; the bridge does.
         cause, clock = Cause.SERVICE_GONE, self._client.clock
         return stop_answer(cause, self._position, self._welcome, clock)

@@ -13,6 +13,9 @@ from armguard.station.wire.words import Cause
 # A call that is not answered for so long is given up; wishes wait meanwhile [s].
 PATIENCE = 2.0
 
+# The same where nobody is to wait: a stop has to wait for a call as well [s].
+SOON = 0.3
+
 # Answers may not tell yet who commands for so long after a claim [s].
 FRESH = 0.5
 
@@ -116,7 +119,15 @@ class Commander:
     def objects(self) -> dict[str, Any]:
         """Where things were put since the service's start; nothing if it is silent."""
         found: dict[str, Any] = {}
-        self._try(lambda: found.update(self._client.call("objects", timeout=PATIENCE)))
+
+        def ask() -> None:
+            count = 1
+            while len(found) < count:
+                told = self._client.call("objects", timeout=SOON, first=len(found))
+                found.update(told["objects"])
+                count = told["count"] if told["objects"] else 0
+
+        self._try(ask)
         return found
 
     def send(self, wish: Wish) -> None:

@@ -4,6 +4,7 @@
 const LASTS = 0.1; // [s]
 const RISES = 0.01; // [s]
 const LOUD = 0.25;
+const MOST = 8; // beeps that sound, or wait to, at a time
 
 registerProcessor("beeps", class extends AudioWorkletProcessor {
   constructor() {
@@ -15,12 +16,17 @@ registerProcessor("beeps", class extends AudioWorkletProcessor {
   }
 
   begin(beep) {
-    this.tones.push({ ...beep, time: 0 });
-    this.port.postMessage({ ...beep, at: Date.now() / 1000 });
+    // While nothing is played they would wait, and then sound all at once.
+    if (this.tones.length < MOST) this.tones.push({ ...beep, time: 0, told: false });
   }
 
   process(_, [[out]]) {
     for (const tone of this.tones) {
+      if (!tone.told) {
+        const { name, hertz, level, cycle } = tone;
+        this.port.postMessage({ name, hertz, level, cycle, at: Date.now() / 1000 });
+        tone.told = true;
+      }
       for (let k = 0; k < out.length; k++, tone.time += 1 / sampleRate) {
         const rises = Math.min(tone.time / RISES, 1);
         const falls = Math.max(1 - tone.time / LASTS, 0);

@@ -60,7 +60,8 @@ const sound = (changed) => {
     if (robot.urgency <= 0 && robot.level < 20) return due.delete(robot.name);
     if (changed || now >= (due.get(robot.name) ?? 0)) {
       const hertz = PITCHES[k % PITCHES.length];
-      pipe.postMessage({ name: robot.name, hertz, level: robot.level });
+      const { name, level } = robot;
+      pipe.postMessage({ name, hertz, level, cycle: changed ? state.cycle : null });
       due.set(robot.name, now + pause(robot.urgency));
     }
   });

@@ -109,19 +109,20 @@
   let audio = null;
   let muted = true;
   const hear = async () => {
-    audio = new AudioContext();
-    await audio.audioWorklet.addModule("beeps.js");
-    const node = new AudioWorkletNode(audio, "beeps", { numberOfInputs: 0 });
+    const made = new AudioContext();
+    await made.audioWorklet.addModule("beeps.js");
+    const node = new AudioWorkletNode(made, "beeps", { numberOfInputs: 0 });
     node.port.onmessage = ({ data }) => note(window.stationBeeps, data);
-    node.connect(audio.destination);
+    node.connect(made.destination);
+    audio = made;
     const { port1, port2 } = new MessageChannel();
     node.port.postMessage({ pipe: port1 }, [port1]);
     cues.postMessage({ type: "pipe", pipe: port2 }, [port2]);
   };
   sound.onclick = async () => {
-    muted = !muted;
     if (audio === null) await hear();
-    if (!muted) await audio.resume();
+    if (muted) await audio.resume();
+    muted = !muted;
     cues.postMessage({ type: "muted", muted });
     sound.textContent = muted ? "Sound: off" : "Sound: on";
     sound.setAttribute("aria-pressed", String(!muted));
@@ -172,8 +173,8 @@
 
   cues.onmessage = ({ data }) => {
     if (data.type === "state") {
-      show(data);
       cues.postMessage({ type: "seen" });
+      show(data);
     } else if (data.type === "turned") note(window.stationTurns, [data.cycle, data.at]);
     else if (data.type === "driving") {
       driving = data.on;
