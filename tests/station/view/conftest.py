@@ -29,8 +29,12 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
 ]
 
-# Nothing here takes longer, however busy the machine is [s].
-PATIENCE = 40.0
+# Nothing here takes longer, however busy the machine is: the browser draws without a
+# graphics card, and lets everybody else go first [s].
+PATIENCE = 120.0
+
+# A small page is drawn sooner.
+VIEWPORT = {"width": 900, "height": 640}
 
 # An arm, a post in its way, a crate it may not reach, and a box held ready. The period
 # is long and may be late: a browser that draws without a graphics card takes its time.
@@ -171,7 +175,7 @@ def station(browser: Any, tmp_path_factory: Any) -> Iterator[Station]:
         stage.start_arms()
         with shown(stage.port) as (process, address):
             del process
-            page = browser.new_page(viewport={"width": 1024, "height": 768})
+            page = browser.new_page(viewport=VIEWPORT)
             page.set_default_timeout(PATIENCE * 1e3)
             yield opened(Station(stage, page, address, file))
             page.close()
