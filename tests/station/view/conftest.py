@@ -133,6 +133,18 @@ class Station:
         # The first slider is the speed's; then come the joints.
         self.page.get_by_role("slider").nth(joint).press("End")
 
+    def clear(self) -> None:
+        """Have the arm stand in the clear, engaged if it was stopped."""
+        self.tab("Drive")
+
+        def stands() -> bool:
+            if self.light() not in ("CLEAR", "None"):
+                self.take()
+                self.button("Engage all").click()
+            return self.light() == "CLEAR"
+
+        self.until(stands, "the arm does not stand in the clear")
+
     def light(self) -> str:
         """The level the light shows."""
         return str(self.page.locator("#light").get_attribute("data-level"))
