@@ -14,8 +14,3 @@ def test_the_code_of_the_readme_runs(capsys):
     # Both are held off: they follow, but are told next to nothing of their wish.
     assert told.count("Action.FOLLOW") == 2
     assert "needs" in told
-
-
-def test_every_link_of_the_readme_exists():
-    for target in re.findall(r"\]\(([^)#]+)\)", README.read_text()):
-        assert (README.parent / target).exists(), target

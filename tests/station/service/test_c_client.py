@@ -2,6 +2,7 @@
 
 import hashlib
 import shutil
+import signal
 import subprocess
 from pathlib import Path
 
@@ -10,6 +11,10 @@ import pytest
 from service_arms import wait_for
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
+
+# Silence after which the program takes the service for dead [s]; machines that run
+# tests have other things to do.
+WATCHDOG = 2.0
 
 compiler = shutil.which("cc") or shutil.which("gcc")
 pytestmark = pytest.mark.skipif(compiler is None, reason="there is no C compiler")
@@ -36,6 +41,7 @@ def compiled(source: Path, target: Path) -> Path:
     """A program; warnings are errors."""
     assert compiler is not None
     flags = ["-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", f"-I{EXAMPLES}"]
+    flags += [f"-DARMGUARD_WATCHDOG={WATCHDOG}"]
     command = [compiler, *flags, "-o", str(target), str(source)]
     subprocess.run(command, check=True, timeout=60)
     return target
@@ -82,3 +88,29 @@ def test_it_says_so_when_nobody_is_there(tmp_path):
     )
     assert done.returncode == 2
     assert "no service answers" in done.stderr
+
+
+def test_it_stops_when_the_service_is_silent(serving, tmp_path):
+    program = compiled(EXAMPLES / "client.c", tmp_path / "client")
+    with serving() as served:
+        command = [str(program), str(served.port), "60"]
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as running:
+            wait_for(lambda: served.counters.value("wishes") > 50)
+            served.process.send_signal(signal.SIGKILL)
+            told, said = running.communicate(timeout=60)
+    assert told.startswith("cycle ")
+    assert said == "the service is silent: stop\n"
+    assert running.returncode == 1
+
+
+def test_its_header_is_one_of_cpp_as_well(tmp_path):
+    cpp = shutil.which("c++") or shutil.which("g++")
+    if cpp is None:
+        pytest.skip("there is no C++ compiler")
+    source = tmp_path / "client.cpp"
+    source.write_text((EXAMPLES / "client.c").read_text())
+    flags = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror", f"-I{EXAMPLES}"]
+    command = [cpp, *flags, "-o", str(tmp_path / "client"), str(source)]
+    subprocess.run(command, check=True, timeout=60)
