@@ -92,6 +92,7 @@ from armguard.respond.state import (
     open_response,
 )
 from armguard.respond.straight import (
+    comes_to_anything,
     granted_speed,
     slow_to_contract,
     slow_to_rows,
@@ -142,8 +143,9 @@ def add_pairs(response: int, lines: int) -> None:
     write_costs(a, v, m)
     if anybody_leaves(a):
         note_ways_out(response, lines)
+    comes = comes_to_anything(w)
     for k in range(int(w.out[NEAR_COUNT])):
-        add_pair(row_place(k, w), a, w, v, m)
+        add_pair(row_place(k, w), comes, a, w, v, m)
     for r in range(a.notes.shape[0]):
         a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
 
@@ -294,8 +296,19 @@ def time_before_stop(j: int, r: int, m: Motion) -> float:
 
 
 @kernel
-def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None:
-    """Add what a near pair asks of its robots to their programs."""
+def add_pair(
+    place: int, comes: bool, a: Response, w: Workspace, v: Watch, m: Motion
+) -> None:
+    """Add what a near pair asks of its robots to their programs.
+
+    Args:
+        place: Where the pair's row starts.
+        comes: Whether something may be come to straight.
+        a: Responses; the programs are written.
+        w: Workspace.
+        v: Watch.
+        m: Motion.
+    """
     raw, target = a.raw, a.target
     out = w.out
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
@@ -330,7 +343,7 @@ def add_pair(place: int, a: Response, w: Workspace, v: Watch, m: Motion) -> None
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        straight = straight_contract(r, i, j, a, w, v, m)
+        straight = straight_contract(r, i, j, a, w, v, m) if comes else -1
         if straight >= 0:
             slow_to_contract(r, straight, part, out[place + WITNESS], a, w, m)
         begin = a.notes[r, ROW_COUNT]

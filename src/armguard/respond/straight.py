@@ -40,6 +40,18 @@ Floats = NDArray[np.float64]
 
 
 @kernel(inline=False)
+def comes_to_anything(w: Workspace) -> bool:
+    """Whether a contract is in force; else no pair need be asked for its own."""
+    if w.parts[INTENT] == NOWHERE:
+        return False
+    h = open_grips(w.parts[GRIPS])
+    for k in range(h.contracts.shape[0]):
+        if h.contracts[k, STATE] == IN_FORCE:
+            return True
+    return False
+
+
+@kernel(inline=False)
 def straight_contract(
     r: int, i: int, j: int, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> int:
@@ -56,8 +68,7 @@ def straight_contract(
         v: Watch.
         m: Motion.
     """
-    deflects = a.settings[r, RESPONSE] == DEFLECT or a.settings[r, RESPONSE] == FIELD
-    if w.parts[INTENT] == NOWHERE or not deflects:
+    if a.settings[r, RESPONSE] != DEFLECT and a.settings[r, RESPONSE] != FIELD:
         return -1
     h = open_grips(w.parts[GRIPS])
     k = contract_of(i, j, h)

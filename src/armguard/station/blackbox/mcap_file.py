@@ -81,7 +81,10 @@ class McapBytes:
     topics: Sequence[Topic]
     library: str
     offset: int = 0
-    chunks: list[ChunkIndex] = field(default_factory=list)
+    chunk_index: RecordBuilder = field(default_factory=RecordBuilder)
+    chunks: int = 0
+    first: int = 0
+    last: int = 0
     attached: list[AttachmentIndex] = field(default_factory=list)
     told: list[MetadataIndex] = field(default_factory=list)
     counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
@@ -155,19 +158,21 @@ class McapBytes:
         for topic, records in index.items():
             offsets[topic] = self.offset + out.count
             MessageIndex(channel_id=topic, records=records).write(out)
-        self.chunks.append(
-            ChunkIndex(
-                chunk_start_offset=self.offset,
-                chunk_length=length,
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                uncompressed_size=chunk.uncompressed_size,
-                message_start_time=chunk.message_start_time,
-                message_end_time=chunk.message_end_time,
-                message_index_length=out.count - length,
-                message_index_offsets=offsets,
-            )
-        )
+        # As bytes: as objects the index of an hour takes six times the room.
+        ChunkIndex(
+            chunk_start_offset=self.offset,
+            chunk_length=length,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            message_index_length=out.count - length,
+            message_index_offsets=offsets,
+        ).write(self.chunk_index)
+        self.first = min(times) if self.chunks == 0 else min(self.first, *times)
+        self.last = max(self.last, *times)
+        self.chunks += 1
         return self._done(out)
 
     def end(self) -> bytes:
@@ -181,16 +186,15 @@ class McapBytes:
             attachment_count=len(self.attached),
             channel_count=len(self.topics),
             channel_message_counts=dict(self.counts),
-            chunk_count=len(self.chunks),
+            chunk_count=self.chunks,
             message_count=sum(self.counts.values()),
-            message_start_time=min(
-                (c.message_start_time for c in self.chunks), default=0
-            ),
-            message_end_time=max((c.message_end_time for c in self.chunks), default=0),
+            message_start_time=self.first,
+            message_end_time=self.last,
             metadata_count=len(self.told),
             schema_count=len([t for t in self.topics if t.schema]),
         ).write(summary)
-        for record in (*self.chunks, *self.attached, *self.told):
+        summary.write(self.chunk_index.end())
+        for record in (*self.attached, *self.told):
             record.write(summary)
         data = summary.end()
         head = bytes([Opcode.FOOTER]) + FOOTER_SIZE.to_bytes(8, "little")
