@@ -72,7 +72,7 @@ def main() -> int:
 
 
 def figures(times: list[float]) -> dict[str, float]:
-    """How many there are, median, tail and the longest [ms]."""
+    """How many there are, median, tail, the longest [ms], and how many are too late."""
     if not times:
         return {"changes": 0}
     median, tail = np.percentile(times, [50, 99])
@@ -81,6 +81,7 @@ def figures(times: list[float]) -> dict[str, float]:
         "median_ms": float(median),
         "p99_ms": float(tail),
         "max_ms": max(times),
+        "too_late": sum(time > TARGET for time in times),
     }
 
 

@@ -69,6 +69,27 @@ def test_the_light_turns_while_the_page_is_busy_drawing(station):
     station.clear()
 
 
+def test_drawing_rests_after_a_picture_that_took_long(station):
+    busy, gap, called_off = station.page.evaluate(
+        """async () => {
+          const turn = () => new Promise(requestAnimationFrame);
+          const busy = 200;
+          await new Promise((done) => requestAnimationFrame(() => {
+            const begin = performance.now();
+            while (performance.now() < begin + busy) ;
+            done();
+          }));
+          const begin = performance.now();
+          let called = false;
+          cancelAnimationFrame(requestAnimationFrame(() => { called = true; }));
+          await turn();
+          return [busy, performance.now() - begin, !called];
+        }"""
+    )
+    assert gap >= busy
+    assert called_off
+
+
 def test_a_slider_moves_the_arm(station):
     station.tab("Drive")
     station.page.get_by_text("Joints of left").click()

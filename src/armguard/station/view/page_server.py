@@ -205,6 +205,7 @@ class PageServer:
             f"':{self._scene_port}');"
             "history.replaceState(null, '', '?' + asked)}</script>\n"
             '<link rel="stylesheet" href="/station.css">\n'
+            '<script src="/pace.js"></script>\n'
             '<script src="/station.js" defer></script>\n'
         )
         page = page.replace("<title>Viser</title>", "")
