@@ -40,14 +40,15 @@ def draw_goals(goals: Results, path: Path) -> None:
     figure = sheet(10.0, 3.6)
     places = figure.subplots(1, len(ROADS), sharey=True)
     scenes = [s for s in SCENES if s in goals]
-    wide = 0.8 / len(ANSWERS)
+    answers = [a for a in ANSWERS if any(a in goals[scene] for scene in scenes)]
+    wide = 0.8 / len(answers)
     for axes, road in zip(places, ROADS, strict=True):
-        for k, answer in enumerate(ANSWERS):
+        for k, answer in enumerate(answers):
             at, clean, after = [], [], []
             for i, scene in enumerate(scenes):
                 row = (goals[scene].get(answer) or {}).get(road)
                 if row:
-                    at.append(i + (k - 0.5 * (len(ANSWERS) - 1)) * wide)
+                    at.append(i + (k - 0.5 * (len(answers) - 1)) * wide)
                     clean.append(100.0 * row["reached_without_stop"] / row["goals"])
                     after.append(100.0 * row["reached"] / row["goals"])
             axes.bar(at, after, wide, color=COLOURS[answer], alpha=0.3)
@@ -59,7 +60,7 @@ def draw_goals(goals: Results, path: Path) -> None:
     places[0].set_ylabel("goals reached [%]\n(pale: after a stop)")
     figure.legend(
         *places[0].get_legend_handles_labels(),
-        ncols=len(ANSWERS),
+        ncols=len(answers),
         loc="outside upper center",
         fontsize=8,
     )
