@@ -1,21 +1,25 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room   ARGS="..." is passed on
+#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | attack | mutants | soak | campaigns-due | golden   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room format clean
+.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach attack mutants soak campaigns-due golden format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
-# need as well.
-.venv/core: pyproject.toml constraints.txt
+# need as well. A file whose hash is not in requirements/ is not installed.
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.venv/core: pyproject.toml requirements/core.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[robots,station,view]'
+	$(PIP_INSTALL) --require-hashes --no-deps -r requirements/core.txt
+	$(PIP_INSTALL) --no-build-isolation --no-deps -e .
 	touch $@
 
-.venv/dev: .venv/core
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+.venv/dev: .venv/core requirements/dev.txt
+	$(PIP_INSTALL) --require-hashes --no-deps -r requirements/dev.txt
+	$(BIN)/python -m pip check --disable-pip-version-check
 	touch $@
 
 demo: .venv/core
@@ -40,6 +44,7 @@ campaign: .venv/dev
 accuracy: .venv/dev
 	$(BIN)/python benchmarks/accuracy_campaign.py $(ARGS)
 
+# Operators who try to cause contact; ARGS="--plant torque" has motors of limited torque.
 closed-loop: .venv/dev
 	$(BIN)/python benchmarks/closed_loop_campaign.py $(ARGS)
 
@@ -66,6 +71,29 @@ audit-pairs: .venv/dev
 
 room: .venv/dev
 	$(BIN)/python benchmarks/room_campaign.py $(ARGS)
+
+reach: .venv/dev
+	$(BIN)/python benchmarks/reach_goals.py $(ARGS)
+
+# A hundred million cycles of one guard; count is in millions.
+soak: .venv/dev
+	$(BIN)/python benchmarks/soak_campaign.py $(ARGS)
+
+# Published rows that were measured with other kernels than those of now.
+campaigns-due: .venv/dev
+	$(BIN)/python benchmarks/campaigns_due.py
+
+# Attacks on a running guard, from outside: at most ten minutes; writes docs/security.*.
+attack: .venv/dev
+	$(BIN)/python benchmarks/attack_campaign.py $(ARGS)
+
+# Mutants of the deciding code against the tests; writes docs/mutants.*.
+mutants: .venv/dev
+	$(BIN)/python benchmarks/mutants_campaign.py $(ARGS)
+
+# Plays whose every cycle is known by its hashes: the first cycle and field that differ.
+golden: .venv/dev
+	$(BIN)/python benchmarks/golden_campaign.py $(ARGS)
 
 format: .venv/dev
 	$(BIN)/ruff format .

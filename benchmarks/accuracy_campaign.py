@@ -6,7 +6,6 @@ python benchmarks/accuracy_campaign.py --show box-hull nested 12     one case
 """
 
 import argparse
-import json
 import multiprocessing
 import sys
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -24,6 +23,7 @@ from accuracy.peers import PEERS
 from accuracy.regimes import REGIMES
 from accuracy.summary import NAMES, merged, summed_up
 from armguard.geometry.pairs import has_closed_form
+from episodes.records import keep, read
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -134,21 +134,19 @@ def main() -> None:
     # Workers that start children of their own must not be daemons.
     with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
         peers = over_peers(pool, list(PEERS) if chosen.peers else [], chosen.peers)
-    results = {
-        "kinds": kinds,
-        "peer_count": chosen.peers,
-        "peers": peers,
+    keep(RESULTS, "kinds", kinds, chosen.pairs, ("geometry",))
+    found = {
+        "count": chosen.peers,
+        "found": peers,
         "versions": {name: version(d) for name, d in DISTRIBUTIONS.items()},
     }
-    text = json.dumps(results, indent=1)
-    RESULTS.write_text(text + "\n", encoding="utf-8")
+    keep(RESULTS, "peers", found, chosen.peers, ("geometry",))
     write_page()
 
 
 def write_page() -> None:
     """Write docs/accuracy.md from docs/accuracy.json."""
-    results = json.loads(RESULTS.read_text("utf-8"))
-    (DOCS / "accuracy.md").write_text(page(results), encoding="utf-8")
+    (DOCS / "accuracy.md").write_text(page(read(RESULTS)), encoding="utf-8")
     print("wrote docs/accuracy.md")
 
 

@@ -5,7 +5,6 @@ make campaign ARGS="--only cycle scale"    these anew, the others as they were
 """
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,9 @@ from matplotlib.figure import Figure
 
 from armguard.benchmark import run
 from armguard.benchmark.index import agree_on_random_states
-from armguard.cli.console import jsonable, say
+from armguard.cli.console import say
+from episodes.kernels import told_of
+from episodes.records import keep, read
 from scale_plot import IMAGE as SCALE_IMAGE
 from scale_plot import plot_scale
 
@@ -42,10 +43,10 @@ def main() -> None:
     """Run, write docs/results.json and docs/benchmarks.md, draw the plots."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
-    results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
     for part in parser.parse_args().only:
-        results[part] = jsonable(PARTS[part]())
-        RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+        # All are run at full length, or not at all.
+        keep(RESULTS, part, PARTS[part](), 1.0)
+    results = read(RESULTS)
     (DOCS / "benchmarks.md").write_text(page(results), encoding="utf-8")
     plot(results["index"], DOCS / "images" / "bench_index.png")
     plot_scale(results["scale"], SCALE_IMAGE)
@@ -150,6 +151,8 @@ def page(results: dict[str, Any]) -> str:
         f"- `import armguard` {memory['start_s']['import']:.2f} s; a warm start to the "
         f"first verdict {memory['start_s']['warm_first_verdict']:.2f} s; the first "
         f"start ever, compiling, {memory['start_s']['first_ever_verdict']:.0f} s.",
+        "",
+        told_of(results),
         "",
     ]
     return "\n".join(lines)

@@ -1,39 +1,48 @@
-"""The closed loop: operators who mean no good against the guard's certificate.
+"""The closed loop: operators who try to cause contact against the guard's proof.
 
 make closed-loop                                         all of it, hours; it resumes
-make closed-loop ARGS="--episodes 500 --scene bay"       some of it, to try it out
+make closed-loop ARGS="--episodes 500 --scene bay"       some of it
 make closed-loop ARGS="--first 500 --episodes 500"       a chunk of it
-python benchmarks/closed_loop_campaign.py --zero command     the test must see this
-python benchmarks/closed_loop_campaign.py --weak-brake 0.7   does the guard brake?
-python benchmarks/closed_loop_campaign.py --show 17 --scene bay     one episode
+make closed-loop ARGS="--scene bay --again 20"           known episodes, compared
+make closed-loop ARGS="--plant torque --scene bay --mode path"   torque limits, MuJoCo
+make closed-loop ARGS="--swing both --scene bay"         joints swing back as well
+make closed-loop ARGS="--zero command"                   contacts must appear
+make closed-loop ARGS="--weak-brake 0.7"                 the guard must order the brake
+make closed-loop ARGS="--show --first 17 --episodes 1 --scene bay"   one, in full
+make closed-loop ARGS="--page"                           the page, from known figures
+
+It resumes: seeds that were run with the same kernels, plant, operators and judge are
+known from docs/closed_loop.json.
 """
 
 import argparse
-import json
 import sys
-from dataclasses import replace
+from collections.abc import Mapping
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from armguard.cli.console import jsonable, say
-from armguard.kernel import kernel_digest
-from closed_loop.guards import GUARDS
 from closed_loop.page import page
 from closed_loop.plan import Plan, work
-from closed_loop.runs import finished, run_plan
 from closed_loop.settings import SCENES
-from closed_loop.summary import summed_up
+from closed_loop.summary import EXTREME, beside, derived, digest, sums
 from closed_loop.zeroing import FILTERED as FILTERED_TERMS
 from closed_loop.zeroing import TERMS
+from episodes import records
+from episodes.campaign import Campaign, Episode, LeftOut, parser_of
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "docs" / "closed_loop.json"
-FOLDER = ROOT / "out" / "closed_loop"
+HERE = Path(__file__).parent
 
-# Episodes of one guard are kept apart from those of another: in a folder of its own.
-KERNELS = kernel_digest()
+# Files that tell of episodes, and do not change any.
+TELLING = ("page.py", "summary.py")
+
+# Guards whose episodes are kept; the others are the tests'.
+GUARDS = ("armguard", "filter", "reference")
+
+PLANTS = ("exact", "torque")
+SWINGS = ("onwards", "both")
 
 # Share of the episodes that go to each question when all are asked [-].
 TEETH = 0.05
@@ -45,26 +54,22 @@ FILTERED = 0.2
 
 def arguments() -> argparse.Namespace:
     """What the user asks for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--episodes", type=int, default=10_000, help="a scene and mode")
-    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser = parser_of(__doc__, 10_000)
     parser.add_argument("--scene", choices=SCENES, help="all if left out")
     parser.add_argument("--mode", choices=("path", "speed"), help="both if left out")
-    parser.add_argument("--zero", choices=TERMS, help="term told to be nothing")
-    parser.add_argument("--large", choices=TERMS, help="the same, but told as it is")
+    parser.add_argument("--zero", choices=TERMS, help="term declared as zero")
+    parser.add_argument("--large", choices=TERMS, help="as large, but declared")
     parser.add_argument("--weak-brake", type=float, default=1.0)
     parser.add_argument("--floor", type=float, help="in place of the settings' [m]")
-    parser.add_argument("--guard", choices=tuple(GUARDS), default="armguard")
+    parser.add_argument("--guard", choices=GUARDS, default="armguard")
     parser.add_argument("--duration", type=float, default=1.0, help="longest [s]")
+    parser.add_argument("--plant", choices=PLANTS, default="exact")
+    parser.add_argument("--swing", choices=SWINGS, default="onwards")
     parser.add_argument("--needless", action="store_true", help="search every stop")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--seconds", type=float, help="bound for each plan [s]")
-    parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--show", type=int, metavar="SEED", help="one episode")
-    parser.add_argument("--page", action="store_true", help="from the last results")
-    return parser.parse_args()
+    chosen = parser.parse_args()
+    if chosen.plant != "exact" and (chosen.zero or chosen.large):
+        parser.error("terms are made large with the plant `exact` only")
+    return chosen
 
 
 def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
@@ -79,10 +84,13 @@ def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
         "floor": chosen.floor,
         "duration": chosen.duration,
         "needless": chosen.needless,
+        "plant": chosen.plant,
+        "swing": chosen.swing,
     }
     count = chosen.episodes
     found = [(Plan(s, m, **asked), count) for s in scenes for m in modes]
-    special = chosen.zero or chosen.large or chosen.weak_brake != 1.0
+    attacked = chosen.zero or chosen.large or chosen.weak_brake != 1.0
+    special = attacked or (chosen.plant, chosen.swing) != ("exact", "onwards")
     if special or chosen.scene or chosen.mode:
         return found
     for term in TERMS:
@@ -101,73 +109,71 @@ def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
     return found
 
 
-def main() -> int:
-    """Run; write docs/closed_loop.json and .md; 1 if the guard's promise is broken."""
-    chosen = arguments()
-    if chosen.page:
-        write_page(json.loads(RESULTS.read_text("utf-8")))
-        return 0
-    todo = plans(chosen)
-    if chosen.show is not None:
-        print(json.dumps(jsonable(work((todo[0][0], chosen.show))), indent=1))
-        return 0
-    broken, folder = False, chosen.folder / KERNELS
-    for plan, count in todo:
-        episodes = run_plan(
-            plan,
-            count,
-            folder,
-            first=chosen.first,
-            processes=chosen.processes,
-            seconds=chosen.seconds,
-        )
-        figures = {**summed_up(plan, episodes), "kernels": KERNELS}
-        if plan.guard == "reference":
-            figures["armguard"] = beside(plan, episodes, folder)
-        told(figures)
-        kept = not plan.zero and plan.weak_brake == 1.0
-        broken |= kept and figures["contacts"] > 0
-        if plan.guard in ("armguard", "filter", "reference"):
-            keep(plan.name, figures)
-    return int(broken)
+@cache
+def version(name: str) -> str:
+    """Hash of all that decides what comes of an episode of a plan."""
+    files = sorted((HERE / "closed_loop").glob("*.py"))
+    return records.version(name, [f for f in files if f.name not in TELLING])
 
 
-def beside(
-    plan: Plan, episodes: list[dict[str, Any]], folder: Path
-) -> dict[str, Any] | None:
-    """Figures of the real guard in the same episodes; None if it was not in all."""
-    real = replace(plan, guard="armguard")
-    done = finished(folder / f"{real.name}.jsonl")
-    seeds = [e["seed"] for e in episodes]
-    if not all(seed in done for seed in seeds):
-        return None
-    return summed_up(real, [done[seed] for seed in seeds])
+def run_episode(plan: Plan, seed: int) -> Episode:
+    """An episode; of the reference guard, the same with the real one beside it.
+
+    Raises:
+        LeftOut: The plant broke a figure that is declared for it.
+    """
+    found = dict(work((plan, seed)))
+    if found["broke"] is not None:
+        touched = ", and something touched" if found["contact"] else ""
+        raise LeftOut(f"the plant broke its own figures ({found['broke']}){touched}")
+    if plan.guard == "reference":
+        found["beside"] = work((beside(plan), seed))
+    return found
 
 
-def told(figures: dict[str, Any]) -> None:
-    """The figures that matter, on standard output."""
-    print(
-        f"{Plan(**figures['plan']).name}: {figures['episodes']} episodes, "
+def sentence(name: str, figures: Mapping[str, Any]) -> str:
+    """The figures that matter."""
+    return (
+        f"{name}: {figures['episodes']} episodes, "
         f"{figures['contacts']} contacts ({figures['braked_before_contact']} after a "
         f"brake), least {figures['least_distance_mm']:.2f} mm, "
         f"{figures['breaches_of_floor']} below the floor, {figures['stops']} stops, "
-        f"{figures['share_of_wish']:.0%} of the wish, "
+        f"{figures['brakes']} brakes, "
+        f"{figures['share_of_wish']:.0%} of the desired motion, "
         f"{figures['wall_s_an_episode']:.2f} s an episode"
     )
 
 
-def keep(name: str, figures: dict[str, Any]) -> None:
-    """Put figures of a plan beside the others' in docs/."""
-    results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    results[name] = jsonable(figures)
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    write_page(results)
-    say(f"wrote {RESULTS.relative_to(ROOT)} and its page")
+def is_broken(figures: Mapping[str, Any]) -> bool:
+    """Whether there were contacts though the guard was told the truth."""
+    plan = figures["plan"]
+    kept = not plan["zero"] and plan["weak_brake"] == 1.0
+    return bool(kept and figures["contacts"] > 0)
 
 
-def write_page(results: dict[str, Any]) -> None:
-    """Write docs/closed_loop.md."""
-    RESULTS.with_suffix(".md").write_text(page(results), encoding="utf-8")
+def campaign_of(plans: Mapping[str, Plan]) -> Campaign:
+    """The campaign that runs some plans, by their names."""
+    return Campaign(
+        results=HERE.parent / "docs" / "closed_loop.json",
+        kinds={name: partial(run_episode, plan) for name, plan in plans.items()},
+        version=version,
+        extreme=EXTREME,
+        summed_up=lambda name, episodes: sums(plans[name], episodes),
+        derived=lambda name, found: derived(plans[name], found),
+        digest=digest,
+        sentence=sentence,
+        page=page,
+        is_broken=is_broken,
+        is_told=lambda episode: episode["contact"] is not None,
+    )
+
+
+def main() -> int:
+    """Run; write docs/closed_loop.json and .md; 1 if the guard's promise is broken."""
+    chosen = arguments()
+    found = plans(chosen)
+    campaign = campaign_of({plan.name: plan for plan, _ in found})
+    return campaign.do(chosen, {plan.name: count for plan, count in found})
 
 
 if __name__ == "__main__":

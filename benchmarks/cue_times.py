@@ -25,6 +25,7 @@ from armguard.cli.console import say
 from armguard.station.frames import Kind, frame_of
 from armguard.station.ring import RingReader
 from armguard.station.simulated.stage import Stage
+from episodes.records import keep
 
 RESULTS = Path(__file__).parents[1] / "docs" / "cue_times.json"
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
@@ -66,7 +67,7 @@ def main() -> int:
         "light": figures(light),
         "sound": figures(sound),
     }
-    RESULTS.write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
+    keep(RESULTS, "cues", answer, chosen.seconds)
     print(json.dumps(answer, indent=1))
     return int(not (light and sound) or max([*light, *sound]) > TARGET)
 

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from episodes import records
 from episodes.campaign import Campaign, Episode
 from evading.episode import run_episode
-from evading.summary import EXTREME, is_broken, page, sentence, summed_up
+from evading.summary import EXTREME, digest, is_broken, page, sentence, summed_up
 
 HERE = Path(__file__).parent
 
@@ -53,6 +53,7 @@ CAMPAIGN = Campaign(
     version=version,
     extreme=EXTREME,
     summed_up=lambda _, episodes: summed_up(episodes),
+    digest=digest,
     sentence=sentence,
     page=page,
     is_broken=is_broken,

@@ -25,6 +25,7 @@ from armguard.benchmark.timing import percentiles, quiet
 from armguard.cli.console import say
 from armguard.respond import Guard
 from closed_loop.judge import Judge
+from episodes.records import keep
 from reach.peer import MinkPeer, is_installed
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,7 @@ def main() -> int:
     if peers:
         found["mink"] = percentiles(np.array(peers, dtype=np.float64))
         found["ratio"] = found["mink"]["median_us"] / found["filter"]["median_us"]
-    RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    keep(RESULTS, "filter", found, chosen.cycles)
     print(json.dumps(found, indent=1))
     return 0
 

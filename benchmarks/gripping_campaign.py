@@ -11,8 +11,9 @@ An operator drives a gantry with a gripper through `Guard.filter`. Its plant is 
 misses what it is told, by all that the scene declares. In `placing` he picks one of
 several things up among clutter and puts it down where it is free, on a way that is
 proven at rest. In `changing` he is among things 20 mm apart, and changes his mind.
-In `panda` he places with a Panda. Judged are true states, by closed forms that share
-nothing with the guard's distances, and those of the Panda's own meshes by MuJoCo.
+In `panda` he places with a Panda. In `unintended` he does what nobody means. Judged are
+true states, by closed forms that share nothing with the guard's distances, and those of
+the Panda's own meshes by MuJoCo.
 """
 
 import sys
@@ -23,14 +24,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from episodes import records
 from episodes.campaign import Campaign, Episode
-from gripping import changing_intent, panda_episode, pick_and_place
-from gripping.summary import EXTREME, is_broken, page, sentence, summed_up
+from gripping import changing_intent, panda_episode, pick_and_place, unintended
+from gripping.summary import EXTREME, digest, is_broken, page, sentence, summed_up
 
 HERE = Path(__file__).parent
 
 # Files that tell of episodes, and do not change any; and kinds with files of their own.
 TELLING = ("summary.py",)
-OF_ONE_KIND = ("panda",)
+OF_ONE_KIND = ("panda", "unintended")
 
 
 @cache
@@ -59,15 +60,17 @@ CAMPAIGN = Campaign(
         "placing": pick_and_place.run_episode,
         "changing": changing_intent.run_episode,
         "panda": panda_episode.run_episode,
+        "unintended": unintended.run_episode,
     },
     version=version,
     extreme=EXTREME,
     summed_up=summed_up,
+    digest=digest,
     sentence=sentence,
     page=page,
     is_broken=is_broken,
     is_told=is_told,
-    shares={"panda": 0.05},
+    shares={"panda": 0.05, "unintended": 0.1},
 )
 
 

@@ -6,7 +6,6 @@ python benchmarks/motion_campaign.py --page   the page anew from the last figure
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,15 +14,19 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.benchmark.machine import describe_machine
-from armguard.cli.console import jsonable, say
+from armguard.cli.console import say
+from episodes.records import keep, read
 from motions.clocks import clock_figures
 from motions.contact_time import approach_figures, contact_figures
+from motions.contradictions import clean_figures, contradiction_figures
 from motions.page import page
+from motions.refused import refused_figures
 from motions.slower import slower_figures
 from motions.thin import thin_figures
 
 ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "docs" / "motion.json"
+DOCS = ROOT / "docs"
+RESULTS = DOCS / "motion.json"
 
 Progress = Callable[[str], None]
 
@@ -31,6 +34,11 @@ Progress = Callable[[str], None]
 LINES = 10_000
 MOTIONS = 1_000_000
 EPISODES = 250
+
+# Episodes with a wrong cycle; plays of a contradiction at each speed; clean cycles.
+WRONG_CYCLES = 10_000
+PLAYS = 100
+CLEAN = 10_000_000
 
 PARTS: Mapping[str, Callable[[float, int, Progress], dict[str, Any]]] = {
     "thin": lambda share, seed, tell: thin_figures(int(share * LINES), seed, tell),
@@ -42,6 +50,13 @@ PARTS: Mapping[str, Callable[[float, int, Progress], dict[str, Any]]] = {
         int(share * EPISODES), seed, tell
     ),
     "clocks": lambda share, seed, tell: clock_figures(tell),
+    "refused": lambda share, seed, tell: refused_figures(
+        int(share * WRONG_CYCLES), seed, DOCS, tell
+    ),
+    "contradictions": lambda share, seed, tell: contradiction_figures(
+        max(int(share * PLAYS), 1), seed, tell
+    ),
+    "clean": lambda share, seed, tell: clean_figures(int(share * CLEAN), seed, tell),
 }
 
 
@@ -57,13 +72,12 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=RESULTS)
     chosen = parser.parse_args()
     output: Path = chosen.output
-    results = json.loads(output.read_text("utf-8")) if output.exists() else {}
     parts = [] if chosen.page else [chosen.part] if chosen.part else list(PARTS)
     for name in parts:
         figures = PARTS[name](chosen.share, chosen.seed, say)
-        results[name] = {"machine": describe_machine(), **jsonable(figures)}
-        output.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    output.with_suffix(".md").write_text(page(results), encoding="utf-8")
+        found = {"machine": describe_machine(), **figures}
+        keep(output, name, found, chosen.share)
+    output.with_suffix(".md").write_text(page(read(output)), encoding="utf-8")
 
 
 if __name__ == "__main__":

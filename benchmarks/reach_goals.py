@@ -1,126 +1,142 @@
 """Operators with goals: who gets there, with each response and with a peer.
 
-python benchmarks/reach_goals.py                                  all of it; it resumes
-python benchmarks/reach_goals.py --episodes 20 --scene bay --response deflect
-python benchmarks/reach_goals.py --seconds 600 --processes 2      as far as it gets
-python benchmarks/reach_goals.py --slides 3 --episodes 0          slides only
-python benchmarks/reach_goals.py --show 17 --scene bay            one trial, in full
-python benchmarks/reach_goals.py --page                           from what is done
+make reach                                            all of it; it resumes
+make reach ARGS="--episodes 20 --scene bay --response deflect"
+make reach ARGS="--seconds 600 --processes 2"         as far as it gets
+make reach ARGS="--slides 3 --episodes 0"             slides only
+make reach ARGS="--scene bay --show --first 17 --episodes 1"   one trial, in full
+make reach ARGS="--page"                              from what is known
 
+All who answer are given the same goals, some at a time, so that wherever it ends they
+can be compared. It resumes: trials that were run with the same kernels and operators
+are known from docs/episodes/reach.jsonl.
 The peer, mink, is left out where it is not installed: `pip install mink "qpsolvers"`.
 """
 
 import argparse
-import json
 import sys
+from collections.abc import Iterator, Mapping
+from functools import cache, partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from armguard.cli.console import jsonable, say
-from armguard.kernel import kernel_digest
+from armguard.cli.console import say
+from episodes import records
+from episodes.campaign import Campaign, Episode, parser_of
+from episodes.records import Figures
 from reach.answers import ANSWERS
-from reach.page import goal_section, slide_section, write_page
+from reach.page import write_page
 from reach.peer import PEERS, is_installed
-from reach.runs import run_trials, work
+from reach.runs import work
 from reach.scenes import SCENES, is_there
-from reach.summary import ROADS, slid_far, summed_up
+from reach.summary import digest
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "docs" / "reach.json"
-FOLDER = ROOT / "out" / "reach"
+HERE = Path(__file__).parent
+RESULTS = HERE.parent / "docs" / "reach.json"
+
+# Files that tell of trials, and do not change any; and those of others that do.
+TELLING = ("page.py", "plots.py", "summary.py")
+SHARED = ("judge.py", "judge_model.py", "plant.py", "scenes.py", "settings.py")
+
+# So many trials are run with one answer before the next one has its turn.
+TURN = 10
 
 
 def arguments() -> argparse.Namespace:
     """What the user asks for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--episodes", type=int, default=100, help="goals of a scene")
+    parser = parser_of(__doc__, 100)
     parser.add_argument("--slides", type=int, default=3, help="slides of a scene")
     parser.add_argument("--scene", choices=SCENES, help="all if left out")
     parser.add_argument("--response", choices=ANSWERS, help="all if left out")
-    parser.add_argument("--seconds", type=float, help="bound for all of it [s]")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--show", type=int, metavar="SEED", help="one trial")
-    parser.add_argument("--page", action="store_true", help="from what is done")
     return parser.parse_args()
+
+
+@cache
+def version(kind: str) -> str:
+    """Hash of all that decides what comes of a trial."""
+    own = sorted((HERE / "reach").glob("*.py"))
+    others = [HERE / "closed_loop" / name for name in SHARED]
+    files = [path for path in [*own, *others] if path.name not in TELLING]
+    return records.version(kind, files)
 
 
 def main() -> int:
     """Run; write docs/reach.json and .md; 1 if a guard let something touch."""
     chosen = arguments()
-    scenes = [s for s in SCENES if chosen.scene in (None, s)]
+    kinds = list(kinds_of(chosen))
+    campaign = campaign_of(kinds)
+    if chosen.show or chosen.again:
+        return campaign.do(chosen, dict.fromkeys(kinds, chosen.episodes))
+    end = None if chosen.seconds is None else monotonic() + chosen.seconds
+    broken = False
+    for first in [] if chosen.page else range(0, most(chosen), TURN):
+        for kind in kinds:
+            count = chosen.slides if kind.endswith("slides") else chosen.episodes
+            if first < count and (end is None or monotonic() < end):
+                turn = argparse.Namespace(**{**vars(chosen), "first": first})
+                turn.seconds = None if end is None else end - monotonic()
+                broken |= campaign.go_on(kind, turn, min(TURN, count - first))
+    write_page(campaign.records, RESULTS.parent)
+    say("wrote docs/reach.json and its page")
+    return int(broken)
+
+
+def most(chosen: argparse.Namespace) -> int:
+    """Most trials of a kind that are asked for."""
+    return max(chosen.slides, chosen.episodes)
+
+
+def kinds_of(chosen: argparse.Namespace) -> Iterator[str]:
+    """What is to be run, a scene after the other."""
     names = [a for a in ANSWERS if chosen.response in (None, a)]
-    for scene in [s for s in scenes if not is_there(s)]:
-        say(f"{scene} is left out: the public scenes are not here")
-        scenes.remove(scene)
     if not is_installed() and any(name in PEERS for name in names):
         say("the peer is left out: mink or qpsolvers is not installed")
         names = [name for name in names if name not in PEERS]
-    if chosen.show is not None:
-        for name in names:
-            print(json.dumps(work((scenes[0], name, "goals", chosen.show)), indent=1))
-        return 0
-    end = None if chosen.seconds is None else monotonic() + chosen.seconds
-    if chosen.page:
-        end = monotonic() - 1.0
-    found = {"goals": {}, "slides": {}}
-    folder = chosen.folder / kernel_digest()
-    for scene in scenes:
-        for name in names:
-            for what, count in (("slides", chosen.slides), ("goals", chosen.episodes)):
-                trials = run_trials(
-                    scene,
-                    name,
-                    what,
-                    count,
-                    folder,
-                    processes=1 if chosen.page else chosen.processes,
-                    end=end,
-                )
-                if trials:
-                    figures = summed_up(trials) if what == "goals" else slid_far(trials)
-                    found[what].setdefault(scene, {})[name] = figures
-    told(found)
-    keep(found)
-    return int(touched(found))
+    for scene in [s for s in SCENES if chosen.scene in (None, s)]:
+        if is_there(scene):
+            yield from (f"{scene}/{n}/{w}" for n in names for w in ("slides", "goals"))
+        else:
+            say(f"{scene} is left out: the public scenes are not here")
 
 
-def told(found: dict[str, Any]) -> None:
-    """The tables, on standard output."""
-    for road in ROADS:
-        print("\n".join(goal_section(found["goals"], road)))
-    print("\n".join(slide_section(found["slides"])))
+def campaign_of(kinds: list[str]) -> Campaign:
+    """The campaign that runs some kinds of trials."""
+    return Campaign(
+        results=RESULTS,
+        kinds={kind: partial(work, *kind.split("/")) for kind in kinds},
+        version=version,
+        extreme={"first": lambda one, _: one},
+        summed_up=summed_up,
+        digest=digest,
+        sentence=lambda kind, found: f"{kind}: {found['episodes']} trials",
+        page=lambda _: "",
+        is_broken=is_broken,
+        is_told=lambda trial: False,
+        written=TURN,
+    )
 
 
-def keep(found: dict[str, Any]) -> None:
-    """Put figures beside those of other scenes and responses in docs/."""
-    results: dict[str, Any] = {"goals": {}, "slides": {}}
-    if RESULTS.exists():
-        results = json.loads(RESULTS.read_text("utf-8"))
-    for what, scenes in found.items():
-        for scene, figures in scenes.items():
-            results[what].setdefault(scene, {}).update(jsonable(figures))
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    write_page(results, RESULTS.parent)
-    say(f"wrote {RESULTS.relative_to(ROOT)} and its page")
+def summed_up(kind: str, trials: list[Episode]) -> Figures:
+    """What is known of trials beside what is kept of each."""
+    answer = kind.split("/")[1]
+    contacts = sum("contact" in digest(t).outcome for t in trials)
+    found: Figures = {
+        "episodes": len(trials),
+        "contacts": contacts,
+        "guarded": int(answer not in PEERS),
+    }
+    if kind.endswith("slides"):
+        drawn = ("along_m", "step_s")
+        found["first"] = {key: trials[0]["slide"][key] for key in drawn}
+    return found
 
 
-def touched(found: dict[str, Any]) -> bool:
+def is_broken(figures: Mapping[str, Any]) -> bool:
     """Whether anything touched that a guard watched."""
-    guarded = [
-        figures
-        for scene in found["goals"].values()
-        for name, roads in scene.items()
-        if name not in PEERS
-        for figures in (roads[road] for road in ROADS)
-        if figures
-    ]
-    return any(figures["contacts"] for figures in guarded)
+    return bool(figures["guarded"] and figures["contacts"])
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ make room ARGS="--page"              the page from the last results
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,7 +13,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from armguard.cli.console import jsonable, say
+from armguard.cli.console import say
+from episodes.records import keep, read
 from room import approaches, co_braking, least_buffer, passing
 from room.page import write_page
 
@@ -40,13 +40,11 @@ def main() -> None:
     parser.add_argument("--approaches", type=int, default=24)
     parser.add_argument("--page", action="store_true", help="from the last results")
     chosen = parser.parse_args()
-    results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
     for name, measure in MEASUREMENTS.items():
         if chosen.page or chosen.only not in (None, name):
             continue
-        results[name] = jsonable(measure(chosen.approaches))
-        RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    write_page(results, ROOT / "docs")
+        keep(RESULTS, name, measure(chosen.approaches), chosen.approaches)
+    write_page(read(RESULTS), ROOT / "docs")
     say("wrote docs/room.md")
 
 

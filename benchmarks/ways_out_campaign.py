@@ -14,7 +14,6 @@ some pair nearer that is too near.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -30,6 +29,7 @@ from armguard.respond import Blocked, Guard
 from armguard.scene import Scene, bay_scene
 from closed_loop.scenes import build_scene
 from closed_loop.settings import setting_of
+from episodes.records import keep
 
 Floats = NDArray[np.float64]
 
@@ -204,13 +204,14 @@ def main() -> int:
         "bay": (bay_scene("path"), chosen.states),
         "pandas": (build_scene(setting_of("pandas", "path", 0)), chosen.states // 5),
     }
-    results = {}
+    broken = False
     for name, (scene, number) in scenes.items():
         say(f"{name}: {number} states")
-        results[name] = asdict(run(scene, number))
-        print(name, results[name])
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    return int(any(result["neither"] > 0 for result in results.values()))
+        found = asdict(run(scene, number))
+        print(name, found)
+        keep(RESULTS, name, found, number)
+        broken |= found["neither"] > 0
+    return int(broken)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@
  *     armguard_open(&guard, 47800, NULL);          // 0, or a sentence is on stderr
  *     armguard_claim(&guard);                      // to command; not to send states
  *     for (;;) {
- *         armguard_cycle(&guard, q, v, wish, stamp); // 1, or 0: the service is silent
+ *         // a robot that was stopped waits until zero is asked for once, or it is engaged
+ *         armguard_cycle(&guard, q, v, guard.held ? zero : wish, stamp); // 0: it is silent
  *         send_to_robots(guard.velocity);          // always, also while they stop
  *     }
  *
@@ -18,6 +19,7 @@
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 #include "blake2s.h"
@@ -26,7 +28,16 @@
 #define ARMGUARD_WATCHDOG 0.1 /* an answer that takes longer is a stop [s] */
 #endif
 enum { ARMGUARD_JOINTS = 64, ARMGUARD_MESSAGE = 8192, ARMGUARD_HEAD = 48, ARMGUARD_SEAL = 16 };
-enum { ARMGUARD_FOLLOW = 0, ARMGUARD_STOP = 10, ARMGUARD_BRAKE = 20, ARMGUARD_HARDWARE_STOP = 30 };
+enum { ARMGUARD_ROBOTS = 31 };
+enum {
+    ARMGUARD_FOLLOW = 0,
+    ARMGUARD_HOLD = 5, /* a robot waits, see `held` */
+    ARMGUARD_STOP = 10,
+    ARMGUARD_BRAKE = 20,
+    ARMGUARD_HARDWARE_STOP = 30
+};
+/* Why a robot was stopped last: after these two it goes on only when it is engaged. */
+enum { ARMGUARD_STOP_ORDERED = 40, ARMGUARD_RESTARTED = 41 };
 
 struct armguard_head {
     uint32_t magic;
@@ -44,6 +55,9 @@ struct armguard {
     double position[ARMGUARD_JOINTS]; /* the same as positions; NaN: nothing is to be sent */
     uint64_t cycle;
     uint16_t level, action, reason, cause; /* numbers as in docs/service.md */
+    uint32_t held;                         /* robots that wait: bit k for robot k; send zero */
+    uint16_t stopped_by[ARMGUARD_ROBOTS];  /* reason of each robot's last stop */
+    double held_since[ARMGUARD_ROBOTS];    /* on CLOCK_MONOTONIC [s]; NaN: it does not wait */
     double clearance, room; /* of the nearest pair, and what is left of it beyond its need [m] */
     int wire;
     struct armguard_head own;
@@ -98,28 +112,57 @@ static inline int armguard_failed(struct armguard *guard, const char *sentence) 
     return -1;
 }
 
-/* Finds the service on a port of this machine. `key` is what its --key-file holds, or NULL.
+/* Reads the key for 'command' from a file that only this user may read. 0 or -1. */
+static inline int armguard_read_key(struct armguard *guard, const char *path) {
+    char role[16];
+    struct stat found;
+    FILE *file = fopen(path, "r");
+    if (!file) return -1;
+    int own = !fstat(fileno(file), &found) && S_ISREG(found.st_mode) &&
+              (found.st_uid == getuid() || found.st_uid == 0) && !(found.st_mode & 077);
+    *guard->key = 0;
+    while (own && fscanf(file, "%15s %32s", role, guard->key) == 2 && strcmp(role, "command"))
+        *guard->key = 0;
+    fclose(file);
+    return strlen(guard->key) < 16 ? -1 : 0;
+}
+
+/* Connects to the service on a port of this machine. `keys` is its key file; if NULL the one
+ * that ARMGUARD_KEYS names, else the one that a service of this user has written.
  * 0, or -1 and a sentence on stderr. */
-static inline int armguard_open(struct armguard *guard, int port, const char *key) {
-    const uint32_t own_answers[2] = {0, 0}; /* COMMANDs but for those: none */
+static inline int armguard_open(struct armguard *guard, int port, const char *keys) {
+    uint8_t *to = guard->out + ARMGUARD_HEAD;
+    const uint8_t *told = guard->in + ARMGUARD_HEAD;
+    /* Its key is for 'command'; it receives answers to its own states alone. */
+    const uint32_t hello[2] = {3, 0};
+    char own[64];
     struct sockaddr_in at;
+    int64_t asked, start = armguard_clock(), until = start + 1000000000LL;
     uint32_t part;
     memset(guard, 0, sizeof *guard), memset(&at, 0, sizeof at);
     at.sin_family = AF_INET, at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     at.sin_port = htons((uint16_t)port);
     guard->wire = -1;
-    key = key ? key : "armguard";
-    if (strlen(key) > 32) return armguard_failed(guard, "a key has at most 32 bytes");
-    strcpy(guard->key, key);
+    snprintf(own, sizeof own, "/dev/shm/armguard-%u/%d.keys", (unsigned)getuid(), port);
+    keys = keys ? keys : getenv("ARMGUARD_KEYS") ? getenv("ARMGUARD_KEYS") : own;
+    if (armguard_read_key(guard, keys))
+        return armguard_failed(guard, "no service of this user runs there, or its key file "
+                                      "has no key for 'command' or is open to others");
     guard->wire = socket(AF_INET, SOCK_DGRAM, 0);
     if (guard->wire < 0 || connect(guard->wire, (struct sockaddr *)&at, sizeof at))
         return armguard_failed(guard, "there is no socket to be had");
-    guard->own.magic = 0x44524741, guard->own.version = 1;
-    guard->own.sender = (uint64_t)armguard_clock() ^ (uint64_t)getpid() << 40;
-    memcpy(guard->out + ARMGUARD_HEAD, own_answers, 8);
-    armguard_say(guard, 1, 8);
-    const uint8_t *told = guard->in + ARMGUARD_HEAD;
-    int64_t until = armguard_clock() + 1000000000LL;
+    guard->own.magic = 0x44524741, guard->own.version = 2;
+    guard->own.sender = (uint64_t)start ^ (uint64_t)getpid() << 40;
+    memcpy(to, hello, 8), memset(to + 8, 0, 16);
+    armguard_say(guard, 1, 24);
+    do { /* a cookie shows that this HELLO is no recording of an older one */
+        if (armguard_hear(guard, 14, until) < 24)
+            return armguard_failed(guard, "no service answers");
+        memcpy(&asked, told, 8);
+    } while (asked < start);
+    memcpy(&guard->own.session, guard->in + 8, 16);
+    memcpy(to, hello, 8), memcpy(to + 8, told + 8, 16);
+    armguard_say(guard, 1, 24);
     do { /* home is in the first part */
         if (armguard_hear(guard, 2, until) < 40)
             return armguard_failed(guard, "no service answers");
@@ -130,7 +173,7 @@ static inline int armguard_open(struct armguard *guard, int port, const char *ke
     memcpy(&guard->period, told + 16, 8);
     guard->in[ARMGUARD_MESSAGE - 1] = 0;
     char *text = strchr((char *)told + 40, '[');
-    if (guard->joints > ARMGUARD_JOINTS || guard->robots > 31 || !text)
+    if (guard->joints > ARMGUARD_JOINTS || guard->robots > ARMGUARD_ROBOTS || !text)
         return armguard_failed(guard, "more joints or robots than this header holds");
     for (uint32_t k = 0; k < guard->joints; k++) {
         guard->home[k] = strtod(text + 1, &text);
@@ -169,7 +212,7 @@ static inline int armguard_cycle(struct armguard *guard, const double *q, const 
     armguard_say(guard, 3, (size_t)(to - guard->out) - ARMGUARD_HEAD);
     int64_t until = guard->own.stamp + (int64_t)(ARMGUARD_WATCHDOG * 1e9);
     const uint8_t *told = guard->in + ARMGUARD_HEAD;
-    size_t size = 160 + 40 * (size_t)guard->robots + 2 * row;
+    size_t size = 160 + 48 * (size_t)guard->robots + 2 * row;
     for (long heard; (heard = armguard_hear(guard, 5, until)) >= 0;) {
         uint64_t answered[2]; /* to whom, and to which of his states */
         memcpy(answered, told + 8, 16);
@@ -180,12 +223,19 @@ static inline int armguard_cycle(struct armguard *guard, const double *q, const 
         memcpy(&guard->clearance, told + 72, 8), memcpy(&guard->room, told + 80, 8);
         memcpy(&guard->reason, told + 136, 2), memcpy(&guard->cause, told + 138, 2);
         memcpy(&guard->level, told + 140, 2), memcpy(&guard->action, told + 142, 2);
+        guard->held = 0;
+        for (uint32_t k = 0; k < guard->robots; k++) {
+            const uint8_t *own = told + 160 + 48 * (size_t)k;
+            memcpy(&guard->stopped_by[k], own + 6, 2);
+            memcpy(&guard->held_since[k], own + 40, 8);
+            if (!isnan(guard->held_since[k])) guard->held |= 1u << k;
+        }
         memcpy(guard->velocity, told + size - 2 * row, row);
         memcpy(guard->position, told + size - row, row);
         return 1;
     }
     memset(guard->velocity, 0, sizeof guard->velocity); /* positions stay those told last */
-    guard->action = ARMGUARD_STOP, guard->cause = 102;
+    guard->action = ARMGUARD_STOP, guard->cause = 102, guard->held = 0;
     return 0;
 }
 #endif

@@ -6,7 +6,7 @@ import numpy as np
 
 from approach import FIGURES, PERIOD, ball_scene
 from armguard.geometry import Box, Pose
-from armguard.respond import Guard
+from armguard.respond import Action, Guard
 from armguard.scene import Scene
 from armguard.scene.settings import ResponseSettings
 from arms import simple_arm
@@ -54,7 +54,7 @@ class Driven:
     @property
     def stops(self):
         """Commands that were more than to follow."""
-        return [c for c in self.commands if c.action > 0]
+        return [c for c in self.commands if c.action >= Action.STOP]
 
 
 def ball_guard(response="deflect", **options):

@@ -75,7 +75,7 @@ def work(name, response="deflect", seconds=60.0, rate=250.0, seed=1):
         command = guard.filter(q, wish, k * period, velocity=v)
         blocked, action = command.blocked, command.action
         found.levels[command.verdict.level] += 1
-        found.stops += action > Action.FOLLOW and before == Action.FOLLOW
+        found.stops += action >= Action.STOP > before
         found.deflected += bool((np.abs(command.velocity - wish) > 0.05).any())
         before = action
         for r in range(2):

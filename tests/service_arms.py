@@ -8,6 +8,7 @@ import numpy as np
 from armguard import Client
 from armguard.station.client import Answer
 from armguard.station.errors import RefusedError
+from armguard.station.wire import Role
 
 # Period of the services in tests [s].
 PERIOD = 0.004
@@ -19,36 +20,31 @@ PATIENCE = 20.0
 class Arms:
     """Arms behind a client.
 
+    Args:
+        client: It.
+        anew: Whether the guard is reset and the arms are engaged before they move.
+
     Attributes:
         q: Where they are.
         velocity: How fast they move.
     """
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, *, anew: bool = True) -> None:
         self.client = client
         self.q = client.welcome.home.copy()
         self.velocity = np.zeros_like(self.q)
-        # Whoever was here before has left his arms somewhere else.
-        client.claim(force=True)
-        deadline = time.monotonic() + PATIENCE
-        while True:
-            client.send_state(self.q, self.velocity)
-            try:
-                client.call("reset")
-                break
-            except RefusedError:
-                assert time.monotonic() < deadline
-                client.send_velocities(0.0 * self.q)
-                time.sleep(PERIOD)
-        client.give_back()
+        self._stamp = client.clock()
+        if anew:
+            self._begin()
 
     def drive(self, wish: np.ndarray, cycles: int) -> Answer:
         """Be controller and commander for some cycles; the last answer."""
         for _ in range(cycles):
             if not self.client.commands:
                 self.client.claim()
+            now = self._now()
             answer = self._obey(
-                self.client.cycle(self.q, wish, self.velocity, timeout=PATIENCE)
+                self.client.cycle(self.q, wish, self.velocity, now, timeout=PATIENCE)
             )
         return answer
 
@@ -74,7 +70,8 @@ class Arms:
 
     def measure(self) -> Answer:
         """Be only controller, for one cycle."""
-        self.client.send_state(self.q, self.velocity)
+        now = self._now()
+        self.client.send_state(self.q, self.velocity, now)
         answer = self.client.receive(PATIENCE)
         assert answer is not None
         while (newer := self.client.receive()) is not None:
@@ -85,9 +82,38 @@ class Arms:
         """The same until an answer is as it is to be."""
         return until(self.measure, done)
 
+    def _begin(self) -> None:
+        """Reset the guard and engage the arms."""
+        client = self.client
+        # Whoever was here before has left his arms somewhere else.
+        with Client(client.port, role=Role.ADMINISTER, every=0) as administrator:
+            administrator.connect(PATIENCE)
+            administrator.claim(force=True)
+        client.claim()
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            now = self._now()
+            client.send_state(self.q, self.velocity, now)
+            try:
+                client.call("reset")
+                client.call("engage")
+                break
+            except RefusedError:
+                assert time.monotonic() < deadline
+                client.send_velocities(0.0 * self.q)
+                time.sleep(PERIOD)
+        client.give_back()
+
+    def _now(self) -> float:
+        """The service's time; the arms go on until then."""
+        now = self.client.clock()
+        self.q = self.q + self.velocity * (now - self._stamp)
+        self._stamp = now
+        return now
+
     def _obey(self, answer: Answer) -> Answer:
+        self._now()
         self.velocity = answer.velocity.copy()
-        self.q = self.q + self.velocity * PERIOD
         time.sleep(0.8 * PERIOD)
         return answer
 

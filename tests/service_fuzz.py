@@ -16,6 +16,7 @@ import numpy as np
 
 from armguard import Client
 from armguard.station.service.counters import CountersReader
+from armguard.station.wire import Role
 from armguard.station.wire.layout import (
     CLAIM,
     GIVE_BACK,
@@ -23,6 +24,7 @@ from armguard.station.wire.layout import (
     HELLO,
     LEAST,
     MOST,
+    NO_COOKIE,
     STATE,
     WISH,
     Kind,
@@ -167,7 +169,9 @@ class Fuzzer:
         return bytes(self._outbox.message(Kind.GIVE_BACK, GIVE_BACK.pack(token)))
 
     def _hello(self) -> bytes:
-        payload = HELLO.pack(0, 0) + self._rng.bytes(int(self._rng.integers(80)))
+        payload = HELLO.pack(int(Role.COMMAND), 0, NO_COOKIE) + self._rng.bytes(
+            int(self._rng.integers(80))
+        )
         return bytes(self._outbox.message(Kind.HELLO, payload))
 
     def _heartbeat(self) -> bytes:
@@ -183,7 +187,6 @@ def fuzz(
     counters: CountersReader,
     number: int,
     seed: int = 0,
-    key: bytes = b"",
     step: Callable[[], object] = lambda: None,
 ) -> int:
     """Throw messages at a service.
@@ -193,13 +196,12 @@ def fuzz(
         counters: Its counters.
         number: How many messages.
         seed: See `Fuzzer`.
-        key: Its key.
         step: Called again and again meanwhile.
 
     Returns:
         How many the service has read.
     """
-    with Client(port=port, key=key, name="fuzzer", every=0) as client:
+    with Client(port=port, name="fuzzer", every=0) as client:
         client.connect(20.0)
         fuzzer = Fuzzer(client, seed)
         own = client._connection.socket

@@ -5,6 +5,7 @@ from typing import Any
 from accuracy.peer_runs import NOTABLE, VERDICTS
 from accuracy.regimes import REGIMES
 from accuracy.summary import FIGURES, MISSED, TARGETS
+from episodes.kernels import told_of
 
 
 def number(x: float) -> str:
@@ -47,6 +48,8 @@ def page(results: dict[str, Any]) -> str:
         "## Against the targets",
         "",
         *targets(kinds),
+        "",
+        told_of(results),
         "",
         "## Every pair of kinds",
         "",
@@ -145,11 +148,11 @@ def regime_table(kinds: dict[str, Any]) -> list[str]:
 
 def peer_section(results: dict[str, Any]) -> list[str]:
     """Who else is wrong, where, how often."""
-    peers = results["peers"]
+    count, peers = results["peers"]["count"], results["peers"]["found"]
     if not peers:
         return ["Not asked in this run."]
     lines = [
-        f"The first {results['peer_count']} pairs of each regime and pair of kinds, "
+        f"The first {count} pairs of each regime and pair of kinds, "
         "tolerances of 1e-12 (python-fcl has none to set). An answer is wrong where it "
         f"is more than {number(NOTABLE)} × scale outside the oracle's bounds.",
         "",
@@ -167,7 +170,8 @@ def peer_section(results: dict[str, Any]) -> list[str]:
     asked = ["asked", ""]
     asked += [f"{sum(e['asked'] for e in peer.values()):,}" for peer in peers.values()]
     lines += table(
-        ["", "", *(f"{p} {results['versions'][p]}" for p in peers)], [asked, *rows]
+        ["", "", *(f"{p} {results['peers']['versions'][p]}" for p in peers)],
+        [asked, *rows],
     )
     for name, peer in peers.items():
         lines += ["", f"### {name}", "", *wrong_table(peer), ""]

@@ -15,6 +15,8 @@ from closed_loop.movers import Movers
 from closed_loop.reference import Reference
 from closed_loop.scenes import ROOM, build_scene, declared, movers_of
 from closed_loop.settings import Setting
+from closed_loop.torque import TorqueArms
+from closed_loop.torque_model import torque_model
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -72,6 +74,11 @@ class Arena:
     def reference(self) -> Reference:
         """The search for futures, of what is true."""
         return Reference(self._scene, self.figures, self.setting, self.movers)
+
+    @cached_property
+    def arms(self) -> TorqueArms:
+        """The arms with motors of limited torque."""
+        return TorqueArms(torque_model(self._scene, self.figures))
 
     def pose(self, name: str, p: Floats) -> Floats:
         """Frame of a moving object displaced by p, shape (4, 4)."""

@@ -12,16 +12,20 @@ from closed_loop import plant as plants
 from closed_loop.answers import BRAKE, STOP
 from closed_loop.arena import Arena
 from closed_loop.casting import OBEDIENT, SPEEDS, cast, drawn
+from closed_loop.judge_model import SIGHT
+from closed_loop.keeping import Stopping, broken, declared_of
 from closed_loop.measuring import Measuring
 from closed_loop.movers import Movers
 from closed_loop.operators import View, wish_within
 from closed_loop.outcome import Outcome, Stop
 from closed_loop.reference import THOROUGH
 from closed_loop.settings import SUBSTEP
+from closed_loop.torque import driven_figures
 from closed_loop.truth import Styles, Truth
 from closed_loop.watch import Watch
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 # An episode goes on this long after a contact, to see how deep it gets, and after the
 # last arm came to rest, to see whether one is given back [s].
@@ -53,11 +57,11 @@ class Episode:
         attack: Whether plant and operator are the worst there are.
         weak: Factor on the plant's decelerations [-].
         zeroed: Term of the budget the guard is told to be nothing, if any.
+        large: Term that is as large, but declared, if any.
         needless: Whether to search, for every stop, for a future that asked for it.
+        limited: Whether arms with motors of limited torque follow the plant.
+        swings_back: Whether joints may swing back before their rest.
     """
-
-    # Whether arms may leave what comes at them.
-    leaving = False
 
     def __init__(
         self,
@@ -68,14 +72,23 @@ class Episode:
         attack: bool = False,
         weak: float = 1.0,
         zeroed: str | None = None,
+        large: str | None = None,
         needless: bool = False,
+        limited: bool = False,
+        swings_back: bool = False,
     ) -> None:
         self.arena = arena
         self.rng = rng = np.random.default_rng(seed)
         errors = "quiet" if zeroed in UNNOTICED else "adverse"
         styles = Styles.worst(errors) if attack else Styles.drawn(rng)
-        self.truth = truth = Truth(rng, arena.figures, styles, weak)
+        figures = arena.figures
+        self.arms = arena.arms if limited else None
+        if limited:
+            figures = [driven_figures(f) for f in figures]
+        self.truth = truth = Truth(rng, figures, styles, weak, swings_back=swings_back)
         self.zeroed = zeroed
+        self.term = zeroed or large
+        self.nearest = SIGHT
         self.needless = needless
         judge = arena.judge
         for name, shift in zip(arena.robots, truth.base_shifts, strict=True):
@@ -91,12 +104,15 @@ class Episode:
         self.plant = plants.plant_at(
             q, arena.first, truth.velocity, truth.acceleration, truth.brake
         )
+        self.stopped: list[Stopping] = []
+        if self.arms is not None:
+            self.arms.start(q, np.random.default_rng([seed, 1]), full=styles.full)
         own = np.arange(len(q)) < arena.first[1]
         name, self.operator = cast(rng, judge, arena.movers, own, attack)
         self.speed = 1.0 if attack else float(drawn(rng, SPEEDS))
         self.obedient = not attack and rng.random() < OBEDIENT
         places = dict(zip(self.movers.names, self.movers.p, strict=True))
-        self.watch = Watch(judge, arena.first, q, outer, places, leaving=self.leaving)
+        self.watch = Watch(judge, arena.first, q, outer, places)
         self.ticks = round(duration / SUBSTEP)
         self.q_rows = np.tile(q, (self.ticks + 1, 1))
         self.v_rows = np.zeros_like(self.q_rows)
@@ -154,6 +170,16 @@ class Episode:
         outcome.wall = perf_counter() - begin
         return outcome
 
+    @property
+    def q(self) -> Floats:
+        """True positions now, shape (n,) [rad or m]."""
+        return self.q_rows[self.tick]
+
+    @property
+    def v(self) -> Floats:
+        """True velocities now, shape (n,) [rad/s or m/s]."""
+        return self.v_rows[self.tick]
+
     def sees_nearest(self) -> bool:
         """Whether somebody needs the gradient of the least distance."""
         styles = self.truth.styles
@@ -161,16 +187,17 @@ class Episode:
 
     def blank(self) -> Floats:
         """No gradient; the state is placed for the operator."""
-        self.arena.judge.place(self.plant.q)
-        return np.zeros(len(self.plant.q))
+        self.arena.judge.place(self.q)
+        return np.zeros(len(self.q))
 
     def look_around(self) -> Floats:
         """Gradient of the least distance now, zero if nothing is near, shape (n,)."""
         judge = self.arena.judge
         self.watch.see_last(self.tick)
         near = judge.nearest()
+        self.nearest = SIGHT if near is None else near.distance
         if near is None:
-            return np.zeros(len(self.plant.q))
+            return np.zeros(len(self.q))
         return judge.gradient(near.geoms, near.normal, near.point, near.point)
 
     def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
@@ -207,7 +234,7 @@ class Episode:
         self.last = verdict
         if thinks:
             free = np.repeat(plant.phase == plants.FREE, arena.joint_counts)
-            view = View(now, arena.judge, plant.q, plant.v, free)
+            view = View(now, arena.judge, self.q, self.v, free)
             self.asked = self.speed * self.operator.desired(view)
         if self.obedient:
             self.slow_down(getattr(verdict, "speed_scale", None))
@@ -230,11 +257,11 @@ class Episode:
         plant = self.plant
         if plant.phase[arm] != plants.FREE or plant.stop_at[arm] < np.inf:
             return False
-        figures = self.truth.stop(-outward * plant.v)
+        figures = self.truth.stop(-outward * self.v)
         at = now + self.truth.command_delay(arm)
         plants.order_stop(plant, arm, at, figures)
         own = slice(self.arena.first[arm], self.arena.first[arm + 1])
-        shares = np.abs(plant.v[own]) / self.truth.figures[arm].velocity
+        shares = np.abs(self.v[own]) / self.truth.figures[arm].velocity
         slack = getattr(self.last, "slack", None)
         self.outcome.stops.append(
             Stop(
@@ -242,7 +269,7 @@ class Episode:
                 time=now,
                 reason=verdict.reason.name,
                 speed=float(shares.max()),
-                clearance=self.arena.judge.clearance(plant.q),
+                clearance=self.arena.judge.clearance(self.q),
                 slack=None if slack is None else slack.s,
             )
         )
@@ -272,14 +299,8 @@ class Episode:
         """Let time pass until the next cycle, and judge it."""
         rows = slice(self.tick + 1, target + 1)
         q_rows, p_rows = self.q_rows[rows], self.p_rows[rows]
-        plants.advance(
-            self.plant,
-            self.tick,
-            SUBSTEP,
-            self.wish,
-            q_rows,
-            self.v_rows[rows],
-            self.free_rows[rows],
+        self.drive(
+            self.tick, self.wish, q_rows, self.v_rows[rows], self.free_rows[rows]
         )
         self.outcome.joint_wish += self.wished * (target - self.tick) * SUBSTEP
         if self.movers.names:
@@ -290,13 +311,40 @@ class Episode:
             self.arena.judge.stand_at(name, p)
         self.tick = target
 
+    def drive(
+        self, tick: int, desired: Floats, q_rows: Floats, v_rows: Floats, free: Bools
+    ) -> None:
+        """Move the arms over some substeps; see `plant.advance`."""
+        plant, before = self.plant, self.plant.began.copy()
+        plants.advance(plant, tick, SUBSTEP, desired, q_rows, v_rows, free)
+        if self.arms is None:
+            return
+        for arm in np.flatnonzero(plant.began != before).tolist():
+            at = float(plant.began[arm])
+            self.stopped.append(Stopping(arm, at, bool(plant.braked[arm])))
+        self.arms.follow(q_rows, v_rows)
+
+    def broke(self) -> str | None:
+        """The declared figure the arms broke, None if they kept all."""
+        declared = declared_of(self.arena.figures, self.truth)
+        rows = slice(self.tick + 1)
+        return broken(
+            self.q_rows[rows],
+            self.v_rows[rows],
+            self.free_rows[rows],
+            self.arena.first,
+            self.stopped,
+            declared,
+        )
+
     def sight(self, now: float) -> None:
         """Tell the guard where moving objects were a moment ago."""
         for i, name in enumerate(self.movers.names):
             if self.tick < self.due[i]:
                 continue
             age = int(self.truth.delay(SIGHTING_AGE) / SUBSTEP)
-            at = max(self.tick - age, 0)
+            # Sightings arrive in their order.
+            at = max(self.tick - age, self.seen_at[i], 0)
             pose = self.arena.pose(name, self.p_rows[at, i])
             self.arena.guard.place(name, pose, at * SUBSTEP)
             self.seen_at[i] = at
@@ -307,7 +355,8 @@ class Episode:
         """The figures of the whole episode."""
         outcome, watch, judge = self.outcome, self.watch, self.arena.judge
         outcome.duration = self.tick * SUBSTEP
-        outcome.contact = watch.contact
+        watch.judge_meetings(self.p_rows[: self.tick + 1])
+        outcome.contact, outcome.met_at_rest = watch.contact, watch.met_at_rest
         outcome.least, outcome.judged = watch.least, watch.judged
         for name, counts in zip(self.arena.robots, self.levels, strict=True):
             outcome.levels[name] = {level.name: n for level, n in counts.items()}
@@ -315,8 +364,12 @@ class Episode:
             arms = {watch.contact.a.split("/")[0], watch.contact.b.split("/")[0]}
             times = [self.braked[arm] for arm in arms if arm in self.braked]
             outcome.braked_before = min(times, default=np.inf) < watch.contact.time
-        outcome.rest = judge.clearance(self.plant.q)
-        outcome.rest_q = [round(float(x), 6) for x in self.plant.q]
+        outcome.brakes = len(self.braked)
+        if self.arms is not None:
+            outcome.broke = self.broke()
+            outcome.saturated = self.arms.saturated / max(self.tick, 1)
+        outcome.rest = judge.clearance(self.q)
+        outcome.rest_q = [round(float(x), 6) for x in self.q]
         rows, free = self.q_rows[: self.tick + 1], self.free_rows[: self.tick + 1]
         spread = np.repeat(free[1:], self.arena.joint_counts, axis=1)
         outcome.joint_way = float((np.abs(np.diff(rows, axis=0)) * spread).sum())

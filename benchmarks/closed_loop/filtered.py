@@ -7,6 +7,7 @@ as they can.
 """
 
 from collections import deque
+from collections.abc import Mapping
 from math import inf
 from typing import NamedTuple
 
@@ -17,10 +18,15 @@ from armguard.guard import Level
 from armguard.respond import Action, Blocked
 from closed_loop import plant as plants
 from closed_loop.episode import Episode
+from closed_loop.keeping import Commanded, declared_of, misses
 from closed_loop.operators import View, wish_within
 from closed_loop.settings import SUBSTEP
 
 Floats = NDArray[np.float64]
+
+# Where the tracking error is the term, commands are missed only below this distance of
+# the nearest pair [m].
+LAST_MOMENT = 0.015
 
 
 class Sent(NamedTuple):
@@ -42,21 +48,24 @@ class Sent(NamedTuple):
 class FilteredEpisode(Episode):
     """An episode of a guard that commands go through; see `Episode`."""
 
-    leaving = True
-
     def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
         """Measurements and wishes to the guard, its commands to the plant."""
         arena, plant, now = self.arena, self.plant, self.tick * SUBSTEP
         if cycle == 0:
             self.commands: deque[Sent] = deque()
             self.driven_to = np.zeros(len(plant.q))
-            self.tracking = np.concatenate([f.tracking_error for f in arena.figures])
+            self.halted = np.zeros(len(arena.robots), dtype=bool)
+            self.told: deque[tuple[float, Floats]] = deque(maxlen=3)
+            self.log: list[Commanded] = []
+            self.tracking = np.concatenate(
+                [f.tracking_error for f in self.truth.figures]
+            )
         self.sight(now)
         q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
         stamp = dict(zip(arena.robots, stamps, strict=True))
         if thinks:
             view = View(
-                now, arena.judge, plant.q, plant.v, np.ones(len(plant.q), dtype=bool)
+                now, arena.judge, self.q, self.v, np.ones(len(plant.q), dtype=bool)
             )
             self.asked = self.speed * self.operator.desired(view)
         self.wished = wish_within(
@@ -76,18 +85,28 @@ class FilteredEpisode(Episode):
         for arm, name in enumerate(arena.robots):
             counts, action = self.levels[arm], command.actions[name]
             counts[levels[name]] = counts.get(levels[name], 0) + 1
+            if levels[name] < Level.STOP:
+                self.watch.leaving[arm] = False
+            elif action is Action.FOLLOW:
+                # Until it is given back: it may be stopped on its way out.
+                self.watch.leaving[arm] = True
+            self.halted[arm] = action >= Action.STOP
             if action >= Action.STOP:
                 self.stop(arm, name, now, outward, command.verdict)
             if action >= Action.BRAKE:
                 self.braked.setdefault(name, now)
                 plants.order_brake(plant, arm, now + self.truth.brake_delay(arm))
-            if command.blocked[name] is Blocked.STOPPED and action is Action.FOLLOW:
+            if command.blocked[name] is Blocked.STOPPED and action is Action.HOLD:
                 arena.guard.engage(name)
             at = now + self.truth.command_delay(arm)
             own = slice(arena.first[arm], arena.first[arm + 1])
             velocity = command.velocity[own]
             moves = action < Action.STOP and bool(velocity.any())
             self.commands.append(Sent(at, arm, velocity, moves))
+            if self.arms is not None:
+                self.log.append(Commanded(now, arm, velocity.copy()))
+        self.told.append((now, command.velocity))
+        self.note_jerk(command.actions)
         self.last = command.verdict
         # Where an arm misses what it is told, it misses it towards what is near.
         share = {"adverse": 1.0, "quiet": 1.0, "none": 0.0}
@@ -98,6 +117,23 @@ class FilteredEpisode(Episode):
             else self.rng.uniform(-1.0, 1.0, len(plant.q))
         )
         self.missed = missed * self.tracking
+        if self.term == "tracking_error" and self.nearest > LAST_MOMENT:
+            # Missed all the time it would be seen long before anything is near.
+            self.missed[:] = 0.0
+
+    def note_jerk(self, actions: Mapping[str, Action]) -> None:
+        """Note the jerk of the last three commands to every arm that is to stop."""
+        if len(self.told) < 3:
+            return
+        times, speeds = zip(*self.told, strict=True)
+        steps = np.diff(times)
+        rates = np.diff(speeds, axis=0) / steps[:, None]
+        jerk = np.abs(rates[1] - rates[0]) / (0.5 * steps.sum())
+        for arm, name in enumerate(self.arena.robots):
+            own = slice(self.arena.first[arm], self.arena.first[arm + 1])
+            if actions[name] >= Action.STOP:
+                greatest = max(self.outcome.stop_jerk, float(jerk[own].max()))
+                self.outcome.stop_jerk = greatest
 
     def move(self, target: int) -> None:
         """Let time pass until the next cycle; commands take effect in between."""
@@ -111,10 +147,8 @@ class FilteredEpisode(Episode):
             end = target if until == inf else int(np.ceil(until / SUBSTEP - 1e-9))
             end = min(max(end, start + done + 1), target)
             part = slice(done, end - start)
-            plants.advance(
-                self.plant,
+            self.drive(
                 start + done,
-                SUBSTEP,
                 self.driven_to + self.missed,
                 q_rows[part],
                 v_rows[part],
@@ -130,11 +164,27 @@ class FilteredEpisode(Episode):
             self.arena.judge.stand_at(name, p)
         self.tick = target
 
+    def broke(self) -> str | None:
+        """See `Episode`; here drives may miss commands as well."""
+        found = super().broke()
+        if found is not None:
+            return found
+        rows = slice(self.tick + 1)
+        figures = self.arena.figures
+        missed = misses(
+            self.v_rows[rows],
+            self.free_rows[rows],
+            self.arena.first,
+            self.log,
+            declared_of(figures, self.truth),
+            np.array([f.command for f in figures]),
+        )
+        return "tracking_error" if missed else None
+
     def stop_again(self, arm: int, now: float) -> None:
         """Stop an arm that was told to since the command that moves it was sent."""
         told = [sent.at for sent in self.commands if sent.arm == arm and not sent.moves]
-        name = self.arena.robots[arm]
-        if self.last.levels[name] >= Level.STOP:
+        if self.halted[arm]:
             figures = self.truth.stop(np.zeros(len(self.plant.q)))
             plants.order_stop(self.plant, arm, min(told, default=now), figures)
 

@@ -52,7 +52,11 @@ def measured(
         v: Measured velocities, shape (n,), overwritten.
     """
     for arm in range(len(at)):
-        at[arm] = max(tick - ages[arm], at[arm])
+        before = at[arm]
+        at[arm] = max(tick - ages[arm], before)
+        if at[arm] == before and tick > 0:
+            # The same measurement as before.
+            continue
         for j in range(first[arm], first[arm + 1]):
             share = shares[j]
             if outward[j] != 0.0:

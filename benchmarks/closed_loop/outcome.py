@@ -40,10 +40,15 @@ class Outcome:
         worst: Whether the plant used every declared figure up.
         duration: How long it was [s].
         contact: The first contact that counts.
+        met_at_rest: How often an object met an arm on its way out that would have met
+            it at rest as well.
         least: Least distance of a pair of which an arm moved, no more than what the
             judge sees [m].
         floor: Distance the guard was told to keep [m].
         braked_before: Whether an arm of the contact had been told to brake before it.
+        brakes: How many arms were told to brake.
+        broke: The figure the plant broke, None if it kept all that were checked.
+        saturated: Share of the time in which a motor gave all its torque [-].
         rest: Least distance of any checked pair at the end [m].
         rest_q: Positions at the end, in the order of q [rad or m].
         stops: All stops.
@@ -54,6 +59,8 @@ class Outcome:
         joint_way: Way of all joints under their operator [rad and m].
         joint_wish: Way they would have made had the operator had his way [rad and m].
         tool_way: Way of the last bodies under their operator [m].
+        stop_jerk: Greatest jerk of commands to an arm that is to stop; 0 where none
+            are sent [rad/s³ or m/s³].
         cycle_times: Median, 99th percentile and longest cycle of the guard [s].
         wall: Time the whole episode took to compute [s].
     """
@@ -64,9 +71,13 @@ class Outcome:
     worst: bool
     duration: float = 0.0
     contact: Contact | None = None
+    met_at_rest: int = 0
     least: float = 0.0
     floor: float = 0.0
     braked_before: bool = False
+    brakes: int = 0
+    broke: str | None = None
+    saturated: float = 0.0
     rest: float = 0.0
     rest_q: list[float] = field(default_factory=list)
     stops: list[Stop] = field(default_factory=list)
@@ -77,6 +88,7 @@ class Outcome:
     joint_way: float = 0.0
     joint_wish: float = 0.0
     tool_way: float = 0.0
+    stop_jerk: float = 0.0
     cycle_times: tuple[float, float, float] = (0.0, 0.0, 0.0)
     wall: float = 0.0
 

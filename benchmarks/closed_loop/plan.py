@@ -7,7 +7,7 @@ from typing import Any
 from closed_loop.arena import Arena
 from closed_loop.episode import Episode
 from closed_loop.filtered import FilteredEpisode
-from closed_loop.settings import Setting, setting_of
+from closed_loop.settings import PROFILES, SERVO_PROFILES, Setting, setting_of
 from closed_loop.zeroing import enlarged, told
 
 # Arenas a process keeps; each holds a guard and a judge.
@@ -29,6 +29,9 @@ class Plan:
         floor: Distance to be kept, in place of the settings' [m], or None.
         duration: Longest time of an episode [s].
         needless: Whether every stop is searched for a future that asked for it.
+        plant: "exact" for double integrators, "torque" for arms in MuJoCo that follow
+            them with motors of limited torque.
+        swing: "onwards" if joints swing beyond their rest only, "both" if back as well.
     """
 
     scene: str = "bay"
@@ -40,6 +43,8 @@ class Plan:
     floor: float | None = None
     duration: float = 1.0
     needless: bool = False
+    plant: str = "exact"
+    swing: str = "onwards"
 
     @property
     def name(self) -> str:
@@ -49,13 +54,16 @@ class Plan:
         parts += [f"large-{self.large}"] if self.large else []
         parts += [f"weak-{self.weak_brake:g}"] if self.weak_brake != 1.0 else []
         parts += [f"floor-{1e3 * self.floor:g}"] if self.floor is not None else []
+        parts += [self.plant] if self.plant != "exact" else []
+        parts += [f"swing-{self.swing}"] if self.swing != "onwards" else []
         parts += ["needless"] if self.needless else []
         parts += [f"for-{self.duration:g}"] if self.duration != 1.0 else []
         return "_".join(parts)
 
     def truth_and_told(self, seed: int) -> tuple[Setting, Setting]:
         """What is true in an episode, and what the guard is told."""
-        truth = setting_of(self.scene, self.mode, seed)
+        profiles = SERVO_PROFILES if self.plant == "torque" else PROFILES
+        truth = setting_of(self.scene, self.mode, seed, profiles)
         if self.floor is not None:
             truth = replace(truth, floor=self.floor)
         term = self.zero or self.large
@@ -96,6 +104,9 @@ def work(task: tuple[Plan, int]) -> Mapping[str, Any]:
         attack=attack,
         weak=plan.weak_brake,
         zeroed=plan.zero,
+        large=plan.large,
         needless=plan.needless,
+        limited=plan.plant == "torque",
+        swings_back=plan.swing == "both",
     )
     return episode.run().to_dict()

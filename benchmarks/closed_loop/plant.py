@@ -45,7 +45,8 @@ class Plant(NamedTuple):
         v0: Velocities when it took effect, shape (n,).
         deceleration: Of the ordered or present stop, shape (n,).
         ramp: Its ramp, shape (n,) [s].
-        swing: How far a stop from top speed swings beyond its rest, shape (n,).
+        swing: How far a stop from top speed swings beyond its rest, or, if negative,
+            back before it, shape (n,).
         swing_time: How long that takes, shape (n,) [s].
         brake: Deceleration of the brake, shape (n,).
     """
@@ -174,17 +175,17 @@ def stopping_travel(t, speed, deceleration, ramp):
 
 @numba.njit(cache=True)
 def swing_out(t, height, duration):
-    """How far beyond its rest a joint is while it settles, and how fast.
+    """How far from its rest a joint is while it settles, and how fast.
 
     Out and back once, without a jump of the speed.
 
     Args:
         t: Time since the rest [s].
-        height: Farthest [rad or m].
+        height: Farthest, onwards; negative for a swing back [rad or m].
         duration: Time until it is back [s].
 
     Returns:
-        Way beyond the rest [rad or m] and speed [rad/s or m/s].
+        Way from the rest, onwards [rad or m], and speed [rad/s or m/s].
     """
     if height == 0.0 or t <= 0.0 or t >= duration:
         return 0.0, 0.0
@@ -228,7 +229,7 @@ def take_effect(p, arm, t, brake):
             p.deceleration[j] = p.brake[j]
             p.ramp[j] = p.swing[j] = 0.0
         rest = rest_after(abs(p.v0[j]), p.deceleration[j], p.ramp[j])
-        if p.v0[j] != 0.0 and p.swing[j] > 0.0:
+        if p.v0[j] != 0.0 and p.swing[j] != 0.0:
             rest += p.swing_time[j]
         last = max(last, rest)
     p.rest_at[arm] = t + last

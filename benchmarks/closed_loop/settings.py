@@ -66,6 +66,28 @@ PROFILES: Mapping[str, Mapping[str, Any]] = {
     },
 }
 
+# Figures of arms whose motors have limited torque, in turns. The arms of `torque.py`
+# keep them with any payload they may carry; every episode checks it.
+SERVO_PROFILES: Mapping[str, Mapping[str, Any]] = {
+    "servo": {
+        "velocity": 1.0,
+        "acceleration": 2.5,
+        "deceleration": 1.5,
+        "deceleration_most": 3.0,
+        "ramp": 0.03,
+        "settle": 0.003,
+        "settle_time": 0.15,
+        "brake_delay": 0.05,
+        "brake_deceleration": 1.5,
+        "position_error": 1e-3,
+        "velocity_error": 0.08,
+        "tracking_error": 0.06,
+        "sensing": 0.002,
+        "command": 0.006,
+        "stale": 0.02,
+    },
+}
+
 # Period, lateness [s] and floor [m] that go together, by number.
 RATES = (
     (0.001, 0.0, 0.0),
@@ -87,7 +109,7 @@ class Setting:
     Attributes:
         scene: Name of the scene, one of `SCENES`.
         mode: Mode of all its robots.
-        profile: Figures of all its arms, a name in `PROFILES`.
+        profile: Figures of all its arms, a name in `PROFILES` or `SERVO_PROFILES`.
         period: Time from one cycle to the next [s].
         late: How much later a cycle may come [s].
         floor: Distance to be kept beside what the figures ask for [m].
@@ -107,7 +129,8 @@ class Setting:
     @property
     def figures(self) -> dict[str, Any]:
         """The declared figures, as `stopping_figures` takes them."""
-        return {**PROFILES[self.profile], **self.changes}
+        profiles = {**PROFILES, **SERVO_PROFILES}
+        return {**profiles[self.profile], **self.changes}
 
     @property
     def name(self) -> str:
@@ -118,14 +141,17 @@ class Setting:
         return f"{self.scene}/{self.mode}/{self.profile}/{times}{changes}"
 
 
-def setting_of(scene: str, mode: str, number: int) -> Setting:
+def setting_of(
+    scene: str, mode: str, number: int, profiles: Mapping[str, Any] = PROFILES
+) -> Setting:
     """The setting of an episode: profiles and rates in turns.
 
     Args:
         scene: Name of the scene.
         mode: Mode of its robots.
         number: The episode's.
+        profiles: Figures that are taken in turns.
     """
-    profile = tuple(PROFILES)[number % len(PROFILES)]
-    period, late, floor = RATES[number // len(PROFILES) % len(RATES)]
+    profile = tuple(profiles)[number % len(profiles)]
+    period, late, floor = RATES[number // len(profiles) % len(RATES)]
     return Setting(scene, mode, profile, period, late, floor)

@@ -1,14 +1,16 @@
 """Figures of many episodes in one dictionary."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from closed_loop.plan import Plan
+from episodes.classes import classes, counted, percentile
+from episodes.records import Digest, Extreme
 
 Episodes = Sequence[dict[str, Any]]
+Figures = dict[str, Any]
 
 # Distance below the floor from which on an episode counts as a breach of it: what the
 # judge's own distances may be off [m].
@@ -17,61 +19,120 @@ JUDGE_ERROR = 1e-5
 # At so many contacts none is told one by one.
 TOLD = 10
 
+# Figures that are no sums: how two of one name are put together.
+EXTREME: Extreme = {
+    "least_distance_mm": min,
+    "longest_cycle_us": max,
+    "stop_jerk": max,
+}
 
-def summed_up(plan: Plan, episodes: Episodes) -> dict[str, Any]:
+# Width of a class of cycle times [us].
+CYCLE = 5
+
+
+def summed_up(plan: Plan, episodes: Episodes) -> Figures:
     """Figures of the episodes of a plan."""
+    found = sums(plan, episodes)
+    return found | derived(plan, found)
+
+
+def sums(plan: Plan, episodes: Episodes) -> Figures:
+    """Figures of episodes, all of which but extremes and cases are sums."""
     contacts = [e for e in episodes if e["contact"] is not None]
-    floored = [e for e in episodes if e["least"] < e["floor"] - JUDGE_ERROR]
+    floored = [e for e in episodes if is_below_floor(e)]
     stops = [stop for e in episodes for stop in e["stops"]]
     levels: Counter[str] = Counter()
     for e in episodes:
         for counts in e["levels"].values():
             levels.update(counts)
     asked = [s for s in stops if s["needless"] is not None]
-    time = sum(e["duration"] for e in episodes)
-    wish = sum(e["joint_wish"] for e in episodes)
     cycles = [e["cycle_times"] for e in episodes if e["cycle_times"][0] > 0.0]
-    return {
-        "plan": plan.to_dict(),
+    found: Figures = {
         "episodes": len(episodes),
         "worst_corner": sum(e["worst"] for e in episodes),
-        "seconds_of_motion": time,
+        "seconds_of_motion": sum(e["duration"] for e in episodes),
         "cycles": sum(e["cycles"] for e in episodes),
         "states_judged": sum(e["judged"] for e in episodes),
         "contacts": len(contacts),
-        "contacts_below_at_95_percent": bound(len(contacts), len(episodes)),
+        "met_at_rest_as_well": sum(e.get("met_at_rest", 0) for e in episodes),
         "contact_cases": [case(e) for e in contacts[:TOLD]],
         "braked_before_contact": sum(e["braked_before"] for e in contacts),
-        "least_distance_mm": least(episodes),
+        "least_distance_mm": 1e3 * min(e["least"] for e in episodes),
         "breaches_of_floor": len(floored),
         "breach_seeds": [e["seed"] for e in floored[:TOLD]],
-        "clearance_at_order_mm": quartiles([1e3 * s["clearance"] for s in stops]),
-        "clearance_at_rest_mm": quartiles([1e3 * e["rest"] for e in episodes]),
+        "clearances_at_order": classes(1e3 * s["clearance"] for s in stops),
+        "clearances_at_rest": classes(1e3 * e["rest"] for e in episodes),
         "episodes_with_a_stop": sum(bool(e["stops"]) for e in episodes),
         "stops": len(stops),
-        "stops_a_second": len(stops) / time if time else 0.0,
         "releases": sum(e["releases"] for e in episodes),
-        "reasons": dict(Counter(s["reason"] for s in stops).most_common()),
+        "brakes": sum(e["brakes"] for e in episodes),
+        "saturated_s": sum(e["saturated"] * e["duration"] for e in episodes),
+        "reasons": counted(s["reason"] for s in stops),
         "stops_asked_whether_needless": len(asked),
         "needless_stops": sum(s["needless"] for s in asked),
-        "levels": dict(levels.most_common()),
-        "joint_way_a_second": sum(e["joint_way"] for e in episodes) / time
-        if time
-        else 0.0,
-        "tool_way_a_second": sum(e["tool_way"] for e in episodes) / time
-        if time
-        else 0.0,
-        "share_of_wish": sum(e["joint_way"] for e in episodes) / wish if wish else 0.0,
-        "cycle_us": {
-            "median": 1e6 * float(np.median([c[0] for c in cycles])) if cycles else 0.0,
-            "p99": 1e6 * float(np.median([c[1] for c in cycles])) if cycles else 0.0,
-            "max": 1e6 * max((c[2] for c in cycles), default=0.0),
-        },
-        "wall_s_an_episode": float(np.median([e["wall"] for e in episodes]))
-        if episodes
-        else 0.0,
-        "by_operator": by_operator(episodes),
+        "levels": dict(levels),
+        "joint_way": sum(e["joint_way"] for e in episodes),
+        "joint_wish": sum(e["joint_wish"] for e in episodes),
+        "tool_way": sum(e["tool_way"] for e in episodes),
+        "stop_jerk": max((e.get("stop_jerk", 0.0) for e in episodes), default=0.0),
+        "median_cycles": classes((1e6 * c[0] for c in cycles), CYCLE),
+        "slow_cycles": classes((1e6 * c[1] for c in cycles), CYCLE),
+        "longest_cycle_us": 1e6 * max((c[2] for c in cycles), default=0.0),
+        "worked_s": sum(e["wall"] for e in episodes),
+        "by_operator": counted(operator_of(e) for e in episodes),
     }
+    if plan.guard == "reference":
+        found["armguard"] = sums(beside(plan), [e["beside"] for e in episodes])
+    return found
+
+
+def derived(plan: Plan, found: Figures) -> Figures:
+    """What follows from the sums of a plan's episodes."""
+    time, wish = found["seconds_of_motion"], found["joint_wish"]
+    follows: Figures = {
+        "plan": plan.to_dict(),
+        "contacts_below_at_95_percent": bound(found["contacts"], found["episodes"]),
+        "contact_cases": found["contact_cases"][:TOLD],
+        "breach_seeds": found["breach_seeds"][:TOLD],
+        "clearance_at_order_mm": quartiles(found["clearances_at_order"]),
+        "clearance_at_rest_mm": quartiles(found["clearances_at_rest"]),
+        "stops_a_second": found["stops"] / time if time else 0.0,
+        "reasons": dict(Counter(found["reasons"]).most_common()),
+        "levels": dict(Counter(found["levels"]).most_common()),
+        "joint_way_a_second": found["joint_way"] / time if time else 0.0,
+        "tool_way_a_second": found["tool_way"] / time if time else 0.0,
+        "share_of_wish": found["joint_way"] / wish if wish else 0.0,
+        "cycle_us": {
+            "median": middle(found["median_cycles"]),
+            "p99": middle(found["slow_cycles"]),
+            "max": found["longest_cycle_us"],
+        },
+        "wall_s_an_episode": found["worked_s"] / max(found["episodes"], 1),
+    }
+    if "armguard" in found:
+        follows["armguard"] = found["armguard"] | derived(
+            beside(plan), found["armguard"]
+        )
+    return follows
+
+
+def beside(plan: Plan) -> Plan:
+    """The same episodes with the real guard."""
+    return replace(plan, guard="armguard")
+
+
+def digest(episode: Figures) -> Digest:
+    """What came of an episode, in short."""
+    outcome = "contact" if episode["contact"] is not None else ""
+    if not outcome and is_below_floor(episode):
+        outcome = "below the floor"
+    counts = {"met_at_rest_as_well": int(episode.get("met_at_rest", 0))}
+    return Digest(episode["seed"], outcome, 1e3 * episode["least"], counts)
+
+
+def is_below_floor(episode: Figures) -> bool:
+    """Whether an arm came nearer to something than the guard was to let it."""
+    return bool(episode["least"] < episode["floor"] - JUDGE_ERROR)
 
 
 def bound(events: int, trials: int) -> float | None:
@@ -83,16 +144,16 @@ def bound(events: int, trials: int) -> float | None:
     return float(beta.ppf(0.95, events + 1, trials - events))
 
 
-def least(episodes: Episodes) -> float | None:
-    """Least distance kept by pairs of which an arm moved [mm]."""
-    return 1e3 * min((e["least"] for e in episodes), default=float("nan"))
-
-
-def quartiles(values: Sequence[float]) -> list[float]:
-    """Least, quartiles and greatest of some values."""
-    if not values:
+def quartiles(counts: Mapping[str, int]) -> list[int]:
+    """Least, quartiles and greatest of values that were counted, no less than each."""
+    if not counts:
         return []
-    return [round(float(x), 3) for x in np.percentile(values, (0, 25, 50, 75, 100))]
+    return [percentile(counts, part) for part in (0.0, 0.25, 0.5, 0.75, 1.0)]
+
+
+def middle(counts: Mapping[str, int]) -> int:
+    """Median of values that were counted, no less than it is; 0 of none."""
+    return percentile(counts, 0.5) if counts else 0
 
 
 def case(episode: dict[str, Any]) -> dict[str, Any]:
@@ -112,13 +173,6 @@ def case(episode: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def by_operator(episodes: Episodes) -> dict[str, dict[str, float]]:
-    """Episodes, contacts and least distance by the first operator's name."""
-    found: dict[str, dict[str, float]] = {}
-    for e in episodes:
-        name = e["operator"].split(" + ")[0].split(", speed")[0]
-        row = found.setdefault(name, {"episodes": 0, "contacts": 0, "least_mm": np.inf})
-        row["episodes"] += 1
-        row["contacts"] += e["contact"] is not None
-        row["least_mm"] = min(row["least_mm"], 1e3 * e["least"])
-    return dict(sorted(found.items()))
+def operator_of(episode: Figures) -> str:
+    """Name of the first operator of an episode."""
+    return str(episode["operator"].split(" + ")[0].split(", speed")[0])

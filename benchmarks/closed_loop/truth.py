@@ -89,6 +89,7 @@ class Truth:
         figures: Declared figures of each arm.
         styles: How to draw.
         weak: Factor on decelerations of stops; below 1 the plant breaks its word [-].
+        swings_back: Whether a joint may also swing back before its rest.
     """
 
     def __init__(
@@ -97,8 +98,11 @@ class Truth:
         figures: Sequence[StoppingFigures],
         styles: Styles,
         weak: float = 1.0,
+        *,
+        swings_back: bool = False,
     ) -> None:
         self.rng = rng
+        self.swings_back = swings_back
         self.figures = figures
         self.styles = styles
         self.weak = weak
@@ -145,8 +149,8 @@ class Truth:
                 that take it apart, shape (n,).
 
         Returns:
-            Deceleration, ramp [s], swing of a stop from the plant's top speed, its
-            time [s]; each shape (n,).
+            Deceleration, ramp [s], swing of a stop from the plant's top speed, negative
+            for a swing back, and its time [s]; each shape (n,).
         """
         n = len(self.velocity)
         least = self._joined("deceleration")
@@ -164,6 +168,10 @@ class Truth:
             strength = np.full(n, 1.0 if style == "most" else 0.0)
         ramp = times * self._spread("ramp")
         swing = times * self._joined("settle")
+        if self.swings_back:
+            # At the worst towards the nearest pair: back where a joint moves away.
+            away = closing < 0.0 if style == "adverse" else self.rng.random(n) < 0.5
+            swing = np.where(away, -self._joined("settle"), swing)
         swing *= self.velocity / self._joined("velocity")
         duration = self._spread("settle_time") * self.rng.uniform(0.3, 1.0, n)
         return self.weak * (least + strength * (most - least)), ramp, swing, duration

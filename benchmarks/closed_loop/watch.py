@@ -1,6 +1,6 @@
 """The judge over one episode: what was touched, and how near it came."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numba
@@ -18,8 +18,9 @@ Floats = NDArray[np.float64]
 SHARE = 0.1
 NEAR = 0.02
 
-# Pairs nearer than this are asked who closes them [m].
-CLOSE = 0.01
+# An arm that was met on its way out would have been met at rest as well if the object
+# touches the resting arm before it, or no later than this after it [s].
+AS_WELL = 0.1
 
 
 class Contact(NamedTuple):
@@ -36,6 +37,26 @@ class Contact(NamedTuple):
     a: str
     b: str
     depth: float
+
+
+class Meeting(NamedTuple):
+    """An object that moves and an arm on its way out of what is too near, touching.
+
+    Attributes:
+        contact: When and who.
+        tick: Substep in which it was seen.
+        arm: The arm.
+        mover: Place of the object among those that move.
+        rest: Positions of the arm where it rested last, of its own joints.
+        since: Substep in which it rested there last.
+    """
+
+    contact: Contact
+    tick: int
+    arm: int
+    mover: int
+    rest: Floats
+    since: int
 
 
 @numba.njit(cache=True)
@@ -108,15 +129,19 @@ class Watch:
     """Judges as many states of an episode as their motion asks for.
 
     A pair counts at a moment if an arm of it moved in the substep before: an object
-    that runs into an arm at standstill is not the guard's doing. Where arms may leave
-    what comes at them, neither is one that catches up with an arm that moves away from
-    it: of such a pair only an arm counts that would be farther away had it stayed where
-    it rested, and none that the object has run into until they are apart again.
+    that runs into an arm at standstill is not the guard's doing. An arm that leaves
+    what is too near can be met by an object as it could at rest. Such a meeting counts
+    as a contact if the same object does not touch the same arm resting where it rested
+    last; else it is counted by itself. The pair counts again when they are apart.
 
     Attributes:
         least: Least distance of a pair that counted, `SIGHT` if none was in sight [m].
         contact: The first contact, None if there was none.
         judged: Number of states judged.
+        leaving: Whether each arm leaves what is too near, shape (a,); the episode
+            writes it.
+        met_at_rest: Meetings in which the resting arm would have been met as well;
+            known once `judge_meetings` was called.
 
     Args:
         judge: The judge.
@@ -126,7 +151,6 @@ class Watch:
             shape (g,) [m].
         movers: Where each moving object is at the start, from where the scene has it,
             shape (3,) [m].
-        leaving: Whether arms may leave what comes at them.
     """
 
     def __init__(
@@ -136,8 +160,6 @@ class Watch:
         q: Floats,
         outer: Floats,
         movers: Mapping[str, Floats],
-        *,
-        leaving: bool = False,
     ) -> None:
         self.least = SIGHT
         self.contact: Contact | None = None
@@ -146,12 +168,14 @@ class Watch:
         self._first = first
         self._outer = outer
         self._sight = SIGHT - 2.0 * float(outer.max(initial=0.0))
-        self._names = frozenset(movers)
         self._movers = tuple(movers)
-        self._partners: set[tuple[int | str, ...]] = set()
-        self._leaving = leaving
+        self.leaving = np.zeros(len(first) - 1, dtype=np.bool_)
+        self.met_at_rest = 0
+        self._meetings: list[Meeting] = []
+        self._touching: dict[tuple[int, int], int] = {}
         self._q = q.copy()
         self._rest = q.copy()
+        self._rested = np.zeros(len(first) - 1, dtype=np.int64)
         self._p = np.array([*movers.values()]).reshape(-1, 3)
         self._moving = np.zeros(len(first) - 1, dtype=np.bool_)
         self._room = 0.0
@@ -180,30 +204,31 @@ class Watch:
         self._moving = moving[-1]
         if self._moved + total < self._room:
             self._moved += total
-            self._rest_before(q_rows, moving)
+            self._rest_before(tick, q_rows, moving)
             return
         for k, way in enumerate(ways.tolist()):
             self._moved += way
             if way > 0.0 and not self._moved < self._room:
                 for i, name in enumerate(self._movers):
                     self._judge.stand_at(name, p_rows[k, i])
-                self._rest_before(q_rows[: k + 1], moving[: k + 1])
+                self._rest_before(tick, q_rows[: k + 1], moving[: k + 1])
                 self._see((tick + 1 + k) * SUBSTEP, q_rows[k], moving[k])
-        self._rest_before(q_rows, moving)
+        self._rest_before(tick, q_rows, moving)
 
     def see_last(self, tick: int) -> None:
         """Judge the last state, its objects being where the judge has them."""
         self._see(tick * SUBSTEP, self._q, self._moving)
 
-    def _rest_before(self, q_rows: Floats, moving: NDArray[np.bool_]) -> None:
-        """Note where each arm rested last, for what may leave."""
-        if not self._leaving:
-            return
+    def _rest_before(
+        self, tick: int, q_rows: Floats, moving: NDArray[np.bool_]
+    ) -> None:
+        """Note where each arm rested last, and when."""
         for arm in range(moving.shape[1]):
             rests = np.flatnonzero(~moving[:, arm])
             if len(rests):
                 own = slice(self._first[arm], self._first[arm + 1])
                 self._rest[own] = q_rows[rests[-1], own]
+                self._rested[arm] = tick + 1 + rests[-1]
 
     def _see(self, time: float, q: Floats, moving: NDArray[np.bool_]) -> None:
         """Judge one state."""
@@ -212,8 +237,8 @@ class Watch:
         distances, geoms = self._judge.measure(q)
         arm_of = self._judge.arm_of
         least, counting, k = nearest_of(distances, geoms, self._outer, arm_of, moving)
-        if self._leaving and (least < CLOSE or self._partners):
-            distances, geoms = self._closed_by_arms(distances, geoms, q)
+        if self._touching or (self.leaving & moving).any():
+            distances, geoms = self._without_meetings(time, distances, geoms, moving)
             _, counting, k = nearest_of(distances, geoms, self._outer, arm_of, moving)
         clear = min(least, self._sight)
         self._room = max(SHARE * clear, clear - NEAR)
@@ -228,33 +253,103 @@ class Watch:
         depth = max(self.contact.depth, -counting)
         self.contact = self.contact._replace(depth=depth)
 
-    def _closed_by_arms(
-        self, distances: Floats, geoms: NDArray[np.int32], q: Floats
+    def _without_meetings(
+        self,
+        time: float,
+        distances: Floats,
+        geoms: NDArray[np.int32],
+        moving: NDArray[np.bool_],
     ) -> tuple[Floats, NDArray[np.int32]]:
-        """The pairs without those that moving objects close, and arms do not.
+        """The pairs without those of arms that leave and objects that move.
 
-        An object that has run into an arm is its partner until they are apart again.
+        Those that touch are noted, to be judged by the resting arm.
         """
         judge = self._judge
-        met, touching, kept = [], set(), np.ones(len(geoms), dtype=np.bool_)
+        kept = np.ones(len(geoms), dtype=np.bool_)
+        touching: set[tuple[int, int]] = set()
         for k, (a, b) in enumerate(geoms.tolist()):
-            names = {judge.owners[a], judge.owners[b]} & self._names
-            if not names or not distances[k] < CLOSE:
-                continue
+            owners = judge.owners[a], judge.owners[b]
+            movers = [i for i, name in enumerate(self._movers) if name in owners]
             arm = int(max(judge.arm_of[a], judge.arm_of[b]))
-            meeting = (arm, *names)
-            if distances[k] < self._outer[a] + self._outer[b]:
-                touching.add(meeting)
-            met.append((k, (a, b), arm, meeting))
-        for k, pair, arm, meeting in met:
-            # Had it stayed where it rested, would they be farther apart?
-            own = slice(self._first[arm], self._first[arm + 1])
-            elsewhere = q.copy()
-            elsewhere[own] = self._rest[own]
-            judge.place(elsewhere)
-            kept[k] = judge.gap(pair) > distances[k] and meeting not in self._partners
-        judge.place(q)
-        self._partners &= touching
-        closed = {meeting for k, _, _, meeting in met if kept[k]}
-        self._partners |= touching - closed
+            if not movers or arm < 0:
+                continue
+            key = (arm, movers[0])
+            leaves = bool(self.leaving[arm] and moving[arm])
+            depth = self._outer[a] + self._outer[b] - distances[k]
+            kept[k] = not leaves and key not in self._touching
+            if not depth > 0.0 or kept[k]:
+                continue
+            touching.add(key)
+            if key not in self._touching:
+                self._touching[key] = len(self._meetings)
+                self._meetings.append(self._met(time, *owners, *key))
+            which = self._touching[key]
+            meeting = self._meetings[which]
+            contact = meeting.contact
+            contact = contact._replace(depth=max(contact.depth, float(depth)))
+            self._meetings[which] = meeting._replace(contact=contact)
+        for key in [key for key in self._touching if key not in touching]:
+            del self._touching[key]
         return distances[kept], geoms[kept]
+
+    def _met(self, time: float, a: str, b: str, arm: int, mover: int) -> Meeting:
+        """A meeting that was just seen."""
+        own = slice(self._first[arm], self._first[arm + 1])
+        return Meeting(
+            contact=Contact(time, a, b, 0.0),
+            tick=round(time / SUBSTEP),
+            arm=arm,
+            mover=mover,
+            rest=self._rest[own].copy(),
+            since=int(self._rested[arm]),
+        )
+
+    def judge_meetings(self, p_rows: Floats) -> None:
+        """Tell meetings from contacts by the resting arm; at the end of an episode.
+
+        Args:
+            p_rows: Where the moving objects were in each state of the episode, shape
+                (k, m, 3) [m]; later they go on as in the last of them.
+        """
+        for meeting in self._meetings:
+            if self._meets_at_rest(meeting, p_rows):
+                self.met_at_rest += 1
+            elif self.contact is None or meeting.contact.time < self.contact.time:
+                self.contact = meeting.contact
+                self.least = min(self.least, -meeting.contact.depth)
+        for i, name in enumerate(self._movers):
+            self._judge.stand_at(name, p_rows[-1, i])
+
+    def _meets_at_rest(self, meeting: Meeting, p_rows: Floats) -> bool:
+        """Whether the object touches the arm where it rested last."""
+        judge, name = self._judge, self._movers[meeting.mover]
+        q = self._q.copy()
+        q[self._first[meeting.arm] : self._first[meeting.arm + 1]] = meeting.rest
+        pairs = [pair for pair in judge.pairs if self._is_of(meeting, pair)]
+        for p in places(p_rows[:, meeting.mover], meeting.since, meeting.tick):
+            judge.stand_at(name, p)
+            judge.place(q)
+            for a, b in pairs:
+                if judge.gap((a, b)) < self._outer[a] + self._outer[b]:
+                    return True
+        return False
+
+    def _is_of(self, meeting: Meeting, pair: tuple[int, int]) -> bool:
+        """Whether a pair of geoms is one of a meeting's arm and object."""
+        owners = {self._judge.owners[g] for g in pair}
+        arms = {int(self._judge.arm_of[g]) for g in pair}
+        return self._movers[meeting.mover] in owners and meeting.arm in arms
+
+
+def places(rows: Floats, first: int, met: int) -> Iterator[Floats]:
+    """Where an object is from a substep until some time after it met an arm.
+
+    Args:
+        rows: Its displacement in each state of the episode, shape (k, 3) [m].
+        first: The first substep.
+        met: That of the meeting.
+    """
+    last = len(rows) - 1
+    step = rows[last] - rows[last - 1]
+    for tick in range(first, met + round(AS_WELL / SUBSTEP) + 1):
+        yield rows[min(tick, last)] + max(tick - last, 0) * step

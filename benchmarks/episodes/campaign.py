@@ -3,17 +3,30 @@
 import argparse
 import json
 import multiprocessing
+import signal
+import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from math import ceil
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from armguard.cli.console import jsonable, say
-from episodes.records import Figures, Records
+from episodes.records import Digest, Extreme, Figures, Records, ranges_of
 
 Episode = dict[str, Any]
+
+# Longest an episode may take; the first of a process builds its scene, and may compile
+# [s].
+PATIENCE = 900.0
+
+
+class LeftOut(Exception):
+    """An episode that tells nothing: its message is the reason it is counted by."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +39,7 @@ class Campaign:
         version: Hash of all that decides what comes of an episode of a kind.
         extreme: Figures that are no sums, and how two of one name are put together.
         summed_up: Figures of episodes of a kind.
+        digest: What came of an episode, in short.
         sentence: Sentence about the figures of a kind.
         page: The page, from the figures of all kinds.
         is_broken: Whether figures break a promise.
@@ -34,13 +48,15 @@ class Campaign:
         count: How many episodes of each kind are run if nothing is said.
         shares: How many of them are run of a kind, 1 if left out [-].
         written: After so many what they came to is written down.
+        derived: Figures of a kind that follow from its sums.
     """
 
     results: Path
     kinds: Mapping[str, Callable[[int], Episode]]
     version: Callable[[str], str]
-    extreme: Mapping[str, Callable[[float, float], float]]
+    extreme: Extreme
     summed_up: Callable[[str, list[Episode]], Figures]
+    digest: Callable[[Episode], Digest]
     sentence: Callable[[str, Figures], str]
     page: Callable[[Mapping[str, Figures]], str]
     is_broken: Callable[[Figures], bool]
@@ -49,6 +65,12 @@ class Campaign:
     count: int = 10_000
     shares: Mapping[str, float] = field(default_factory=dict)
     written: int = 100
+    derived: Callable[[str, Figures], Figures] = lambda _, __: {}
+
+    @property
+    def records(self) -> Records:
+        """What is known of all kinds."""
+        return Records(self.results, self.version, self.extreme, self.derived)
 
     def run(
         self,
@@ -81,31 +103,75 @@ class Campaign:
         seeds = range(chosen.first, chosen.first + chosen.episodes)
         found = list(self.run(kind, seeds, processes=chosen.processes))
         print(json.dumps(jsonable([self.told_of(e) for e in found]), indent=1))
-        return self.is_broken(self.summed_up(kind, found))
+        figures = self.figures_of(kind, found)
+        figures |= self.derived(kind, figures) if figures["episodes"] else {}
+        return figures["episodes"] > 0 and self.is_broken(figures)
 
-    def go_on(self, kind: str, chosen: argparse.Namespace, records: Records) -> bool:
+    def again(self, kind: str, chosen: argparse.Namespace) -> bool:
+        """Run some of the known episodes again; whether other than this came of any."""
+        known = list(self.records.digests(kind).values())
+        some = known[:: max(len(known) // chosen.again, 1)][: chosen.again]
+        seeds = [digest.seed for digest in some]
+        found = map(self.digest_of, self.run(kind, seeds, processes=chosen.processes))
+        # Counts may be of what is never the same twice, such as times.
+        differ = [e.seed for e, k in zip(found, some, strict=True) if e[:3] != k[:3]]
+        print(f"{kind}: {len(some)} episodes again, {len(differ)} differ: {differ}")
+        return bool(differ)
+
+    def figures_of(self, kind: str, episodes: list[Episode]) -> Figures:
+        """Figures of episodes of a kind, and of which, and how many were left out."""
+        told = [e for e in episodes if "left_out" not in e]
+        return {
+            "episodes": 0,
+            **(self.summed_up(kind, told) if told else {}),
+            "seeds": ranges_of(e["seed"] for e in episodes),
+            "left_out": Counter(e["left_out"] for e in episodes if "left_out" in e),
+        }
+
+    def digest_of(self, episode: Episode) -> Digest:
+        """What came of an episode, or why it was left out."""
+        if "left_out" in episode:
+            return Digest(episode["seed"], f"left out: {episode['left_out']}")
+        full = self.digest(episode)
+        counts = {name: count for name, count in full.counts.items() if count}
+        least = None if full.least is None else round(full.least, 2)
+        return full._replace(counts=counts, least=least)
+
+    def go_on(self, kind: str, chosen: argparse.Namespace, count: int) -> bool:
         """Run what is not known yet of a kind; whether a promise is broken."""
-        share = 1.0 if chosen.kind else self.shares.get(kind, 1.0)
-        count = ceil(share * chosen.episodes)
-        say(f"{kind}: {count} episodes")
-        todo = records.todo(kind, chosen.first, chosen.first + count)
+        records = self.records
+        todo = list(records.todo(kind, chosen.first, chosen.first + count))
+        say(f"{kind}: {len(todo)} of {count} episodes are to be run")
         waiting: list[Episode] = []
         for episode in self.run(
             kind, todo, processes=chosen.processes, seconds=chosen.seconds
         ):
-            if self.is_told(episode):
+            if "left_out" in episode or self.is_told(episode):
                 print(kind, json.dumps(jsonable(self.told_of(episode))), flush=True)
             waiting.append(episode)
             if len(waiting) >= self.written:
-                records.add(kind, self.summed_up(kind, waiting))
+                self.write(kind, waiting, records)
                 waiting = []
         if waiting:
-            records.add(kind, self.summed_up(kind, waiting))
+            self.write(kind, waiting, records)
         figures = records.kinds.get(kind)
-        if figures is None:
+        if figures is None or figures["episodes"] == 0:
             return False
         print(self.sentence(kind, figures))
         return self.is_broken(figures)
+
+    def write(self, kind: str, episodes: list[Episode], records: Records) -> None:
+        """Write down what episodes came to."""
+        digests = list(map(self.digest_of, episodes))
+        found = records.add(kind, self.figures_of(kind, episodes), digests)
+        say(f"{kind}: {found['episodes']} episodes are known")
+
+    def counts(self, chosen: argparse.Namespace) -> dict[str, int]:
+        """How many episodes of each kind are asked for."""
+        if chosen.kind:
+            return {chosen.kind: chosen.episodes}
+        shares = {kind: self.shares.get(kind, 1.0) for kind in self.kinds}
+        return {kind: ceil(share * chosen.episodes) for kind, share in shares.items()}
 
     def main(self, says: str | None) -> int:
         """Do as the command line asks; 1 if a promise is broken.
@@ -114,39 +180,83 @@ class Campaign:
             says: What the command says of itself.
         """
         chosen = self.arguments(says)
-        kinds = [chosen.kind] if chosen.kind else list(self.kinds)
-        if chosen.show:
-            broken = [self.show(kind, chosen) for kind in kinds]
-            return int(any(broken))
-        records = Records(self.results, self.version, self.extreme)
-        broken = [self.go_on(kind, chosen, records) for kind in kinds]
-        text = self.page(records.kinds)
+        return self.do(chosen, self.counts(chosen))
+
+    def do(self, chosen: argparse.Namespace, counts: Mapping[str, int]) -> int:
+        """Do as the command line asks of some kinds; 1 if a promise is broken."""
+        if chosen.show or chosen.again:
+            look = self.show if chosen.show else self.again
+            found = [look(kind, chosen) for kind in counts]
+            return int(any(found))
+        todo = {} if chosen.page else counts
+        broken = [self.go_on(kind, chosen, count) for kind, count in todo.items()]
+        text = self.page(self.records.kinds)
         self.results.with_suffix(".md").write_text(text, encoding="utf-8")
         say(f"wrote {self.results.name} and its page")
         return int(any(broken))
 
     def arguments(self, says: str | None) -> argparse.Namespace:
         """What the user asks for."""
-        parser = argparse.ArgumentParser(
-            description=says, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
-        parser.add_argument(
-            "--episodes", type=int, default=self.count, help="of each kind"
-        )
-        parser.add_argument("--first", type=int, default=0, help="first seed")
+        parser = parser_of(says, self.count)
         parser.add_argument("--kind", choices=tuple(self.kinds), help="all if left out")
-        parser.add_argument("--seconds", type=float, help="bound for each kind [s]")
-        parser.add_argument("--processes", type=int, default=2)
-        parser.add_argument("--show", action="store_true", help="episodes, no results")
         return parser.parse_args()
+
+
+def parser_of(says: str | None, count: int) -> argparse.ArgumentParser:
+    """What every campaign of episodes can be asked for.
+
+    Args:
+        says: What the command says of itself.
+        count: How many episodes of each kind are run if nothing is said.
+    """
+    parser = argparse.ArgumentParser(
+        description=says, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--episodes", type=int, default=count, help="of each kind")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--seconds", type=float, help="bound for each kind [s]")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--show", action="store_true", help="episodes, no results")
+    parser.add_argument("--again", type=int, default=0, help="known episodes, compared")
+    parser.add_argument("--page", action="store_true", help="from what is known")
+    return parser
 
 
 def answers(
     work: Callable[[int], Episode], seeds: Iterable[int], processes: int
 ) -> Iterator[Episode]:
     """What work gives for each seed, as it becomes ready, in their order."""
+    attempt = partial(attempted, work)
     if processes == 1:
-        yield from map(work, seeds)
+        yield from map(attempt, seeds)
         return
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(work, seeds)
+        yield from pool.imap(attempt, seeds)
+
+
+def attempted(work: Callable[[int], Episode], seed: int) -> Episode:
+    """The episode of a seed, or why it is left out."""
+    try:
+        with patience(PATIENCE):
+            return work(seed)
+    except (LeftOut, TimeoutError) as reason:
+        return {"seed": seed, "left_out": str(reason)}
+
+
+@contextmanager
+def patience(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError where what is done takes longer than so many seconds."""
+
+    def end(*_: object) -> None:
+        raise TimeoutError(f"it took longer than {seconds:g} s")
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

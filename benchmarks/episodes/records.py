@@ -1,26 +1,49 @@
-"""What was found so far, kept on disk: figures of each kind, and of which seeds.
+"""What campaigns found so far, kept in the repository.
 
-Episodes that were run with other kernels, or with another plant, operator or judge, are
-episodes of something else: they are never added to.
+`docs/NAME.json` has the figures of each row, `docs/episodes/NAME.jsonl` what came of
+each of its episodes: a line of text for each batch, so that a longer run adds lines and
+a difference of two versions can be read. A row has episodes of one version only: what
+was run with other kernels, or another plant, operator or judge, are episodes of
+something else. A row of another version is kept beside the new one until that one has
+as many episodes.
 """
 
 import fcntl
 import json
 import os
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from armguard.cli.console import jsonable
-from armguard.kernel import kernel_digest
+from armguard.cli.console import jsonable, say
+from episodes.kernels import GUARD, kernels_of
 
 Figures = dict[str, Any]
+Extreme = Mapping[str, Callable[[float, float], float]]
 
 # So many seeds in which something was found are told.
 TOLD = 20
+
+# What figures have beside what was measured.
+BESIDE = ("version", "kernels", "before")
+
+
+class Digest(NamedTuple):
+    """What came of an episode, in short.
+
+    Attributes:
+        seed: Its number.
+        outcome: What was found, or why it was left out; empty if nothing was.
+        least: Least distance [mm], None where there is none.
+        counts: Whatever else is counted or measured, by name; nothing of what is 0.
+    """
+
+    seed: int
+    outcome: str = ""
+    least: float | None = None
+    counts: Mapping[str, float] = {}
 
 
 def version(what: str, files: Iterable[Path]) -> str:
@@ -30,13 +53,13 @@ def version(what: str, files: Iterable[Path]) -> str:
         what: What the episodes are of.
         files: The files.
     """
-    digest = sha256(what.encode() + kernel_digest().encode())
+    digest = sha256(what.encode() + kernels_of().encode())
     for path in files:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def joined(ranges: list[list[int]]) -> list[list[int]]:
+def joined(ranges: Iterable[Sequence[int]]) -> list[list[int]]:
     """Ranges of seeds, each with its end, where one follows another as one."""
     found: list[list[int]] = []
     for first, end in sorted(ranges):
@@ -47,6 +70,11 @@ def joined(ranges: list[list[int]]) -> list[list[int]]:
     return found
 
 
+def ranges_of(seeds: Iterable[int]) -> list[list[int]]:
+    """Seeds as ranges, each with its end."""
+    return joined([seed, seed + 1] for seed in seeds)
+
+
 def overlap(one: list[list[int]], other: list[list[int]]) -> bool:
     """Whether ranges of seeds have any in common."""
     return any(a < d and c < b for a, b in one for c, d in other)
@@ -55,54 +83,75 @@ def overlap(one: list[list[int]], other: list[list[int]]) -> bool:
 class Records:
     """Figures of each kind of episodes in a file, which every change is written to.
 
+    Attributes:
+        kinds: Figures of all kinds.
+
     Args:
         path: The file; it need not exist.
         of: What episodes of a kind are run with, see `version`.
         extreme: Figures that are no sums, and how two of one name are put together.
+        derived: Figures of a kind that follow from its sums.
     """
 
     def __init__(
         self,
         path: Path,
         of: Callable[[str], str],
-        extreme: Mapping[str, Callable[[float, float], float]],
+        extreme: Extreme,
+        derived: Callable[[str, Figures], Figures] = lambda _, __: {},
     ) -> None:
         self.path = path
+        self.episodes = path.parent / "episodes" / f"{path.stem}.jsonl"
         self.of = of
         self.extreme = extreme
-        self.kinds = self._read()
+        self.derived = derived
+        self.kinds = read(path)
 
     def todo(self, kind: str, first: int, end: int) -> Iterator[int]:
         """Seeds of a range of which nothing is known yet."""
-        self.kinds = self._read()
+        self.kinds = read(self.path)
         done = self._known(kind).get("seeds", [])
         for seed in range(first, end):
             if not any(a <= seed < b for a, b in done):
                 yield seed
 
-    def add(self, kind: str, figures: Figures) -> Figures:
+    def add(
+        self, kind: str, figures: Figures, digests: Iterable[Digest] = ()
+    ) -> Figures:
         """Add figures of more episodes; all that is known of this kind."""
         with self._alone():
             # Another campaign may have added to the same file meanwhile.
-            self.kinds = self._read()
+            self.kinds = read(self.path)
             known = self._known(kind)
             if known and overlap(known["seeds"], figures["seeds"]):
-                # Somebody else ran them as well, and was quicker.
-                return known
-            found = merged(known, figures, self.extreme) if known else figures
-            self.kinds[kind] = jsonable({**found, "version": self.of(kind)})
-            text = json.dumps(self.kinds, indent=1) + "\n"
-            # Who is killed while he writes loses nothing that was there.
-            beside = self.path.with_suffix(".part")
-            beside.write_text(text, encoding="utf-8")
-            beside.replace(self.path)
+                # Another campaign ran them as well, and was quicker.
+                return self.kinds[kind]
+            found = merged(known, figures, self.extreme)
+            found |= self.derived(kind, found) if found["episodes"] else {}
+            marks = {"version": self.of(kind), "kernels": kernels_of()}
+            others = self._others(kind)
+            larger = [f for f in others if f["episodes"] > found["episodes"]]
+            if larger:
+                found["before"] = max(larger, key=lambda f: f["episodes"])
+            self.kinds[kind] = jsonable({**found, **marks})
+            line = line_of(kind, marks, digests)
+            replace(self.episodes, "".join([*self._kept_lines(), line]))
+            replace(self.path, json.dumps(self.kinds, indent=1) + "\n")
         return self.kinds[kind]
 
-    def _read(self) -> dict[str, Figures]:
-        if not self.path.exists():
-            return {}
-        found: dict[str, Figures] = json.loads(self.path.read_text("utf-8"))
-        return found
+    def digests(self, kind: str, version: str | None = None) -> dict[int, Digest]:
+        """What came of the episodes of a kind, by seed.
+
+        Args:
+            kind: Which.
+            version: What they were run with; what is run today if None.
+        """
+        wanted = kind, version or self.of(kind)
+        found: dict[int, Digest] = {}
+        for line in self._lines():
+            if (line["row"], line["version"]) == wanted:
+                found |= {digest.seed: digest for digest in digests_of(line)}
+        return dict(sorted(found.items()))
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -117,26 +166,153 @@ class Records:
     def _known(self, kind: str) -> Figures:
         """Figures of a kind that more may be added to; empty if there are none."""
         figures = self.kinds.get(kind, {})
-        return figures if figures.get("version") == self.of(kind) else {}
+        if figures.get("version") != self.of(kind):
+            return {}
+        return {key: f for key, f in figures.items() if key not in BESIDE}
+
+    def _others(self, kind: str) -> list[Figures]:
+        """Figures of a kind of other versions."""
+        kept = self.kinds.get(kind, {})
+        found = [kept.pop("before")] if "before" in kept else []
+        return found if self._known(kind) or not kept else [kept, *found]
+
+    def _lines(self) -> Iterator[Figures]:
+        if self.episodes.exists():
+            yield from map(json.loads, self.episodes.read_text("utf-8").splitlines())
+
+    def _kept_lines(self) -> Iterator[str]:
+        """Lines of the episodes that figures are still kept of."""
+        rows = {
+            (kind, f.get("version"))
+            for kind, figures in self.kinds.items()
+            for f in versions_of(figures)
+        }
+        for line in self._lines():
+            if (line["row"], line["version"]) in rows:
+                yield packed(line)
 
 
-def merged(
-    one: Figures,
-    other: Figures,
-    extreme: Mapping[str, Callable[[float, float], float]],
-) -> Figures:
+def read(path: Path) -> dict[str, Figures]:
+    """Figures of a file by row; none if there is no file."""
+    if not path.exists():
+        return {}
+    found: dict[str, Figures] = json.loads(path.read_text("utf-8"))
+    return found
+
+
+def replace(path: Path, text: str) -> None:
+    """Write a file, so that a run that is killed meanwhile loses nothing of it."""
+    path.parent.mkdir(exist_ok=True)
+    beside = path.with_suffix(".part")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)
+
+
+def versions_of(figures: Figures) -> list[Figures]:
+    """Figures of a kind by version, the present one last."""
+    return [figures["before"], figures] if "before" in figures else [figures]
+
+
+def rows_of(figures: Figures) -> list[Figures]:
+    """Those of them that have any episodes: rows of a page."""
+    return [row for row in versions_of(figures) if row["episodes"] > 0]
+
+
+def line_of(kind: str, marks: Mapping[str, str], digests: Iterable[Digest]) -> str:
+    """What came of some episodes as a line of text; empty if there are none."""
+    found = sorted(digests, key=lambda digest: digest.seed)
+    outcomes: dict[str, list[int]] = {}
+    for digest in found:
+        if digest.outcome:
+            outcomes.setdefault(digest.outcome, []).append(digest.seed)
+    names = sorted({name for digest in found for name in digest.counts})
+    counts = {name: [digest.counts.get(name, 0) for digest in found] for name in names}
+    line = {
+        "row": kind,
+        **marks,
+        "seeds": ranges_of(digest.seed for digest in found),
+        "least_mm": [d.least if d.least is None else round(d.least, 2) for d in found],
+        "outcomes": outcomes,
+        "counts": {name: sparse(some) for name, some in counts.items() if any(some)},
+    }
+    return packed(jsonable(line)) if found else ""
+
+
+def packed(line: Figures) -> str:
+    """A line of text."""
+    return json.dumps(line, separators=(",", ":")) + "\n"
+
+
+def sparse(values: list[float]) -> list[float] | dict[str, float]:
+    """Values by their place, without those that are 0, where that is shorter."""
+    some = {str(k): value for k, value in enumerate(values) if value}
+    return some if 2 * len(some) < len(values) else values
+
+
+def digests_of(line: Figures) -> Iterator[Digest]:
+    """What came of the episodes of a line."""
+    outcomes = {
+        seed: name for name, seeds in line["outcomes"].items() for seed in seeds
+    }
+    seeds = [seed for first, end in line["seeds"] for seed in range(first, end)]
+    for k, (seed, least) in enumerate(zip(seeds, line["least_mm"], strict=True)):
+        counts = {
+            name: some[k] if isinstance(some, list) else some.get(str(k), 0)
+            for name, some in line["counts"].items()
+        }
+        some = {name: count for name, count in counts.items() if count}
+        yield Digest(seed, outcomes.get(seed, ""), least, some)
+
+
+def keep(
+    path: Path,
+    name: str,
+    figures: Any,
+    size: float,
+    folders: Sequence[str] = GUARD,
+) -> bool:
+    """Put figures of a run beside those of others in a file; whether that was done.
+
+    A smaller run than the one that is there changes nothing.
+
+    Args:
+        path: The file; it need not exist.
+        name: What was measured.
+        figures: What came of it.
+        size: How much was run, to be compared with other runs of the same.
+        folders: Folders of the package whose kernels decide the figures.
+    """
+    results = read(path)
+    runs = results.setdefault("runs", {})
+    known = runs.get(name, {}).get("size", 0)
+    if known > size:
+        say(f"{name}: not written, a run of {size:g} is smaller than that of {known:g}")
+        return False
+    results[name] = jsonable(figures)
+    runs[name] = {"size": size, "kernels": kernels_of(*folders)}
+    if folders is not GUARD:
+        runs[name]["of"] = [*folders]
+    replace(path, json.dumps(results, indent=1) + "\n")
+    return True
+
+
+def merged(one: Figures, other: Figures, extreme: Extreme) -> Figures:
     """Figures of two sets of episodes that have none in common."""
     found: Figures = {}
-    for key in other:
-        a, b = one[key], other[key]
-        if key == "seeds":
+    for key in {**one, **other}:
+        a, b = one.get(key), other.get(key)
+        if a is None or b is None:
+            found[key] = b if a is None else a
+        elif key == "seeds":
             found[key] = joined([*a, *b])
         elif key in extreme:
             found[key] = extreme[key](a, b)
         elif isinstance(b, dict):
-            found[key] = dict(Counter(a) + Counter(b))
+            found[key] = merged(a, b, extreme)
         elif isinstance(b, list):
             found[key] = [*a, *b][:TOLD]
+        elif isinstance(b, str):
+            found[key] = b
         else:
             found[key] = a + b
     return found

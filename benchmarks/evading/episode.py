@@ -28,7 +28,7 @@ class Sight:
 
     def __init__(self, guard: Guard, throw: Throw, rng: np.random.Generator) -> None:
         self.guard, self.throw, self.rng = guard, throw, rng
-        self._next = BEFORE
+        self._next, self._seen = BEFORE, BEFORE
 
     def tell(self, plant: Plant) -> None:
         """Tell the guard before a cycle what was seen."""
@@ -39,7 +39,8 @@ class Sight:
             self._next = inf
             return
         late = PERIOD * int(self.rng.integers(SEEN_LATE + 1))
-        time = max(plant.time - late, BEFORE)
+        # Sightings arrive in their order.
+        time = self._seen = max(plant.time - late, self._seen)
         self.guard.place(
             MOVER,
             self.throw.thing.at(

@@ -97,7 +97,7 @@ class Plant:
         for name, action in command.actions.items():
             own = self.place.own[name]
             # A joint that is stopped does not drift.
-            drives[own] = (command.velocity[own] != 0.0) | (action == Action.FOLLOW)
+            drives[own] = (command.velocity[own] != 0.0) | (action < Action.STOP)
         for _ in range(round(PERIOD / SUBSTEP)):
             self._told.append((command.velocity, drives))
             self._move(*self._told.popleft())
@@ -150,5 +150,5 @@ class Plant:
                 self._brake_at[name] = np.inf
             if action > before and verdict.levels[name] >= Level.STOP:
                 self.stops.append((self.time, name, verdict.reason.name))
-            if blocked[name] is Blocked.STOPPED and action is Action.FOLLOW:
+            if blocked[name] is Blocked.STOPPED and action is Action.HOLD:
                 self.guard.engage(name)

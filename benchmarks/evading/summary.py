@@ -1,14 +1,12 @@
 """What many episodes of getting out of the way came to, in figures and on a page."""
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from math import ceil
 from typing import Any
 
-import numpy as np
-
 from closed_loop.judge import SIGHT
-from episodes.records import TOLD, joined
+from episodes import kernels
+from episodes.classes import classes, counted, percentile
+from episodes.records import TOLD, Digest, rows_of
 
 Figures = dict[str, Any]
 
@@ -42,7 +40,6 @@ def summed_up(episodes: list[Figures]) -> Figures:
     secondary = [e for e in episodes if e["touched"]]
     return {
         "episodes": len(episodes),
-        "seeds": joined([[e["seed"], e["seed"] + 1] for e in episodes]),
         "evadable": len(can),
         "evaded": len(out),
         "evadable_hit": len(hit),
@@ -50,8 +47,8 @@ def summed_up(episodes: list[Figures]) -> Figures:
         "other_hit": sum(not (e["evaded"] or e["evadable"]) for e in episodes),
         "secondary": len(secondary),
         "secondary_seeds": [[e["seed"], *e["touched"][0]] for e in secondary[:TOLD]],
-        "evadable_by": counted(classes(can)),
-        "evaded_by": counted(classes(out)),
+        "evadable_by": counted(sorts(can)),
+        "evaded_by": counted(sorts(out)),
         "why": counted(e["why"] for e in hit),
         "went_along": sum((e["along"] or 0.0) >= ALONG for e in hit),
         "hit_seeds": [[e["seed"], e["why"], e["hit"]] for e in hit[:TOLD]],
@@ -60,7 +57,7 @@ def summed_up(episodes: list[Figures]) -> Figures:
         "closest": counted(near(e["mover_least"]) for e in out),
         "nearest_evaded_mm": 1e3 * min((e["mover_least"] for e in out), default=SIGHT),
         "nearest_else_mm": 1e3 * min(e["others_least"] for e in episodes),
-        "cycle_us": counted(str(CLASS * ceil(1e6 * t / CLASS)) for t in times),
+        "cycle_us": classes((1e6 * t for t in times), CLASS),
         "slowest_cycle_us": 1e6 * max(times),
         "ways_tried": sum(e["ways_tried"] for e in episodes),
         "simulated_s": sum(e["simulated_s"] for e in episodes),
@@ -68,12 +65,18 @@ def summed_up(episodes: list[Figures]) -> Figures:
     }
 
 
-def counted(names: Iterable[str]) -> dict[str, int]:
-    """How often each name is there, by name."""
-    return dict(sorted(Counter(names).items()))
+def digest(episode: Figures) -> Digest:
+    """What came of an episode, in short."""
+    if episode["touched"]:
+        outcome = "secondary contact"
+    else:
+        evadable = "" if episode["evadable"] else ", not evadable"
+        outcome = ("evaded" if episode["evaded"] else "hit") + evadable
+    least = 1e3 * min(episode["mover_least"], episode["others_least"])
+    return Digest(episode["seed"], outcome, least, {"stops": len(episode["stops"])})
 
 
-def classes(episodes: list[Figures]) -> Iterable[str]:
+def sorts(episodes: list[Figures]) -> Iterable[str]:
     """What each episode is counted as: by speed, and by what the arm does."""
     for episode in episodes:
         end = next(s for s in SPEEDS if episode["speed"] <= s)
@@ -97,13 +100,6 @@ def is_broken(figures: Figures) -> bool:
     return figures["secondary"] > 0 or share(figures) < SHARE
 
 
-def percentile(cycle_us: Mapping[str, int], part: float) -> int:
-    """A percentile of cycle times, no less than it is [us]."""
-    ends = sorted(int(us) for us in cycle_us)
-    before = np.cumsum([cycle_us[str(end)] for end in ends])
-    return ends[int(np.searchsorted(before, part * before[-1]))]
-
-
 def sentence(place: str, figures: Figures) -> str:
     """The figures that matter."""
     return (
@@ -119,8 +115,11 @@ def page(results: Mapping[str, Figures]) -> str:
     head = f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}"
     return PAGE.format(
         head=head,
-        rows="\n".join(row(*item) for item in results.items()),
-        more="\n".join(more(*item) for item in results.items()),
+        rows="\n".join(
+            row(p, f) for p, found in results.items() for f in rows_of(found)
+        ),
+        more="\n".join(more(*item) for item in results.items() if item[1]["episodes"]),
+        note=kernels.note(),
     )
 
 
@@ -134,7 +133,7 @@ def row(place: str, figures: Figures) -> str:
         f"{figures['secondary']} | {figures['nearest_evaded_mm']:.1f} | "
         f"{figures['nearest_else_mm']:.1f} | {percentile(times, 0.5)} / "
         f"{percentile(times, 0.99)} / {figures['slowest_cycle_us']:.0f} | "
-        f"{figures['version']} |"
+        f"{kernels.told(figures)} |"
     )
 
 
@@ -148,7 +147,8 @@ def more(place: str, figures: Figures) -> str:
         f"{listed(figures['closest'])}. What the search found no way out of was hit "
         f"{figures['other_hit']} times and evaded {figures['other_evaded']} times. "
         f"Episodes with a stop before a hit: {figures['episodes_with_a_stop']}; "
-        f"stops: {listed(figures['stops'])}. {cost:.1f} s of a core each."
+        f"stops: {listed(figures['stops'])}. {cost:.1f} s of a core each. Not "
+        f"evadable: {figures['episodes'] - figures['evadable']}."
     ]
     if figures["evadable_hit"]:
         lines.append(
@@ -158,6 +158,8 @@ def more(place: str, figures: Figures) -> str:
         )
         seeds = "; ".join(f"{s}: {why}, {hit}" for s, why, hit in figures["hit_seeds"])
         lines.append(f"Some of their seeds: {seeds}.")
+    if figures.get("left_out"):
+        lines.append(f"Left out: {listed(figures['left_out'])}.")
     if figures["secondary"]:
         seeds = "; ".join(
             f"{s}: {a} and {b} at {t:.2f} s"
@@ -184,7 +186,7 @@ COLUMNS = (
     "closest of what was evaded [mm]",
     "closest of all else [mm]",
     "cycle, median / 99 % / slowest [us]",
-    "version",
+    "kernels",
 )
 
 PAGE = """# Evading: many things thrown and pushed at arms
@@ -227,5 +229,7 @@ thing.
 
 {head}
 {rows}
+
+{note}
 
 {more}"""

@@ -25,11 +25,11 @@ def leave(plant: Plant, *, fingers: bool) -> bool:
         command = plant.drive(still)
     for _ in range(int(AWAY / plant.period)):
         nearest = command.verdict.nearest
-        follows = command.action == Action.FOLLOW
+        follows = command.action < Action.STOP
         if follows and (nearest is None or nearest.clearance > ROOM):
             return True
         wish = SPEED * np.asarray(command.verdict.cues["arm"].escape)
         if not fingers:
             wish[plant.fingers] = 0.0
         command = plant.drive(wish)
-    return bool(command.action == Action.FOLLOW)
+    return bool(command.action < Action.STOP)

@@ -138,7 +138,7 @@ class PandaPicker(Picker):
             held = wish.copy()
             back = STIFF * (here - self.plant.seen[:3])
             held[:3] = np.where(wish[:3] == 0.0, back, wish[:3])
-            if self.plant.cycle(held).action > Action.FOLLOW:
+            if self.plant.cycle(held).action >= Action.STOP:
                 return False
         return False
 

@@ -121,7 +121,7 @@ class Picker:
             q = self.plant.q
             if all(self.judge.gap(q, part, other) <= 0.0 for part in part_of):
                 return True
-            if self.plant.cycle(wish).action > Action.FOLLOW:
+            if self.plant.cycle(wish).action >= Action.STOP:
                 return False
         return False
 

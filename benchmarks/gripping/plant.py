@@ -31,7 +31,7 @@ class Plant:
         rows: True positions after each cycle [m].
         stops: Named reasons of all stops, in order.
         command: The last command; None before the first cycle.
-        stopped_for: Time for which the robot is more than to follow [s].
+        stopped_for: Time for which the robot is being stopped [s].
 
     Args:
         guard: The guard.
@@ -86,15 +86,15 @@ class Plant:
         stamp = len(self.rows) * self.period
         command = self.guard.filter(self.measured, wish, stamp, velocity=v, now=now)
         action = command.action
-        self.stopped_for += self.period if action > Action.FOLLOW else -self.stopped_for
+        self.stopped_for += self.period if action >= Action.STOP else -self.stopped_for
         self._note(command, action)
         self._told.append((command.velocity, action))
         told, takes_effect = self._told.popleft()
         # A stop is as declared: it is not sped up again.
-        if len(self.rows) >= self._until and takes_effect == Action.FOLLOW:
+        if len(self.rows) >= self._until and takes_effect < Action.STOP:
             self._draw_error()
         # A joint that is stopped does not drift.
-        drifts = (told != 0.0) | (takes_effect == Action.FOLLOW)
+        drifts = (told != 0.0) | (takes_effect < Action.STOP)
         change = told + drifts * self._error - self.v
         most = STOPPING["acceleration"] * self.period
         self.v = self.v + np.clip(change, -most, most)
@@ -123,7 +123,7 @@ class Plant:
         """Remember the reason of a stop when it begins."""
         before, self._action = self._action, action
         self.command = command
-        if action > before:
+        if action > before and action >= Action.STOP:
             verdict = command.verdict
             nearest = verdict.nearest
             pair = "" if nearest is None else f": {nearest.a}, {nearest.b}"

@@ -5,9 +5,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from armguard.scene import Grasp
-from episodes.records import TOLD, joined
+from episodes import kernels
+from episodes.classes import counted
+from episodes.records import TOLD, Digest, rows_of
 from gripping.gantry import FIGURES
 from gripping.pick_and_place import UNNAMED
+from gripping.unintended import WORDS
 
 Figures = dict[str, Any]
 
@@ -17,8 +20,11 @@ Figures = dict[str, Any]
 LEVERS = {"panda": 4.5}
 CREEP = {
     kind: Grasp().creep + LEVERS.get(kind, 2.0) * FIGURES["tracking_error"] + 1e-6
-    for kind in ("placing", "changing", "panda")
+    for kind in ("placing", "changing", "panda", "unintended")
 }
+
+# Kinds in which nothing is to be picked up and put down.
+WITHOUT_PLACES = ("changing", "unintended")
 
 # How far a contact that is meant may go, where what is held is as well known as a
 # measured position [m].
@@ -43,7 +49,6 @@ def summed_up(kind: str, episodes: list[Figures]) -> Figures:
     touched = [e for e in episodes if e["touched"]]
     found: Figures = {
         "episodes": len(episodes),
-        "seeds": joined([[e["seed"], e["seed"] + 1] for e in episodes]),
         "touched_not_meant": len(touched),
         "touched_seeds": [e["seed"] for e in touched[:TOLD]],
         "least_not_meant_mm": 1e3 * min(e["least"] for e in episodes),
@@ -56,7 +61,11 @@ def summed_up(kind: str, episodes: list[Figures]) -> Figures:
         "simulated_s": sum(e["simulated_s"] for e in episodes),
         "worked_s": sum(e["worked_s"] for e in episodes),
     }
-    if kind != "changing":
+    if kind == "unintended":
+        found["of_each"] = counted(e["kind"] for e in episodes)
+        found["touched_of_each"] = counted(e["kind"] for e in touched)
+        found["stopped_of_each"] = counted(e["kind"] for e in episodes if e["stops"])
+    elif kind != "changing":
         slipped = [e for e in episodes if e["slipped"] > SLIPPED]
         failed = [e for e in episodes if not e["placed"]]
         found |= {
@@ -81,6 +90,15 @@ def summed_up(kind: str, episodes: list[Figures]) -> Figures:
     return found
 
 
+def digest(episode: Figures) -> Digest:
+    """What came of an episode, in short."""
+    outcome = str(episode.get("failed") or "")
+    if episode["touched"]:
+        outcome = "unintended contact"
+    counts = {"stops": len(episode["stops"])}
+    return Digest(episode["seed"], outcome, 1e3 * episode["least"], counts)
+
+
 def is_broken(figures: Figures) -> bool:
     """Whether a promise is broken."""
     keys = (
@@ -97,13 +115,13 @@ def sentence(kind: str, figures: Figures) -> str:
     """The figures that matter."""
     text = (
         f"{kind}: {figures['episodes']} episodes, "
-        f"{figures['touched_not_meant']} touched what was not meant (least distance "
+        f"{figures['touched_not_meant']} with an unintended contact (least distance "
         f"{figures['least_not_meant_mm']:.1f} mm), deepest "
         f"{figures['deepest_mm']:.2f} mm, fastest contact "
         f"{figures['fastest_contact_mm_s']:.1f} mm/s, "
         f"{figures['episodes_with_a_stop']} with a stop"
     )
-    if kind != "changing":
+    if kind not in WITHOUT_PLACES:
         text += (
             f", {figures['grasps_done']} grasps and {figures['placements_done']} "
             "placements done"
@@ -116,8 +134,11 @@ def page(results: Figures) -> str:
     head = f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}"
     return PAGE.format(
         head=head,
-        rows="\n".join(row(*item) for item in results.items()),
-        more="\n".join(more(*item) for item in results.items()),
+        rows="\n".join(
+            row(k, f) for k, found in results.items() for f in rows_of(found)
+        ),
+        more="\n".join(more(*item) for item in results.items() if item[1]["episodes"]),
+        note=kernels.note(),
     )
 
 
@@ -129,19 +150,26 @@ def row(kind: str, figures: Figures) -> str:
         f"{figures['least_not_meant_mm']:.1f} | {figures['deepest_mm']:.2f} | "
         f"{figures['fastest_contact_mm_s']:.1f} | "
         f"{figures['episodes_with_a_stop']} | {time:.1f} | "
-        f"{figures['version']} |"
+        f"{kernels.told(figures)} |"
     )
 
 
 def more(kind: str, figures: Figures) -> str:
-    """What a kind of episodes has beside the table."""
+    """Figures of a kind of episodes that are not in the table."""
     stops = ", ".join(f"{n} {name}" for name, n in figures["stops"].items()) or "none"
     cost = figures["worked_s"] / figures["episodes"]
     lines = [f"**{kind}**: {cost:.1f} s of a core each. Stops: {stops}."]
-    if kind != "changing":
+    if kind == "unintended":
+        touched, stopped = figures["touched_of_each"], figures["stopped_of_each"]
+        lines += [
+            f"{count} times {WORDS[name]}: {touched.get(name, 0)} contacts, "
+            f"{stopped.get(name, 0)} stops, the others were slowed down."
+            for name, count in figures["of_each"].items()
+        ]
+    elif kind != "changing":
         lines.append(
-            f"Certified ways: {figures['certified']}; grasps meant "
-            f"{figures['episodes']}, done {figures['grasps_done']}; placements meant "
+            f"Certified ways: {figures['certified']}; grasps tried "
+            f"{figures['episodes']}, done {figures['grasps_done']}; placements tried "
             f"{figures['placements_meant']}, done {figures['placements_done']}; "
             f"{figures['tried_again']} operators had to try again."
         )
@@ -155,9 +183,12 @@ def more(kind: str, figures: Figures) -> str:
         lines += [f"Seed {seed} failed: {why}." for seed, why in figures["failed"]]
     else:
         lines.append(
-            f"He changed his mind {figures['changes_of_mind']:,} times, and touched "
-            f"{figures['things_touched_as_meant']:,} things he meant."
+            f"The operators changed their target {figures['changes_of_mind']:,} times "
+            f"and touched {figures['things_touched_as_meant']:,} targets."
         )
+    if figures.get("left_out"):
+        left = "; ".join(f"{n}: {why}" for why, n in figures["left_out"].items())
+        lines.append(f"Left out, and not counted above: {left}.")
     if figures["touched_seeds"]:
         seeds = ", ".join(map(str, figures["touched_seeds"]))
         lines.append(f"Seeds in which something was touched: {seeds}.")
@@ -167,53 +198,58 @@ def more(kind: str, figures: Figures) -> str:
 COLUMNS = (
     "kind",
     "episodes",
-    "touched what was not meant",
-    "least distance of it [mm]",
+    "unintended contacts",
+    "least unintended distance [mm]",
     "deepest [mm]",
     "fastest contact [mm/s]",
     "with a stop",
     "time [s]",
-    "version",
+    "kernels",
 )
 
 PAGE = """# Gripping: many episodes
 
-`make gripping` writes this page, and goes on where it was left: episodes of one version
-of kernels, plant, operators and judge are added up. An operator drives a gantry of
-three axes with a gripper of two fingers through `Guard.filter`, among blocks and cups
-that may be [gripped](gripping.md). The plant is late, is measured late, and misses what
-it is told by all that the scene declares: 4 ms, 4 ms, 2 mm/s each joint, the same for
-up to 0.3 s.
+`make gripping` writes this page and resumes: it adds up episodes of one version of
+kernels, plant, operators and judge. An operator drives a gantry of three axes with a
+gripper of two fingers through `Guard.filter`, among blocks and cups that may be
+[gripped](gripping.md). The plant uses up its declared figures: commands take effect
+4 ms late, measurements are 4 ms old, each joint misses its command by 2 mm/s for up to
+0.3 s.
 
-- **placing**: one of up to six things on a table with walls, posts and boards is
-  gripped, lifted, carried to a free place at up to 0.8 m/s and let go. Half of the
-  operators go sideways before they are high enough. It is drawn such that `check_path`
-  proves the way at rest, without what is carried, and nothing else is nearer than 12 mm
-  where it is gripped and put down. An operator who is stopped lets go, goes where the
-  cues lead, and tries again, up to three times.
-- **changing**: two to eight things stand 20 mm beside each other. Every 0.1 to 5 s the
-  operator turns to another one, or drives another way: slowly to grip, straight at it
-  at up to 0.8 m/s, with the back of the hand, with closed fingers, at random. He means
-  the thing he turned to, and the one he turned from until his fingers have been 8 mm
-  from it. A stick at random means what the middle between the fingers is slowly, at up
-  to 0.1 m/s, and straight led to within 10 mm of, which is what the scene declares.
-- **panda**: the same as placing, with a Panda that is led by its hand, and stops, is
-  late and misses what it is told by the same numbers, its joints in rad/s. Its arm, but
-  for hand and fingers, is 25 mm off everything on the way that is proven. An operator
-  whose hand slides while he pushes brings it back.
+- **placing**: the operator grips one of up to six objects on a table with walls, posts
+  and boards, lifts it, carries it to a free place at up to 0.8 m/s and lets it go. Half
+  of the operators move sideways before the object is high enough. Tasks are drawn such
+  that `check_path` proves the way at rest, without the carried object, and no other
+  object is nearer than 12 mm at the grasp and at the place. A stopped operator releases
+  the stick, follows the cues and tries again, up to three times.
+- **changing**: two to eight objects stand 20 mm apart. Every 0.1 to 5 s the operator
+  chooses another target, or drives in another manner: slowly to grip, straight at it at
+  up to 0.8 m/s, with the back of the hand, with closed fingers, at random. Contact is
+  intended with the target, and with the target before it until the fingers have been
+  8 mm away from it. A random stick intends the object that the middle between the
+  fingers is led to slowly, at up to 0.1 m/s, straight and to within 10 mm, as the scene
+  declares it.
+- **unintended**: six kinds of motion in turns, in none of which a contact is intended.
+  Without a guard the same operator and plant touch an object in every episode.
+- **panda**: as placing, with a Panda whose hand is led. It stops, lags and misses its
+  commands by the same numbers, its joints in rad/s. Its arm, without hand and fingers,
+  keeps 25 mm from every object on the proven way. An operator whose hand slips while he
+  pushes brings it back.
 
 A quarter of the robots respond with `slow`, all others with `deflect`.
 
-True states are judged, every cycle, by closed forms for upright boxes and cylinders
-that share nothing with the guard's distances; those of the Panda by MuJoCo, by the
-convex hulls of its own meshes, up to 30 mm. Whatever touches is one of: fingers and
-the thing that is meant; what is held and the table, while it is lifted or put down. All
-else is not meant. A contact may be 2 mm deep and begin at 20 mm/s, beside what joints
-miss their commands by (4 mm/s for two of the gantry, 9 mm/s for those of the Panda).
-The arm's own links are not judged against each other. Fingers that hold something are
-to stay where they are.
+Closed forms for upright boxes and cylinders, which share nothing with the guard's
+distances, judge the true states in every cycle; MuJoCo judges those of the Panda, by
+the convex hulls of its own meshes, up to 30 mm. Intended contacts are those of the
+fingers with the target, and of the held object with the table while it is lifted or put
+down. All others are unintended. An intended contact may be 2 mm deep and begin at
+20 mm/s, plus the errors of the commanded velocities (4 mm/s for two joints of the
+gantry, 9 mm/s for those of the Panda). The links of an arm are not judged against each
+other. Fingers that hold an object must not move.
 
 {head}
 {rows}
+
+{note}
 
 {more}"""

@@ -126,7 +126,7 @@ def stuck(i: Input, k: int, guard: Guard) -> Input:
 
 
 def half(i: Input, k: int, guard: Guard) -> Input:
-    """Velocities are told half as large as they are."""
+    """Measured velocities are half of the true ones."""
     return replace(i, v=0.5 * i.v)
 
 
@@ -150,7 +150,7 @@ FAULTS = (
     Fault("without `now`: one robot's are no longer new", aged(1e3), 21, False),
     Fault("all get 50 ms old, stamped as new", old, 11),
     Fault("positions stand still, stamps and velocities go on", stuck),
-    Fault("velocities are told half as large as they are", half),
+    Fault("measured velocities are half of the true ones", half),
     Fault("positions jump by 20 mrad", jumped),
 )
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from closed_loop.page import table
+from episodes.kernels import told_of
 
 Figures = Mapping[str, Any]
 
@@ -27,10 +28,14 @@ def page(results: Figures) -> str:
         (("thin",), thin),
         (("contact", "approach"), contact),
         (("slower", "clocks"), supervision),
+        (("refused",), refused),
+        (("contradictions",), contradictions),
+        (("clean",), clean),
     ]
     for names, write in parts:
         if all(name in results for name in names):
             lines += write(*(results[name] for name in names))
+    lines += [told_of(results), ""]
     return "\n".join(lines)
 
 
@@ -318,10 +323,87 @@ def supervision(r: Figures, c: Figures) -> list[str]:
         "delays and weak brakes that end within what settling may be;",
         "- an age between `sensing` and `stale`: it is counted into the need of every "
         "pair, and refused only beyond `stale`;",
-        "- an age that no stamp tells, and velocities or positions that contradict "
-        "each other by less than top speed allows.",
+        "- an age that is not in the stamp; velocities that differ from positions over "
+        "time by no more than the declared errors and what a joint gains in a period; "
+        "positions and velocities that both stand still from when a joint rests on.",
         "",
     ]
+
+
+def refused(r: Figures) -> list[str]:
+    """Faults of one cycle."""
+    told = sorted(r["seen"].items(), key=lambda item: -item[1])
+    rows = [
+        ("disproved", "0", zero(r["disproved"], r["episodes"])),
+        ("contacts", "0", zero(r["contact"], r["episodes"])),
+    ]
+    return [
+        "## One wrong cycle",
+        "",
+        *targets(rows, "refused"),
+        f"{r['episodes']:,} runs of a carriage at a wall, at corners of its figures, "
+        f"with one cycle in which something is wrong ({r['kinds_of_fault']} kinds), on "
+        "the way or in its stop. It stops as declared, half of the time as late and "
+        f"weakly as it may. The nearest came to rest {r['least_gap_mm']:.2f} mm before "
+        "the wall. That cycle was answered by "
+        + ", ".join(f"`{name}` {count:,}" for name, count in told)
+        + ".",
+        "",
+    ]
+
+
+def contradictions(r: Figures) -> list[str]:
+    """Velocities beside positions."""
+    plays, named = (sum(row[k] for row in r["rows"]) for k in ("plays", "soon"))
+    rows = [
+        (
+            f"contradictions named within 80 ms of motion, {r['kinds']} kinds",
+            "all",
+            marked(f"{named:,} of {plays:,}", named == plays),
+        )
+    ]
+    body = [
+        [
+            row["kind"],
+            f"{row['speed']:g} rad/s",
+            f"{row['soon']} of {row['plays']}",
+            f"{row['longest_ms']:.0f} ms",
+            ", ".join(f"`{name}`" for name in row["reasons"]),
+        ]
+        for row in r["rows"]
+    ]
+    return [
+        "## Positions and velocities that contradict each other",
+        "",
+        *targets(rows, "contradictions"),
+        "Joints that sway at up to this speed, with errors at their declared limits "
+        "(velocities ± 10 mrad/s, positions ± 0.1 mrad), at 1 kHz. What differs by no "
+        "more than the declared error and what a joint gains in a period cannot be "
+        "told from an error: it is counted into every need.",
+        "",
+        *table(["what is wrong", "at up to", "in time", "longest", "reasons"], body),
+        "",
+    ]
+
+
+def clean(r: Figures) -> list[str]:
+    """False alarms."""
+    rows = [("false alarms in clean cycles", "0", zero(r["alarms"], r["cycles"]))]
+    return [
+        "## No false alarm",
+        "",
+        *targets(rows, "clean"),
+        "Six joints that speed up and slow down as hard as they may; errors of "
+        "positions at their limit with alternating sign, those of velocities at their "
+        "limit for a while, velocities up to half a period off their positions, ages "
+        "drawn anew in every cycle.",
+        "",
+    ]
+
+
+def zero(count: int, of: int) -> str:
+    """So many of something of which there is to be none."""
+    return marked(f"{count:,} of {of:,}", count == 0)
 
 
 def stop_row(name: str, f: Figures) -> list[str]:

@@ -1,12 +1,14 @@
 """Plots of docs/reach.md."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from reach.answers import ANSWERS
 from reach.scenes import SCENES
@@ -22,9 +24,9 @@ COLOURS = dict(
     )
 )
 TITLES = {
-    "straight": "its own way is certified",
-    "bends": "only a bent way is; steers straight",
-    "led": "the same, led along that way",
+    "straight": "straight way certified",
+    "bends": "only a bent way certified; steers straight",
+    "led": "the same goals, along the certified way",
 }
 
 
@@ -58,24 +60,22 @@ def draw_goals(goals: Results, path: Path) -> None:
         axes.axhline(95.0, color="black", linewidth=0.7, linestyle=":")
         axes.spines[["top", "right"]].set_visible(False)
     places[0].set_ylabel("goals reached [%]\n(pale: after a stop)")
-    figure.legend(
-        *places[0].get_legend_handles_labels(),
-        ncols=len(answers),
-        loc="outside upper center",
-        fontsize=8,
-    )
+    legend(figure, list(places))
     figure.savefig(path)
 
 
 def draw_slides(slides: Results, path: Path) -> None:
     """How far tools get along, over time; the first slide of each scene."""
-    scenes = [s for s in SCENES if any((slides.get(s) or {}).values())]
-    figure = sheet(2.6 * max(len(scenes), 1), 3.4)
+    drawn = {
+        s: [r for r in rows.values() if r.get("first")] for s, rows in slides.items()
+    }
+    scenes = [s for s in SCENES if drawn.get(s)]
+    figure = sheet(2.6 * max(len(scenes), 1), 3.6)
     places = np.atleast_1d(figure.subplots(1, max(len(scenes), 1)))
     for axes, scene in zip(places, scenes, strict=False):
         for answer in ANSWERS:
             row = slides[scene].get(answer)
-            if not row:
+            if row is None or not row.get("first"):
                 continue
             first = row["first"]
             for k, way in enumerate(first["along_m"]):
@@ -90,5 +90,19 @@ def draw_slides(slides: Results, path: Path) -> None:
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.3)
     places[0].set_ylabel("way along the surface [mm]")
-    places[0].legend(fontsize=7)
+    legend(figure, list(places))
     figure.savefig(path)
+
+
+def legend(figure: Figure, places: Sequence[Axes]) -> None:
+    """A legend of all responses drawn in any of some places, in their order."""
+    drawn = {label for axes in places for label in axes.get_legend_handles_labels()[1]}
+    names = [answer for answer in ANSWERS if answer in drawn]
+    if names:
+        figure.legend(
+            [Patch(color=COLOURS[name]) for name in names],
+            names,
+            ncols=len(names),
+            loc="outside upper center",
+            fontsize=8,
+        )

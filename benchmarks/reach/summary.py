@@ -1,10 +1,15 @@
-"""From trials to figures."""
+"""From trials to figures, each of the same trials for all who answered."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
+from episodes.kernels import kernels_of
+from episodes.records import Digest, Figures, Records, versions_of
+from reach.answers import ANSWERS
+from reach.scenes import SCENES
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -12,114 +17,177 @@ Rows = Sequence[Mapping[str, Any]]
 # way is; led along that way.
 ROADS = ("straight", "bends", "led")
 
+WHATS = ("goals", "slides")
 
-def summed_up(trials: Rows) -> dict[str, Any]:
-    """Figures of trials of one scene with one answer, by road."""
-    found: dict[str, Any] = {
-        "drawn": len(trials),
-        "kinds": dict(Counter(f"{t['kind']}, {t['road']}" for t in trials)),
+# Digits of the numbers of a trial that are kept.
+DIGITS = 4
+
+# What begins the outcome of a trial that tells nothing.
+LEFT_OUT = "left out: "
+
+
+def digest(trial: Mapping[str, Any]) -> Digest:
+    """What came of a trial, in short."""
+    slide = trial.get("slide")
+    runs = trial["runs"] if slide is None else {"slide": slide}
+    numbers = {
+        f"{road} {name}": value
+        for road, run in runs.items()
+        for name, value in numbers_of(run).items()
     }
-    for road in ROADS:
-        runs = [(t, t["runs"][road]) for t in trials if road in t["runs"]]
-        found[road] = figures(runs)
-    return found
+    touched = any(run["contact"] is not None for run in runs.values())
+    least = 1e3 * min(run["least"] for run in runs.values())
+    kind = "slide" if slide is not None else trial["kind"]
+    return Digest(
+        trial["seed"], f"{kind}, contact" if touched else kind, least, numbers
+    )
 
 
-def figures(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> Any:
-    """Figures of some trials; None if there are none."""
+def numbers_of(run: Mapping[str, Any]) -> dict[str, float]:
+    """What is kept of a run; what did not happen is 0."""
+    found = {
+        "reached": run["reached"] or 0.0,
+        "stops": len(run["stops"]),
+        "contacts": int(run["contact"] is not None),
+        "least": 1e3 * run["least"],
+        "nominal": run["nominal"],
+        "jerk_told": run["jerk_told"][0],
+        "jerk_true": run["jerk_true"][0],
+        "chatter": run["chatter"],
+        "blocked": run["blocked"],
+        "call": 1e6 * run["call"][0],
+        "call_p999": 1e6 * run["call"][1],
+        **{f"share {k}": share for k, share in enumerate(run.get("share", ()))},
+    }
+    return {name: float(f"{value:.{DIGITS}g}") for name, value in found.items()}
+
+
+def runs_of(digests: Sequence[Digest], road: str) -> Rows:
+    """Runs of trials by one road, as they were kept."""
+    return [
+        {
+            "kind": digest.outcome.split(",")[0],
+            **{
+                name.removeprefix(f"{road} "): value
+                for name, value in digest.counts.items()
+                if name.startswith(f"{road} ")
+            },
+        }
+        for digest in digests
+        if f"{road} nominal" in digest.counts
+    ]
+
+
+def compared(records: Records) -> Iterator[tuple[str, str, Figures]]:
+    """What is told of a scene's goals or slides, for those who answered the same ones.
+
+    Yields:
+        Whether "goals" or "slides", the scene, and by answer its figures. Rows of which
+        no trials are kept are told as they are.
+    """
+    for what in WHATS:
+        for scene in SCENES:
+            rows: dict[str | None, list[tuple[str, Figures]]] = {}
+            for answer in ANSWERS:
+                known = records.kinds.get(f"{scene}/{answer}/{what}")
+                for row in [] if known is None else versions_of(known):
+                    key = row["kernels"] if "seeds" in row else None
+                    rows.setdefault(key, []).append((answer, row))
+            # What was run with the kernels of today comes first.
+            for key, some in sorted(
+                rows.items(), key=lambda item: item[0] != kernels_of()
+            ):
+                if key is None:
+                    yield what, scene, dict(some)
+                else:
+                    yield what, scene, on_the_same(records, scene, what, some)
+
+
+def on_the_same(
+    records: Records, scene: str, what: str, rows: Sequence[tuple[str, Figures]]
+) -> Figures:
+    """Figures by answer, of the trials that all of them had."""
+    trials = {
+        answer: records.digests(f"{scene}/{answer}/{what}", row["version"])
+        for answer, row in rows
+    }
+    seeds = set.intersection(*(set(found) for found in trials.values()))
+    all_seeds = set.union(*(set(found) for found in trials.values()))
+    figures: Figures = {}
+    for answer, row in rows:
+        found = [trials[answer][seed] for seed in sorted(seeds)]
+        told = [d for d in found if not d.outcome.startswith(LEFT_OUT)]
+        figures[answer] = {
+            "drawn": len(found),
+            "left_out": dict(
+                Counter(
+                    d.outcome.removeprefix(LEFT_OUT) for d in found if d not in told
+                )
+            ),
+            "not_by_all": len(all_seeds) - len(seeds),
+            "kernels": row["kernels"],
+        }
+        if what == "goals":
+            for road in ROADS:
+                figures[answer][road] = figures_of(runs_of(told, road))
+        else:
+            figures[answer] |= slid_far(runs_of(told, "slide"))
+            figures[answer]["first"] = row.get("first")
+    return figures
+
+
+def figures_of(runs: Rows) -> Figures | None:
+    """Figures of some runs; None if there are none."""
     if not runs:
         return None
-    outcomes = [o for _, o in runs]
-    reached = [o for o in outcomes if o["reached"] is not None and not o["contact"]]
-    clean = [o for o in reached if not o["stops"]]
-    time = sum(o["time"] for o in outcomes)
-    stops = sum(len(o["stops"]) for o in outcomes)
-    failed = [
-        {"seed": t["seed"], "kind": t["kind"], **told(o)}
-        for t, o in runs
-        if o not in clean
-    ]
+    reached = [r for r in runs if r.get("reached") and not r.get("contacts")]
     return {
         "goals": len(runs),
         "reached": len(reached),
-        "reached_without_stop": len(clean),
-        "ends": dict(Counter(o["end"] for o in outcomes)),
-        "contacts": sum(o["contact"] is not None for o in outcomes),
-        "stops": stops,
-        "stops_a_minute": 60.0 * stops / time,
-        "trials_with_stops": sum(bool(o["stops"]) for o in outcomes),
-        "causes": dict(Counter(s["why"] for o in outcomes for s in o["stops"])),
-        "least_mm": 1e3 * min(o["least"] for o in outcomes),
-        "time_by_nominal": median([o["reached"] / o["nominal"] for o in reached]),
-        "jerk_told_rms": median([o["jerk_told"][0] for o in outcomes]),
-        "jerk_told_peak": max(o["jerk_told"][1] for o in outcomes),
-        "jerk_true_rms": median([o["jerk_true"][0] for o in outcomes]),
-        "jerk_true_peak": max(o["jerk_true"][1] for o in outcomes),
-        "chatter_median": median([o["chatter"] for o in outcomes]),
-        "chatter_most": max(o["chatter"] for o in outcomes),
-        "held_back": mean([o["held_back"] for o in outcomes]),
-        "blocked": mean([o["blocked"] for o in outcomes]),
-        "unsolved": sum(o["unsolved"] > 0 for o in outcomes),
+        "reached_without_stop": sum(not r.get("stops") for r in reached),
+        "contacts": int(sum(all_of(runs, "contacts"))),
+        "stops": int(sum(all_of(runs, "stops"))),
+        "least_mm": min(all_of(runs, "least")),
+        "time_by_nominal": median([r["reached"] / r["nominal"] for r in reached]),
+        "jerk_told_rms": median(all_of(runs, "jerk_told")),
+        "jerk_true_rms": median(all_of(runs, "jerk_true")),
+        "chatter_median": median(all_of(runs, "chatter")),
+        "blocked": float(np.mean(all_of(runs, "blocked"))),
         "call_us": call_times(runs),
-        "failed": failed,
     }
 
 
-def told(outcome: Mapping[str, Any]) -> dict[str, Any]:
-    """Why a trial was not as it should be."""
-    stops = outcome["stops"]
-    what = stops[0] if stops else outcome["last"]
-    return {
-        "end": outcome["end"],
-        "left": outcome["left"],
-        "stops": len(stops),
-        "why": what.get("why"),
-        "pair": (what.get("pairs") or [None])[0],
-        "contact": outcome["contact"],
-    }
-
-
-def call_times(
-    runs: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]],
-) -> dict[str, list[float]]:
+def call_times(runs: Rows) -> dict[str, list[float | None]]:
     """Median and 99.9th percentile of a call, medians over trials, by kind [us]."""
     found = {}
     for kind in ("joints", "tools"):
-        calls = [o["call"] for t, o in runs if t["kind"] == kind]
-        if calls:
-            found[kind] = [1e6 * median([c[k] for c in calls]) for k in range(2)]
+        some = [r for r in runs if r["kind"] == kind]
+        if some:
+            found[kind] = [median(all_of(some, key)) for key in ("call", "call_p999")]
     return found
 
 
-def slid_far(trials: Rows) -> Any:
-    """Figures of slides; None if there are none."""
-    slides = [t["slide"] for t in trials if t["slide"] is not None]
-    if not slides:
-        return None
-    shares = [share for s in slides for share in s["share"]]
+def slid_far(runs: Rows) -> Figures:
+    """Figures of slides."""
+    if not runs:
+        return {"slides": 0}
+    shares = [v for r in runs for key, v in r.items() if key.startswith("share ")]
     return {
-        "slides": len(slides),
-        "shares": [round(x, 4) for x in shares],
+        "slides": len(runs),
         "share_median": median(shares),
         "share_least": min(shares),
-        "stops": sum(len(s["stops"]) for s in slides),
-        "contacts": sum(s["contact"] is not None for s in slides),
-        "least_mm": 1e3 * min(s["least"] for s in slides),
-        "jerk_told_rms": median([s["jerk_told"][0] for s in slides]),
-        "chatter_median": median([s["chatter"] for s in slides]),
-        "blocked": mean([s["blocked"] for s in slides]),
-        "call_us": [1e6 * median([s["call"][k] for s in slides]) for k in range(2)],
-        "first": {
-            key: slides[0][key] for key in ("tools", "along_m", "height_m", "step_s")
-        },
+        "stops": int(sum(all_of(runs, "stops"))),
+        "contacts": int(sum(all_of(runs, "contacts"))),
+        "least_mm": min(all_of(runs, "least")),
+        "chatter_median": median(all_of(runs, "chatter")),
     }
+
+
+def all_of(runs: Rows, name: str) -> list[float]:
+    """A number of all runs."""
+    return [r.get(name, 0.0) for r in runs]
 
 
 def median(values: Sequence[float]) -> float | None:
     """The median; None of nothing."""
     return float(np.median(values)) if len(values) else None
-
-
-def mean(values: Sequence[float]) -> float | None:
-    """The mean; None of nothing."""
-    return float(np.mean(values)) if len(values) else None

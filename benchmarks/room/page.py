@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import paper_buffer as paper
+from episodes.kernels import told_of
 from room.co_braking import WAYS
 from room.plots import draw_co_braking, draw_least, draw_needs, draw_warnings
 from room.summary import closing_bounds, needs, passed_at, warned_at, worst
@@ -39,6 +40,8 @@ def write_page(results: Mapping[str, Rows], docs: Path) -> None:
             *warnings_section(rows, passed),
             *co_braking_section(head_on),
             *least_section(wall),
+            told_of(results),
+            "",
         ]
     )
     (docs / "room.md").write_text(text, encoding="utf-8")

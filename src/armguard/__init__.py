@@ -57,7 +57,7 @@ if TYPE_CHECKING:
         Verdict,
     )
     from armguard.index import BruteForce, Octree
-    from armguard.respond import Action, Command, Guard
+    from armguard.respond import Action, Command, Guard, Held
     from armguard.robot.stopping import StoppingFigures, StopTable, stopping_figures
     from armguard.scene import (
         Grasp,
@@ -120,7 +120,7 @@ _ROOMS = {
         "Verdict",
     ),
     "armguard.index": ("BruteForce", "Octree"),
-    "armguard.respond": ("Action", "Command", "Guard"),
+    "armguard.respond": ("Action", "Command", "Guard", "Held"),
     "armguard.robot.stopping": ("StopTable", "StoppingFigures", "stopping_figures"),
     "armguard.scene": (
         "Grasp",
@@ -155,6 +155,7 @@ __all__ = [
     "Gripper",
     "Guard",
     "HalfSpace",
+    "Held",
     "HomeContactError",
     "Hull",
     "Level",

@@ -1,6 +1,6 @@
 """`python -m armguard`: the command line."""
 
-from armguard.cli.app import main
+from armguard.cli import main
 
 if __name__ == "__main__":
     main()

@@ -2,6 +2,7 @@
 
 import os
 import re
+import stat
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -11,12 +12,22 @@ import numba
 from numba.core import config
 from numba.core.registry import CPUDispatcher
 
+from armguard.errors import ArmguardError
+
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 PACKAGE = Path(__file__).parent
 
 # What a source file takes names from.
 IMPORTED = re.compile(rb"^from armguard\.([\w.]+) import", re.MULTILINE)
+
+
+# Write permission of group and others.
+WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+
+
+class CacheError(ArmguardError, OSError):
+    """The cache folder cannot be used, or another user could write into it."""
 
 
 def cache_home() -> Path:
@@ -43,6 +54,8 @@ def kernel_digest() -> str:
     sources = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}
     holders = [path for path, source in sources.items() if b"@kernel" in source]
     used = {path for holder in holders for path in sources_of(sources[holder])}
+    # What compiles a field of a table is imported where tables are declared.
+    used.add(PACKAGE / "table.py")
     for path in sorted(used.intersection(sources).union(holders)):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(sources[path])
@@ -58,7 +71,64 @@ def sources_of(source: bytes) -> list[Path]:
     return found
 
 
+def private_folder(path: Path) -> Path:
+    """The folder, made with mode 0700 if it is not there; only its owner may write.
+
+    What Numba keeps on disk is code that the next start runs.
+
+    Raises:
+        CacheError: It cannot be made, belongs to another user, or others may write
+            into it or rename a folder above it.
+    """
+    remedy = "delete it, or set ARMGUARD_CACHE to a folder of your own"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
+        resolved = path.resolve()
+        found = resolved.stat()
+        above = [(folder, folder.stat()) for folder in resolved.parents]
+    except OSError as error:
+        raise CacheError(
+            f"the cache folder '{path}' cannot be made: {error.strerror}; set "
+            "ARMGUARD_CACHE to a folder of your own"
+        ) from None
+    if found.st_uid not in (0, os.geteuid()):
+        raise CacheError(
+            f"the cache folder '{path}' belongs to user {found.st_uid}, who could "
+            f"change the code in it; {remedy}"
+        )
+    if found.st_mode & WRITABLE_BY_OTHERS:
+        raise CacheError(
+            f"the cache folder '{path}' has mode {stat.S_IMODE(found.st_mode):04o}, so "
+            f"other users could change the code in it; {remedy}"
+        )
+    for folder, state in above:
+        if state.st_mode & stat.S_IWOTH and not state.st_mode & stat.S_ISVTX:
+            raise CacheError(
+                f"the cache folder '{path}' is below '{folder}', where every user may "
+                "rename folders; set ARMGUARD_CACHE to a folder of your own"
+            )
+    return path
+
+
 KERNEL_CACHE = cache_home() / f"kernels-{kernel_digest()}"
+
+# Why nothing is kept there, and nothing of it is run; None if all is well.
+CACHE_FAULT: CacheError | None = None
+try:
+    private_folder(private_folder(KERNEL_CACHE.parent) / KERNEL_CACHE.name)
+except CacheError as error:
+    CACHE_FAULT = error
+
+
+def check_cache() -> None:
+    """Refuse to start a guard whose cache folder cannot be trusted.
+
+    Raises:
+        CacheError: It cannot; the message says why.
+    """
+    if CACHE_FAULT is not None:
+        raise CACHE_FAULT
 
 
 @overload
@@ -125,7 +195,7 @@ def compiled(
     config.CACHE_DIR = str(KERNEL_CACHE)
     try:
         jitted: Callable[..., Any] = numba.njit(
-            cache=True,
+            cache=CACHE_FAULT is None,
             error_model="numpy",
             nogil=True,
             forceinline=inline,

@@ -7,7 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from approach import ball_guard
-from armguard.cli.app import app, main
+from armguard.cli import main
+from armguard.cli.app import app
 from armguard.cli.console import STYLES, exit_code, jsonable
 from armguard.cli.summary import event_line, print_summary, summary
 from armguard.guard import EventLog, Level

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,35 @@ def test_an_interrupt_ends_everything_and_tells_what_came_of_it():
     assert process.returncode == 0
     assert "cycles: " in out
     assert gone(family)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_the_demo_prints_the_page_s_link_and_the_next_one_when_it_was_used():
+    words = [word for word in DEMO if word != "--headless"]
+    process = subprocess.Popen(
+        [*words, "--page-port", "0"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        used = next(word for word in words_out(process) if word.startswith("http"))
+        with urllib.request.urlopen(used, timeout=START) as answer:
+            assert "armguard" in answer.read().decode()
+        fresh = next(word for word in words_out(process) if word.startswith("http"))
+        assert fresh.partition("=")[0] == used.partition("=")[0] and fresh != used
+    finally:
+        family = offspring(process.pid)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60.0)
+    assert gone(family)
+
+
+def words_out(process):
+    """Words of what a process prints, as it prints them."""
+    for line in process.stdout:
+        yield from line.split()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends orphans")

@@ -1,20 +1,12 @@
 """Episodes of the closed loop: the loop itself with naive guards, then the real one."""
 
-import inspect
-
 import numpy as np
 import pytest
 
-from armguard.respond import Guard
 from closed_loop.plan import Plan, work
 from closed_loop.summary import summed_up
 
 BATCH = 25
-
-needs_velocities = pytest.mark.skipif(
-    "velocity" not in inspect.signature(Guard.step).parameters,
-    reason="Guard.step takes no velocities yet: there is no certificate to attack",
-)
 
 
 def episodes(plan, seeds):
@@ -69,7 +61,6 @@ def test_a_seed_is_an_episode():
     assert not np.allclose(one["rest_q"], other["rest_q"])
 
 
-@needs_velocities
 @pytest.mark.parametrize("scene", ["bay", "movers"])
 @pytest.mark.parametrize("mode", ["path", "speed"])
 @pytest.mark.parametrize("batch", range(5))
@@ -81,13 +72,30 @@ def test_no_arm_touches_anything_while_its_figures_are_true(scene, mode, batch):
     assert all(e["least"] >= e["floor"] - 1e-5 for e in found)
 
 
-@needs_velocities
 @pytest.mark.parametrize("term", ["command", "acceleration", "deceleration"])
 def test_a_term_of_the_budget_that_is_missing_is_seen(term):
     assert contacts(episodes(Plan(zero=term), range(24)))
 
 
-@needs_velocities
+def test_a_tracking_error_that_is_missing_is_seen():
+    """A drive that keeps to its commands until it is near, and then misses them all."""
+    seeds = (1, 20, 28, 35)
+    zero, large = (
+        episodes(Plan(guard="filter", **{how: "tracking_error"}), seeds)
+        for how in ("zero", "large")
+    )
+    assert len(contacts(zero)) >= 2
+    assert not contacts(large)
+    assert {s["reason"] for e in zero for s in e["stops"]} & {"NOT_FOLLOWED"}
+
+
+def test_a_period_that_is_missing_stops_everything():
+    """The only term without which nothing touches."""
+    found = episodes(Plan(zero="period"), range(3))
+    assert not contacts(found)
+    assert {s["reason"] for e in found for s in e["stops"]} == {"CYCLE_LATE"}
+
+
 def test_a_brake_that_is_too_weak_is_answered_before_contact():
     found = episodes(Plan(weak_brake=0.7), range(20))
     touched = [e for e in found if e["contact"]]
@@ -108,3 +116,10 @@ def test_no_arm_that_follows_the_filter_touches_anything(scene, count, near):
         e["joint_wish"] for e in found
     )
     assert sum(not e["stops"] for e in found) > 0.4 * count
+
+
+def test_what_meets_an_arm_on_its_way_out_would_have_met_it_at_rest():
+    """It rests where the object comes, is led away, and its operator lets go."""
+    found = episodes(Plan("movers", guard="filter"), [629, 663, 940])
+    assert [one["contact"] for one in found] == [None] * 3
+    assert sum(one["met_at_rest"] for one in found) > 0

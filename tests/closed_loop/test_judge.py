@@ -12,7 +12,7 @@ from closed_loop.judge import Judge
 from closed_loop.judge_model import SIGHT
 from closed_loop.scenes import build_scene
 from closed_loop.settings import SUBSTEP, setting_of
-from closed_loop.watch import Watch
+from closed_loop.watch import AS_WELL, Watch, places
 
 FIRST = np.array([0, 7, 14])
 AWAY = np.array([0.0, 0.0, 50.0])
@@ -121,6 +121,74 @@ def test_an_object_that_hits_a_moving_arm_counts(arena):
     look(watching, rows, p_rows)
     assert watching.contact is not None
     assert {watching.contact.a, watching.contact.b} & {"ball"}
+
+
+def met_on_its_way(judge, q, rows, p_rows):
+    """Watch an arm that rests for four states and then leaves, judged at the end."""
+    watching = watch(judge, q, ball=p_rows[0])
+    look(watching, np.tile(q, (4, 1)), p_rows[:4])
+    watching.leaving[0] = True
+    look(watching, rows[4:], p_rows[4:], begin=4)
+    assert watching.contact is None and watching.met_at_rest == 0
+    watching.judge_meetings(p_rows[:, None, :])
+    return watching
+
+
+def test_an_object_that_meets_the_resting_arm_as_well_is_no_contact(arena):
+    judge, tables = arena
+    p_rows = into_the_arm(judge, tables)
+    rows = tables.home + 1e-5 * np.arange(400)[:, None] * (np.arange(14) == 6)
+    watching = met_on_its_way(judge, tables.home, rows, p_rows)
+    assert watching.contact is None and watching.met_at_rest == 1
+
+
+def in_the_way(judge, tables):
+    """States of an arm that runs into a ball on its way out, and where the ball is."""
+    rows = tables.home + 1e-3 * np.arange(400)[:, None] * (np.arange(14) == 2)
+    judge.place(rows[-1])
+    ball = tables.standing["ball"]
+    p = judge.tips()[0] - tables.local_rows[ball.first, 1:4]
+    judge.stand_at("ball", p)
+    assert judge.clearance(tables.home) > 0.0 > judge.clearance(rows[-1])
+    return rows, np.tile(p, (400, 1))
+
+
+def test_an_arm_that_runs_into_something_on_its_way_out_is_a_contact(arena):
+    judge, tables = arena
+    rows, p_rows = in_the_way(judge, tables)
+    watching = met_on_its_way(judge, tables.home, rows, p_rows)
+    assert watching.met_at_rest == 0
+    assert {watching.contact.a, watching.contact.b} & {"ball"}
+    k = round(watching.contact.time / SUBSTEP) - 1
+    assert judge.clearance(rows[k]) < 0.0 <= judge.clearance(rows[k - 1]) + 1e-9
+    assert watching.least == -watching.contact.depth < -0.01
+
+
+@pytest.mark.parametrize(("late", "met"), [(0.97, 1), (1.03, 0)])
+def test_the_resting_arm_has_to_be_met_within_a_tenth_of_a_second(arena, late, met):
+    judge, tables = arena
+    rows, p_rows = in_the_way(judge, tables)
+    alone = met_on_its_way(judge, tables.home, rows, p_rows)
+    touched = round(alone.contact.time / SUBSTEP)
+    # So long after it met the arm the ball is where the arm rested.
+    there = touched + round(late * AS_WELL / SUBSTEP)
+    judge.place(tables.home)
+    on_it = judge.tips()[0] - tables.local_rows[tables.standing["ball"].first, 1:4]
+    stays = np.tile(rows[-1], (there + 1, 1))
+    stays[:400] = rows
+    goes = np.tile(p_rows[0], (there + 1, 1))
+    goes[there] = on_it
+    watching = met_on_its_way(judge, tables.home, stays, goes)
+    assert watching.met_at_rest == met
+    assert (watching.contact is None) == bool(met)
+
+
+def test_an_object_goes_on_as_it_moved_last():
+    rows = np.arange(5)[:, None] * np.array([0.1, 0.0, -0.2])
+    found = np.array([*places(rows, 2, 6)])
+    assert len(found) == 4 + round(AS_WELL / SUBSTEP) + 1
+    expected = np.arange(2, 2 + len(found))[:, None] * np.array([0.1, 0.0, -0.2])
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_an_arm_that_starts_to_move_in_contact_counts(arena):

@@ -165,6 +165,42 @@ def test_a_swing_goes_out_and_back():
     assert swing_out(t, 0.01, 0.05)[1] == pytest.approx(slope, rel=1e-6)
 
 
+def test_a_stop_may_swing_back_before_its_rest():
+    p = plant()
+    wish = np.array([2.0, -1.0, 0.5])
+    run(p, 0, 4000, wish)
+    swing, duration = np.array([-0.01, -0.01, 0.0]), np.full(N, 0.05)
+    plants.order_stop(p, 0, 1.0, (DECELERATION, NOTHING, swing, duration))
+    before = p.q.copy()
+    q_rows, v_rows = run(p, 4000, 8000, wish)
+    way = np.sign(wish) * (q_rows - before)
+    rest = VELOCITY**2 / (2 * DECELERATION)
+    np.testing.assert_allclose(way.max(axis=0), rest, atol=1e-12)
+    np.testing.assert_allclose(np.abs(p.q - before), rest, atol=1e-12)
+    rests = np.round(VELOCITY / DECELERATION / SUBSTEP).astype(int)
+    lowest = [way[begin:, j].min() for j, begin in enumerate(rests)]
+    np.testing.assert_allclose(lowest, rest + np.minimum(swing, 0.0), atol=1e-5)
+    # Velocities are the slope of the positions, back and onwards again.
+    assert v_rows[rests[0] :, 0].min() < 0.0 < v_rows[rests[0] :, 0].max()
+    steps = np.diff(q_rows, axis=0) - 0.5 * (v_rows[1:] + v_rows[:-1]) * SUBSTEP
+    assert np.abs(steps).max() < 1e-6
+
+
+@pytest.mark.parametrize("style", ["adverse", "least", "random"])
+def test_swings_back_are_drawn_where_they_are_asked_for(style):
+    rng, known = np.random.default_rng(3), [figures()]
+    styles = Styles("most", style, "none", True)
+    closing = np.array([1.0, -1.0, 0.0])
+    for both in (False, True):
+        truth = Truth(rng, known, styles, swings_back=both)
+        swings = np.array([truth.stop(closing)[2] for _ in range(20)])
+        assert (np.abs(swings) <= 0.002).all()
+        assert (swings < 0.0).any() == both
+        if style == "adverse" and both:
+            # Towards the nearest pair: back where a joint moves away from it.
+            np.testing.assert_allclose(swings, [[0.002, -0.002, 0.002]] * 20)
+
+
 def figures():
     return stopping_figures(
         simple_arm(),
@@ -224,11 +260,13 @@ def test_measurements_are_old_and_wrong_within_their_bounds(errors):
         q, v, (stamp,) = measuring.measure(tick, cycle, outward)
         age = tick * SUBSTEP - stamp
         assert -1e-12 <= age <= 0.003 + 1e-12 and stamp >= last
+        repeated = cycle > 0 and stamp == last
         last, at = stamp, round(stamp / SUBSTEP)
         assert (np.abs(q - q_rows[at]) <= 1e-3 + 1e-12).all()
         assert (np.abs(v - v_rows[at]) <= 0.02 + 1e-12).all()
         worst = max(worst, float(np.abs(q - q_rows[at]).max()))
-        if errors == "adverse":
+        # The same measurement has the same errors.
+        if errors == "adverse" and not repeated:
             assert (np.sign(q - q_rows[at]) == np.sign(outward)).all()
     if errors == "quiet":
         assert 0.0 < worst

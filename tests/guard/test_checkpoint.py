@@ -10,7 +10,7 @@ import pytest
 from armguard import Guard, bay_scene
 from armguard.errors import ArmguardError, SceneError
 from armguard.geometry import Box, Hull, Pose, Sphere
-from armguard.guard.checkpoint import CheckpointError
+from armguard.guard.checkpoint import MAGIC, CheckpointError, unpack
 from armguard.guard.levels import Level
 from armguard.scene.settings import IndexSettings, ResponseSettings
 from bay_loop import LEFT, RIGHT, bay_guard
@@ -334,6 +334,117 @@ def test_what_is_no_checkpoint_of_this_scene_is_refused_and_changes_nothing():
     other = Guard(scene, self_test=False)
     with pytest.raises(CheckpointError, match="another scene"):
         other.restore(data)
+
+
+def gripping_guard():
+    """A guard of all that a checkpoint can be about, and its checkpoint."""
+    scene = pick_scene()
+    corners = 0.03 * np.array([*np.ndindex(2, 2, 2)], dtype=float)
+    scene.add(Hull(points=corners), name="stone", pose=Pose(xyz=(0.5, 0.5, 0.2)))
+    guard = guard_of(scene)
+    guard.filter(guard.home, 0.0 * guard.home, 0.0, velocity=0.0 * guard.home)
+    guard.place("stone", Pose(xyz=(0.5, 0.4, 0.3)))
+    return guard
+
+
+def places_of(guard, data):
+    """Where each array of a checkpoint begins, by name."""
+    _, _, numbers = unpack(data)
+    at, found = len(data) - len(numbers), {}
+    for name, array in guard._remembered()[0].items():
+        found[name] = at
+        at += array.nbytes
+    return {**found, "rows": at}
+
+
+def test_every_whole_number_of_a_checkpoint_has_a_rule():
+    guard = gripping_guard()
+    rules, greatest = guard._bounds()
+    for name, array in guard._remembered()[0].items():
+        if array.dtype.kind == "f":
+            continue
+        columns = set()
+        for rule in rules.get(name, ()):
+            all_of_them = range(array.shape[-1])
+            columns |= set(all_of_them if rule.columns is None else rule.columns)
+        assert columns == set(range(array.shape[-1])), name
+    assert set(rules) <= set(guard._remembered()[0])
+    for rule in (rule for some in rules.values() for rule in some):
+        assert not isinstance(getattr(rule, "most", 0), str) or rule.most in greatest
+
+
+@pytest.mark.parametrize("value", [1 << 41, 1 << 62, -7000, -(1 << 63)])
+def test_a_number_that_is_no_place_is_refused_wherever_it_stands(value):
+    guard = gripping_guard()
+    good = guard.checkpoint()
+    rules, _ = guard._bounds()
+    starts = places_of(guard, good)
+    refused = 0
+    for name, array in guard._remembered()[0].items():
+        if name not in rules or not array.size or array.dtype.kind == "u":
+            continue
+        columns = {c for rule in rules[name] for c in rule.columns or [0]}
+        for column in columns:
+            data = bytearray(good)
+            kind = array.dtype
+            at = starts[name] + column * kind.itemsize
+            if kind.itemsize == 4 and not abs(value) < 1 << 31:
+                continue
+            data[at : at + kind.itemsize] = np.array([value], dtype=kind).tobytes()
+            with pytest.raises(CheckpointError, match=name):
+                guard.restore(bytes(data))
+            refused += 1
+    assert refused > 15
+    assert guard.checkpoint() == good
+
+
+def test_a_size_or_a_place_that_nothing_has_is_refused():
+    guard = gripping_guard()
+    good = guard.checkpoint()
+    starts = places_of(guard, good)
+    moving = guard.tables.moving_count
+    stone = starts["rows"] + 8 * 16 * moving
+    for at, value in (
+        (starts["rows"], 5.0),  # a radius of the arm
+        (starts["rows"] + 8, 1.0),  # where it is
+        (stone, -0.1),
+        (stone + 8, np.inf),
+        (stone + 8 * 5, 1e6),  # how many corners it has
+        (stone + 8 * 7, 3.0),
+        (starts["workspace.T_world"], np.nan),
+        (starts["tables.T_parent_joint"], 2.0),
+    ):
+        data = bytearray(good)
+        data[at : at + 8] = np.array([value]).tobytes()
+        with pytest.raises(CheckpointError):
+            guard.restore(bytes(data))
+    assert guard.checkpoint() == good
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"[]",
+        b"null",
+        b"[" * 100_000,
+        b'{"last_stamp": "0", "changed": [], "holders": {}}',
+        b'{"last_stamp": 0.0, "changed": ["nothing"], "holders": {}}',
+        b'{"last_stamp": 0.0, "changed": ["stone", "stone"], "holders": {}}',
+        b'{"last_stamp": 0.0, "changed": [["stone"]], "holders": {}}',
+        b'{"last_stamp": 0.0, "changed": ["stone"], "holders": {"stone": ["arm"]}}',
+        b'{"last_stamp": 0.0, "changed": ["stone"], "holders": {"block": ["arm"]}}',
+        b'{"last_stamp": 0.0, "changed": ["stone"], "holders": {"block": []}}',
+    ],
+)
+def test_words_of_a_checkpoint_that_are_not_of_the_scene_are_refused(text):
+    guard = gripping_guard()
+    good = guard.checkpoint()
+    layout, _, numbers = unpack(good)
+    text += b" " * (-len(text) % 8)
+    size = len(text).to_bytes(8, "little")
+    with pytest.raises(CheckpointError):
+        guard.restore(MAGIC + layout + size + text + numbers)
+    assert guard.checkpoint() == good
 
 
 def test_a_guard_that_evades_has_its_settings_from_its_own_scene():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from approach import angle_at, ball_guard, moving
+from approach import FIGURES, angle_at, ball_guard, moving
 from armguard.guard import Level
 from armguard.respond import Guard
 from armguard.scene import bay_scene
@@ -44,7 +44,7 @@ def test_the_force_grows_as_the_arm_comes_nearer():
 def test_urgency_rises_with_the_time_that_is_left_and_is_full_at_a_stop():
     urgencies, level = [], Level.CLEAR
     for gap in np.linspace(0.4, 0.02, 40):
-        verdict = moving(ball_guard(), gap, 0.8)
+        verdict = moving(ball_guard(), gap, 0.8, age=FIGURES["sensing"])
         urgencies.append(verdict.cues["arm"].urgency)
         level = verdict.level
     assert urgencies[0] == 0.0

@@ -6,9 +6,11 @@ import pytest
 from approach import ball_guard, gap_of, moving
 from armguard.geometry import Pose
 from armguard.guard import Cause, Level, Reason
+from armguard.guard.levels import ORDERED
 from armguard.guard.nuisance import Delayed, Lack, by_length, classify
 from armguard.respond import Guard
 from armguard.scene import Scene
+from armguard.station.blackbox.report.incidents import Sense, sense_of
 from arms import simple_arm
 
 # A channel open to the arm: its hull closes it, so the hull reaches into it [m].
@@ -72,6 +74,19 @@ def test_input_that_cannot_be_believed_is_data(guard):
     verdict = guard.step([np.nan], 0.0)
     assert verdict.nuisance.cause is Cause.DATA
     assert verdict.nuisance.deficit is None
+
+
+@pytest.mark.parametrize("reason", ORDERED)
+def test_a_stop_that_was_ordered_is_no_bad_input(reason):
+    nuisance = classify(Level.STOP, reason, None)
+    assert nuisance.cause is Cause.ORDERED
+    assert nuisance.sentence.startswith("ordered")
+    assert sense_of(nuisance.cause, nuisance.deficit) is Sense.ORDERED
+
+
+def test_a_late_cycle_is_no_bad_measurement():
+    nuisance = classify(Level.STOP, Reason.CYCLE_LATE, None)
+    assert "declared period" in nuisance.remedy
 
 
 def test_a_measurement_beyond_its_age_is_stale(guard):

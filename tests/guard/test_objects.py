@@ -1,5 +1,8 @@
 """Objects come, go and stand elsewhere while the guard runs."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -201,3 +204,35 @@ def test_a_shape_that_cannot_change_is_refused():
         with pytest.raises(SceneError, match=f"'{name}' cannot change its shape"):
             guard.place(name, Pose(), shape=shape)
         assert name not in {p.b for p in guard.step(guard.home).near}
+
+
+# Prints the kernels that are compiled or loaded by the first changes of a guard.
+FIRST_CHANGES = """
+import gc
+from numba.core.registry import CPUDispatcher
+from armguard import Guard, Pose, Sphere, bay_scene
+
+def loaded():
+    return {
+        (d.py_func.__module__, d.py_func.__name__, str(s))
+        for d in gc.get_objects() if isinstance(d, CPUDispatcher) for s in d.overloads
+    }
+
+scene = bay_scene()
+scene.add(Sphere(radius=0.05), name="cart", present=False, top_speed=0.5)
+guard = Guard(scene)
+before = loaded()
+guard.place("cart", Pose(xyz=(0.0, 0.0, 1.0)), 0.0)
+guard.remove("cart")
+print(*(loaded() - before), sep="\\n")
+"""
+
+
+def test_no_kernel_is_loaded_when_an_object_first_comes_or_goes():
+    run = subprocess.run(
+        [sys.executable, "-c", FIRST_CHANGES],
+        capture_output=True,
+        check=True,
+        text=True,
+    )
+    assert not run.stdout.strip()

@@ -142,3 +142,39 @@ def test_what_is_exact_already_is_not_asked_again():
         assert verdict.counts.pairs_refined == 0
         assert all(near.exact_distance is None for near in verdict.near)
     assert stops > 20
+
+
+def test_distance_need_and_headroom_are_of_the_same_shapes():
+    scene = Scene(buffer=0.005)
+    scene.add_robot("panda", name="left", base=Pose(xyz=(0, 0.3, 0)))
+    scene.add_robot("panda", name="right", base=Pose(xyz=(0, -0.3, 0)))
+    guard = Guard(scene, self_test=False)
+    rng = np.random.default_rng(5)
+    low, high = guard.tables.lower, guard.tables.upper
+    by_exact = by_primitives = nearest = 0
+    for _ in range(300):
+        q = inwards(guard, rng.uniform(0.4, 0.9)) + rng.uniform(-0.15, 0.15, len(low))
+        q = np.clip(q, low, high)
+        guard.reset()
+        guard.step(q, 1.0, velocity=np.zeros_like(q))
+        verdict = guard.step(q, 1.001, velocity=np.zeros_like(q))
+        for pair in verdict.near:
+            exact = -np.inf if pair.exact_distance is None else pair.exact_distance
+            assert pair.distance == max(pair.primitive_distance, exact)
+            assert pair.envelope >= 0.0
+            assert pair.needed >= 0.0
+            gap = pair.point_b - pair.point_a - pair.distance * pair.normal
+            assert np.abs(gap).max() < 1e-12
+            by_exact += pair.primitive_distance >= pair.buffer and exact > 0.0
+            by_primitives += pair.envelope > 0.0
+        if verdict.nearest is None:
+            continue
+        budget = verdict.budget
+        terms = [getattr(budget, name) for name in budget.__slots__]
+        assert sum(terms[:-1]) == pytest.approx(budget.needed, abs=1e-12)
+        assert budget.needed == pytest.approx(verdict.nearest.needed, abs=1e-15)
+        assert budget.envelope == verdict.nearest.envelope
+        assert budget.needed >= budget.envelope
+        nearest += 1
+    assert min(by_exact, nearest) > 20
+    assert by_primitives > 0

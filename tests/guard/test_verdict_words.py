@@ -16,11 +16,13 @@ from approach import (
     moving,
     moving_bay,
 )
+from armguard.cli.stopping import stopping_findings
 from armguard.geometry import Capsule, Pose
 from armguard.guard import EventLog, Level, Reason
 from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
+from sliding import APART, EXACT, at_gap, slide
 
 # Where the second arm stands, and how it is turned [m], [rad].
 SECOND, TURN = (1.3, 0.7, 0.0), -2.0
@@ -42,11 +44,15 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
         guard.reset()
         q = np.clip(guard.home + rng.normal(0.0, 0.6, guard.home.shape), low, high)
         v = rng.uniform(-0.5, 0.5, q.shape)
-        guard.step(q, 0.0, velocity=np.zeros_like(q))
-        guard.step(np.clip(q + v * PERIOD, low, high), PERIOD, velocity=v)
-        verdict = guard.step(
-            np.clip(q + 2 * v * PERIOD, low, high), 2 * PERIOD, velocity=v
-        )
+        # What stands at its limit does not move on.
+        v[(q + 2 * v * PERIOD < low) | (q + 2 * v * PERIOD > high)] = 0.0
+        for k in range(3):
+            verdict = guard.step(
+                np.clip(q + k * v * PERIOD, low, high),
+                k * PERIOD,
+                velocity=v if k else 0.0 * v,
+                now=k * PERIOD,
+            )
         if verdict.budget is None:
             continue
         told += 1
@@ -56,7 +62,7 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
         assert verdict.budget.sentence in verdict.why or verdict.reason >= 100
         nearest = verdict.nearest
         assert nearest.clearance == pytest.approx(
-            nearest.primitive_distance - verdict.budget.needed, abs=1e-12
+            nearest.distance - verdict.budget.needed, abs=1e-12
         )
         json.dumps(verdict.to_dict(), allow_nan=False)
 
@@ -253,3 +259,20 @@ def test_what_is_forgotten_are_causes_too():
     a = used.step([-1.0], 0.0, velocity=[0.0])
     b = fresh.step([-1.0], 0.0, velocity=[0.0])
     assert a.tobytes() == b.tobytes()
+
+
+def test_beside_a_fixed_robot_it_is_said_that_nothing_is_proven_of_its_motion():
+    scene = Scene(margin=1.0)
+    scene.add_robot(slide(), name="left", stopping=EXACT, mode="path")
+    away = Pose(xyz=(APART, 0.0, 0.0))
+    scene.add_robot(slide(), name="right", base=away, stopping=EXACT, mode="fixed")
+    guard = Guard(scene, self_test=False)
+    q = at_gap(0.5, 2)
+    verdict = guard.step(q, 5.0, velocity=[0.0, 1.0])
+    assert verdict.unbounded == ("right",)
+    assert "nothing is proven about the motion of 'right', mode fixed" in verdict.why
+    assert verdict.to_dict()["unbounded"] == ["right"]
+    left, right = stopping_findings(scene)
+    assert "nothing is proven" not in left.sentence
+    assert right.status == "WARN"
+    assert "nothing is proven about its motion" in right.sentence

@@ -12,7 +12,7 @@ from armguard.geometry.shapes import shape_row
 from armguard.index import BruteForce, Octree, World
 from armguard.index import octree_state as places
 from armguard.index.octree import insert_all
-from armguard.index.octree_query import octree_candidates
+from armguard.index.octree_query import octree_candidates, primitives_in_box
 from armguard.index.octree_state import empty_state
 from armguard.index.octree_update import octree_update
 from worlds import move, random_world
@@ -170,6 +170,15 @@ def test_what_stands_in_one_place_is_split_only_to_the_depth_limit():
     octree.check()
     assert octree.statistics()["most_objects_in_a_leaf"] == 30
     assert octree.candidates(0).tolist() == list(range(1, 30))
+
+
+def test_large_things_that_overlap_fill_no_memory_with_leaves():
+    world = spheres(np.zeros((12, 3)), radius=40.0, growth=0.0)
+    octree = Octree(world, leaf_capacity=2, max_depth=10)
+    octree.check()
+    assert octree.max_depth < 10
+    assert octree.nbytes < 200 << 20
+    assert octree.candidates(0).tolist() == list(range(1, 12))
 
 
 def test_parts_of_one_object_count_once():
@@ -337,6 +346,53 @@ def test_candidates_are_each_met_once():
         ids = out[:found].tolist()
         assert len(set(ids)) == len(ids)
         assert i not in ids
+
+
+def boxes_to_look_in(octree):
+    """Boxes inside the cube, across its faces, outside, and at the edges of cells."""
+    rng = np.random.default_rng(8)
+    low, edge = octree.low, octree.high - octree.low
+    for _ in range(150):
+        corners = low + edge * rng.uniform(-0.4, 1.4, (2, 3))
+        yield np.concatenate([corners.min(axis=0), corners.max(axis=0)])
+    for away in np.concatenate([np.eye(3), -np.eye(3)]):
+        centre = low + 0.5 * edge + 3.0 * edge * away
+        yield np.concatenate([centre - 0.1 * edge, centre + 0.1 * edge])
+    for cell in octree.cells(octree.leaves())[:60]:
+        yield np.concatenate([cell[3:], cell[3:] + 0.01])
+        yield np.concatenate([cell[:3] - 0.01, cell[:3]])
+
+
+def test_what_is_found_in_a_box_is_what_the_leaves_that_it_meets_hold():
+    _, _, _, world = random_world(5, 40, MOVING)
+    octree = Octree(world, leaf_capacity=1)
+    leaves = picture_of(octree)
+    assert len(leaves) > 50
+    out, seen = np.zeros(40, dtype=np.int32), np.zeros(40, dtype=np.int64)
+    for token, box in enumerate(boxes_to_look_in(octree), start=1):
+        # What is outside is in the outermost leaves.
+        a, b = np.clip(box.reshape(2, 3), octree.low, octree.high)
+        known = {
+            i
+            for cell, members in leaves.items()
+            if (np.array(cell[:3]) <= b).all() and (np.array(cell[3:]) >= a).all()
+            for i in members
+        }
+        i = token % 40
+        found = primitives_in_box(i, box.copy(), octree.state, seen, token, out)
+        ids = out[:found].tolist()
+        assert sorted(ids) == sorted(known - {i})
+
+
+def test_a_box_without_a_corner_is_looked_at_to_the_far_end():
+    _, _, _, world = random_world(5, 40, MOVING)
+    octree = Octree(world, leaf_capacity=1)
+    out, seen = np.zeros(40, dtype=np.int32), np.zeros(40, dtype=np.int64)
+    whole = np.concatenate([octree.low, octree.high])
+    for k in range(6):
+        box, token = whole.copy(), k + 1
+        box[k] = np.nan
+        assert primitives_in_box(0, box, octree.state, seen, token, out) == 39
 
 
 def test_an_empty_world_has_one_leaf():

@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 
 from armguard import bay_scene
+from armguard.geometry import HalfSpace
 from armguard.geometry.place import place_row
+from armguard.geometry.shapes import shape_row
 from armguard.motion import displacement_bounds
+from armguard.motion.gap_bound import half_space_reach
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
@@ -78,3 +81,45 @@ def test_displacement_never_exceeds_the_bound(name, capsys):
             f"\n{name}: {measured.size} displacements, bound / measured: median "
             f"{np.median(loose):.2f}, 90 % {np.percentile(loose, 90):.2f}"
         )
+
+
+@numba.njit
+def plane_reach(row, x, y, z):
+    return half_space_reach(row, (x, y, z))
+
+
+def test_a_plane_is_bounded_along_its_own_normal_only_however_far_away():
+    """A million metres away an angle of a microradian would be a metre."""
+    far = 1e6
+    row = np.zeros(16)
+    place_half_space(row, far)
+    tilt = 0.3
+    outward = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    # A point on the plane, far along it: what it has left is nothing.
+    along = np.array([np.cos(tilt), 0.0, -np.sin(tilt)])
+    point = row[1:4] + far * along
+    for angle in (0.0, 1e-12, 1e-9, 1.4e-6, 1e-3):
+        n = np.cos(angle) * outward + np.sin(angle) * along
+        reach = plane_reach(row, *n)
+        # Distance of the point beyond the plane along n: never more than it is.
+        gap = n @ point - reach
+        assert gap <= 1e-8
+    exact = plane_reach(row, *outward)
+    assert exact == pytest.approx(outward @ row[1:4], rel=1e-15)
+    off = outward + np.array([1e-16, 0.0, -1e-16])
+    assert plane_reach(row, *off) == exact
+
+
+def place_half_space(row, far):
+    """A tilted half-space whose surface passes a million metres from the origin."""
+    tilt = 0.3
+    turn = np.array(
+        [
+            [np.cos(tilt), 0.0, np.sin(tilt)],
+            [0.0, 1.0, 0.0],
+            [-np.sin(tilt), 0.0, np.cos(tilt)],
+        ]
+    )
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = turn, far * turn[:, 2]
+    row[:] = shape_row(HalfSpace(), T)

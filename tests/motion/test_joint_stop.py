@@ -13,16 +13,21 @@ from armguard.motion.joint_stop import (
     TRAVEL,
     farthest,
     plan_stop,
+    swing_within,
+    whole_way,
 )
 
 NO_CURVE = np.zeros(0)
 
 
 @numba.njit
-def planned(v, top, driven, a, reaction, ramp, least, most, settle, curve, out):
+def planned(
+    v, against, top, driven, a, reaction, ramp, least, most, settle, time, curve, out
+):
     plan_stop(
-        v, top, driven, a, reaction, ramp, 0.0, least, most, settle, 0.0, curve, out
-    )
+        v, against, top, driven, a, reaction, ramp, 0.0, least, most, settle, time,
+        curve, out,
+    )  # fmt: skip
 
 
 @numba.njit
@@ -32,11 +37,14 @@ def curve(times, stop):
 
 def stop_of(
     velocity, top, a, reaction, ramp, least, most, settle=0.0, table=NO_CURVE,
-    driven=None,
+    driven=None, time=0.0,
 ):  # fmt: skip
     out = np.zeros(JOINT_STOP)
     driven = top if driven is None else driven
-    planned(velocity, top, driven, a, reaction, ramp, least, most, settle, table, out)
+    planned(
+        velocity, -velocity, top, driven, a, reaction, ramp, least, most, settle, time,
+        table, out,
+    )  # fmt: skip
     return out
 
 
@@ -127,6 +135,82 @@ def test_a_joint_that_moves_away_only_gets_back():
     assert (np.diff(found) <= 0.0).all()
     # At its hardest 4 rad/s² from 1 rad/s.
     assert found[-1] == pytest.approx(-1.0 / 8.0)
+
+
+def swings(v, top, stop_at, a, ramp, brake, settle, time, rng):
+    """A joint that is driven at will, stops, and swings back past its rest at once.
+
+    Returns:
+        Times and positions; it swings as far as the speed its stop began with allows.
+    """
+    end = stop_at + v / brake + ramp + time + 0.05
+    times = np.linspace(0.0, end, 4000)
+    dt, x, speed, began, rest = times[1], 0.0, v, v, None
+    found = np.zeros_like(times)
+    push = rng.choice([-a, 0.0, a])
+    for k in range(1, len(times)):
+        before = speed
+        if times[k - 1] < stop_at:
+            speed = began = min(max(speed + dt * push, 0.0), top)
+        else:
+            since = times[k] - stop_at
+            now = brake * min(since / ramp, 1.0) if ramp > 0.0 else brake
+            speed = max(speed - dt * now, 0.0)
+        x += 0.5 * dt * (before + speed)
+        found[k] = x
+        if speed == 0.0 and times[k] >= stop_at:
+            rest = times[k] if rest is None else rest
+            if times[k] - rest <= time:
+                found[k] = x - settle * began / top
+    return times, found
+
+
+@pytest.mark.parametrize("most", [1.0, 2.0, inf])
+@pytest.mark.parametrize("slow", [False, True])
+def test_no_swing_back_leaves_the_curves(most, slow):
+    rng = np.random.default_rng(11)
+    nearest = inf
+    for _ in range(60):
+        top, a, least = rng.uniform(0.5, 2), rng.uniform(1, 20), rng.uniform(1, 10)
+        reaction, ramp = rng.uniform(0.001, 0.03), rng.uniform(0.0, 0.03)
+        v = rng.uniform(0.0, 0.1 if slow else 1.0) * top
+        settle, time = rng.uniform(0.005, 0.1), 0.1
+        hardest = most * least
+        stop = stop_of(
+            -v, top, a, reaction, ramp, least, hardest, settle=settle, time=time
+        )
+        for _ in range(6):
+            brake = rng.uniform(least, min(hardest, 20 * least))
+            times, x = swings(
+                v, top, rng.uniform(0, reaction), a, rng.uniform(0, ramp), brake,
+                settle, time, rng,
+            )  # fmt: skip
+            bound = np.array([upper(t, stop) for t in times])
+            slack = 2.0 * (a + brake) * times[1] ** 2 * len(times) ** 0.5
+            assert (-x <= bound + slack).all()
+            nearest = min(nearest, (bound + x).min())
+    assert nearest < 5e-3
+
+
+@numba.njit
+def upper(t, stop):
+    """Farthest displacement at a time, settling included."""
+    first = farthest(t, stop)
+    return first + swing_within(t, t, first, first, stop)[0]
+
+
+@numba.njit
+def in_all(stop):
+    return whole_way(stop)
+
+
+def test_an_arm_stopped_hard_as_it_leaves_swings_back_by_just_that_much():
+    v, top, settle, hardest = 0.2, 1.0, 0.1, 50.0
+    stop = stop_of(-v, top, 0.0, 0.0, 0.0, 1.0, hardest, settle=settle, time=0.1)
+    # It rests after v²/2a, and swings back by its share of the declared swing.
+    back = settle * v / top - 0.5 * v * v / hardest
+    assert in_all(stop) == pytest.approx(back, rel=1e-12)
+    assert upper(0.05, stop) == pytest.approx(back, rel=1e-12)
 
 
 def test_a_measured_table_takes_the_place_of_the_formula():

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from episodes.classes import percentile
 from episodes.records import Records
 from evading.episode import run_episode
 from evading.judge import Findings
 from evading.places import PERIOD, Place, Thing
 from evading.search import Search, spread_out
-from evading.summary import EXTREME, is_broken, percentile, share, summed_up
+from evading.summary import EXTREME, is_broken, share, summed_up
 from evading.throws import BEFORE, drawn_throw
 from evading_campaign import CAMPAIGN
 
@@ -112,11 +113,14 @@ def test_figures_are_added_up_and_known_again(tmp_path):
     episodes = list(CAMPAIGN.run("bay", range(3)))
     path = tmp_path / "found.json"
     records = Records(path, lambda place: f"{place} 1", EXTREME)
-    records.add("bay", summed_up(episodes[:1]))
+    records.add("bay", CAMPAIGN.figures_of("bay", episodes[:1]))
     again = Records(path, lambda place: f"{place} 1", EXTREME)
     assert list(again.todo("bay", 0, 4)) == [1, 2, 3]
-    found, whole = again.add("bay", summed_up(episodes[1:])), summed_up(episodes)
-    assert found.pop("version") == "bay 1"
+    found, whole = (
+        again.add("bay", CAMPAIGN.figures_of("bay", episodes[1:])),
+        CAMPAIGN.figures_of("bay", episodes),
+    )
+    assert found.pop("version") == "bay 1" and found.pop("kernels")
     for key in ("simulated_s", "worked_s"):
         assert found.pop(key) == pytest.approx(whole.pop(key))
     assert found == whole

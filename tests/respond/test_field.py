@@ -7,7 +7,7 @@ import pytest
 from armguard.errors import GoalError, PoseError, SceneError, UnknownNameError
 from armguard.geometry import Pose
 from armguard.respond import Action, Blocked
-from armguard.respond.field import STEEPEST, push_at
+from armguard.respond.field import STEEPEST, field_at
 from armguard.respond.tool_motion import solve_positive, turn_between
 from armguard.scene import Scene
 from bay_loop import LEFT, RIGHT, TOP, bay_guard, bay_loop, tool_pose
@@ -23,8 +23,13 @@ GOALS = (
 
 
 @numba.njit
+def field(part, near):
+    return field_at(part, near)
+
+
 def push(part):
-    return push_at(part)
+    """The full force."""
+    return field(part, 1.0)[1]
 
 
 @numba.njit
@@ -125,7 +130,7 @@ def test_after_a_stop_it_sets_out_again_only_when_it_is_engaged(guard):
     loop.run(loop.still, 800)
     assert loop.cycle(loop.still + np.nan).action is Action.STOP
     command = loop.run(loop.still, 1500)
-    assert command.action is Action.FOLLOW
+    assert command.actions["left"] is Action.HOLD
     assert command.blocked["left"] is Blocked.STOPPED
     rests = loop.q.copy()
     loop.run(loop.still, 300)
@@ -160,7 +165,11 @@ def test_an_open_box_is_a_local_minimum_that_is_named_in_time(trap):
     # It rests there, and says so all the time.
     command = loop.run(loop.still, 1500)
     assert command.blocked["left"] is Blocked.LOCAL_MINIMUM
-    assert command.action is Action.FOLLOW
+    assert command.action is Action.HOLD
+    held = command.held["left"]
+    assert "local minimum" in held.cause
+    assert "engage('left')" in held.remedy
+    assert not held.until_engaged
     assert (np.diff(loop.q_rows[-500:], axis=0) == 0.0).all()
     assert least(loop) > FLOOR
     assert named > 1000
@@ -276,6 +285,25 @@ def test_settings_that_cannot_be_are_errors(wrong):
 def test_what_pushes_is_seen_from_where_its_push_begins():
     assert Scene(mode="path").margin < 0.1
     assert bay_guard(kind="field", influence=0.15).tables.margin >= 0.15
+
+
+@pytest.mark.parametrize("near", [0.0, 0.3, 1.0])
+def test_the_force_is_minus_the_gradient_of_the_potential(near):
+    # Deep on the tangent, where it begins, on Khatib's own, where it is cut, beyond.
+    parts = np.concatenate([np.linspace(-0.5, 1.5, 401), [STEEPEST, 1.0]])
+    step = 1e-5
+    for part in parts.tolist():
+        before, after = field(part - step, near)[0], field(part + step, near)[0]
+        potential, force = field(part, near)
+        assert force == pytest.approx((before - after) / (2.0 * step), abs=1e-6)
+        assert potential >= 0.0 and force >= 0.0
+    assert field(1.0, near) == (0.0, 0.0)
+
+
+def test_the_field_fades_with_the_square_of_the_way_to_the_goal():
+    for part in (0.0, 0.4, 0.7):
+        full = np.array(field(part, 1.0))
+        assert np.array(field(part, 0.3)) == pytest.approx(0.09 * full, rel=1e-14)
 
 
 def test_the_push_is_khatibs_where_it_is_not_too_steep():

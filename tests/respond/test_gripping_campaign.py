@@ -13,6 +13,14 @@ from gripping.panda_episode import PANDA, scene_of_panda
 from gripping.panda_judge import SIGHT, PandaJudge
 from gripping.solids import box, cylinder, gaps
 from gripping.summary import EXTREME, is_broken, summed_up
+from gripping.unintended import (
+    KINDS,
+    SPEEDS,
+    Accident,
+    Unguarded,
+    carry_out,
+    drawn_place,
+)
 from gripping.workplace import Workplace
 from gripping_campaign import CAMPAIGN
 
@@ -40,6 +48,26 @@ def test_a_sample_of_operators_who_change_their_minds():
     assert found["things_touched_as_meant"] > 0
     assert not is_broken(found)
     assert found["least_not_meant_mm"] >= 5.0
+
+
+def test_grasps_that_nobody_means_are_held_back():
+    """One of each kind; without a guard each of them touches something."""
+    episodes = list(CAMPAIGN.run("unintended", range(6)))
+    found = CAMPAIGN.figures_of("unintended", episodes)
+    assert not found["left_out"]
+    assert found["of_each"] == dict.fromkeys(sorted(KINDS), 1)
+    assert not is_broken(found)
+
+
+def test_an_accident_without_a_guard_is_seen_by_the_judge():
+    for seed in range(6):
+        kind = KINDS[seed]
+        rng = np.random.default_rng(seed)
+        place = drawn_place(kind, rng)
+        guard = Unguarded(Guard(place.scene(), self_test=False))
+        accident = Accident(kind, SPEEDS[kind][1], False)
+        picker = carry_out(accident, place, guard, seed)
+        assert picker.judge.findings.touched, kind
 
 
 def test_the_same_seed_gives_the_same_episode():
@@ -119,20 +147,20 @@ def test_what_was_run_is_known_and_not_run_again(tmp_path):
     episodes = list(CAMPAIGN.run("changing", range(4)))
     records = Records(path, lambda kind: f"{kind} 1", EXTREME)
     assert list(records.todo("changing", 0, 4)) == [0, 1, 2, 3]
-    records.add("changing", summed_up("changing", episodes[:1]))
-    records.add("changing", summed_up("changing", episodes[2:]))
+    records.add("changing", CAMPAIGN.figures_of("changing", episodes[:1]))
+    records.add("changing", CAMPAIGN.figures_of("changing", episodes[2:]))
     again = Records(path, lambda kind: f"{kind} 1", EXTREME)
     assert list(again.todo("changing", 0, 6)) == [1, 4, 5]
-    found = again.add("changing", summed_up("changing", episodes[1:2]))
-    whole = summed_up("changing", episodes)
+    found = again.add("changing", CAMPAIGN.figures_of("changing", episodes[1:2]))
+    whole = CAMPAIGN.figures_of("changing", episodes)
     for key in ("simulated_s", "worked_s"):
         assert found.pop(key) == pytest.approx(whole.pop(key))
-    assert found.pop("version") == "changing 1"
+    assert found.pop("version") == "changing 1" and found.pop("kernels")
     assert found == whole
     # With other kernels all of them are to be run again, and nothing is mixed.
     other = Records(path, lambda kind: f"{kind} 2", EXTREME)
     assert list(other.todo("changing", 0, 2)) == [0, 1]
-    found = other.add("changing", summed_up("changing", episodes[:1]))
+    found = other.add("changing", CAMPAIGN.figures_of("changing", episodes[:1]))
     assert found["episodes"] == 1
 
 
@@ -140,13 +168,13 @@ def test_two_campaigns_that_run_at_once_lose_nothing_of_each_other(tmp_path):
     path = tmp_path / "found.json"
     one, other = (Records(path, lambda kind: f"{kind} 1", EXTREME) for _ in range(2))
     episodes = list(CAMPAIGN.run("changing", range(3)))
-    one.add("changing", summed_up("changing", episodes[:1]))
-    other.add("placing", summed_up("changing", episodes[:1]))
-    found = other.add("changing", summed_up("changing", episodes[1:2]))
+    one.add("changing", CAMPAIGN.figures_of("changing", episodes[:1]))
+    other.add("placing", CAMPAIGN.figures_of("changing", episodes[:1]))
+    found = other.add("changing", CAMPAIGN.figures_of("changing", episodes[1:2]))
     assert found["episodes"] == 2
-    one.add("changing", summed_up("changing", episodes[2:]))
+    one.add("changing", CAMPAIGN.figures_of("changing", episodes[2:]))
     # What both ran counts once.
-    other.add("changing", summed_up("changing", episodes[1:]))
+    other.add("changing", CAMPAIGN.figures_of("changing", episodes[1:]))
     kinds = Records(path, lambda kind: f"{kind} 1", EXTREME).kinds
     assert kinds["changing"]["episodes"] == 3
     assert kinds["placing"]["episodes"] == 1

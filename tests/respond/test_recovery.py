@@ -17,7 +17,7 @@ class Drifting(Driven):
 
     def cycle(self, wish, form="filter"):
         command = super().cycle(wish, form)
-        if command.action is Action.FOLLOW:
+        if command.action < Action.STOP:
             drift = TRACKING * 1e-3
             self.q = self.q + drift
             self.v = self.v + TRACKING

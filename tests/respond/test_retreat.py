@@ -35,7 +35,7 @@ def led_in(guard, cycles=2500, wish=wander):
     assert loop.stops == []
     loop.inward = len(loop.q_rows)
     loop.cycle(np.full(14, np.nan))
-    while loop.cycle(loop.still).action is not Action.FOLLOW:
+    while loop.cycle(loop.still).action >= Action.STOP:
         assert len(loop.commands) < cycles + 3000
     loop.rests = len(loop.q_rows)
     return loop

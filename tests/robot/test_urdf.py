@@ -207,8 +207,9 @@ def test_a_package_is_found(way, tmp_path, monkeypatch):
     mesh.write_text("solid")
     urdf = tmp_path / ("odd" if way in ("xml", "tail") else "robots") / "r.urdf"
     urdf.parent.mkdir(exist_ok=True)
-    if way == "xml":
-        (tmp_path / "odd" / "package.xml").write_text(
+    if way in ("xml", "folder"):
+        inner = "odd" if way == "xml" else "p"
+        (tmp_path / inner / "package.xml").write_text(
             "<package><name>p</name></package>"
         )
     if way == "ros":

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -337,6 +338,22 @@ def test_what_a_killed_recorder_wrote_is_read_up_to_the_cut(tmp_path, bay):
     file.write_bytes(whole[:4000])
     with pytest.raises(TrajectoryError, match="cannot be read as a bag"):
         load_motion(folder)
+
+
+@pytest.mark.parametrize(
+    ("profile", "encoding"), [("", "jsonschema"), ("ros1", "ros1msg")]
+)
+def test_an_mcap_file_that_ros_2_did_not_write_is_named(tmp_path, profile, encoding):
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile=profile)
+        schema = writer.register_schema("sensor_msgs/JointState", encoding, b"{}")
+        channel = writer.register_channel("/joint_states", "json", schema)
+        writer.add_message(channel, START, b"{}", START)
+        writer.finish()
+    with pytest.raises(TrajectoryError, match="not written by ROS 2"):
+        load_motion(path)
 
 
 def test_run_judges_a_bag(tmp_path, bay):

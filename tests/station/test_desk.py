@@ -235,8 +235,7 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
         given[[BEGAN_BY, BEGAN_WITH, BEGAN_AT, COMMANDER]] = ME, k + 1, start - 9, ME
         judge.ask(cause)
         if cause:
-            nothing = np.full(N, np.nan)
-            command = guard.filter(q, nothing, now, velocity=measured, now=now)
+            command = guard.stop(q, now, velocity=measured, now=now)
         else:
             command = asks[form](q, same, now, velocity=measured, now=now)
         last = judge.last
@@ -247,7 +246,7 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
         )
         judge.write_down()
         frame = frame_of(next(bench.reader.unread()))
-        asked_for = FrameForm.VELOCITIES if cause else FrameForm(form)
+        asked_for = FrameForm.STOP if cause else FrameForm(form)
         assert frame.form is asked_for
         assert frame.now == now
         assert frame.received == (start - 9) * 1e-9
@@ -259,8 +258,8 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
         if form is Form.TWISTS and not cause:
             assert frame.text["tools"] == ["left", "right"]
             assert (frame.asked == np.concatenate(list(same.values()))).all()
-        elif not cause:
-            assert (frame.asked == same).all()
+        else:
+            assert (frame.asked == (Reason.STOP_ORDERED if cause else same)).all()
         seen.add(command.verdict.level)
         v = np.array(command.velocity)
         q = q + v * PERIOD
@@ -269,7 +268,7 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
 
 
 def size_of(robots):
-    return 136 + 24 + 40 * robots + 16 * N
+    return 136 + 24 + 48 * robots + 16 * N
 
 
 def told(command, guard, k, start, form):
@@ -285,7 +284,7 @@ def told(command, guard, k, start, form):
         head += struct.pack("<IIdd6d", 2**32 - 1, 2**32 - 1, np.inf, np.inf, *[0.0] * 6)
     else:
         pair = verdict.nearest
-        row = 31 + 2 * 16 + N + 19 * int(numbers[4])
+        row = 32 + 2 * 17 + N + 20 * int(numbers[4])
         head += struct.pack(
             "<IIdd6d",
             bodies.index(pair.a),
@@ -298,18 +297,19 @@ def told(command, guard, k, start, form):
     reason = verdict.reason
     level = max(level_of(reason), *levels.values())
     cause = Cause.STOP_ORDERED if k == 250 else Cause.NONE
-    form = Form.VELOCITIES if cause else form
+    form = FrameForm.STOP if cause else form
     actions = command.actions
     head += struct.pack(
         "<8HQ", reason, cause, level, max(actions.values()), 2, N, 2, form, ME
     )
     for r, part in enumerate(guard.tables.robots):
-        row = numbers[31 + 16 * r :]
+        row = numbers[32 + 17 * r :]
         phase = command.numbers[4 * N + 2 + r]
-        follows = actions[part.name] is Action.FOLLOW
-        assert follows == (phase in [int(p) for p in DRIVEN])
+        since = command.numbers[4 * N + 4 + r]
+        expected = Action.FOLLOW if phase in [int(p) for p in DRIVEN] else Action.STOP
+        assert actions[part.name] is (expected if np.isnan(since) else Action.HOLD)
         head += struct.pack(
-            "<4H2fdQQ",
+            "<4H2fdQQd",
             levels[part.name],
             actions[part.name],
             command.blocked[part.name],
@@ -319,6 +319,7 @@ def told(command, guard, k, start, form):
             row[3],
             ME,
             k + 1,
+            since,
         )
     return head + command.velocity.tobytes() + command.position.tobytes()
 
@@ -333,7 +334,7 @@ def test_what_is_found_out_late_is_told_again(bench):
         assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
         given[[CYCLE, START, CAUSE, FLAGS]] = k, start, Cause.NONE, 0
         judge.ask(Cause.NONE)
-    velocities = slice(48 + 136 + 24 + 80, 48 + 136 + 24 + 80 + 8 * N)
+    velocities = slice(48 + 136 + 24 + 96, 48 + 136 + 24 + 96 + 8 * N)
     assert np.frombuffer(bench.out[velocities], np.float64).any()
     given[[CAUSE, FLAGS]] = Cause.DEADLINE_MISSED, MISSED
     judge.tell_again()

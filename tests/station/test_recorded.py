@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armguard import Box, Guard, Pose, Sphere, bay_scene
+from armguard import Box, Guard, Pose, Reason, Sphere, bay_scene
 from armguard.guard.verdict import Verdict, names_of
 from armguard.respond import Command
 from armguard.station.blackbox.replay import do
@@ -37,10 +37,12 @@ def test_every_form_is_written_with_its_bits(tmp_path: Path):
     ]
     taped.place("cart", Pose(xyz=(0.0, 0.0, 1.0)))
     verdict = taped.step(q, 3 * PERIOD, velocity=still)
+    why = Reason.DEADLINE_MISSED
+    stop = taped.stop(q, 4 * PERIOD, velocity=still, reason=why)
     found = [frame_of(row) for row in RingReader(tmp_path / "ring").unread()]
-    kinds = [Kind.CYCLE] * 3 + [Kind.EVENT, Kind.CYCLE]
+    kinds = [Kind.CYCLE] * 3 + [Kind.EVENT, Kind.CYCLE, Kind.CYCLE]
     assert [frame.kind for frame in found] == kinds
-    assert [frame.cycle for frame in found] == [0, 1, 2, 3, 3]
+    assert [frame.cycle for frame in found] == [0, 1, 2, 3, 3, 4]
     forms = (Form.VELOCITIES, Form.POSITIONS, Form.TWISTS)
     names = names_of(guard.tables)
     for frame, answer, form in zip(found, answers, forms, strict=False):
@@ -68,6 +70,9 @@ def test_every_form_is_written_with_its_bits(tmp_path: Path):
     assert (found[4].poses == guard.poses).all()
     assert guard.poses.shape == (len(guard.tables.parent), 12)
     assert found[4].verdict.tobytes() == verdict.numbers.tobytes()
+    assert found[5].form is Form.STOP
+    assert found[5].asked.tolist() == [why]
+    assert found[5].told.tobytes() == stop.numbers.tobytes()
 
 
 def test_input_that_is_none_is_written_as_nan_with_its_fault(tmp_path: Path):

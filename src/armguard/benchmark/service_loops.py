@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from armguard.benchmark.service_arms import Arms
 from armguard.benchmark.service_echo import ANSWERED, ASKED
 from armguard.station.client import Answer, Client
-from armguard.station.client.answer import STOP_ACTION
 from armguard.station.errors import StationError
 from armguard.station.service.machine import ask_realtime
 
@@ -150,7 +149,7 @@ class Talk:
         self._took.append(time.perf_counter_ns() - begin)
         arms.obey(answer, client.clock())
         self._look(answer)
-        if answer.action_number >= STOP_ACTION and arms.resting:
+        if answer.stops and arms.resting:
             self._let_go(now, answer.level_number)
 
     def _look(self, answer: Answer) -> None:

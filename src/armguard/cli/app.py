@@ -1,21 +1,18 @@
-"""The application, its commands, and how an error leaves it."""
-
-import sys
+"""The application and its commands."""
 
 import typer
 
 from armguard.cli.bench import bench
 from armguard.cli.chaos import chaos
 from armguard.cli.check import check
-from armguard.cli.console import BAD_INPUT, complain
 from armguard.cli.demo import demo
+from armguard.cli.keys import keys
 from armguard.cli.octree import octree
 from armguard.cli.replay import replay
 from armguard.cli.report import report
 from armguard.cli.run import run
 from armguard.cli.serve import serve
 from armguard.cli.view import view
-from armguard.errors import ArmguardError
 
 app = typer.Typer(
     name="armguard",
@@ -31,6 +28,7 @@ for command in (
     check,
     run,
     serve,
+    keys,
     view,
     replay,
     report,
@@ -51,12 +49,3 @@ def armguard(
 
         typer.echo(__version__)
         raise typer.Exit
-
-
-def main() -> None:
-    """Run the command line; an error of ours is one message and exit code 2."""
-    try:
-        app()
-    except ArmguardError as error:
-        complain(error)
-        sys.exit(BAD_INPUT)

@@ -40,12 +40,6 @@ err = Console(stderr=True, highlight=False)
 JsonOption = typer.Option(False, "--json", help="Print one JSON object.")
 
 
-def complain(error: Exception) -> None:
-    """Print an error as one message."""
-    err.print(f"[bold]error[/bold] {type(error).__name__}: ", end="", markup=True)
-    err.print(str(error), markup=False)
-
-
 def print_json(answer: dict[str, Any]) -> None:
     """Print one JSON object; NaN and infinity become null."""
     json.dump(jsonable(answer), sys.stdout, indent=1, allow_nan=False)

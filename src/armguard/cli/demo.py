@@ -1,5 +1,6 @@
 """`armguard demo`: a guard at work on simulated arms that an operator drives."""
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -178,19 +179,28 @@ def status(so_far: float, tally: Tally) -> Text:
     share = 100.0 * tally.deflected / max(tally.cycles, 1)
     text = (
         f"{so_far:6.1f} s  {verdict.level.name:13} {stops} stops, otherwise than "
-        f"asked {share:.0f} %  {verdict.why}"
+        f"asked {share:.0f} %  {tally.why}"
     )
     return Text(text, style=STYLES[verdict.level], overflow="ellipsis", no_wrap=True)
 
 
 def show_page(stage: Stage, port: int) -> None:
-    """Start the page, and say where it is; without it the demo goes on."""
+    """Start the page, and print what it says; without it the demo goes on."""
     if find_spec("viser") is None:
         say("no page: it needs viser, pip install 'armguard[view]'")
         return
+    reading, writing = os.pipe()
     words = ("--port", str(stage.port), "--page-port", str(port))
-    stage.crew.start("view", ("-m", "armguard", "view", *words))
-    out.print(f"live view: http://127.0.0.1:{port} (Ctrl-C ends everything)")
+    stage.crew.start("view", ("-m", "armguard", "view", *words), log=writing)
+    os.close(writing)
+
+    def pass_on() -> None:
+        with os.fdopen(reading, encoding="utf-8", errors="replace") as lines:
+            for line in lines:
+                # A link that is broken into two lines cannot be clicked.
+                out.print(line.rstrip(), markup=False, soft_wrap=True)
+
+    threading.Thread(target=pass_on, name="page's words", daemon=True).start()
 
 
 def page_lives(stage: Stage) -> bool:

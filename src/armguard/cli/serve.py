@@ -20,15 +20,22 @@ def serve(
         int, typer.Option(help="UDP port; 0 for one that is free.")
     ] = 47800,
     bind: Annotated[
-        str, typer.Option(help="Address to listen on; all but loopback need a key.")
+        str, typer.Option(help="Address; all but loopback need --key-file.")
     ] = "127.0.0.1",
     key_file: Annotated[
-        Path | None, typer.Option(help="File with the key, 16 to 32 bytes.")
+        Path | None,
+        typer.Option(help="File with the key of each role; new keys if left out."),
     ] = None,
     rate: Annotated[float, typer.Option(help="Cycles a second [Hz].")] = 250.0,
     late: Annotated[
         float, typer.Option(help="How much later than its period a cycle may come [s].")
     ] = 0.004,
+    wish_watchdog: Annotated[
+        float,
+        typer.Option(
+            help="How long a wish counts [s]; longer than a round trip to the operator."
+        ),
+    ] = 0.1,
     stale: Annotated[
         float | None,
         typer.Option(help="How old states may be; as the scene says if left out [s]."),
@@ -62,6 +69,9 @@ def serve(
         float,
         typer.Option(help="Stay awake for so long before a state is expected [s]."),
     ] = 0.0,
+    stopped: Annotated[
+        bool, typer.Option(help="Keep robots stopped until they are engaged.")
+    ] = False,
     self_test: Annotated[
         bool, typer.Option(help="Let the guard test itself first.")
     ] = True,
@@ -70,6 +80,7 @@ def serve(
 
     The first line on standard output tells where it listens.
     """
+    from armguard.respond.compiling import compile_ahead
     from armguard.station.service import Service, ServiceSettings
     from armguard.station.service.complaints import PatientHandler
     from armguard.station.service.scenes import (
@@ -77,35 +88,41 @@ def serve(
         checked_response,
         open_scene,
     )
-    from armguard.station.wire import read_key
+    from armguard.station.wire import read_keys
 
     patient = PatientHandler()
     logging.basicConfig(level=logging.INFO, handlers=[patient])
     companions: dict[str, tuple[str, ...]] = {}
+    keyed = () if key_file is None else ("--key-file", str(key_file))
     if record is not None:
         companions["record"] = ("--folder", str(record))
     if metrics is not None:
         companions["metrics"] = ("--port", str(metrics))
     if zenoh:
-        keyed = () if key_file is None else ("--key-file", str(key_file))
         companions["zenoh"] = ("--companion", *keyed)
     if view:
-        companions["view"] = ()
+        companions["view"] = keyed
     settings = ServiceSettings(
         bind=bind,
         port=port,
-        key=b"" if key_file is None else read_key(key_file),
+        keys={} if key_file is None else read_keys(key_file),
         rate=rate,
         late=late,
         stale=stale,
+        wish_watchdog=wish_watchdog,
         ring=ring,
         self_test=self_test,
         realtime=realtime,
         lock_memory=lock_memory,
         cpu=cpu,
         spin=spin,
+        stopped=stopped,
         companions=companions,
     )
+    # The default action ends the program at once. A handler of Python would run only
+    # after the compiler has returned, minutes later.
+    for ending in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(ending, signal.SIG_DFL)
     opened, file = open_scene(
         scene,
         period=settings.period,
@@ -115,6 +132,8 @@ def serve(
         response=checked_response(response),
         progress=say_progress,
     )
+    modes = {robot.mode for robot in opened.robots.values()}
+    compile_ahead(say, guarded=modes != {"fixed"})
     asked: list[int] = []
 
     def end(number: int, frame: FrameType | None) -> None:

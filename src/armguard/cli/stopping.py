@@ -117,8 +117,15 @@ def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
         told = "its stopping figures are told, not used" if figures else (
             "it has no stopping figures"
         )  # fmt: skip
+        sentence = f"{who}: {buffer:.2f} mm at every speed; {told}"
+        if all(other.mode == "fixed" for other in scene.robots.values()):
+            return Finding("stopping", "PASS", sentence)
         return Finding(
-            "stopping", "PASS", f"{who}: {buffer:.2f} mm at every speed; {told}"
+            "stopping",
+            "WARN",
+            f"{sentence}; the proofs of its neighbours count it as still, so nothing "
+            "is proven about its motion",
+            "give it stopping figures and the mode path",
         )
     if figures is None:
         return Finding("stopping", "FAIL", f"{who}: it has no stopping figures")

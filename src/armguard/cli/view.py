@@ -20,12 +20,13 @@ def view(
         int, typer.Option(help="Port of the page; 0 for one that is free.")
     ] = 8080,
     key_file: Annotated[
-        Path | None, typer.Option(help="File with the service's key.")
+        Path | None, typer.Option(help="File with the service's keys.")
     ] = None,
 ) -> None:
     """Show a running service in the browser and drive through it, or play a recording.
 
-    The first line on standard output tells what to open.
+    The first line on standard output has a link that lets one browser in; when it was
+    used, the next line has one for another browser.
     """
     if find_spec("viser") is None:
         raise StationError("the view needs viser: pip install 'armguard[view]'")
@@ -33,10 +34,8 @@ def view(
 
     if recording is None:
         from armguard.station.view.live_view import LiveView
-        from armguard.station.wire import read_key
 
-        key = b"" if key_file is None else read_key(key_file)
-        show(LiveView(port, page_port, key=key))
+        show(LiveView(port, page_port, keys=key_file))
         return
     from armguard.station.blackbox import open_recording
     from armguard.station.view.recorded_view import RecordedView

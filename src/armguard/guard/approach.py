@@ -6,7 +6,7 @@ from itertools import product
 from math import inf, isfinite, pi, sqrt
 from typing import TYPE_CHECKING
 
-from armguard.guard.stops import HARDEST, SWING_SPEED
+from armguard.guard.settling import HARDEST, SWING_SPEED
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.robot.stopping.distance import stop_travel
 from armguard.robot.stopping.figures import StoppingFigures

@@ -25,6 +25,8 @@ class Budget:
         stopping_a: Way of A from there to rest, settling included [m].
         reaction_b: The same of B [m].
         stopping_b: The same of B [m].
+        envelope: By how much the shapes that were judged, primitives around links, are
+            nearer than the exact shapes whose distance is reported [m].
         path: What the bend of the path and coarseness of the bound add, or what its
             course on the common clock saves [m].
         needed: All together [m].
@@ -39,6 +41,7 @@ class Budget:
     stopping_a: float
     reaction_b: float
     stopping_b: float
+    envelope: float
     path: float
     needed: float
 
@@ -63,6 +66,7 @@ class Budget:
             ("measurement", self.error),
             ("reaction", self.reaction),
             ("stopping", self.stopping),
+            ("envelope", self.envelope),
             ("path", self.path),
         ]
         values = whole_tenths([value for _, value in terms])

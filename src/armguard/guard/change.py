@@ -26,8 +26,7 @@ from armguard.guard.proofs import judge_motion, object_speed
 from armguard.guard.watch import COMMANDED, Watch, open_watch
 from armguard.guard.workspace import JUDGE, MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
-from armguard.motion.joint_stop import SWING, TRAVEL, V_BACK
+from armguard.motion.joint_stop import V_BACK, whole_way
 from armguard.motion.pair_state import PROVEN
 from armguard.motion.state import (
     CLOCK,
@@ -61,7 +60,7 @@ def begin_notes(v: Watch, m: Motion) -> None:
     for at in range(PLANS * n):
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
-            v.judged_ways[at, 2 * side] = stop[TRAVEL] + stop[SWING]
+            v.judged_ways[at, 2 * side] = whole_way(stop)
             v.judged_ways[at, 2 * side + 1] = stop[V_BACK]
     for at in range(v.judged_clock.shape[0]):
         for k in range(CLOCK):
@@ -92,7 +91,7 @@ def judge_change(lines: int) -> None:
     Args:
         lines: Address of the ledger of a workspace; the stops are planned already.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     if not (is_known(w, v) and bound_growth(w, v, m) and renew(lines)):
         call_for_nothing(w.parts[JUDGE], (lines,))
@@ -152,8 +151,7 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
             if v.judged_ways[at, 2 * side + 1] != stop[V_BACK]:
                 # It may go on where it could only go back.
                 return inf
-            way = stop[TRAVEL] + stop[SWING]
-            growth = max(growth, way - v.judged_ways[at, 2 * side])
+            growth = max(growth, whole_way(stop) - v.judged_ways[at, 2 * side])
     return float(growth)
 
 
@@ -164,7 +162,7 @@ def renew(lines: int) -> bool:
     Returns:
         Whether that says everything: false if one has to be looked at that has no row.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     longer = max(m.span[SETTLED] - v.judged_settled[0], 0.0)
     moving = m.rate.shape[0]

@@ -4,6 +4,9 @@ What decides anything is kept with its very bits. What a cycle writes before it 
 what the scene says, and what leads to memory of a process is left out: the first two
 the other guard has, the last one is its own. The index is a function of where things
 are, so it is built anew.
+
+A checkpoint may come from anywhere, so it is checked before any of it is taken over;
+see `checkpoint_bounds`.
 """
 
 import json
@@ -17,6 +20,7 @@ from numpy.typing import NDArray
 from armguard.errors import ArmguardError
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT, INDEXED, STATUS
 from armguard.scene.standing import Standing
@@ -36,7 +40,7 @@ LEFT_OUT: dict[str, frozenset[str]] = {
         (
             "pace top_speed robot_of movers pairs pair_need look row tool_body "
             "tool_point judged_pairs judged_left judged_count judged_ways judged_clock "
-            "judged_settled grown"
+            "judged_settled grown object_stale"
         ).split()
     ),
     "grips": frozenset("swap fingers members velocity".split()),
@@ -71,8 +75,11 @@ KEPT: dict[str, frozenset[str]] = {
     "escape": frozenset("notes memory way".split()),
 }
 
-# Places of addresses in the rows of shapes that have any.
-ADDRESSES = {ShapeKind.HULL: (4,), ShapeKind.SUPPORT: (4, 5)}
+PLACES = np.arange(ROW_WIDTH)
+
+# Places in the rows of shapes that lead to memory: of addresses, and of how many
+# numbers are there.
+ADDRESSES = {ShapeKind.HULL: (4, 5), ShapeKind.SUPPORT: (4, 5)}
 
 
 class CheckpointError(ArmguardError):
@@ -121,24 +128,28 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any], bytes]:
     end = start + int.from_bytes(data[start - LENGTH : start], "little")
     try:
         about = json.loads(data[start:end])
-    except ValueError:
+    except (ValueError, RecursionError):
         raise CheckpointError("a checkpoint is cut off or damaged") from None
+    if type(about) is not dict:
+        raise CheckpointError("a checkpoint does not say what it is about")
     return data[len(MAGIC) : start - LENGTH], about, data[end:]
 
 
-def write_back(data: bytes, arrays: Arrays) -> None:
-    """Fill arrays in place with the bytes of a checkpoint.
+def arrays_in(data: bytes, like: Arrays) -> dict[str, NDArray[Any]]:
+    """The arrays in the bytes of a checkpoint, by name; of the shapes of others.
 
     Raises:
-        CheckpointError: There are more or fewer of them; nothing was written.
+        CheckpointError: There are more or fewer of them.
     """
-    if sum(array.nbytes for array in arrays.values()) != len(data):
+    if sum(array.nbytes for array in like.values()) != len(data):
         raise CheckpointError("a checkpoint is cut off or damaged")
-    at = 0
-    for array in arrays.values():
-        part = np.frombuffer(data, array.dtype, array.size, at)
-        array[...] = part.reshape(array.shape)
+    found, at = {}, 0
+    for name, array in like.items():
+        kind = np.dtype(np.uint8) if array.dtype == np.bool_ else array.dtype
+        part = np.frombuffer(data, kind, array.size, at)
+        found[name] = part.reshape(array.shape)
         at += array.nbytes
+    return found
 
 
 def whereabouts(
@@ -151,8 +162,8 @@ def whereabouts(
         places: The primitives, shape (k,).
 
     Returns:
-        Their rows in the world without addresses, (k, 16); 1 for those that are there,
-        (k,); corners of the root cube and greatest depth, (7,).
+        Their rows in the world without what leads to memory, (k, 16); 1 for those that
+        are there, (k,); corners of the root cube and greatest depth, (7,).
     """
     rows = index.world.rows[places]
     kinds = index.world.kinds[places]
@@ -170,7 +181,7 @@ def stand(
     index: Octree | BruteForce,
     places: NDArray[np.int64],
     rows: Floats,
-    there: NDArray[np.bool_],
+    there: NDArray[Any],
     cube: Floats,
 ) -> None:
     """Put primitives where rows say, or leave them out, and build the index anew.
@@ -185,8 +196,7 @@ def stand(
     world = index.world
     for i, row in zip(places.tolist(), rows, strict=True):
         columns = list(ADDRESSES.get(ShapeKind(world.kinds[i]), ()))
-        row[columns] = world.rows[i, columns]
-        world.rows[i] = row
+        world.rows[i] = np.where(np.isin(PLACES, columns), world.rows[i], row)
         row_bounds(int(world.kinds[i]), world.rows[i], 0.0, world.boxes[i])
     present = index.state.residency[:, STATUS] != ABSENT
     present[places] = there

@@ -17,7 +17,10 @@ from armguard.guard.observe import blame_joint, now_of
 from armguard.guard.stops import GRAIN, effect_time, unknown_age
 from armguard.guard.watch import (
     COMMANDED,
+    DELAY_SHARE,
+    DELAY_STEPS,
     LATE,
+    ORDERED_AT,
     PERIOD,
     RECOVERING,
     RESTING,
@@ -42,6 +45,7 @@ from armguard.motion.state import NEXT, NOW, Motion
 Floats = NDArray[np.float64]
 
 NOT_FOLLOWED = int(Reason.NOT_FOLLOWED)
+DRIVE_LAGS = int(Reason.DRIVE_LAGS)
 
 
 @kernel
@@ -92,17 +96,16 @@ def set_drives(v: Watch, m: Motion) -> None:
     n = m.q.shape[0]
     for j in range(n):
         top, error = m.joint_figures[j, VELOCITY], m.joint_figures[j, TRACKING]
-        low, high = -top, top
-        if v.given[COMMANDED] != 0.0:
-            low, high = v.driven_to[j, 0], v.driven_to[j, 1]
-        for plan in range(2):
-            if plan == NEXT and v.given[COMMANDED] != 0.0:
-                low, high = min(low, v.wanted[j]), max(high, v.wanted[j])
-            m.driven[plan * n + j, 0] = max(min(high + error, top), 0.0)
-            m.driven[plan * n + j, 1] = max(min(error - low, top), 0.0)
         if v.given[COMMANDED] == 0.0:
             m.driven[NOW * n + j, 0] = m.driven[NOW * n + j, 1] = top
             m.driven[NEXT * n + j, 0] = m.driven[NEXT * n + j, 1] = top
+            continue
+        low, high = v.driven_to[j, 0], v.driven_to[j, 1]
+        m.driven[NOW * n + j, 0] = max(min(high + error, top), 0.0)
+        m.driven[NOW * n + j, 1] = max(min(error - low, top), 0.0)
+        low, high = min(low, v.wanted[j]), max(high, v.wanted[j])
+        m.driven[NEXT * n + j, 0] = max(min(high + error, top), 0.0)
+        m.driven[NEXT * n + j, 1] = max(min(error - low, top), 0.0)
 
 
 @kernel
@@ -159,11 +162,84 @@ def is_as_told(v: Watch, m: Motion, out: Floats) -> bool:
             continue
         error = m.joint_figures[j, TRACKING]
         low, high = v.band[j, 0] - error, v.band[j, 1] + error
+        explained = note_delay(j, r, error, v, m)
         if m.v_low[j] > high + GRAIN or m.v_high[j] < low - GRAIN:
+            if explained < DELAY_STEPS:
+                return bool(blame_joint(DRIVE_LAGS, j, v.delays[r], out))
             speed = 0.5 * (m.v_low[j] + m.v_high[j])
             return bool(blame_joint(NOT_FOLLOWED, j, speed, out))
         m.v_low[j], m.v_high[j] = max(m.v_low[j], low), min(m.v_high[j], high)
     return True
+
+
+@kernel
+def note_delay(j: int, r: int, error: float, v: Watch, m: Motion) -> int:
+    """Note which delay a drive has at least, by how its joint follows commands.
+
+    A joint that is beyond all commands of a time, and got farther beyond them, follows
+    older ones. How soon it follows is not declared, so only this is sure.
+
+    Args:
+        j: The joint.
+        r: Its robot.
+        error: What it may be off its commands [rad/s].
+        v: Watch; the robot's delay is raised.
+        m: Motion; the bounds of the measured velocities are read.
+
+    Returns:
+        The shortest delay looked for that explains what it does, DELAY_STEPS if none.
+    """
+    explained, step = 0, DELAY_SHARE * m.robot_figures[r, COMMAND]
+    for k in range(DELAY_STEPS):
+        low, high = v.followed[j, 2 * k] - error, v.followed[j, 2 * k + 1] + error
+        if m.v_low[j] > high + GRAIN or m.v_high[j] < low - GRAIN:
+            explained = k + 1
+            v.delays[r] = max(v.delays[r], (k + 1) * step)
+    return explained
+
+
+@kernel
+def expect_followed(j: int, v: Watch, m: Motion) -> None:
+    """Write between which velocities a joint is next time, by the delay of its drive.
+
+    Until then its velocity stays between what it is now and what it may be driven to: a
+    drive that has no greater delay is led by no command that is older than that, but
+    for the one before.
+    """
+    r = int(m.robot_of_joint[j])
+    room, count = v.sent_at.shape[0], v.sent_count[0]
+    measured = v.stamps[r] - unknown_age(r, v, m)
+    step = DELAY_SHARE * m.robot_figures[r, COMMAND]
+    low, high, k = inf, -inf, 0
+    for back in range(min(room, count)):
+        at = (count - 1 - back) % room
+        low, high = min(low, v.sent[at, j]), max(high, v.sent[at, j])
+        while k < DELAY_STEPS and v.sent_at[at] <= measured - (k + 1) * step:
+            expect_within(j, k, low, high, v, m)
+            k += 1
+        if k == DELAY_STEPS:
+            return
+    if count <= room:
+        # Before the first command it was told to stand still.
+        low, high = min(low, 0.0), max(high, 0.0)
+    else:
+        low, high = -inf, inf
+    for older in range(k, DELAY_STEPS):
+        expect_within(j, older, low, high, v, m)
+
+
+@kernel
+def expect_within(j: int, k: int, low: float, high: float, v: Watch, m: Motion) -> None:
+    """Write the bounds for one delay: the commands, and what the joint is now."""
+    r = int(m.robot_of_joint[j])
+    if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
+        low, high = -inf, inf
+    # A joint that was within the bounds before is, wherever it was measured.
+    error = m.joint_figures[j, TRACKING]
+    now_low = max(m.v_low[j], v.followed[j, 2 * k] - error)
+    now_high = min(m.v_high[j], v.followed[j, 2 * k + 1] + error)
+    v.followed[j, 2 * k] = min(low, now_low)
+    v.followed[j, 2 * k + 1] = max(high, now_high)
 
 
 @kernel
@@ -183,7 +259,7 @@ def moment(v: Watch) -> float:
     cycle after them: an arm that is led to rest has to get there.
     """
     now, last = now_of(v), v.told_at[0]
-    if isfinite(now) and now > last:
+    if isfinite(v.last[ORDERED_AT]) and isfinite(now) and now > last:
         return float(now)
     return last + v.pace[PERIOD] if isfinite(last) else 0.0
 
@@ -232,3 +308,4 @@ def send(v: Watch, m: Motion) -> None:
     for j in range(v.wanted.shape[0]):
         v.band[j, 0] = min(v.under_way[j, 0], m.v_low[j])
         v.band[j, 1] = max(v.under_way[j, 1], m.v_high[j])
+        expect_followed(j, v, m)

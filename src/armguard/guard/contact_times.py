@@ -34,7 +34,6 @@ from armguard.guard.proofs import (
 from armguard.guard.watch import Watch, open_watch
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.free_way import bound_free_way, grid_time, time_after
 from armguard.motion.pair_proof import path_gap
 from armguard.motion.pair_state import ALLOWED, PAIR, PLAN, SIDE
@@ -51,7 +50,7 @@ def write_contact_times(lines: int) -> None:
     Args:
         lines: Address of the ledger of a workspace, after its pairs were judged.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     out = w.out
     for k in range(int(out[NEAR_COUNT])):

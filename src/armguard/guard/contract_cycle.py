@@ -35,7 +35,6 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.state import SEGMENT, open_motion
 
 CAPACITY = int(Reason.CAPACITY)
@@ -48,7 +47,7 @@ def judge_with_contracts(lines: int) -> None:
     Args:
         lines: Address of the ledger of the workspace.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     h = open_grips(w.parts[GRIPS])
     if m.span[SEGMENT] != 0.0:

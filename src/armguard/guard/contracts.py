@@ -64,7 +64,6 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import path_gap, shared_joints
 from armguard.motion.pair_state import (
@@ -83,6 +82,7 @@ from armguard.motion.pair_state import (
     SHARED,
     SIDE,
     SPENT,
+    UNPROVEN,
 )
 from armguard.motion.state import (
     LOOKED,
@@ -129,7 +129,7 @@ def prove_with_contract(
     Returns:
         How the proof ended, and what is left or lacks [m].
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     h = open_grips(w.parts[GRIPS])
     pair = (i, j, plan_i, plan_j, place, lines)
@@ -197,7 +197,7 @@ def prove_with_contract(
     if kept:
         w.out[place + BUFFER] = -c[DEPTH]
         return (ALLOWED, spare)
-    if proof == PROVEN or proof == SPENT:
+    if proof == PROVEN or proof == SPENT or proof == UNPROVEN:
         return (proof, left)
     return (EXCEEDED, left)
 
@@ -293,7 +293,7 @@ def least_gap(
         need: Distance to be kept; with plenty beyond it a quick bound will do [m].
         lines: Address of the ledger of the workspace.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     m = open_motion(w.parts[MOTION])
     moving = m.rate.shape[0]
     by_levers = w.out[place + OUTER] - m.reach[plan_i, i]

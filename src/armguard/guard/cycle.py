@@ -34,7 +34,6 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
@@ -94,7 +93,7 @@ def rebuild_world(positions: int, indexed: int, lines: int) -> None:
         indexed: 0 where nobody is going to ask the index.
         lines: Address of the ledger.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     q = numba.carray(pointer(positions), (w.lower.shape[0],), np.float64)
     forward_kinematics(
         q, w.parent, w.joint_kind, w.q_index, w.gain, w.T_parent_joint, w.axis, w.T_next

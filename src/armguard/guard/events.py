@@ -6,7 +6,7 @@ from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import ABOUT_PAIRS, Verdict, finite
 
 # Reasons of a stop that was ordered in an earlier cycle.
-AFTERWARDS = (Reason.STOPPING, Reason.RESTING)
+AFTERWARDS = (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN)
 
 
 @dataclass(slots=True)

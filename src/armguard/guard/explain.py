@@ -7,11 +7,15 @@ from armguard.geometry.vec3 import Vec3, dot, scaled
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
+    ENVELOPE,
+    EXACT,
     FIRST,
+    NEAR_COUNT,
     NEAREST,
     OUTER,
     SECOND,
     TERM_BASE,
+    TERM_ENVELOPE,
     TERM_ERROR,
     TERM_FLOOR,
     TERM_MODEL,
@@ -26,11 +30,18 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.near_pairs import row_place
-from armguard.guard.proofs import object_speed, robot_of, standing_need
+from armguard.guard.proofs import (
+    OF_EXACT,
+    OF_PRIMITIVES,
+    object_speed,
+    robot_of,
+    standing_need,
+)
+from armguard.guard.refine import refine_pair
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import Workspace
+from armguard.guard.workspace import Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.motion.joint_stop import SWING, TRAVEL, X1
+from armguard.motion.joint_stop import X1, whole_way
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
 from armguard.motion.state import NEXT, SETTLED, Motion
@@ -39,13 +50,39 @@ from armguard.motion.stop_path import error_of
 Floats = NDArray[np.float64]
 
 
+@kernel(inline=False)
+def write_envelopes(lines: int) -> None:
+    """Write what the envelope adds to the need of every near pair.
+
+    The reported distance is that of the shapes which are farther apart. A pair that was
+    proven by exact shapes is measured by these, so its distance, its need and its
+    clearance are of the same shapes. Where the primitives were judged, the need holds
+    what they reach beyond the exact shapes. Rows that have it already are left alone.
+
+    Args:
+        lines: Address of the ledger of a workspace.
+    """
+    w = open_workspace(lines)
+    out = w.out
+    for k in range(int(out[NEAR_COUNT])):
+        place = row_place(k, w)
+        judged = out[place + ENVELOPE]
+        if judged == OF_PRIMITIVES:
+            out[place + ENVELOPE] = out[place + WITNESS] - out[place + OUTER]
+        elif judged == OF_EXACT:
+            if out[place + EXACT] == np.inf:
+                i, j = int(out[place + FIRST]), int(out[place + SECOND])
+                refine_pair(i, j, place, lines)
+            out[place + ENVELOPE] = out[place + WITNESS] - out[place + EXACT]
+
+
 @kernel
 def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
     """Write the terms of what the nearest pair needs; they add up to the need.
 
     Each joint's part is what it moves the witness point by, towards the other side.
     What the bend of the path adds to that, or its course on the clock saves, is a term
-    of its own.
+    of its own, and so is the envelope.
     """
     out = w.out
     if out[NEAREST] < 0.0:
@@ -72,7 +109,8 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
     point = (out[at + 4], out[at + 5], out[at + 6])
     n = scaled(-1.0, n)
     add_side(body_j, first, point, n, TERM_REACTION_B, TERM_STOPPING_B, terms, m)
-    terms[TERM_NEEDED] = out[place + OUTER] - out[place + CLEARANCE]
+    terms[TERM_ENVELOPE] = out[place + ENVELOPE]
+    terms[TERM_NEEDED] = out[place + WITNESS] - out[place + CLEARANCE]
     total = 0.0
     for k in range(TERM_PATH):
         total += terms[k]
@@ -100,4 +138,4 @@ def add_side(
         size = abs(g)
         terms[TERM_ERROR] += size * error_of(j, m)
         terms[reaction] += size * stop[X1]
-        terms[stopping] += size * (stop[TRAVEL] - stop[X1] + stop[SWING])
+        terms[stopping] += size * (whole_way(stop) - stop[X1])

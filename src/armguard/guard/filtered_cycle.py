@@ -23,6 +23,7 @@ from armguard.guard.guarded_cycle import judge_input
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
+from armguard.guard.observe import now_of
 from armguard.guard.proofs import demand_stop
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
@@ -46,8 +47,14 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
-from armguard.motion.state import NEXT, NOW, TESTS, Motion, open_motion
+from armguard.motion.state import (
+    NEXT,
+    NOW,
+    SETTLED,
+    TESTS,
+    Motion,
+    open_motion,
+)
 from armguard.motion.stop_path import bound_reaches, plan_stops
 
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
@@ -70,7 +77,7 @@ def open_cycle(positions: int, count: int, lines: int) -> int:
     Returns:
         1 if the input could be judged, else 0.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     q = numba.carray(pointer(positions), (count,), np.float64)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     v.given[COMMANDED] = 1.0
@@ -95,7 +102,7 @@ def close_cycle(judged: int, lines: int) -> None:
         lines: Address of the ledger of a workspace; `wanted` of its watch is what is to
             be proven, and afterwards what is sent.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     if judged != 0:
         begin_recoveries(v, m)
@@ -122,6 +129,7 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
                 hold_still(r, v, m)
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
+            v.relief_until[r] = now_of(v) + m.span[SETTLED]
         elif recover[r] != GIVES_UP:
             recover[r] = 0
 
@@ -129,7 +137,7 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
 @kernel(inline=False)
 def prove_wanted(lines: int) -> None:
     """Prove what is wanted, taking it back until that succeeds."""
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     begun = False
     for r in range(v.recover.shape[0]):
@@ -177,7 +185,7 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
 @kernel(inline=False)
 def judge_again(lines: int) -> None:
     """Judge all pairs for what is wanted now."""
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     set_clocks(v, m)
     set_drives(v, m)

@@ -9,10 +9,12 @@ from math import inf
 from armguard.guard.layout import (
     HEADER,
     NEAR_COUNT,
+    PROOF,
     REASON,
     ROBOT,
     ROBOT_AGE,
     ROBOT_CAUSE,
+    ROBOT_DELAY,
     ROBOT_LEVEL,
     ROBOT_PHASE,
     ROBOT_SCALE,
@@ -20,6 +22,7 @@ from armguard.guard.layout import (
     SLACK_TIME,
 )
 from armguard.guard.levels import Level, Reason
+from armguard.guard.near_pairs import row_place
 from armguard.guard.proofs import LOOK_AHEAD
 from armguard.guard.watch import (
     BRAKING,
@@ -35,6 +38,7 @@ from armguard.guard.watch import (
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED, MODE
+from armguard.motion.pair_state import UNPROVEN
 from armguard.motion.state import AGE, Motion
 
 CLEAR = int(Level.CLEAR)
@@ -53,6 +57,7 @@ NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 STOPPING_STILL = int(Reason.STOPPING)
 AT_REST = int(Reason.RESTING)
+NOTHING_PROVEN = int(Reason.UNPROVEN)
 MOVED_AT_REST = int(Reason.MOVED_AT_REST)
 STOP_LAGS = int(Reason.STOP_LAGS)
 BRAKE_LAGS = int(Reason.BRAKE_LAGS)
@@ -78,6 +83,7 @@ def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
         out[place + ROBOT_SCALE] = scale
         out[place + ROBOT_AGE] = m.clock[r, AGE]
         out[place + ROBOT_CAUSE] = v.cause[r]
+        out[place + ROBOT_DELAY] = v.delays[r]
         if level > worst:
             worst, which = level, r
     out[SLACK_TIME] = min(least, LOOK_AHEAD * slow_time)
@@ -131,10 +137,11 @@ def common_reason(worst: int, w: Workspace, v: Watch) -> int:
         # The cycle itself could not judge.
         return found
     if worst == RECOVER:
-        return AT_REST
+        return NOTHING_PROVEN if is_unproven(w) else AT_REST
     if worst == STOP:
         if found >= TOO_CLOSE:
-            return found
+            # A robot that leaves no longer is stopped for what it was leaving.
+            return TOO_CLOSE if found == NOTHING_PROVEN else found
         for r in range(v.phase.shape[0]):
             if v.phase[r] == STOPPING and v.cause[r] == MOVED_AT_REST:
                 return MOVED_AT_REST
@@ -142,3 +149,12 @@ def common_reason(worst: int, w: Workspace, v: Watch) -> int:
     if worst == SLOW:
         return SHORT_TIME
     return NEAR if found >= NEAR else OK
+
+
+@kernel
+def is_unproven(w: Workspace) -> bool:
+    """Whether there is a near pair for which nothing is proven."""
+    for k in range(int(w.out[NEAR_COUNT])):
+        if w.out[row_place(k, w) + PROOF] == UNPROVEN:
+            return True
+    return False

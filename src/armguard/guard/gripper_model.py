@@ -34,7 +34,6 @@ from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, INDEXED, STATUS
 from armguard.index.octree_update import octree_insert, octree_remove
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.state import open_motion
 
 # What must be this many times as far away before a box comes back [-].
@@ -48,7 +47,7 @@ def choose_models(lines: int) -> None:
     Args:
         lines: Address of the ledger of the workspace.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     h = open_grips(w.parts[GRIPS])
     for g in range(h.grippers.shape[0]):

@@ -5,16 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.kernel import kernel
-from armguard.ledger import (
-    Ledger,
-    ledger_at,
-    matrix_f8,
-    matrix_i8,
-    matrix_u1,
-    vector_f8,
-)
 from armguard.scene.tables import SceneTables
+from armguard.table import ByteMatrix, LongMatrix, Matrix, Vector, opener
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -121,35 +113,17 @@ class Grips(NamedTuple):
         velocity: Scratch for velocities of joints, shape (n,).
     """
 
-    contracts: Floats
-    may: Bytes
-    grippers: Longs
-    swap: Floats
-    fingers: Longs
-    members: Longs
-    objects: Floats
-    velocity: Floats
+    contracts: Matrix
+    may: ByteMatrix
+    grippers: LongMatrix
+    swap: Vector
+    fingers: LongMatrix
+    members: LongMatrix
+    objects: Matrix
+    velocity: Vector
 
 
-def grips_ledger(grips: Grips) -> Ledger:
-    """The arrays in the order `open_grips` expects."""
-    return Ledger(grips)
-
-
-@kernel
-def open_grips(address: int) -> Grips:
-    """What a ledger leads to, by the address of its lines."""
-    lines = ledger_at(address)
-    return Grips(
-        matrix_f8(lines, 0),
-        matrix_u1(lines, 1),
-        matrix_i8(lines, 2),
-        vector_f8(lines, 3),
-        matrix_i8(lines, 4),
-        matrix_i8(lines, 5),
-        matrix_f8(lines, 6),
-        vector_f8(lines, 7),
-    )
+open_grips = opener(Grips)
 
 
 def grips_of(tables: SceneTables) -> Grips:

@@ -13,7 +13,7 @@ from armguard.guard.commands import is_as_told, look_under_way, set_drives
 from armguard.guard.contact_times import write_contact_times
 from armguard.guard.cues import write_cues
 from armguard.guard.cycle import clear_header, positions_are_finite
-from armguard.guard.explain import explain_nearest
+from armguard.guard.explain import explain_nearest, write_envelopes
 from armguard.guard.grade import grade_robots
 from armguard.guard.hanging import nothing_hangs
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, ROBOT, SPANS_TESTED
@@ -21,7 +21,7 @@ from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
-from armguard.guard.observe import observe
+from armguard.guard.observe import clocks_are_right, observe
 from armguard.guard.stops import (
     order_stops,
     set_clocks,
@@ -42,7 +42,6 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.state import NEXT, NOW, TESTS, Motion, open_motion
 from armguard.motion.stop_path import (
     bound_reaches,
@@ -106,12 +105,16 @@ def take_input(positions: int, count: int, lines: int) -> None:
         lines: Address of the ledger; whether the input could be judged is written to
             its watch.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     out, parts = w.out, w.parts
     q = numba.carray(pointer(positions), (count,), np.float64)
     v, m = open_watch(parts[WATCH]), open_motion(parts[MOTION])
     v.given[JUDGED] = 0.0
+    # The clock first: whatever else is wrong, stops are ordered by it.
+    right = clocks_are_right(out.ctypes.data, parts[WATCH], parts[MOTION])
     if not positions_are_finite(q, w.lower, out):
+        out[ROBOT], right = -1.0, False
+    if not right:
         call_for_nothing(parts[REFUSE], (parts[SELF],))
         return
     if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
@@ -160,13 +163,14 @@ def forget_demands(v: Watch, m: Motion) -> None:
 @kernel(inline=False)
 def conclude(lines: int) -> None:
     """Order what must be ordered, grade the robots, explain the nearest pair."""
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     if w.out[REASON] == CAPACITY or w.out[REASON] == NO_DISTANCE:
         v.last[FORCED] = w.out[REASON]
     order_stops(v, m)
     w.out[SPANS_TESTED] = m.effort[TESTS]
     grade_robots(w, v, m)
+    write_envelopes(lines)
     explain_nearest(w, v, m)
     write_contact_times(lines)
     write_cues(w, v, m)
@@ -175,9 +179,10 @@ def conclude(lines: int) -> None:
 @kernel(inline=False)
 def refuse(lines: int) -> None:
     """Stop everything for an input that cannot be believed."""
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     reason, robot = w.out[REASON], w.out[ROBOT]
     stop_everything(int(reason), v, m)
     grade_robots(w, v, m)
+    write_envelopes(lines)
     w.out[REASON], w.out[ROBOT] = reason, robot

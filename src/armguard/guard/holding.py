@@ -5,9 +5,10 @@ that one's joints above them, and everything that moves with a robot is checked 
 them. Each transaction writes all tables at once; the next cycle judges with them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -288,6 +289,51 @@ class Holding:
                 f"'{name}' is held by '{self.holders[name][0]}'; release it first"
             )
 
+    def as_held(self, holders: Mapping[str, Sequence[str]]) -> dict[str, NDArray[Any]]:
+        """What the tables say while these robots hold these objects, by 'ledger.name'.
+
+        Only what is a place or a count; nothing is written.
+
+        Args:
+            holders: Robots that have a gripper, by object; who carries it first.
+        """
+        tables, motion, holds = self.tables, self.motion, self.tables.holds
+        parent, length = tables.parent.copy(), motion.length.copy()
+        robot_of = tables.robot_of_primitive.copy()
+        joints = motion.joints.copy()
+        grippers, objects = self.grips.grippers.copy(), self.grips.objects.copy()
+        grippers[:, at.HOLDS] = 0
+        carrier = np.arange(len(parent))
+        free = []
+        for name, thing in holds.objects.items():
+            numbers = [self._grippers[robot] for robot in holders.get(name, ())]
+            body, own = thing.body, slice(*holds.places[name])
+            grippers[numbers, at.HOLDS] += 1
+            objects[self._numbers[name], [at.HOLDER, at.SECOND]] = [*numbers, -1, -1][
+                :2
+            ]
+            if numbers:
+                part = holds.grippers[numbers[0]]
+                carrier[body], parent[body] = part.body, part.body
+                robot_of[own] = part.robot
+            else:
+                free.append(body)
+                parent[body] = robot_of[own] = -1
+        joints, length = joints[carrier], length[carrier]
+        shared = motion.shared[np.ix_(carrier, carrier)]
+        joints[free], length[free] = -1, 0
+        shared[free], shared[:, free] = 0, 0
+        return {
+            "tables.parent": parent,
+            "tables.checked": holds.checked(holders, self._exempt(holders)),
+            "tables.robot_of_primitive": robot_of,
+            "motion.joints": joints,
+            "motion.length": length,
+            "motion.shared": shared,
+            "grips.grippers": grippers,
+            "grips.objects": objects,
+        }
+
     def put(self, name: str, T: Floats) -> None:
         """Let a free object's body stand at T, shape (4, 4)."""
         body = self.tables.holds.objects[name].body
@@ -362,19 +408,26 @@ class Holding:
 
     def _check_groups(self) -> None:
         """Write who is checked against whom now."""
+        exempt = self._exempt(self.holders)
+        self.tables.checked[:] = self.tables.holds.checked(self.holders, exempt)
+
+    def _exempt(
+        self, all_holders: Mapping[str, Sequence[str]]
+    ) -> list[tuple[int, int]]:
+        """Groups that touch each other where these robots hold these objects."""
         holds = self.tables.holds
         exempt = []
-        for name, holders in self.holders.items():
+        for name, holders in all_holders.items():
             own = holds.group_of[name]
             for robot in holders:
                 mates = self._mates(self._gripper(robot)[1])
                 exempt += [(own, holds.group_of[mate]) for mate in mates]
                 exempt += [
                     (own, holds.group_of[other])
-                    for other, others in self.holders.items()
+                    for other, others in all_holders.items()
                     if other != name and others[0] == holders[0]
                 ]
-        self.tables.checked[:] = holds.checked(self.holders, exempt)
+        return exempt
 
     def _mates(self, part: GripperPart) -> list[str]:
         """Bodies of a gripper, and those that do not move against what it holds."""

@@ -88,7 +88,6 @@ from armguard.guard.workspace import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion, open_motion
 
@@ -125,7 +124,7 @@ def read_intents(velocities: int, lines: int) -> None:
         velocities: Address of the velocities that are asked for, or measured.
         lines: Address of the ledger of the workspace, after its pairs were judged.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     h = open_grips(w.parts[GRIPS])
     u = numba.carray(pointer(velocities), (m.q.shape[0],), np.float64)

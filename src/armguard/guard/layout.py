@@ -5,6 +5,10 @@ The answer of a cycle is a header of `HEADER` float64 followed by one row of
 Whole numbers are exact in float64 up to 2⁵³.
 """
 
+# Number of this layout, which recordings carry. Any change of a place below raises it:
+# a recording of another layout is refused and not misread.
+LAYOUT = 2
+
 # Header places.
 REASON = 0  # Reason as a number
 JOINT = 1  # index in q of the joint a fault is about, -1 if none
@@ -27,8 +31,8 @@ ROBOT = 17  # robot a fault is about, -1 if none
 SLACK_TIME = 18  # least time until a stop must be ordered, as far as it was looked [s]
 SPANS_TESTED = 19  # spans of time that were tested to prove pairs
 TERMS = 20  # what the nearest pair must keep, and why: TERM_COUNT numbers [m]
-TERM_COUNT = 11
-HEADER = 31
+TERM_COUNT = 12
+HEADER = 32
 
 # Places among the terms of the nearest pair.
 TERM_FLOOR = 0  # what the scene asks for at rest
@@ -40,8 +44,9 @@ TERM_REACTION_A = 5
 TERM_STOPPING_A = 6
 TERM_REACTION_B = 7
 TERM_STOPPING_B = 8
-TERM_PATH = 9  # what the bend of the path adds, or its course saves
-TERM_NEEDED = 10  # their sum
+TERM_ENVELOPE = 9  # by how much the judged shapes are nearer than the reported ones
+TERM_PATH = 10  # what the bend of the path adds, or its course saves
+TERM_NEEDED = 11  # their sum
 
 # Then a row for each robot, where one has a mode other than "fixed".
 ROBOT_LEVEL = 0
@@ -54,7 +59,8 @@ ROBOT_TIME = 6  # least time to contact of its near pairs [s]
 ROBOT_FORCE = 7  # on its tool, away from what is near, 3 numbers [N]
 ROBOT_TORQUE = 10  # the same about its tool's origin, 3 numbers [N m]
 ROBOT_TOOL = 13  # where its tool goes on the way out, 3 numbers [m/rad]
-ROBOT_WIDTH = 16
+ROBOT_DELAY = 16  # least delay that explains how its drives follow commands [s]
+ROBOT_WIDTH = 17
 
 # Then the joint motion that leads away, a unit vector for each robot, n numbers.
 
@@ -68,5 +74,6 @@ EXACT = 5  # signed distance of the exact shapes [m]; infinite where not measure
 TIME_LEFT = 6  # how long the present motion may go on before a stop [s]
 TIME_TO_CONTACT = 7  # no contact before that, whatever the operators do [s]
 PROOF = 8  # how the proof of its stop ended
-WITNESS = 9  # then the witness row: distance, point_a(3), point_b(3), normal(3)
-NEAR_WIDTH = 19
+ENVELOPE = 9  # distance in the witness row minus that of the judged shapes, >= 0 [m]
+WITNESS = 10  # then the witness row: distance, point_a(3), point_b(3), normal(3)
+NEAR_WIDTH = 20

@@ -46,8 +46,14 @@ class Reason(IntEnum):
     STOPPING = 25
     RESTING = 26
     MOVED_AT_REST = 27
+    UNPROVEN = 28
     STOP_LAGS = 30
     BRAKE_LAGS = 31
+    STOP_ORDERED = 40
+    RESTARTED = 41
+    DEADLINE_MISSED = 42
+    SERVICE_FAULT = 43
+    SHUTDOWN = 44
     NOT_FINITE = 100
     OUT_OF_LIMITS = 103
     WRONG_INPUT = 105
@@ -67,6 +73,16 @@ class Reason(IntEnum):
     WRONG_COMMAND = 120
     NO_WAY = 121
     STATE_FROZEN = 122
+    DRIVE_LAGS = 126
+    STATE_DISAGREES = 130
+    STAMP_REPEATED = 132
+    OBJECT_AHEAD = 140
+    OBJECT_BACKWARDS = 141
+    OBJECT_REPEATED = 142
+    OBJECT_STALE = 143
+    OBJECT_JUMPED = 144
+    OBJECT_TOO_FAST = 145
+    OBJECT_NOT_FINITE = 146
 
 
 SENTENCES: dict[Reason, str] = {
@@ -81,9 +97,16 @@ SENTENCES: dict[Reason, str] = {
     "or the contract is over",
     Reason.STOPPING: "an ordered stop is not yet done",
     Reason.RESTING: "at rest; too near to go on in every direction",
+    Reason.UNPROVEN: "nothing is proven for a pair: a robot leaves an object that "
+    "moves by itself, and may be met on its way",
     Reason.MOVED_AT_REST: "an arm moves though it was to rest until it is let go",
     Reason.STOP_LAGS: "a stop was slower than declared; the brake is ordered",
     Reason.BRAKE_LAGS: "a brake was slower than declared; stop the arm from outside",
+    Reason.STOP_ORDERED: "a stop was ordered",
+    Reason.RESTARTED: "the service was restarted after a crash",
+    Reason.DEADLINE_MISSED: "the service missed the deadline of a cycle",
+    Reason.SERVICE_FAULT: "a fault in the service; its log names the fault",
+    Reason.SHUTDOWN: "the service shuts down",
     Reason.NOT_FINITE: "a joint position is NaN or infinite",
     Reason.OUT_OF_LIMITS: "a joint is outside its limits, where the model is not valid",
     Reason.WRONG_INPUT: "the joint vector has the wrong length or holds no numbers",
@@ -94,21 +117,56 @@ SENTENCES: dict[Reason, str] = {
     Reason.TIME_STILL: "the time of this cycle is that of the last one",
     Reason.STAMP_AHEAD: "a stamp is later than the time of the cycle",
     Reason.STATE_STALE: "a measurement is older than its limit",
-    Reason.CYCLE_LATE: "the cycle came later than the last proof holds",
+    Reason.CYCLE_LATE: "the cycle came later than the declared period allows",
     Reason.STATE_JUMPED: "a joint moved faster than it can",
     Reason.TOO_FAST: "a joint is faster than its declared top speed",
     Reason.OBJECT_UNSEEN: "an object that moves was never seen: place it, with a stamp",
-    Reason.WRONG_COMMAND: "what is wanted has the wrong length or holds no numbers",
-    Reason.STATE_FROZEN: "what it measures does not change though it was told to move",
+    Reason.WRONG_COMMAND: "the desired motion has the wrong length or is not finite",
+    Reason.STATE_FROZEN: "what it measures does not change though it was told to move, "
+    "or its velocity says that it moves",
+    Reason.STATE_DISAGREES: "velocities and positions over time contradict each other",
+    Reason.STAMP_REPEATED: "the measurement changed and its stamp did not",
+    Reason.OBJECT_AHEAD: "the stamp of a sighting is later than the time of the cycle",
+    Reason.OBJECT_BACKWARDS: "the stamp of a sighting is older than the one before",
+    Reason.OBJECT_REPEATED: "two sightings with one stamp have different poses",
+    Reason.OBJECT_STALE: "the last sighting is older than its limit",
+    Reason.OBJECT_JUMPED: "the object moved farther than its top speed allows",
+    Reason.OBJECT_TOO_FAST: "the object was seen to be faster than its top speed",
+    Reason.OBJECT_NOT_FINITE: "a pose, velocity or stamp of a sighting is not finite",
     Reason.NO_WAY: "no velocity was found that keeps all it must",
     Reason.NOT_FOLLOWED: "a joint is faster than it was told to be",
+    Reason.DRIVE_LAGS: "a drive follows commands later than its declared delay",
     Reason.NO_VELOCITY: "the velocity is not known from one sample; give the next one",
 }
 
 
+# Reasons of a stop that is ordered and not found. After the first two only `engage`
+# lets a robot go on.
+ORDERED = (
+    Reason.STOP_ORDERED,
+    Reason.RESTARTED,
+    Reason.DEADLINE_MISSED,
+    Reason.SERVICE_FAULT,
+    Reason.SHUTDOWN,
+)
+UNTIL_ENGAGED = (Reason.STOP_ORDERED, Reason.RESTARTED)
+
+# Reasons that name an object.
+OF_OBJECTS = (
+    Reason.OBJECT_UNSEEN,
+    Reason.OBJECT_AHEAD,
+    Reason.OBJECT_BACKWARDS,
+    Reason.OBJECT_REPEATED,
+    Reason.OBJECT_STALE,
+    Reason.OBJECT_JUMPED,
+    Reason.OBJECT_TOO_FAST,
+    Reason.OBJECT_NOT_FINITE,
+)
+
 GRADED = {
     Reason.SHORT_TIME: Level.SLOW,
     Reason.RESTING: Level.RECOVER,
+    Reason.UNPROVEN: Level.RECOVER,
     Reason.STOP_LAGS: Level.BRAKE,
     Reason.BRAKE_LAGS: Level.HARDWARE_STOP,
 }

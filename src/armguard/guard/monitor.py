@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
+from threading import get_ident
 from time import perf_counter_ns
 from typing import Any
 
@@ -16,13 +16,14 @@ from armguard.errors import (
     UnknownNameError,
     did_you_mean,
 )
-from armguard.geometry.pose import Pose, check_transform
+from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Shape
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.checkpoint import (
     TABLES_KEPT,
     CheckpointError,
+    arrays_in,
     chosen,
     layout_of,
     pack,
@@ -30,14 +31,31 @@ from armguard.guard.checkpoint import (
     stand,
     unpack,
     whereabouts,
-    write_back,
+)
+from armguard.guard.checkpoint_bounds import (
+    BOUNDS,
+    Greatest,
+    Rules,
+    check_about,
+    check_bounds,
+    check_contracts,
+    check_poses,
+    check_whereabouts,
+    greatest_of,
 )
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.contract import Contract, Region
 from armguard.guard.contract_cycle import judge_with_contracts
 from armguard.guard.contracts import prove_with_contract
 from armguard.guard.cycle import rebuild_world, run_cycle
-from armguard.guard.grips import grips_ledger, grips_of
+from armguard.guard.given import (
+    described,
+    kind_of,
+    real_array,
+    real_number,
+    real_or_none,
+)
+from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import (
     conclude,
     refuse,
@@ -46,10 +64,22 @@ from armguard.guard.guarded_cycle import (
 )
 from armguard.guard.holding import Holding, snapshot
 from armguard.guard.intent import read_intents
-from armguard.guard.levels import Reason
+from armguard.guard.levels import Level, Reason
 from armguard.guard.memory import FORCE, KEPT_COUNT, MEMORY
 from armguard.guard.motion_pairs import judge_motions
-from armguard.guard.objects import reshaped, stand_at, take_out
+from armguard.guard.objects import (
+    Sighting,
+    SightingError,
+    check_sighting,
+    frame_seen,
+    load_kernels,
+    reshaped,
+    stand_at,
+    take_out,
+    transform_of,
+    velocity_seen,
+)
+from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.proofs import prove_pair
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
@@ -70,7 +100,6 @@ from armguard.guard.watch import (
     Watch,
     all_pairs,
     standing_needs,
-    watch_ledger,
     watch_of,
 )
 from armguard.guard.workspace import (
@@ -97,14 +126,15 @@ from armguard.guard.workspace import (
     TAKE,
     WATCH,
     Workspace,
-    ledger_of,
 )
 from armguard.guard.world_at_home import build_index, world_at_home
-from armguard.motion import motion_ledger, motion_of
+from armguard.kernel import check_cache
+from armguard.motion import motion_of
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import Standing
 from armguard.scene.tables import SceneTables
+from armguard.table import Ledger
 
 # Near pairs an answer has room for. More than this many at once is a reason to stop
 # (`Reason.CAPACITY`), not to count on.
@@ -114,6 +144,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 FLOAT64 = np.dtype(np.float64)
+
+# In place of a thread: two of them were in a cycle at once.
+SEVERAL = -1
+OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
 
 NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
 
@@ -125,6 +159,8 @@ KEPT = (
     "top_speed",
     "seen_at",
     "object_velocity",
+    "doubt",
+    "object_stale",
     "robot_of",
     "movers",
     "pairs",
@@ -156,6 +192,7 @@ class Monitor:
             depends on it.
 
     Raises:
+        CacheError: The cache folder belongs to another user, or others may write to it.
         SceneError: The scene contradicts itself.
         HomeContactError: Checked bodies overlap at the home configuration.
         SelfTestError: A level, a stop or a refusal did not come when it should have.
@@ -176,13 +213,16 @@ class Monitor:
         progress: Callable[[str], None] | None = None,
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
+        check_cache()
         self.tables: SceneTables = compile_scene(scene)
         self._memory = np.zeros(MEMORY, dtype=np.int64)
         self._last_stamp = -np.inf
+        self._pace = Pace(self.tables.period, self.tables.late)
         self._changed: set[str] = set()
         self._kept: dict[str, NDArray[Any]] = {}
         self._layout = b""
         self._clock = clock
+        self._thread = 0
         self._budget = budget
         self._guarded = any(part.mode != "fixed" for part in self.tables.robots)
         self._compile_ahead(progress)
@@ -190,6 +230,7 @@ class Monitor:
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.
             run_guarded_cycle(self._nowhere, self._lines)
+        load_kernels()
         self.home_verdict = self.judge_at_rest(self.tables.home)
         contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
         if contacts:
@@ -255,6 +296,9 @@ class Monitor:
     ) -> Verdict:
         """Judge the joint positions of a cycle. Never raises.
 
+        A guard is for one thread at a time: a cycle that finds another one under way is
+        a stop (`Reason.WRONG_INPUT`).
+
         Args:
             q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
             stamp: When they were measured [s], for all robots or by robot name; on
@@ -269,21 +313,32 @@ class Monitor:
             The verdict; a snapshot that later cycles do not change.
         """
         start = self._clock()
-        told = stamp if now is None else now
-        if type(told) is not float and isinstance(told, Mapping):
-            told = None
-        if self._guarded:
-            data, fault = self._judge(q, stamp, velocity, now)
-        else:
-            fault = "" if stamp is None else self._judge_stamp(stamp)
-            if fault:
-                data = self._fault_answer(Reason.TIME_BACKWARDS)
+        told: Any = stamp if now is None else now
+        if type(told) is not float:
+            told = real_or_none(told)
+        thread = get_ident()
+        if self._thread and self._thread != thread:
+            return Verdict(self._crowded_answer(), self._names, told, 0.0, OTHER_THREAD)
+        self._thread = thread
+        try:
+            if self._guarded:
+                data, fault = self._judge(q, stamp, velocity, now)
+                self._pace.note(data)
             else:
-                array, fault = self._as_positions(q)
+                fault = "" if stamp is None else self._judge_stamp(stamp)
                 if fault:
-                    data = self._fault_answer(Reason.WRONG_INPUT)
+                    data = self._fault_answer(Reason.TIME_BACKWARDS)
                 else:
-                    data = self._out[: run_cycle(array, self._lines)].copy()
+                    array, fault = self._as_positions(q)
+                    if fault:
+                        data = self._fault_answer(Reason.WRONG_INPUT)
+                    else:
+                        data = self._out[: run_cycle(array, self._lines)].copy()
+        finally:
+            alone = self._thread == thread
+            self._thread = 0 if alone else self._leave_others()
+        if not alone:
+            data, fault = self._crowded_answer(), OTHER_THREAD
         elapsed = (self._clock() - start) * 1e-9
         return Verdict(data, self._names, told, elapsed, fault)
 
@@ -346,20 +401,37 @@ class Monitor:
         """Hand stamps and the time of the cycle to the kernel, or say why not."""
         watch = self._watch
         try:
-            watch.given[NOW_TIME] = np.nan if now is None else now
+            if now is None:
+                watch.given[NOW_TIME] = np.nan
+            else:
+                time = now if type(now) is float else real_number(now)
+                # NaN reads as no time given; infinite, it is refused.
+                watch.given[NOW_TIME] = time if time == time else np.inf
             if type(stamp) is float:
                 watch.stamps.fill(stamp)
+            elif stamp is None:
+                watch.stamps.fill(np.nan)
             elif isinstance(stamp, Mapping):
                 for name, r in self._robot_places.items():
-                    watch.stamps[r] = stamp.get(name, np.nan)
+                    given = stamp.get(name)
+                    watch.stamps[r] = np.nan if given is None else real_number(given)
                 unknown = [name for name in stamp if name not in self._robot_places]
                 if unknown:
                     near = did_you_mean(str(unknown[0]), self._robot_places)
-                    return f"there is a stamp for '{unknown[0]}', no robot; {near}"
+                    return (
+                        f"there is a stamp for {described(unknown[0])}, no robot; "
+                        f"{near}"
+                    )
             else:
-                watch.stamps[:] = np.nan if stamp is None else stamp
-        except (TypeError, ValueError):
-            return f"stamp is {stamp!r} and now is {now!r}; they must be numbers [s]"
+                watch.stamps.fill(real_number(stamp))
+        except Exception:  # whatever a stranger's object raises, the loop goes on
+            # Nothing of the cycle before is to be taken for a time of this one.
+            watch.stamps.fill(np.nan)
+            watch.given[NOW_TIME] = np.nan
+            return (
+                f"stamp is {described(stamp)} and now is {described(now)}; they must "
+                "be numbers [s]"
+            )
         return ""
 
     def _take_velocity(self, velocity: ArrayLike | None) -> str:
@@ -375,6 +447,7 @@ class Monitor:
         ):
             velocity, fault = self._convert("velocity", velocity)
             if fault:
+                watch.given[HAS_VELOCITY] = 0.0
                 return fault
         watch.velocity[:] = velocity
         watch.given[HAS_VELOCITY] = 1.0
@@ -408,8 +481,13 @@ class Monitor:
         Raises:
             UnknownNameError: There is no such object.
             PoseError: The transform is not rigid, or a number is not finite.
-            SceneError: The object moves and there is no stamp, or it was seen to move
-                faster than its `top_speed`, or it cannot have that shape.
+            SceneError: The object moves and there is no stamp, or it cannot have that
+                shape.
+            SightingError: An object with a `top_speed` was seen before it was seen
+                last, elsewhere at the same time, farther away than it can be, with a
+                velocity it cannot have, or nowhere (a pose that is none). It counts as
+                where it was seen before, and every cycle is a stop that names it until
+                a sighting is believed.
             GraspError: A gripper holds it.
 
         Example:
@@ -423,21 +501,16 @@ class Monitor:
         thing = self._standing(name)
         if shape is not None:
             thing = reshaped(name, thing, shape)
-        T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
         speeds = self._watch.top_speed
-        if len(speeds) and speeds[thing.first] > 0.0:
-            if stamp is None or not isfinite(stamp):
-                raise SceneError(
-                    f"object '{name}' moves: say when it was seen, not {stamp}"
-                )
-            moves = check_velocity(name, velocity, float(speeds[thing.first]))
-            own = slice(thing.first, thing.first + thing.count)
-            self._watch.object_velocity[own] = moves
-            self._seen(thing, stamp)
-        elif velocity is not None:
+        moves = len(speeds) > 0 and speeds[thing.first] > 0.0
+        if not moves and velocity is not None:
             raise SceneError(
                 f"object '{name}' has no top_speed; one that moves needs it"
             )
+        if moves:
+            T = self._take_sighting(name, thing, pose, stamp, velocity)
+        else:
+            T = transform_of(pose)
         if thing.body >= 0:
             self._holding.check_free(name)
             self._holding.put(name, T)
@@ -457,6 +530,9 @@ class Monitor:
         self._holding.check_free(name)
         take_out(self.index, thing)
         self._seen(thing, np.inf)
+        if len(self._watch.doubt):
+            self._watch.doubt[thing.places] = Reason.OK
+            self._watch.sighted_at[thing.places] = -np.inf
         self._changed.add(name)
         self._world_changed()
 
@@ -650,18 +726,26 @@ class Monitor:
                 "this checkpoint was made of another scene, of other modes or by "
                 "another version; a guard of the very same scene can take it over"
             )
-        places = self._places_of(about["changed"])
-        where = {
-            k: np.zeros_like(v) for k, v in whereabouts(self.index, places).items()
-        }
-        write_back(numbers, {**remembered, **where})
-        self._last_stamp = about["last_stamp"]
+        last_stamp, changed, holders = check_about(about, self.tables)
+        places = self._places_of(changed)
+        where = whereabouts(self.index, places)
+        found = arrays_in(numbers, {**remembered, **where})
+        known = {**remembered, **self._holding.as_held(holders)}
+        rules, greatest = self._bounds()
+        check_bounds(found, known, rules, greatest)
+        check_poses("workspace.T_world", found["workspace.T_world"])
+        check_poses("tables.T_parent_joint", found["tables.T_parent_joint"])
+        check_contracts(found["grips.contracts"], self.tables)
+        check_whereabouts(found, places, holders, self.index, self.tables)
+        for name, array in remembered.items():
+            array[...] = found[name]
+        self._last_stamp = last_stamp
         self._holding.holders.clear()
-        self._holding.holders.update(about["holders"])
-        for name in self._changed.difference(about["changed"]):
+        self._holding.holders.update(holders)
+        for name in self._changed.difference(changed):
             put_back(self.index, self.tables.standing[name], self.tables.local_rows)
-        self._changed = set(about["changed"])
-        stand(self.index, places, **where)
+        self._changed = set(changed)
+        stand(self.index, places, **{name: found[name] for name in where})
         self._take_over_tables()
         self._memory[KEPT_COUNT] = 0
 
@@ -699,6 +783,8 @@ class Monitor:
         stand(self.index, places, **whereabouts(other.index, places))
         self._watch.seen_at[:] = other._watch.seen_at
         self._watch.object_velocity[:] = other._watch.object_velocity
+        self._watch.doubt[:] = other._watch.doubt
+        self._watch.sighted_at[:] = other._watch.sighted_at
         self._take_over_tables()
 
     def forget_stops(self) -> None:
@@ -720,6 +806,10 @@ class Monitor:
                 [[name, thing.first, thing.count] for name, thing in things],
             )
         return self._kept, self._layout
+
+    def _bounds(self) -> tuple[Rules, Greatest]:
+        """What whole numbers of a checkpoint may be, and the greatest places."""
+        return BOUNDS, greatest_of(self.tables)
 
     def _arrays_kept(self) -> dict[str, NDArray[Any]]:
         """The same, gathered from all ledgers."""
@@ -768,12 +858,12 @@ class Monitor:
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
         settings[FIRST_ROW] = first_row
         self._motion = motion_of(tables, self._budget)
-        self._parts = motion_ledger(self._motion), watch_ledger(self._watch)
+        self._parts = Ledger(self._motion), Ledger(self._watch)
         self._addresses = np.full(PARTS, NOWHERE, dtype=np.int64)
         for k, ledger in zip((MOTION, WATCH), self._parts, strict=True):
             self._addresses[k] = ledger.lines.ctypes.data
         self._grips = grips_of(tables)
-        self._grips_ledger = grips_ledger(self._grips)
+        self._grips_ledger = Ledger(self._grips)
         self._addresses[GRIPS] = self._grips_ledger.lines.ctypes.data
         self._holding = Holding(
             tables, self._watch, self._motion, self.index, T_world, self._grips
@@ -903,7 +993,44 @@ class Monitor:
     def _seen(self, thing: Standing, stamp: float) -> None:
         """Note when an object was seen; infinite for one that is not there."""
         if len(self._watch.seen_at):
-            self._watch.seen_at[thing.first : thing.first + thing.count] = stamp
+            self._watch.seen_at[thing.places] = stamp
+
+    def _take_sighting(
+        self,
+        name: str,
+        thing: Standing,
+        pose: Pose | ArrayLike,
+        stamp: float | None,
+        velocity: ArrayLike | None,
+    ) -> Floats:
+        """Take over when an object was seen to be where; its frame, shape (4, 4).
+
+        Raises:
+            SceneError: There is no stamp.
+            SightingError: It cannot be true; the object is in doubt.
+        """
+        watch, world = self._watch, self.index.world
+        if stamp is None:
+            raise SceneError(f"object '{name}' moves: say when it was seen")
+        top = float(watch.top_speed[thing.first])
+        kinds = world.kinds[thing.places]
+        before = Sighting(
+            float(watch.sighted_at[thing.first]), world.rows[thing.places]
+        )
+        try:
+            T = frame_seen(name, pose)
+            speeds = velocity_seen(name, velocity, top)
+            now = Sighting(stamp, thing.rows(T))
+            check_sighting(name, thing, kinds, before, now, top)
+        except SightingError as error:
+            watch.doubt[thing.places] = Reason[error.reason]
+            raise
+        watch.object_velocity[thing.places] = speeds
+        watch.sighted_at[thing.places] = stamp
+        watch.doubt[thing.places] = Reason.OK
+        # It may be off by `error`: as if it had gone that far since it was seen.
+        self._seen(thing, stamp - thing.error / top)
+        return T
 
     def _standing(self, name: str) -> Standing:
         """The object of that name that is attached to nothing."""
@@ -924,33 +1051,35 @@ class Monitor:
     def _open_ledger(self, workspace: Workspace) -> None:
         """Tell the loop where everything lies."""
         self._workspace = workspace
-        self._ledger = ledger_of(workspace)
+        self._ledger = Ledger(workspace)
         self._lines = self._ledger.lines
         self._addresses[SELF] = self._lines.ctypes.data
 
     def _judge_stamp(self, stamp: float | Mapping[str, float]) -> str:
         """Take the stamp over, or say why not."""
-        if isinstance(stamp, Mapping):
-            stamp = max(stamp.values(), default=self._last_stamp)
         try:
-            newer = stamp >= self._last_stamp
-        except (TypeError, ValueError):
-            newer = False
-        if not newer:
+            if isinstance(stamp, Mapping):
+                stamps = [self._last_stamp, *map(real_number, stamp.values())]
+                newest = max(stamps[1:] or stamps)
+            else:
+                newest = real_number(stamp)
+        except Exception:  # whatever a stranger's object raises, the loop goes on
+            newest = np.nan
+        if not newest >= self._last_stamp:
             return (
-                f"stamp is {stamp!r}; it must be a number not less than the last "
-                f"one, {self._last_stamp}"
+                f"stamp is {described(stamp)}; it must be a number not less than the "
+                f"last one, {self._last_stamp}"
             )
-        self._last_stamp = stamp
+        self._last_stamp = newest
         return ""
 
     def _convert(self, what: str, q: ArrayLike) -> tuple[NDArray[np.float64], str]:
         """Numbers as the array the kernel takes, or in words what they are instead."""
         wanted = f"it must be {self._shape[0]} numbers in the order of guard.q_names"
         try:
-            array = np.array(q, dtype=np.float64)
+            array = real_array(q)
         except Exception:  # whatever a stranger's object raises, the loop goes on
-            return self.tables.home, f"{what} is a {type(q).__name__}; {wanted}"
+            return self.tables.home, f"{what} is a {kind_of(q)}; {wanted}"
         if array.shape != self._shape:
             return array, f"{what} has shape {array.shape}; {wanted}"
         return array, ""
@@ -962,24 +1091,21 @@ class Monitor:
         data[[layout.JOINT, layout.NEAREST, layout.ROBOT]] = -1.0
         return data
 
+    def _leave_others(self) -> int:
+        """What marks the guard when a cycle ends that was not alone in it."""
+        return 0 if self._thread == SEVERAL else SEVERAL
 
-def check_velocity(name: str, velocity: ArrayLike | None, top: float) -> Floats:
-    """A velocity an object was seen with, shape (3,); nothing if nobody said.
-
-    Raises:
-        SceneError: It is none, or faster than the object can be.
-    """
-    if velocity is None:
-        return np.zeros(3)
-    found = np.asarray(velocity, dtype=np.float64)
-    if found.shape != (3,) or not np.isfinite(found).all():
-        raise SceneError(f"object '{name}': velocity must be 3 finite numbers [m/s]")
-    speed = float(np.linalg.norm(found))
-    if speed > top:
-        raise SceneError(
-            f"object '{name}' was seen at {speed:.3f} m/s; its top_speed is {top} m/s"
-        )
-    return found
+    def _crowded_answer(self) -> NDArray[np.float64]:
+        """The numbers of a cycle that another thread is in the way of: all stop."""
+        data = np.zeros(self._names.first_row)
+        data[layout.REASON] = Reason.WRONG_INPUT
+        data[[layout.JOINT, layout.NEAREST, layout.ROBOT]] = -1.0
+        for r in range(len(self._names.robots)):
+            row = data[layout.HEADER + r * layout.ROBOT_WIDTH :]
+            row[layout.ROBOT_LEVEL] = Level.STOP
+            row[layout.ROBOT_CAUSE] = Reason.WRONG_INPUT
+            row[[layout.ROBOT_AGE, layout.ROBOT_TIME]] = np.inf
+        return data
 
 
 def largest_standing_need(tables: SceneTables, watch: Watch) -> float:

@@ -61,7 +61,6 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.state import SEGMENT, SETTLED, Motion, open_motion
 
 # How much farther than what is under way may get is looked, for what may be wanted [m].
@@ -82,7 +81,7 @@ def judge_motions(lines: int) -> None:
     from cycle to cycle: a pair that stands still may still be in need of another
     distance.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v = open_watch(w.parts[WATCH])
     w.memory[CYCLE] += 1
     w.memory[KEPT_COUNT] = 0
@@ -102,7 +101,7 @@ def go_through_pairs(lines: int) -> int:
     Returns:
         How many rows the answer has.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     boxes, margin = w.world.boxes, w.margin[0]
     moving_count = w.settings[MOVING_COUNT]
@@ -131,7 +130,7 @@ def look_for_pairs(lines: int) -> int:
     Returns:
         How many rows the answer has.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     candidates, boxes = w.candidates, w.world.boxes
     write_looks(w, v, m)
@@ -170,7 +169,7 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
     Returns:
         How many it has now.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, out, kinds, rows = open_watch(w.parts[WATCH]), w.out, w.world.kinds, w.world.rows
     if is_apart(i, j, look, w):
         out[PAIRS_APART] += 1.0

@@ -7,6 +7,7 @@ from armguard.geometry.pairs import measure_by
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
+    ENVELOPE,
     EXACT,
     FIRST,
     NEAR_COUNT,
@@ -46,7 +47,14 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.pair_state import EXCEEDED, NEEDED, PROVEN, SPENT, UNSURE
+from armguard.motion.pair_state import (
+    EXCEEDED,
+    NEEDED,
+    PROVEN,
+    SPENT,
+    UNPROVEN,
+    UNSURE,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -58,6 +66,7 @@ NEAR = int(Reason.NEAR)
 TOO_CLOSE = int(Reason.TOO_CLOSE)
 CAPACITY = int(Reason.CAPACITY)
 NO_DISTANCE = int(Reason.NO_DISTANCE)
+NOTHING_PROVEN = int(Reason.UNPROVEN)
 NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 CONTRACT_EXCEEDED = int(Reason.CONTRACT_EXCEEDED)
@@ -142,6 +151,7 @@ def open_row(i: int, j: int, place: int, w: Workspace) -> None:
     out[place + EXACT] = np.inf
     out[place + TIME_LEFT] = out[place + TIME_TO_CONTACT] = np.inf
     out[place + PROOF] = PROVEN
+    out[place + ENVELOPE] = 0.0
 
 
 @kernel
@@ -281,6 +291,8 @@ def reason_of(proof: int) -> int:
         return NO_PROOF
     if proof == EXCEEDED:
         return CONTRACT_EXCEEDED
+    if proof == UNPROVEN:
+        return NOTHING_PROVEN
     return BUDGET_SPENT if proof == SPENT else TOO_CLOSE
 
 

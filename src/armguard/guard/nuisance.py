@@ -5,7 +5,8 @@ has made the stop if it is at least the deficit. Several may; the first of this 
 is told, since what comes first is mended with less:
 
 1. `FIGURES`: a stop or a brake was not what was declared.
-2. `DATA`: the input could not be believed. A measurement older than its limit is
+2. `ORDERED`: a person, a program or the service ordered the stop.
+   `DATA`: the input could not be believed. A measurement older than its limit is
    `STALE`.
 3. `LIMITS`: the guard's own budget or tables were used up.
 4. `STALE`: the way made in the part of the ages that is beyond the declared delay of
@@ -23,7 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from armguard.guard.levels import Level, Reason
+from armguard.guard.levels import ORDERED, Level, Reason
 
 
 class Cause(Enum):
@@ -36,7 +37,15 @@ class Cause(Enum):
     DATA = "data"
     FIGURES = "figures"
     LIMITS = "limits"
+    ORDERED = "ordered"
 
+
+# What would have done without an ordered stop; of the others nothing would.
+REMEDIES = {
+    Reason.RESTARTED: "a service that does not crash would do",
+    Reason.DEADLINE_MISSED: "a less busy computer or a larger --late would do",
+    Reason.SERVICE_FAULT: "a service without the fault in its log would do",
+}
 
 # Reasons that speak of the guard's own limits.
 LIMITING = (Reason.BUDGET_SPENT, Reason.CAPACITY)
@@ -49,7 +58,7 @@ class Nuisance:
     Attributes:
         cause: What made it.
         deficit: What it lacked [m]; None where no pair tells.
-        remedy: What would have let it pass.
+        remedy: What would have let it pass; empty if nothing would.
     """
 
     cause: Cause
@@ -60,7 +69,9 @@ class Nuisance:
     def sentence(self) -> str:
         """Cause, deficit and remedy in words."""
         lacks = "" if self.deficit is None else f", lacks {self.deficit * 1e3:.1f} mm"
-        return f"{self.cause.value}{lacks}: {self.remedy}"
+        return f"{self.cause.value}{lacks}" + (
+            f": {self.remedy}" if self.remedy else ""
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +130,12 @@ def classify(level: Level, reason: Reason, lack: Lack | None) -> Nuisance | None
         return Nuisance(
             Cause.FIGURES, deficit, "declare figures that the arm keeps when it stops"
         )
+    if reason in ORDERED:
+        return Nuisance(Cause.ORDERED, None, REMEDIES.get(reason, ""))
+    if reason is Reason.CYCLE_LATE:
+        return Nuisance(
+            Cause.DATA, None, "cycles within the declared period and late would do"
+        )
     if reason is Reason.STATE_STALE:
         return Nuisance(Cause.STALE, None, "data within its greatest age would do")
     if reason in LIMITING:
@@ -134,7 +151,7 @@ def classify(level: Level, reason: Reason, lack: Lack | None) -> Nuisance | None
 
 def untold(reason: Reason) -> Nuisance | None:
     """The answer where no near pair tells what lacks."""
-    if reason in (Reason.STOPPING, Reason.RESTING):
+    if reason in (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN):
         return None
     if reason is Reason.MOVED_AT_REST:
         return Nuisance(Cause.DATA, None, "an arm that waits to be let go would do")

@@ -3,6 +3,7 @@
 Every input has its own stamp. A robot's age is the time from its stamp to now; if
 nobody says what time it is now, the newest stamp is taken, and the declared delay of
 measurements is added. What cannot be believed is a reason, and its level is a stop.
+The clock is judged first, since a stop for any other fault is ordered by it.
 """
 
 from math import inf, isfinite
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer
+from armguard.guard.agreement import contradiction, fits_its_stamp, keep_agreement
 from armguard.guard.layout import HEADER, JOINT, REASON, ROBOT, VALUE
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
@@ -21,7 +23,9 @@ from armguard.guard.watch import (
     LAST_NOW,
     LATE,
     NOW_TIME,
+    ORDERED_AT,
     PERIOD,
+    UNTOLD,
     Watch,
     open_watch,
 )
@@ -32,6 +36,7 @@ from armguard.motion.figures import (
     FIXED,
     MODE,
     POSITION_ERROR,
+    SENSING,
     STALE,
     VELOCITY,
     VELOCITY_ERROR,
@@ -52,6 +57,9 @@ TOO_FAST = int(Reason.TOO_FAST)
 NO_VELOCITY = int(Reason.NO_VELOCITY)
 NOT_FINITE = int(Reason.NOT_FINITE)
 OBJECT_UNSEEN = int(Reason.OBJECT_UNSEEN)
+OBJECT_AHEAD = int(Reason.OBJECT_AHEAD)
+OBJECT_STALE = int(Reason.OBJECT_STALE)
+STAMP_REPEATED = int(Reason.STAMP_REPEATED)
 
 # Times are told to within this share of themselves, and a microsecond [-], [s].
 TIME_SHARE = 1e-12
@@ -79,16 +87,12 @@ def observe(positions: int, answer: int, watch: int, motion: int) -> bool:
     v, m = open_watch(watch), open_motion(motion)
     q = numba.carray(pointer(positions), (m.q.shape[0],), np.float64)
     out = numba.carray(pointer(answer), (HEADER,), np.float64)
-    v.last[FORCED] = OK
-    if not clocks_are_right(v, m, out):
+    if not sightings_are_right(v, m, out):
         return False
-    for k in range(v.movers.shape[0]):
-        seen = v.seen_at[v.movers[k]]
-        if seen == -inf:
-            return blame_robot(OBJECT_UNSEEN, -1, v.movers[k], out)
     for j in range(q.shape[0]):
         m.q[j] = q[j]
-    return velocities_are_known(q, v, m, out)
+    # Bounds of velocities are those of the last sample that was believed.
+    return sample_is_right(q, v, m, out) and velocities_are_known(q, v, m, out)
 
 
 @kernel
@@ -104,36 +108,157 @@ def now_of(v: Watch) -> float:
 
 
 @kernel
-def clocks_are_right(v: Watch, m: Motion, out: Floats) -> bool:
-    """Whether all stamps and the time of the cycle can be true."""
+def untold_time(v: Watch, m: Motion) -> float:
+    """How much later than the newest stamp the cycle may be, if nobody says [s].
+
+    Every robot's newest measurement is no older than its `sensing`, so the newest of
+    all is no older than the least of these. It may be that much older than the one of
+    the cycle before: by as much two newest stamps may be farther apart than cycles.
+    """
+    if v.given[NOW_TIME] == v.given[NOW_TIME]:
+        return 0.0
+    least = inf
     for r in range(v.stamps.shape[0]):
-        if not isfinite(v.stamps[r]):
-            return blame_robot(STAMP_MISSING, r, v.stamps[r], out)
+        if m.robot_figures[r, MODE] != FIXED:
+            least = min(least, m.robot_figures[r, SENSING])
+    return float(least) if least < inf else 0.0
+
+
+@kernel(inline=False)
+def clocks_are_right(answer: int, watch: int, motion: int) -> bool:
+    """Whether all stamps and the time of the cycle can be true.
+
+    The time of the cycle is believed, and orders of the cycle count as given then, if
+    it is no longer after the last one than declared, or a stamp agrees with it. Else
+    it is not known when an order was given until the next cycle whose time is: it was
+    before that.
+
+    Args:
+        answer: Address of the answer's header.
+        watch: Address of the ledger of inputs and memory.
+        motion: Address of that of the prediction.
+    """
+    v, m = open_watch(watch), open_motion(motion)
+    out = numba.carray(pointer(answer), (HEADER,), np.float64)
+    v.last[FORCED], v.last[ORDERED_AT] = OK, inf
     told = v.given[NOW_TIME] == v.given[NOW_TIME]
+    for r in range(v.stamps.shape[0]):
+        if not (told or isfinite(v.stamps[r])):
+            return blame_robot(STAMP_MISSING, r, v.stamps[r], out)
     now, last = now_of(v), v.last[LAST_NOW]
-    if told and not isfinite(now):
+    if not isfinite(now):
         return blame_robot(STAMP_MISSING, -1, now, out)
-    grain = TIME_GRAIN + TIME_SHARE * abs(now)
     if now < last:
         return blame_robot(TIME_BACKWARDS, -1, now - last, out)
     if now == last:
         return blame_robot(TIME_STILL, -1, now, out)
-    limit = v.pace[PERIOD] + v.pace[LATE] + grain
-    if now - last > limit and last != -inf:
+    grain = TIME_GRAIN + TIME_SHARE * abs(now)
+    untold = untold_time(v, m)
+    limit = v.pace[PERIOD] + v.pace[LATE] + max(untold, v.last[UNTOLD]) + grain
+    in_time = now - last <= limit
+    believed, ahead, right = in_time or not told, False, True
+    for r in range(v.stamps.shape[0]):
+        reason = stamp_fault(r, now, grain, v, m)
+        if reason == OK:
+            believed |= m.robot_figures[r, MODE] != FIXED
+            continue
+        ahead |= reason == STAMP_AHEAD
+        if right:
+            # The first one is named.
+            value = v.stamps[r]
+            if reason == TIME_BACKWARDS:
+                value -= v.last_stamp[r]
+            elif reason != STAMP_MISSING:
+                value = abs(now - value)
+            right = blame_robot(reason, r, value, out)
+    if not believed:
+        return False
+    v.last[LAST_NOW], v.last[UNTOLD] = now, untold
+    if not ahead:
+        v.last[ORDERED_AT] = now
+        settle_orders(now, v, m)
+    if right and not in_time and last != -inf:
         # The stop of the last proof was to be ordered by now.
         v.last[FORCED] = CYCLE_LATE
         out[VALUE] = now - last
-    v.last[LAST_NOW] = now
-    for r in range(v.stamps.shape[0]):
+    return right
+
+
+@kernel
+def stamp_fault(r: int, now: float, grain: float, v: Watch, m: Motion) -> int:
+    """What is wrong with the stamp of a robot; OK if nothing is."""
+    stamp = v.stamps[r]
+    if not isfinite(stamp):
+        return STAMP_MISSING
+    if m.robot_figures[r, MODE] == FIXED:
+        return OK
+    if stamp < v.last_stamp[r]:
+        return TIME_BACKWARDS
+    if stamp > now + grain:
+        return STAMP_AHEAD
+    if now - stamp > m.robot_figures[r, STALE] + grain:
+        return STATE_STALE
+    return OK
+
+
+@kernel
+def settle_orders(now: float, v: Watch, m: Motion) -> None:
+    """Orders that were given at a time nobody knows were given before this one."""
+    for r in range(v.ordered.shape[0]):
+        if v.ordered[r] == inf:
+            v.ordered[r] = now
+            if v.given[NOW_TIME] != v.given[NOW_TIME]:
+                v.ordered[r] += m.robot_figures[r, SENSING]
+
+
+@kernel
+def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
+    """Whether every object that moves was seen, lately and as it can be."""
+    now = now_of(v)
+    latest = now + untold_time(v, m) + TIME_GRAIN + TIME_SHARE * abs(now)
+    for k in range(v.movers.shape[0]):
+        j = v.movers[k]
+        seen, sighted = v.seen_at[j], v.sighted_at[j]
+        if seen == inf:
+            # It is not there.
+            continue
+        if v.doubt[j] != OK:
+            return blame_robot(int(v.doubt[j]), -1, j, out)
+        if seen == -inf:
+            return blame_robot(OBJECT_UNSEEN, -1, j, out)
+        if max(seen, sighted) > latest:
+            return blame_robot(OBJECT_AHEAD, -1, j, out)
+        if not now - max(seen, sighted) <= v.object_stale[j] + TIME_GRAIN:
+            return blame_robot(OBJECT_STALE, -1, j, out)
+    return True
+
+
+@kernel
+def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+    """Whether what was measured is what the joints can do since they were measured."""
+    for j in range(q.shape[0]):
+        r = m.robot_of_joint[j]
         if m.robot_figures[r, MODE] == FIXED:
             continue
-        stamp = v.stamps[r]
-        if stamp < v.last_stamp[r]:
-            return blame_robot(TIME_BACKWARDS, r, stamp - v.last_stamp[r], out)
-        if stamp > now + grain:
-            return blame_robot(STAMP_AHEAD, r, stamp - now, out)
-        if now - stamp > m.robot_figures[r, STALE] + grain:
-            return blame_robot(STATE_STALE, r, now - stamp, out)
+        figures = m.joint_figures[j]
+        top = figures[VELOCITY] * (1.0 + SPEED_SHARE)
+        if v.sample_count[r] > 0 and v.stamps[r] > v.last_stamp[r]:
+            time = v.stamps[r] - v.last_stamp[r]
+            way = abs(q[j] - v.sample_q[j, 0])
+            if not way <= top * time + 2.0 * figures[POSITION_ERROR]:
+                forget_samples(r, v)
+                return blame_joint(STATE_JUMPED, j, way / time, out)
+        if v.given[HAS_VELOCITY] != 0.0:
+            speed = v.velocity[j]
+            if not isfinite(speed):
+                return blame_joint(NOT_FINITE, j, speed, out)
+            if not abs(speed) <= top + 3.0 * figures[VELOCITY_ERROR]:
+                return blame_joint(TOO_FAST, j, speed, out)
+        if not fits_its_stamp(j, r, q[j], v):
+            return blame_joint(STAMP_REPEATED, j, v.stamps[r], out)
+        reason = contradiction(j, r, q[j], v, m)
+        if reason != OK:
+            return blame_joint(reason, j, v.velocity[j], out)
     return True
 
 
@@ -146,17 +271,8 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
             continue
         figures = m.joint_figures[j]
         top = figures[VELOCITY] * (1.0 + SPEED_SHARE)
-        count = v.sample_count[r]
-        if count > 0 and v.stamps[r] > v.last_stamp[r]:
-            time = v.stamps[r] - v.last_stamp[r]
-            way = abs(q[j] - v.sample_q[j, 0])
-            if not way <= top * time + 2.0 * figures[POSITION_ERROR]:
-                forget_samples(r, v)
-                return blame_joint(STATE_JUMPED, j, way / time, out)
         if v.given[HAS_VELOCITY] != 0.0:
             speed, error = v.velocity[j], figures[VELOCITY_ERROR]
-            if not isfinite(speed):
-                return blame_joint(NOT_FINITE, j, speed, out)
             m.v_low[j], m.v_high[j] = speed - error, speed + error
         elif not estimate_velocity(j, r, q[j], v, m):
             keep_samples(q, v, m)
@@ -212,6 +328,7 @@ def keep_samples(q: Floats, v: Watch, m: Motion) -> None:
             for k in range(min(v.sample_count[r], HISTORY - 1), 0, -1):
                 v.sample_q[j, k] = v.sample_q[j, k - 1]
             v.sample_q[j, 0] = q[j]
+            keep_agreement(j, v)
     for r in range(v.stamps.shape[0]):
         if v.stamps[r] > v.last_stamp[r]:
             for k in range(min(v.sample_count[r], HISTORY - 1), 0, -1):

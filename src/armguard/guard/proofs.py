@@ -16,6 +16,7 @@ from armguard.geometry.vec3 import dot
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
+    ENVELOPE,
     PROOF,
     TIME_LEFT,
     WITNESS,
@@ -42,7 +43,6 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.figures import (
     FIRST_JOINT,
     FIXED,
@@ -78,6 +78,7 @@ from armguard.motion.pair_state import (
     SHARED,
     SIDE,
     SPENT,
+    UNPROVEN,
 )
 from armguard.motion.state import (
     BUDGET,
@@ -113,6 +114,12 @@ NEAR_CUE = 0.02
 
 # The exact shapes of a pair are asked if its primitives have less than this left [m].
 PLENTY = 5e-3
+
+# Which shapes a pair's clearance is of. The place ENVELOPE of its row holds this until
+# the cycle concludes.
+OF_WITNESS = 0.0
+OF_PRIMITIVES = 1.0
+OF_EXACT = 2.0
 
 
 @kernel
@@ -237,14 +244,16 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
         place: Where the pair's row starts; its witness is written already.
         lines: Address of the ledger; robots that must stop are marked.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     out = w.out
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     plan_i = plan_j = NEXT
     m.effort[LOOKED] = 0
     prove = w.parts[PROVE]
+    out[place + ENVELOPE] = OF_WITNESS
     proof, spare = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
+    judged = out[place + ENVELOPE]
     out[place + CLEARANCE] = spare
     out[place + PROOF] = proof
     if proof == ALLOWED:
@@ -263,7 +272,7 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
         if r >= 0 and not left >= v.time_left[r]:
             if robot_j < 0 or robot_i == robot_j or m.rate[k] >= OWN_SHARE * closing:
                 v.time_left[r] = left
-    if proof == PROVEN:
+    if proof == PROVEN or proof == UNPROVEN:
         return
     cause = TOO_CLOSE if proof == NEEDED else NO_PROOF
     if proof == SPENT:
@@ -292,6 +301,7 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
         plan_i = NOW if stopped == robot_i else NEXT
         plan_j = NOW if stopped == robot_j else NEXT
         found = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
+        out[place + ENVELOPE] = judged
         if found[0] == PROVEN or found[0] == ALLOWED:
             demand_stop(stopped, cause, v)
             return
@@ -313,27 +323,69 @@ def prove_pair(
 ) -> tuple[int, float]:
     """Prove that a pair keeps what it must on the stop paths of its robots.
 
+    Which shapes the answer is of is written to the pair's row. Of an object that comes
+    by itself at a robot that leaves it, no more is proven than that the robot comes no
+    nearer to where it was seen: such a pair is `UNPROVEN`.
+
     Returns:
         How the proof ended, and what is left or lacks [m].
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    out = w.out
-    moving = m.rate.shape[0]
-    distance = out[place + WITNESS]
+    distance = w.out[place + WITNESS]
+    w.out[place + ENVELOPE] = OF_WITNESS
     need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
     if is_evaded(i, j, v) and m.span[SEGMENT] == 0.0:
         by_levers = distance - whole - m.reach[plan_i, i]
         if not by_levers >= 0.0:
             v.relieved[robot_of(i, v)] = 1
+            return (UNPROVEN, by_levers)
         return (PROVEN, by_levers)
     floor = w.buffers[w.groups[i], w.groups[j]]
     relief = relief_of(i, j, place, distance - whole, floor, lines, v, m)
-    if relief != 0.0:
-        m.effort[LOOKED] = 1
-        need -= relief
-        whole -= relief
+    if relief == 0.0:
+        return prove_need(i, j, plan_i, plan_j, place, need, False, lines)
+    m.effort[LOOKED] = 1
+    proof, spare = prove_need(i, j, plan_i, plan_j, place, need - relief, True, lines)
+    if proof == PROVEN and drift > 0.0 and relief > floor:
+        w.out[place + ENVELOPE] = OF_WITNESS
+        return (UNPROVEN, distance - whole - m.reach[plan_i, i])
+    return (proof, spare)
+
+
+@kernel(inline=False)
+def prove_need(
+    i: int,
+    j: int,
+    plan_i: int,
+    plan_j: int,
+    place: int,
+    need: float,
+    relieved: bool,
+    lines: int,
+) -> tuple[int, float]:
+    """Prove that a pair keeps a distance on the stop paths of its robots.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        plan_i: The stop of its robot, NEXT or NOW.
+        plan_j: The same of the other.
+        place: Where the pair's row starts.
+        need: The distance, without an object's way until all rest [m].
+        relieved: Whether it is less than the pair is to have.
+        lines: Address of the ledger.
+
+    Returns:
+        How the proof ended, and what is left or lacks [m].
+    """
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    out = w.out
+    moving = m.rate.shape[0]
+    distance, drift = out[place + WITNESS], object_speed(j, v)
+    whole = need + drift * m.span[SETTLED]
     shared = shared_joints(w.bodies[i], w.bodies[j], m)
     by_levers = distance - whole
     if shared == 0:
@@ -344,7 +396,7 @@ def prove_pair(
         by_levers -= own_sum(i, w.bodies[i], shared, m.spread[plan_i], m)
         by_levers -= own_sum(j, w.bodies[j], shared, m.spread[plan_j], m)
     blunt = not distance > 0.0 or coarse(i, v, m) or coarse(j, v, m)
-    if relief == 0.0 and (blunt or is_plenty(by_levers, i, j, place, w, v, m)):
+    if not relieved and (blunt or is_plenty(by_levers, i, j, place, w, v, m)):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
     if m.effort[TESTS] >= m.effort[BUDGET]:
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
@@ -354,24 +406,29 @@ def prove_pair(
     n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
     by_path = path_gap(pair.ctypes.data, n, w.parts[MOTION]) - whole
     spare = max(by_levers, by_path)
+    if by_path > by_levers:
+        out[place + ENVELOPE] = OF_PRIMITIVES
     has_exact = w.exact_of[i, 1] != 0 or w.exact_of[j, 1] != 0
     if has_exact and not spare >= PLENTY:
         by_shapes = look_at_exact(i, j, pair.ctypes.data, lines)
         if by_shapes > spare:
             m.effort[LOOKED] = 1
             spare = by_shapes
+            out[place + ENVELOPE] = OF_EXACT
         describe_pair(i, j, plan_i, plan_j, need, drift, pair, w, m)
     if spare >= (LITTLE if m.span[SEGMENT] == 0.0 else 0.0):
         return (PROVEN, spare)
     known = spare if spare >= 0.0 else -inf
     proof, by_spans = prove_by_spans(pair.ctypes.data, known, w.parts[MOTION])
     if proof == PROVEN and by_spans > spare:
-        m.effort[LOOKED] = 1 if relief != 0.0 else 0
+        m.effort[LOOKED] = 1 if relieved else 0
+        out[place + ENVELOPE] = OF_PRIMITIVES
         return (proof, by_spans)
     if spare >= 0.0:
         return (PROVEN, spare)
     if proof == SPENT:
         return (proof, spare)
+    out[place + ENVELOPE] = OF_PRIMITIVES
     if not has_exact:
         return (proof, by_spans)
     m.effort[LOOKED] = 1
@@ -379,6 +436,7 @@ def prove_pair(
     if exact == SPENT:
         return (exact, by_spans)
     if exact == PROVEN or by_exact > by_spans:
+        out[place + ENVELOPE] = OF_EXACT
         return (exact, by_exact)
     return (proof, by_spans)
 
@@ -432,8 +490,8 @@ def relief_of(
     A pair that would be too near at rest as well, or is by so little not that its
     robots cannot be let go, need not be farther than it is, as long as what the robot
     is told surely opens it. What the bounds of its path may add to that is bounded too,
-    by where the recovery began. The pair's other side must not be one that is driven
-    nearer.
+    by where the recovery began, and by how far an object can have come by itself since.
+    The pair's other side must not be one that is driven nearer.
 
     Args:
         i: Lower primitive.
@@ -468,10 +526,9 @@ def relief_of(
             v.relieved[r] = 1
             if not surely_opens(r, i, j, place, lines):
                 return 0.0
-            most = max(most, v.relief[r] + SINK)
-    if most > 0.0 and object_speed(j, v) > 0.0:
-        # It comes nearer by itself. Who leaves it goes on: stopped he would be met.
-        most = inf
+            # What comes by itself was counted until then when the recovery began.
+            later = max(now_of(v) + m.span[SETTLED] - v.relief_until[r], 0.0)
+            most = max(most, v.relief[r] + SINK + object_speed(j, v) * later)
     relief = min(SINK - spare, most)
     # What surely does not touch has to stay so.
     return float(min(relief, floor) if spare + floor >= 0.0 else relief)
@@ -490,7 +547,7 @@ def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
         place: Where the pair's row starts.
         lines: Address of the ledger of the workspace.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     if v.given[COMMANDED] == 0.0:
         return False
@@ -516,7 +573,7 @@ def is_driven_nearer(r: int, i: int, j: int, place: int, lines: int) -> bool:
         place: Where the pair's row starts.
         lines: Address of the ledger of the workspace.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     if v.given[COMMANDED] == 0.0:
         return True
@@ -569,7 +626,7 @@ def look_at_exact(i: int, j: int, pair: int, lines: int) -> float:
         pair: Address of the description of their pair; its shapes are replaced.
         lines: Address of the ledger.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     m = open_motion(w.parts[MOTION])
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
     least = inf
@@ -596,7 +653,7 @@ def prove_exact(i: int, j: int, pair: int, lines: int) -> tuple[int, float]:
         pair: Address of the description of their pair; its shapes are replaced.
         lines: Address of the ledger.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     p = numba.carray(pointer(pair), (PAIR,), np.float64)
     least = inf
     for a in range(max(w.exact_of[i, 1], 1)):

@@ -19,7 +19,6 @@ from armguard.guard.layout import EXACT, PAIRS_REFINED, WITNESS
 from armguard.guard.memory import CYCLE
 from armguard.guard.workspace import MEASURE, Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +41,7 @@ def refine_pair(i: int, j: int, place: int, lines: int) -> None:
         place: Where the pair's row starts in the answer.
         lines: Address of the ledger.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     first_a, count_a = w.exact_of[i, 0], w.exact_of[i, 1]
     first_b, count_b = w.exact_of[j, 0], w.exact_of[j, 1]
     if count_a == 0 and count_b == 0:
@@ -85,7 +84,7 @@ def measure_parts(i: int, j: int, answer: int, lines: int) -> None:
         answer: Address of the row.
         lines: Address of the ledger.
     """
-    w = open_workspace(ledger_at(lines))
+    w = open_workspace(lines)
     nearest = numba.carray(pointer(answer), (WITNESS_WIDTH,), np.float64)
     row_a = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
     row_b = numba.carray(stack(16), (ROW_WIDTH,), np.float64)

@@ -6,14 +6,14 @@ loop would. Nothing of it is left in the guard.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 from typing import TYPE_CHECKING
 
 from armguard.errors import SelfTestError
 from armguard.guard.approach import Approach, find_approaches, has_stops
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
-from armguard.guard.walk import LATE_CYCLES, Walk
+from armguard.guard.walk import Walk, late_cycle
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.guard.workspace import INTENT, NOWHERE
 
@@ -28,7 +28,7 @@ TRIES = 6
 CYCLES_OF_SLOW = 4.0
 
 # A point of time at which objects that move are thought to be seen in all the test [s].
-SEEN = 1e9
+SEEN = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,7 @@ def fault_line(guard: "Monitor") -> SelfTestLine:
     tables, home = guard.tables, guard.home
     broken = home.copy()
     broken[0] = nan
-    late = LATE_CYCLES * tables.period + 2.0 * tables.late
+    late = late_cycle(tables)
     faults = (
         ("a NaN", broken, 2.0 * tables.period, Reason.NOT_FINITE),
         ("a late cycle", home, tables.period + late, Reason.CYCLE_LATE),

@@ -5,19 +5,23 @@ with the greatest that the declared figures leave it. Where it is more, the figu
 disproved: the brake is ordered, and if that lags as well, a stop from outside.
 """
 
-from math import inf, sqrt
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.levels import Reason
-from armguard.guard.observe import now_of
+from armguard.guard.observe import now_of, untold_time
+from armguard.guard.settling import swing_speed
 from armguard.guard.watch import (
     BRAKING,
+    EARLIER,
     FORCED,
+    HAS_VELOCITY,
     LATE,
     LOST,
     NOW_TIME,
+    ORDERED_AT,
     PERIOD,
     RECOVERING,
     RESTING,
@@ -33,7 +37,6 @@ from armguard.motion.figures import (
     COMMAND,
     CURVE,
     DECELERATION,
-    DECELERATION_MOST,
     FIRST_JOINT,
     FIXED,
     JOINT_COUNT,
@@ -44,13 +47,17 @@ from armguard.motion.figures import (
     SETTLE,
     SETTLE_TIME,
     VELOCITY,
+    VELOCITY_ERROR,
 )
-from armguard.motion.joint_stop import SWING, TRAVEL, curve_at, speed_lost
+from armguard.motion.joint_stop import SWING, curve_at, speed_lost, whole_way
 from armguard.motion.state import (
     AGE,
     CLOCK,
+    HIGHEST,
+    LOWEST,
     NEXT,
     NOW,
+    OF_STOP,
     PASSED,
     REACTION,
     STILL,
@@ -65,16 +72,14 @@ STOP_LAGS = int(Reason.STOP_LAGS)
 BRAKE_LAGS = int(Reason.BRAKE_LAGS)
 MOVED = int(Reason.MOVED_AT_REST)
 OK = int(Reason.OK)
+CYCLE_LATE = int(Reason.CYCLE_LATE)
+
+# Samples in a row whose velocity must be too great for the stop: one may be wrong by
+# more than its declared error and still agree with those beside it [-].
+LAGGING_SAMPLES = 2
 
 # Cycles in a row a robot must be at rest before its stop counts as done [-].
 REST_CYCLES = 5
-
-# A swing is thought to be half a sine that takes no less than 0.3 of its longest time:
-# its speed is no more than this times way by time [-].
-SWING_SPEED = 10.5
-
-# An unknown greatest deceleration is thought to be this many times the least [-].
-HARDEST = 10.0
 
 # What round-off may make of a speed or a place that is just as declared [rad/s], [rad].
 GRAIN = 1e-7
@@ -96,14 +101,19 @@ def supervise_stops(v: Watch, m: Motion) -> None:
             if not is_at_rest(r, v, m):
                 order(r, STOPPING, MOVED, now, v, m)
             continue
+        fresh = v.stamps[r] > v.fastest_at[r]
         lagging = follow_stop(r, v, m)
         if lagging >= 0:
+            v.lagged[r] += int(fresh)
+            if v.lagged[r] < LAGGING_SAMPLES:
+                continue
             v.disproved[lagging] = 1
             if phase == STOPPING:
                 order(r, BRAKING, STOP_LAGS, now, v, m)
             elif phase == BRAKING:
                 order(r, LOST, BRAKE_LAGS, now, v, m)
             continue
+        v.lagged[r] = 0
         v.rested[r] = v.rested[r] + 1 if is_at_rest(r, v, m) else 0
         if v.rested[r] <= 1:
             v.rest_began[r] = now
@@ -136,6 +146,10 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
     effect = effect_time(r, v, m)
     before, now = v.fastest_at[r], v.stamps[r]
     v.fastest_at[r] = now
+    untold = v.given[NOW_TIME] != v.given[NOW_TIME]
+    if untold and int(v.last[FORCED]) == CYCLE_LATE:
+        # Stamps alone do not tell a pause from a clock that jumped ahead.
+        return -1
     first = int(robot[FIRST_JOINT])
     lagging = -1
     for j in range(first, first + int(robot[JOINT_COUNT])):
@@ -154,9 +168,16 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
             lagging = j
         if not v.rest_low[j] <= m.q[j] <= v.rest_high[j]:
             lagging = j
-        if figures[CURVE] == 0.0 or now <= effect:
-            # A table tells when it rests by the speed the stop began with.
-            bound = min(bound, max(abs(m.v_low[j]), abs(m.v_high[j])))
+            v.lagged[r] = LAGGING_SAMPLES
+        if figures[CURVE] == 0.0:
+            # A table tells when it rests by the speed the stop began with, and the stop
+            # may have begun at any time since it was ordered.
+            # One sample may have been too slow, and none of its neighbours.
+            measured = max(abs(m.v_low[j]), abs(m.v_high[j]))
+            earlier = slowed(
+                j, speed_before(j, v, m), before - effect, now - effect, v.phase[r], m
+            )
+            bound = min(bound, max(measured, earlier))
         v.fastest[j] = bound
     return lagging
 
@@ -166,7 +187,14 @@ def effect_time(r: int, v: Watch, m: Motion) -> float:
     """When the robot's order surely takes effect, on the clock of its stamps [s]."""
     robot = m.robot_figures[r]
     delay = robot[COMMAND] if v.phase[r] == STOPPING else robot[BRAKE_DELAY]
-    return float(v.ordered[r] + delay + unknown_age(r, v, m))
+    return float(v.ordered[r] + delay)
+
+
+@kernel
+def speed_before(j: int, v: Watch, m: Motion) -> float:
+    """Greatest speed by the sample before the last believed one; 0 if there is none."""
+    speed = abs(v.agreement[j, EARLIER])
+    return float(speed + m.joint_figures[j, VELOCITY_ERROR]) if speed == speed else 0.0
 
 
 @kernel
@@ -207,46 +235,42 @@ def slowed(
 
 
 @kernel
-def swing_speed(robot: Floats, figures: Floats) -> float:
-    """Speed that settling may have, which is no failure to stop [rad/s].
-
-    Of a swing of a given way, by the time it takes, or by the deceleration that ends
-    it.
-    """
-    swing = figures[SETTLE]
-    speed = 0.0
-    if robot[SETTLE_TIME] > 0.0:
-        speed = SWING_SPEED * swing / robot[SETTLE_TIME]
-    hardest = min(figures[DECELERATION_MOST], HARDEST * figures[DECELERATION])
-    return float(max(speed, sqrt(2.0 * hardest * swing)))
-
-
-@kernel
 def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> None:
     """Order a stop or brake of a robot; its speeds are supervised from here on."""
     v.phase[r] = phase
-    v.ordered[r] = now
+    # The latest moment it may have been given: without a time of the cycle that is
+    # later than the newest stamp.
+    v.ordered[r] = now + unknown_age(r, v, m)
     v.cause[r] = cause
-    v.rested[r] = 0
+    v.rested[r] = v.lagged[r] = 0
     v.fastest_at[r] = v.last_stamp[r]
     first = int(m.robot_figures[r, FIRST_JOINT])
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        v.fastest[j] = max(abs(m.v_low[j]), abs(m.v_high[j]))
+        v.fastest[j] = max(abs(m.v_low[j]), abs(m.v_high[j]), speed_before(j, v, m))
         # Where the joint may get to at all, if the order takes effect as it should.
         clock = m.clock[NOW * v.phase.shape[0] + r]
         up, down = m.up[NOW * m.q.shape[0] + j], m.down[NOW * m.q.shape[0] + j]
         error = 2.0 * m.joint_figures[j, POSITION_ERROR] + GRAIN
         v.rest_high[j], v.rest_low[j] = inf, -inf
-        m.swings[j, 0] = m.swings[j, 1] = m.joint_figures[j, SETTLE]
+        forget_swing(j, m)
         if phase == STOPPING and clock[REACTION] > 0.0:
             # As planned for a stop that is told now.
-            m.swings[j, 0], m.swings[j, 1] = up[SWING], down[SWING]
-            v.rest_high[j] = m.q[j] + error + up[TRAVEL] + up[SWING]
-            v.rest_low[j] = m.q[j] - error - down[TRAVEL] - down[SWING]
+            m.swings[j, OF_STOP] = max(up[SWING], down[SWING])
+            m.swings[j, LOWEST] = m.q[j] - whole_way(down)
+            m.swings[j, HIGHEST] = m.q[j] + whole_way(up)
+            v.rest_high[j] = m.swings[j, HIGHEST] + error
+            v.rest_low[j] = m.swings[j, LOWEST] - error
         elif phase <= BRAKING:
             error += m.joint_figures[j, SETTLE]
             v.rest_high[j] = m.q[j] + error + way_to_rest(r, j, m.v_high[j], v, m)
             v.rest_low[j] = m.q[j] - error - way_to_rest(r, j, -m.v_low[j], v, m)
+
+
+@kernel
+def forget_swing(j: int, m: Motion) -> None:
+    """Let a joint swing as after a stop from top speed: its stop was not planned."""
+    m.swings[j, OF_STOP] = m.joint_figures[j, SETTLE]
+    m.swings[j, LOWEST], m.swings[j, HIGHEST] = -inf, inf
 
 
 @kernel
@@ -273,7 +297,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
     """Write until when each robot's stop takes effect, if ordered now or next time."""
     now = now_of(v)
     robots = v.phase.shape[0]
-    cycle = v.pace[PERIOD] + v.pace[LATE]
+    cycle = v.pace[PERIOD] + v.pace[LATE] + untold_time(v, m)
     for plan in range(2):
         for r in range(robots):
             clock = m.clock[plan * robots + r]
@@ -323,9 +347,14 @@ def stop_everything(reason: int, v: Watch, m: Motion) -> None:
     for r in range(v.phase.shape[0]):
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
         if m.robot_figures[r, MODE] != FIXED and driven:
-            order(r, STOPPING, reason, v.last[0], v, m)
+            order(r, STOPPING, reason, v.last[ORDERED_AT], v, m)
             # How far it gets was not planned in this cycle.
             first = int(m.robot_figures[r, FIRST_JOINT])
             for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+                # What was refused may be true.
+                if v.given[HAS_VELOCITY] != 0.0 and isfinite(v.velocity[j]):
+                    top = max(v.fastest[j], m.joint_figures[j, VELOCITY])
+                    speed = abs(v.velocity[j]) + m.joint_figures[j, VELOCITY_ERROR]
+                    v.fastest[j] = max(v.fastest[j], min(speed, top))
                 v.rest_low[j], v.rest_high[j] = -inf, inf
-                m.swings[j, 0] = m.swings[j, 1] = m.joint_figures[j, SETTLE]
+                forget_swing(j, m)

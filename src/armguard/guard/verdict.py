@@ -10,11 +10,19 @@ from numpy.typing import NDArray
 from armguard.guard import layout
 from armguard.guard.budget import Budget
 from armguard.guard.cue import Cue
-from armguard.guard.levels import SENTENCES, Level, Reason, level_of
+from armguard.guard.levels import (
+    OF_OBJECTS,
+    ORDERED,
+    SENTENCES,
+    Level,
+    Reason,
+    level_of,
+)
 from armguard.guard.nuisance import Delayed, Lack, Nuisance, classify
+from armguard.guard.pace import late_sentence
 from armguard.guard.protective import ProtectiveDistance, protective_distance
 from armguard.guard.watch import HYSTERESIS, RESTING, SLOW_TIME_DEFAULT
-from armguard.motion.pair_state import ALLOWED
+from armguard.motion.pair_state import ALLOWED, UNPROVEN
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -29,6 +37,7 @@ ABOUT_PAIRS = (
     Reason.CONTRACT_EXCEEDED,
     Reason.STOPPING,
     Reason.RESTING,
+    Reason.UNPROVEN,
 )
 
 # Reasons whose number is a time.
@@ -42,10 +51,15 @@ IN_MILLISECONDS = (
 LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
 
 # Reasons that are about how fast a joint is.
-AT_SPEED = (Reason.STATE_JUMPED, Reason.TOO_FAST, Reason.NOT_FOLLOWED)
+AT_SPEED = (
+    Reason.STATE_JUMPED,
+    Reason.TOO_FAST,
+    Reason.NOT_FOLLOWED,
+    Reason.STATE_DISAGREES,
+)
 
 # Reasons that are about the whole cycle, not about one robot.
-OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL)
+OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL, *ORDERED)
 
 # A model error that rounds to no millimetre is not worth a clause [m].
 TOLD = 5e-4
@@ -140,6 +154,8 @@ class NearPair:
             the buffer where that is a number, else beyond the buffer and whatever the
             two sides can still move towards each other until they rest; negative
             means imminent collision [m].
+        envelope: By how much the shapes that were judged are nearer than those whose
+            distance is reported; part of what the pair needs [m].
         time_left: How long the present motion may go on before a stop must be ordered
             [s]; infinite where nothing moves.
         time_to_contact: The two cannot touch before that, whatever the operators do
@@ -154,6 +170,8 @@ class NearPair:
         contract: Whether the pair is this near under a contract that it keeps; then
             `buffer` is minus the depth it may overlap by, and `clearance` what is left
             of that.
+        unproven: Whether nothing is proven for the pair: its robot leaves an object
+            that moves by itself, and that may meet it; `clearance` is what lacks.
     """
 
     a: str
@@ -165,6 +183,7 @@ class NearPair:
     exact_distance: float | None
     buffer: float
     clearance: float
+    envelope: float
     time_left: float
     time_to_contact: float
     point_a: Floats
@@ -172,6 +191,12 @@ class NearPair:
     normal: Floats
     model_error: float
     contract: bool = False
+    unproven: bool = False
+
+    @property
+    def needed(self) -> float:
+        """What the pair needs of its distance, the envelope included [m]."""
+        return self.distance - self.clearance
 
     @property
     def distance_sentence(self) -> str:
@@ -186,9 +211,13 @@ class NearPair:
                 f"{self.distance_sentence}, under a contract: may come to "
                 f"{self.buffer * 1e3:.1f} mm, {self.clearance * 1e3:.1f} mm are left"
             )
-        if self.clearance != self.primitive_distance - self.buffer:
-            need = self.primitive_distance - self.clearance
-            demand = f"needs {need * 1e3:.0f} mm to stop in time"
+        if self.unproven:
+            return (
+                f"{self.distance_sentence}, nothing is proven: {self.a} leaves "
+                f"{self.b}, which moves by itself"
+            )
+        if self.clearance != self.distance - self.buffer:
+            demand = f"needs {self.needed * 1e3:.0f} mm to stop in time"
         else:
             verb = "needs" if self.clearance < 0.0 else "keeps"
             demand = f"{verb} {self.buffer * 1e3:.0f} mm buffer"
@@ -339,12 +368,45 @@ class Verdict:
         }
 
     @property
+    def unbounded(self) -> tuple[str, ...]:
+        """Robots whose motion no proof bounds: their mode is "fixed", others' is not.
+
+        In the proof of a neighbour such a robot counts as still.
+        """
+        tables = self._names.tables
+        if tables is None or not self._names.robots:
+            return ()
+        return tuple(part.name for part in tables.robots if part.mode == "fixed")
+
+    @property
+    def drive_delays(self) -> dict[str, float]:
+        """How late each robot's drives follow commands at least, since a reset [s].
+
+        From commands that went through `Guard.filter` and velocities that were
+        measured, while nothing stops; in quarters of the declared delay of commands, up
+        to twice of it. 0 where nothing was seen that a drive without a delay would not
+        do.
+        """
+        return {
+            name: self._robot(r, layout.ROBOT_DELAY)
+            for r, name in enumerate(self._names.robots)
+        }
+
+    @property
     def causes(self) -> dict[str, Reason]:
         """Why each robot that is stopping, braking or at rest was ordered to."""
         return {
+            name: reason
+            for r, (name, reason) in enumerate(self.last_causes.items())
+            if self._robot(r, layout.ROBOT_LEVEL) >= Level.STOP
+        }
+
+    @property
+    def last_causes(self) -> dict[str, Reason]:
+        """Why each robot was ordered to stop last; `OK` if it never was."""
+        return {
             name: Reason(int(self._robot(r, layout.ROBOT_CAUSE)))
             for r, name in enumerate(self._names.robots)
-            if self._robot(r, layout.ROBOT_LEVEL) >= Level.STOP
         }
 
     @property
@@ -449,6 +511,11 @@ class Verdict:
         return None if k < 0 else self._pair(k)
 
     @property
+    def unproven(self) -> tuple[NearPair, ...]:
+        """Near pairs for which nothing is proven in this cycle."""
+        return tuple(pair for pair in self.near if pair.unproven)
+
+    @property
     def joint(self) -> str | None:
         """The joint a fault is about, None if it is about none."""
         k = int(self._data[layout.JOINT])
@@ -462,7 +529,7 @@ class Verdict:
             return self.joint
         if reason in LAGS and self.disproved:
             return self.disproved[0]
-        if reason is Reason.OBJECT_UNSEEN:
+        if reason in OF_OBJECTS:
             return self._names.bodies[int(self._data[layout.VALUE])]
         r = int(self._data[layout.ROBOT])
         known = 0 <= r < len(self._names.robots)
@@ -520,6 +587,8 @@ class Verdict:
             "slack": {"m": self.slack.m, "s": self.slack.s},
             "budget": None if self.budget is None else asdict(self.budget),
             "ages": self.ages,
+            "drive_delays": self.drive_delays,
+            "unbounded": list(self.unbounded),
             "causes": {name: cause.name for name, cause in self.causes.items()},
             "disproved": list(self.disproved),
             "cues": {name: cue.to_dict() for name, cue in self.cues.items()},
@@ -565,6 +634,7 @@ class Verdict:
             exact_distance=None if exact == np.inf else exact,
             buffer=float(row[layout.BUFFER]),
             clearance=float(row[layout.CLEARANCE]),
+            envelope=float(row[layout.ENVELOPE]),
             time_left=float(row[layout.TIME_LEFT]),
             time_to_contact=float(row[layout.TIME_TO_CONTACT]),
             point_a=witness[1:4].copy(),
@@ -572,6 +642,7 @@ class Verdict:
             normal=witness[7:10].copy(),
             model_error=float(errors[i] + errors[j]),
             contract=int(row[layout.PROOF]) == ALLOWED,
+            unproven=int(row[layout.PROOF]) == UNPROVEN,
         )
 
     def _robots_of(self, k: int) -> tuple[int, int]:
@@ -581,6 +652,13 @@ class Verdict:
         known = self._names.tables.robot_of_primitive
         i, j = self._primitives(k)
         return int(known[i]), int(known[j]) if j < len(known) else -1
+
+    def _unbounded_sides(self) -> list[str]:
+        """Robots of the nearest pair whose motion no proof bounds."""
+        unbounded, k = self.unbounded, int(self._data[layout.NEAREST])
+        names = self._names.robots
+        sides = {names[r] for r in self._robots_of(k) if r >= 0} if unbounded else set()
+        return [name for name in unbounded if name in sides]
 
     def _primitives(self, k: int) -> tuple[int, int]:
         """Primitives of both sides of a near pair."""
@@ -649,10 +727,16 @@ class Verdict:
         return float(self._data[at])
 
     def _pair_sentence(self, reason: Reason, nearest: NearPair) -> str:
+        if reason is Reason.UNPROVEN:
+            pairs = self.unproven or (nearest,)
+            distances = "; ".join(pair.distance_sentence for pair in pairs)
+            return f"{SENTENCES[reason]}: {distances}"
         budget = self.budget
         sentence = nearest.why
         if budget is not None and not nearest.contract:
             sentence = f"{nearest.distance_sentence}, {budget.sentence}"
+        for name in self._unbounded_sides():
+            sentence += f"; nothing is proven about the motion of '{name}', mode fixed"
         if reason in (Reason.NEAR, Reason.TOO_CLOSE):
             return sentence
         return f"{SENTENCES[reason]}: {sentence}"
@@ -660,6 +744,9 @@ class Verdict:
     def _input_sentence(self, reason: Reason) -> str:
         sentence, value = SENTENCES[reason], float(self._data[layout.VALUE])
         who = f"'{self.subject}': " if self.subject else ""
+        tables = self._names.tables
+        if reason is Reason.CYCLE_LATE and tables is not None and isfinite(value):
+            return late_sentence(value, tables.period, tables.late)
         if reason in IN_MILLISECONDS:
             return f"{who}{sentence} ({value * 1e3:.1f} ms)"
         return who + sentence
@@ -673,8 +760,13 @@ class Verdict:
                 f"joint '{names.joints[k]}' at {value:.2f} a second: "
                 + (SENTENCES[reason])
             )
+        if reason is Reason.DRIVE_LAGS:
+            late = f"at least {value * 1e3:.1f} ms"
+            return f"joint '{names.joints[k]}': {SENTENCES[reason]}, {late}"
         if reason is Reason.STATE_FROZEN:
-            return f"joint '{names.joints[k]}': {SENTENCES[reason]} by {value:.4f}"
+            return f"joint '{names.joints[k]}': {SENTENCES[reason]} ({value:.4f})"
+        if reason is Reason.STAMP_REPEATED:
+            return f"joint '{names.joints[k]}': {SENTENCES[reason]} ({value:.6f} s)"
         if reason is Reason.NOT_FINITE:
             return f"joint '{names.joints[k]}' is at {value}; it must be finite"
         return (
@@ -714,6 +806,8 @@ def pair_dict(pair: NearPair) -> dict[str, object]:
         "exact_distance": pair.exact_distance,
         "buffer": pair.buffer,
         "clearance": pair.clearance,
+        "needed": pair.needed,
+        "envelope": pair.envelope,
         "time_left": pair.time_left,
         "time_to_contact": pair.time_to_contact,
         "point_a": pair.point_a.tolist(),
@@ -721,4 +815,5 @@ def pair_dict(pair: NearPair) -> dict[str, object]:
         "normal": pair.normal.tolist(),
         "model_error": pair.model_error,
         "contract": pair.contract,
+        "unproven": pair.unproven,
     }

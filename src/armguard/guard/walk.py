@@ -10,6 +10,7 @@ from armguard.guard.levels import Level
 from armguard.guard.stops import REST_CYCLES
 from armguard.guard.verdict import Verdict
 from armguard.robot.stopping.distance import brake_way, stop_travel
+from armguard.scene.tables import SceneTables
 
 if TYPE_CHECKING:
     from armguard.guard.monitor import Monitor
@@ -23,6 +24,13 @@ LATE_CYCLES = 3.0
 
 # Cycles more than a robot must be at rest for.
 MORE_CYCLES = 10
+
+
+def late_cycle(tables: SceneTables) -> float:
+    """Time after which a cycle surely comes late, whose time is not given [s]."""
+    figures = [part.stopping for part in tables.robots if part.stopping is not None]
+    untold = max((f.sensing for f in figures), default=0.0)
+    return LATE_CYCLES * (tables.period + untold) + 2.0 * tables.late
 
 
 class Walk:
@@ -94,7 +102,7 @@ class Walk:
         yield self._look()
         while not self.is_up_to_speed:
             yield self._move(min(self.speed + self._gain, a.speed))
-        late = LATE_CYCLES * tables.period + 2.0 * tables.late
+        late = late_cycle(tables)
         yield self._move(a.speed, late)
         stop = stop_travel(figures, a.place, a.speed, tables.period, tables.late)
         brake = a.speed / float(figures.brake_deceleration[a.place])

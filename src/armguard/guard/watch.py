@@ -5,19 +5,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.kernel import kernel
-from armguard.ledger import (
-    Ledger,
-    ledger_at,
-    matrix_f8,
-    matrix_i4,
-    matrix_i8,
-    vector_f8,
-    vector_i4,
-    vector_i8,
-)
 from armguard.motion.state import CLOCK, PLANS
 from armguard.scene.tables import SceneTables
+from armguard.table import (
+    IntMatrix,
+    IntVector,
+    LongMatrix,
+    LongVector,
+    Matrix,
+    Vector,
+    opener,
+)
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -38,7 +36,9 @@ GIVEN = 4
 # Places in `Watch.last`.
 LAST_NOW = 0  # time of the last cycle [s]
 FORCED = 1  # reason why every robot must stop in this cycle, 0 for none
-LAST = 2
+UNTOLD = 2  # how much later than its time the last cycle may have been [s]
+ORDERED_AT = 3  # when orders of a refused cycle count as given [s]; infinite: unknown
+LAST = 4
 
 # Places in `Watch.pace`.
 PERIOD = 0  # from one cycle to the next [s]
@@ -77,6 +77,20 @@ HANGS_AT = 0  # what the joint measures [rad or m]
 TOLD_FOR = 1  # for how long it was told to move since it does so [s]
 TOLD_WAY = 2  # how far at least [rad or m]
 HANGS = 3
+
+# Delays of drives that are looked for: each is one more of these shares of the declared
+# delay of commands, the fourth is that delay itself [-].
+DELAY_STEPS = 8
+DELAY_SHARE = 0.25
+
+# Places in `Watch.agreement`.
+LATEST = 0  # measured velocity of the last believed sample, NaN if it had none
+EARLIER = 1  # the same of the sample before
+AHEAD_SUM = 2  # how far the positions got beyond what the velocities explain
+BEHIND_SUM = 3  # how far they stayed behind it
+AHEAD_NEXT = 4  # the same two, if the sample of this cycle is believed
+BEHIND_NEXT = 5
+AGREEMENT = 6
 
 # Samples kept of each joint, from which velocities are estimated.
 HISTORY = 16
@@ -160,145 +174,97 @@ class Watch(NamedTuple):
         looked_at: Stamp of each robot's sample that was looked at for that, shape (r,).
         may_stand: 1 for a joint of a finger, which may stand against what it grips,
             shape (n,).
+        followed: Between which velocities each joint is if its drive has no more than
+            each of the delays that are looked for, shape (n, 2 · DELAY_STEPS).
+        delays: The greatest of them that each robot's drives have shown to have at
+            least, shape (r,) [s].
+        relief_until: Until when `relief` counts the way of what moves by itself, shape
+            (r,) [s].
+        agreement: Velocities of each joint beside its positions, see LATEST, shape
+            (n, AGREEMENT).
+        doubt: Reason why the last sighting of each of them was refused, 0 if it was
+            not, shape (p,) or (0,).
+        sighted_at: Stamp of its last believed sighting; -inf if there was none since
+            the last reset, shape (p,) or (0,) [s].
+        object_stale: Age from which on a sighting of it is refused, shape (p,) or (0,)
+            [s].
+        lagged: Samples in a row in which each robot's stop was slower than declared,
+            shape (r,).
     """
 
-    stamps: Floats
-    given: Floats
-    velocity: Floats
-    last: Floats
-    pace: Floats
-    last_stamp: Floats
-    sample_count: Longs
-    sample_t: Floats
-    sample_q: Floats
-    phase: Longs
-    ordered: Floats
-    must: Longs
-    cause: Longs
-    fastest: Floats
-    fastest_at: Floats
-    rest_low: Floats
-    rest_high: Floats
-    rest_began: Floats
-    rested: Longs
-    level: Longs
-    time_left: Floats
-    disproved: Longs
-    model: Floats
-    base: Floats
-    top_speed: Floats
-    seen_at: Floats
-    robot_of: NDArray[np.int32]
-    movers: NDArray[np.int32]
-    pairs: NDArray[np.int32]
-    pair_need: Floats
-    look: Floats
-    wanted: Floats
-    sent: Floats
-    sent_at: Floats
-    held: Longs
-    sent_count: Longs
-    told: Floats
-    told_at: Floats
-    under_way: Floats
-    driven_to: Floats
-    band: Floats
-    deficit: Floats
-    relief: Floats
-    relieved: Longs
-    tool_body: Longs
-    tool_point: Floats
-    row: Floats
-    recover: Longs
-    evades: Longs
-    object_velocity: Floats
-    evaded: Longs
-    judged_pairs: Longs
-    judged_left: Floats
-    judged_count: Longs
-    judged_ways: Floats
-    judged_clock: Floats
-    judged_settled: Floats
-    grown: Floats
-    yields: Longs
-    hangs: Floats
-    looked_at: Floats
-    may_stand: Longs
+    stamps: Vector
+    given: Vector
+    velocity: Vector
+    last: Vector
+    pace: Vector
+    last_stamp: Vector
+    sample_count: LongVector
+    sample_t: Matrix
+    sample_q: Matrix
+    phase: LongVector
+    ordered: Vector
+    must: LongVector
+    cause: LongVector
+    fastest: Vector
+    fastest_at: Vector
+    rest_low: Vector
+    rest_high: Vector
+    rest_began: Vector
+    rested: LongVector
+    level: LongVector
+    time_left: Vector
+    disproved: LongVector
+    model: Vector
+    base: Vector
+    top_speed: Vector
+    seen_at: Vector
+    robot_of: IntVector
+    movers: IntVector
+    pairs: IntMatrix
+    pair_need: Vector
+    look: Vector
+    wanted: Vector
+    sent: Matrix
+    sent_at: Vector
+    held: LongMatrix
+    sent_count: LongVector
+    told: Vector
+    told_at: Vector
+    under_way: Matrix
+    driven_to: Matrix
+    band: Matrix
+    deficit: Vector
+    relief: Vector
+    relieved: LongVector
+    tool_body: LongVector
+    tool_point: Matrix
+    row: Vector
+    recover: LongVector
+    evades: LongVector
+    object_velocity: Matrix
+    evaded: LongVector
+    judged_pairs: LongMatrix
+    judged_left: Vector
+    judged_count: LongVector
+    judged_ways: Matrix
+    judged_clock: Matrix
+    judged_settled: Vector
+    grown: Vector
+    yields: LongVector
+    hangs: Matrix
+    looked_at: Vector
+    may_stand: LongVector
+    followed: Matrix
+    delays: Vector
+    relief_until: Vector
+    agreement: Matrix
+    doubt: LongVector
+    sighted_at: Vector
+    object_stale: Vector
+    lagged: LongVector
 
 
-def watch_ledger(watch: Watch) -> Ledger:
-    """The arrays in the order `open_watch` expects."""
-    return Ledger(watch)
-
-
-@kernel
-def open_watch(address: int) -> Watch:
-    """What a ledger leads to, by the address of its lines."""
-    lines = ledger_at(address)
-    return Watch(
-        vector_f8(lines, 0),
-        vector_f8(lines, 1),
-        vector_f8(lines, 2),
-        vector_f8(lines, 3),
-        vector_f8(lines, 4),
-        vector_f8(lines, 5),
-        vector_i8(lines, 6),
-        matrix_f8(lines, 7),
-        matrix_f8(lines, 8),
-        vector_i8(lines, 9),
-        vector_f8(lines, 10),
-        vector_i8(lines, 11),
-        vector_i8(lines, 12),
-        vector_f8(lines, 13),
-        vector_f8(lines, 14),
-        vector_f8(lines, 15),
-        vector_f8(lines, 16),
-        vector_f8(lines, 17),
-        vector_i8(lines, 18),
-        vector_i8(lines, 19),
-        vector_f8(lines, 20),
-        vector_i8(lines, 21),
-        vector_f8(lines, 22),
-        vector_f8(lines, 23),
-        vector_f8(lines, 24),
-        vector_f8(lines, 25),
-        vector_i4(lines, 26),
-        vector_i4(lines, 27),
-        matrix_i4(lines, 28),
-        vector_f8(lines, 29),
-        vector_f8(lines, 30),
-        vector_f8(lines, 31),
-        matrix_f8(lines, 32),
-        vector_f8(lines, 33),
-        matrix_i8(lines, 34),
-        vector_i8(lines, 35),
-        vector_f8(lines, 36),
-        vector_f8(lines, 37),
-        matrix_f8(lines, 38),
-        matrix_f8(lines, 39),
-        matrix_f8(lines, 40),
-        vector_f8(lines, 41),
-        vector_f8(lines, 42),
-        vector_i8(lines, 43),
-        vector_i8(lines, 44),
-        matrix_f8(lines, 45),
-        vector_f8(lines, 46),
-        vector_i8(lines, 47),
-        vector_i8(lines, 48),
-        matrix_f8(lines, 49),
-        vector_i8(lines, 50),
-        matrix_i8(lines, 51),
-        vector_f8(lines, 52),
-        vector_i8(lines, 53),
-        matrix_f8(lines, 54),
-        matrix_f8(lines, 55),
-        vector_f8(lines, 56),
-        vector_f8(lines, 57),
-        vector_i8(lines, 58),
-        matrix_f8(lines, 59),
-        vector_f8(lines, 60),
-        vector_i8(lines, 61),
-    )
+open_watch = opener(Watch)
 
 
 def watch_of(tables: SceneTables) -> Watch:
@@ -380,7 +346,30 @@ def watch_of(tables: SceneTables) -> Watch:
         hangs=np.zeros((n, HANGS)),
         looked_at=np.full(robots, -np.inf),
         may_stand=joints_of_fingers(tables),
+        followed=np.tile([-np.inf, np.inf], (n, DELAY_STEPS)),
+        delays=np.zeros(robots),
+        relief_until=np.zeros(robots),
+        agreement=no_agreement(n),
+        doubt=np.zeros(len(speeds) and p, dtype=np.int64),
+        sighted_at=np.full(len(speeds) and p, -np.inf),
+        object_stale=ages_of_objects(len(speeds) and p, tables),
+        lagged=np.zeros(robots, dtype=np.int64),
     )
+
+
+def no_agreement(joints: int) -> Floats:
+    """`Watch.agreement` before the first sample, shape (joints, AGREEMENT)."""
+    found = np.zeros((joints, AGREEMENT))
+    found[:, [LATEST, EARLIER]] = np.nan
+    return found
+
+
+def ages_of_objects(count: int, tables: SceneTables) -> Floats:
+    """Age from which on a sighting of each primitive is refused, shape (count,) [s]."""
+    found = np.full(count, np.inf)
+    for thing in tables.standing.values():
+        found[thing.first : thing.first + thing.count] = thing.stale
+    return found
 
 
 def joints_of_fingers(tables: SceneTables) -> Longs:
@@ -395,9 +384,15 @@ def joints_of_fingers(tables: SceneTables) -> Longs:
 
 
 def commands_under_way(tables: SceneTables) -> int:
-    """Room for the commands that may not have taken effect when one was measured."""
+    """Room for the commands that may not have taken effect when one was measured.
+
+    For drives that lag as much as is looked for.
+    """
     figures = [part.stopping for part in tables.robots if part.stopping is not None]
-    longest = max((f.command + f.stale + f.sensing for f in figures), default=0.0)
+    most = DELAY_SHARE * DELAY_STEPS
+    longest = max(
+        (most * f.command + f.stale + f.sensing for f in figures), default=0.0
+    )
     return int(np.ceil(longest / tables.period)) + SPARE_COMMANDS
 
 

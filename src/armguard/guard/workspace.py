@@ -7,17 +7,16 @@ from numpy.typing import NDArray
 
 from armguard.index.octree_state import OctreeState
 from armguard.index.world import World
-from armguard.kernel import kernel
-from armguard.ledger import (
-    Ledger,
-    matrix_f8,
-    matrix_i4,
-    matrix_i8,
-    matrix_u1,
-    vector_f8,
-    vector_i4,
-    vector_i8,
-    vector_u1,
+from armguard.table import (
+    ByteMatrix,
+    ByteVector,
+    IntMatrix,
+    IntVector,
+    LongMatrix,
+    LongVector,
+    Matrix,
+    Vector,
+    opener,
 )
 
 Floats = NDArray[np.float64]
@@ -68,40 +67,40 @@ class Workspace(NamedTuple):
         octree: State of the octree.
     """
 
-    lower: Floats
-    upper: Floats
-    parent: Ints
-    joint_kind: Ints
-    q_index: Ints
-    gain: Floats
-    T_parent_joint: Floats
-    axis: Floats
-    bodies: Ints
-    local_rows: Floats
-    groups: Ints
-    checked: Bytes
-    buffers: Floats
-    margin: Floats
-    settings: Ints
-    T_next: Floats
-    T_world: Floats
-    body_moved: Bytes
-    moved: Bytes
-    candidates: Ints
-    seen: Longs
-    kept: Floats
-    memory: Longs
-    out: Floats
-    exact_of: Ints
-    exact_kinds: Ints
-    exact_rows: Floats
-    memo: Longs
-    memo_rows: Floats
-    planes: Longs
-    normals: Floats
-    look: Floats
-    look_box: Floats
-    parts: Longs
+    lower: Vector
+    upper: Vector
+    parent: IntVector
+    joint_kind: IntVector
+    q_index: IntVector
+    gain: Matrix
+    T_parent_joint: Matrix
+    axis: Matrix
+    bodies: IntVector
+    local_rows: Matrix
+    groups: IntVector
+    checked: ByteMatrix
+    buffers: Matrix
+    margin: Vector
+    settings: IntVector
+    T_next: Matrix
+    T_world: Matrix
+    body_moved: ByteVector
+    moved: ByteVector
+    candidates: IntVector
+    seen: LongVector
+    kept: Matrix
+    memory: LongVector
+    out: Vector
+    exact_of: IntMatrix
+    exact_kinds: IntVector
+    exact_rows: Matrix
+    memo: LongMatrix
+    memo_rows: Matrix
+    planes: LongVector
+    normals: Matrix
+    look: Vector
+    look_box: Vector
+    parts: LongVector
     world: World
     octree: OctreeState
 
@@ -142,73 +141,4 @@ OCTREE = 0
 BRUTE_FORCE = 1
 
 
-def ledger_of(workspace: Workspace) -> Ledger:
-    """The workspace's arrays in the order `open_workspace` expects."""
-    return Ledger([*workspace[:-2], *workspace.world, *workspace.octree])
-
-
-@kernel
-def open_workspace(lines: Longs) -> Workspace:
-    """The workspace a ledger leads to."""
-    world = World(
-        vector_i4(lines, 34),
-        matrix_f8(lines, 35),
-        matrix_f8(lines, 36),
-        vector_i4(lines, 37),
-        vector_f8(lines, 38),
-    )
-    octree = OctreeState(
-        matrix_i4(lines, 39),
-        matrix_f8(lines, 40),
-        matrix_i4(lines, 41),
-        matrix_i4(lines, 42),
-        matrix_f8(lines, 43),
-        vector_f8(lines, 44),
-        vector_i8(lines, 45),
-        vector_i8(lines, 46),
-        vector_i8(lines, 47),
-        vector_i4(lines, 48),
-        vector_i4(lines, 49),
-        vector_i4(lines, 50),
-        vector_f8(lines, 51),
-        vector_i8(lines, 52),
-        vector_i8(lines, 53),
-    )
-    return Workspace(
-        vector_f8(lines, 0),
-        vector_f8(lines, 1),
-        vector_i4(lines, 2),
-        vector_i4(lines, 3),
-        vector_i4(lines, 4),
-        matrix_f8(lines, 5),
-        matrix_f8(lines, 6),
-        matrix_f8(lines, 7),
-        vector_i4(lines, 8),
-        matrix_f8(lines, 9),
-        vector_i4(lines, 10),
-        matrix_u1(lines, 11),
-        matrix_f8(lines, 12),
-        vector_f8(lines, 13),
-        vector_i4(lines, 14),
-        matrix_f8(lines, 15),
-        matrix_f8(lines, 16),
-        vector_u1(lines, 17),
-        vector_u1(lines, 18),
-        vector_i4(lines, 19),
-        vector_i8(lines, 20),
-        matrix_f8(lines, 21),
-        vector_i8(lines, 22),
-        vector_f8(lines, 23),
-        matrix_i4(lines, 24),
-        vector_i4(lines, 25),
-        matrix_f8(lines, 26),
-        matrix_i8(lines, 27),
-        matrix_f8(lines, 28),
-        vector_i8(lines, 29),
-        matrix_f8(lines, 30),
-        vector_f8(lines, 31),
-        vector_f8(lines, 32),
-        vector_i8(lines, 33),
-        world,
-        octree,
-    )
+open_workspace = opener(Workspace)

@@ -58,6 +58,10 @@ SPARE = 4
 LEAST_NODES = 8 * 512
 LEAST_ENTRIES = 8192
 
+# Beyond so many nodes or entries a tree is less deep instead: things that are large
+# and overlap would fill any memory with leaves of the same lists.
+MOST_ROOM = 1 << 18
+
 # Primitives that have an anchor even if nothing tells that they move.
 LEAST_ANCHORS = 1024
 
@@ -256,6 +260,7 @@ class Octree:
             ENTRIES_SHORT: LEAST_ENTRIES + 4 * count,
             LISTS_SHORT: LEAST_ENTRIES + 4 * count,
         }
+        most = max(MOST_ROOM, 64 * count)
         masks = np.zeros(count, dtype=np.uint8)
         frames = np.zeros((STACK_ROOM, 3), dtype=np.int64)
         while True:
@@ -273,7 +278,11 @@ class Octree:
             answer = build_tree(present, clear, world, state, lists, masks, frames)
             if answer == BUILT:
                 break
-            room[answer] *= 2
+            if room[answer] <= most or self.max_depth == 0:
+                room[answer] *= 2
+            else:
+                # Finer leaves inside of many large things tell none of them apart.
+                self.max_depth -= 1
         state.counters[:] = 0
         held = SPARE * entries_of_moving(world, state)
         return state_with_room(

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector
+
 # nodes: one row a node; children stand in blocks of eight, child c at first + c with
 # bit 0 of c for the upper half in x, bit 1 in y, bit 2 in z.
 LINK = 0  # of a leaf, the first entry of its list; of a divided node, its first child
@@ -97,21 +99,21 @@ class OctreeState(NamedTuple):
         counters: What was done, shape (COUNTER_WIDTH,).
     """
 
-    nodes: NDArray[np.int32]
-    cube: NDArray[np.float64]
-    entries: NDArray[np.int32]
-    residency: NDArray[np.int32]
-    anchors: NDArray[np.float64]
-    slack: NDArray[np.float64]
-    primitive_marks: NDArray[np.int64]
-    owner_marks: NDArray[np.int64]
-    rule: NDArray[np.int64]
-    stack: NDArray[np.int32]
-    found: NDArray[np.int32]
-    left: NDArray[np.int32]
-    box: NDArray[np.float64]
-    header: NDArray[np.int64]
-    counters: NDArray[np.int64]
+    nodes: IntMatrix
+    cube: Matrix
+    entries: IntMatrix
+    residency: IntMatrix
+    anchors: Matrix
+    slack: Vector
+    primitive_marks: LongVector
+    owner_marks: LongVector
+    rule: LongVector
+    stack: IntVector
+    found: IntVector
+    left: IntVector
+    box: Vector
+    header: LongVector
+    counters: LongVector
 
 
 def empty_state(

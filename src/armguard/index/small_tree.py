@@ -1,4 +1,4 @@
-"""A small octree, with which all is done that a guard does: compiles its kernels."""
+"""A small octree, to compile or load the kernels of one."""
 
 import numpy as np
 
@@ -8,8 +8,8 @@ from armguard.index.octree import Octree
 from armguard.index.world import World
 
 
-def compile_octree() -> None:
-    """Build a small tree, and do with it all that a guard does."""
+def small_tree() -> Octree:
+    """An octree of eight spheres."""
     places = np.random.default_rng(0).uniform(-1.0, 1.0, (8, 3))
     rows = np.array(
         [shape_row(Sphere(radius=0.1), Pose(xyz=tuple(p)).matrix()) for p in places]
@@ -22,7 +22,12 @@ def compile_octree() -> None:
         owners=np.arange(8, dtype=np.int32),
         growth=np.full(8, 0.05),
     )
-    tree = Octree(world, leaf_capacity=1)
+    return Octree(world, leaf_capacity=1)
+
+
+def compile_octree() -> None:
+    """Do with a small tree all that a guard does."""
+    tree = small_tree()
     tree.update(0)
     tree.candidates(0)
     tree.remove(0)

@@ -2,8 +2,7 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from armguard.table import IntVector, Matrix, Vector
 
 
 class World(NamedTuple):
@@ -20,8 +19,8 @@ class World(NamedTuple):
             most the larger of their growths share a leaf, shape (p,) [m].
     """
 
-    kinds: NDArray[np.int32]
-    rows: NDArray[np.float64]
-    boxes: NDArray[np.float64]
-    owners: NDArray[np.int32]
-    growth: NDArray[np.float64]
+    kinds: IntVector
+    rows: Matrix
+    boxes: Matrix
+    owners: IntVector
+    growth: Vector

@@ -2,6 +2,6 @@
 
 from armguard.motion.displacement import displacement_bounds
 from armguard.motion.prepare import motion_of
-from armguard.motion.state import Motion, motion_ledger
+from armguard.motion.state import Motion
 
-__all__ = ["Motion", "displacement_bounds", "motion_ledger", "motion_of"]
+__all__ = ["Motion", "displacement_bounds", "motion_of"]

@@ -34,6 +34,9 @@ from armguard.robot.kinematics import PRISMATIC
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+# What round-off may make of a unit normal's coordinate: a micrometre per 10⁹ m [-].
+TURNED = 1e-15
+
 SPHERE = int(ShapeKind.SPHERE)
 CAPSULE = int(ShapeKind.CAPSULE)
 BOX = int(ShapeKind.BOX)
@@ -362,12 +365,14 @@ def box_reach(
 def half_space_reach(row: Floats, n: Vec3) -> float:
     """Greatest `n·p` of a half-space: finite only against its own normal.
 
-    A normal that round-off has turned a little would make it infinite; the plane is
-    taken as it is, and the direction as its opposite.
+    The plane's own normal takes the place of the direction, so the two may differ by
+    round-off only: an angle between them would count by the coordinates of what the
+    plane is compared with.
     """
     outward = (row[4], row[5], row[6])
-    if dot(n, outward) < 1.0 - 1e-12:
-        return inf
+    for k in range(3):
+        if not abs(n[k] - outward[k]) <= TURNED:
+            return inf
     return float(row[0] + dot(outward, (row[1], row[2], row[3])))
 
 

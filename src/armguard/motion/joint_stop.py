@@ -39,12 +39,14 @@ SWING = 13  # what settling may add [rad]
 BOW = 14  # bound on the second derivative of the curve; infinite at a kink [rad/s²]
 MOST = 15  # its greatest deceleration after that [rad/s²]
 SETTLED = 16  # time until it has settled [s]
-JOINT_STOP = 17
+BOUNCE = 17  # farthest a swing about its rest may lead, whatever it moves now [rad]
+JOINT_STOP = 18
 
 
 @kernel
 def plan_stop(
     velocity: float,
+    against: float,
     top: float,
     driven: float,
     acceleration: float,
@@ -62,6 +64,7 @@ def plan_stop(
 
     Args:
         velocity: Greatest velocity it may have now, of either sign [rad/s].
+        against: Greatest speed it may have in the other direction now [rad/s].
         top: Top speed; a joint measured faster counts as it is [rad/s].
         driven: Greatest velocity its operator may drive it to, of either sign
             [rad/s].
@@ -71,7 +74,7 @@ def plan_stop(
         passed: Time since the stop surely took effect [s].
         least: Least full deceleration [rad/s²].
         most: Greatest deceleration; may be infinite [rad/s²].
-        settle: Swing after a stop from top speed [rad].
+        settle: Swing about its rest, either way, after a stop from top speed [rad].
         settle_time: Longest time that takes [s].
         curve: Measured stops, times then ways, shape (2 · CURVE_POINTS,), or empty.
         out: Overwritten, shape (JOINT_STOP,).
@@ -86,13 +89,19 @@ def plan_stop(
     backwards = soonest <= 0.0 and velocity < 0.0
     out[V_BACK] = -velocity if backwards else 0.0
     out[V0] = max(velocity, 0.0)
+    against = max(against, 0.0)
+    out[BOUNCE] = swing_back(velocity, against, settle / top, out)
+    # One that moves the other way may speed up, and rests and swings so much later.
+    out[SETTLED] = reaction + ramp + (against + acceleration * reaction) / least
+    out[SETTLED] += settle_time
     if backwards:
         # It cannot turn round before the stop takes effect: it only gets back.
         out[V1] = out[X1] = out[TRAVEL] = out[SWING] = 0.0
+        if curve.shape[0] > 0:
+            out[BOUNCE] = -inf
         out[RAMP_LEFT] = out[SHARE] = 0.0
         out[REST] = reaction - velocity / least + ramp
         out[BOW] = 0.0 if most == inf else out[BACK]
-        out[SETTLED] = out[REST]
         return
     out[X1] = accelerated_way(reaction, out)
     out[V1] = min(out[V0] + acceleration * reaction, out[V_TOP])
@@ -103,6 +112,7 @@ def plan_stop(
     if curve.shape[0] > 0:
         time, way = curve_at(curve, out[V1] / top)
         out[SWING] = 0.0
+        out[BOUNCE] = -inf
         out[REST] = out[SETTLED] = reaction + time
         out[TRAVEL] = out[X1] + way
         # At full speed until the way is used up: no stop is later at any place.
@@ -111,7 +121,43 @@ def plan_stop(
         return
     out[REST] = reaction + rest_time(out[V1], out[RAMP_LEFT], out[SHARE], least)
     out[TRAVEL] = out[X1] + braked_way(out[REST] - reaction, out)
-    out[SETTLED] = out[REST] + settle_time
+    out[SETTLED] = max(out[SETTLED], out[REST] + settle_time)
+
+
+@kernel
+def swing_back(velocity: float, against: float, share: float, out: Floats) -> float:
+    """Farthest a joint that moves the other way may swing back past where it is now.
+
+    It swings about its rest in proportion to the speed its stop began with. So the
+    worst stop begins at once, or later and from a greater speed, whichever gains more
+    than the way until then takes. The way to rest is no shorter than that of the
+    hardest braking.
+
+    Args:
+        velocity: Greatest velocity it may have now, of either sign [rad/s].
+        against: Greatest speed it may have in the other direction now [rad/s].
+        share: Swing by the speed a stop began with [s].
+        out: The joint's stop; reaction and greatest accelerations are read.
+
+    Returns:
+        Displacement; negative where its way to rest is longer than its swing [rad].
+    """
+    slowest = max(-velocity, 0.0)
+    way = 0.5 * slowest * slowest / out[BACK] if slowest > 0.0 else 0.0
+    gain, speed = out[ACCELERATED] * out[REACTION], against
+    longer = 0.0
+    if gain > 0.0:
+        # What each square of speed beyond the present one costs of way.
+        cost = 1.0 / out[ACCELERATED] + 1.0 / out[MOST]
+        speed = min(max(against, share / cost), against + gain)
+        longer = 0.5 * (speed * speed - against * against) * cost
+    return float(share * speed - longer - way)
+
+
+@kernel
+def whole_way(stop: Floats) -> float:
+    """Farthest a joint gets in the planned direction, settling included [rad]."""
+    return float(max(stop[TRAVEL] + stop[SWING], stop[BOUNCE]))
 
 
 @kernel
@@ -136,30 +182,46 @@ def farthest(t: float, stop: Floats) -> float:
 
 
 @kernel
-def swing_within(start: float, end: float, stop: Floats) -> float:
+def swing_within(
+    start: float, end: float, first: float, last: float, stop: Floats
+) -> tuple[float, float]:
     """What settling may add to the farthest displacement in a span of time [rad].
+
+    A swing back, or one that is under way, leads no farther than `BOUNCE`: a straight
+    line between both ends that reaches it there reaches it in between.
+
+    Args:
+        start: Start of the span, from the measurement on [s].
+        end: Its end [s].
+        first: Farthest displacement at its start [rad].
+        last: The same at its end [rad].
+        stop: Written by `plan_stop`.
+    """
+    if start >= stop[SETTLED]:
+        return (0.0, 0.0)
+    onward, bounce = onward_swing(start, end, first, last, stop), stop[BOUNCE]
+    return (max(onward, bounce - first), max(onward, bounce - last))
+
+
+@kernel
+def onward_swing(
+    start: float, end: float, first: float, last: float, stop: Floats
+) -> float:
+    """What a swing on in the direction of the motion may add in a span [rad].
 
     A joint that brakes harder rests earlier, and then swings; but it rests so much
     nearer that its swing stays behind the farthest joint, except at the beginning of
     a stop and towards its end. A joint at rest by a time has gone no farther than at
     half its speed until then, half the ramp's time added. The difference to that is a
     concave function of time, so it is enough to look at both ends.
-
-    Args:
-        start: Start of the span, from the measurement on [s].
-        end: Its end [s].
-        stop: Written by `plan_stop`.
     """
     swing = stop[SWING]
-    if start >= stop[SETTLED]:
-        return 0.0
     if swing == 0.0 or start < stop[REACTION] or end > stop[REST]:
         return float(swing)
     for k in range(2):
-        t = start if k == 0 else end
-        since = t - stop[REACTION]
+        since = (start if k == 0 else end) - stop[REACTION]
         nearer = stop[X1] + 0.5 * stop[V1] * (since + stop[RAMP_LEFT])
-        if not farthest(t, stop) >= nearer + swing:
+        if not (first if k == 0 else last) >= nearer + swing:
             return float(swing)
     return 0.0
 

@@ -7,6 +7,7 @@ UNSURE = 2  # the bound is too coarse to tell
 SPENT = 3  # the cycle's budget of tests is used up
 ALLOWED = 4  # a contract is kept that lets the pair be nearer
 EXCEEDED = 5  # neither that nor its distance
+UNPROVEN = 6  # a robot leaves what comes by itself: it may be met on its way
 
 # Places in the description of a pair: two sides of SIDE numbers, then the requirement.
 KIND = 0  # ShapeKind

@@ -26,6 +26,7 @@ from armguard.motion.state import (
     NODES,
     PLANS,
     SPAN,
+    SWINGS_WIDTH,
     Motion,
 )
 from armguard.robot.stopping import StoppingFigures, StopTable
@@ -107,7 +108,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         columns=np.zeros((2 * depth, COLUMN)),
         calls=np.array([kernel_address(measure_at, 5)]),
         lever_rows=np.zeros((depth, LEVER_ROW + depth)),
-        swings=np.zeros((len(tables.q_names), 2)),
+        swings=np.zeros((len(tables.q_names), SWINGS_WIDTH)),
     )
 
 

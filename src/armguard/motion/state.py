@@ -5,16 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.kernel import kernel
-from armguard.ledger import (
-    Ledger,
-    ledger_at,
-    matrix_f8,
-    matrix_i4,
-    vector_f8,
-    vector_i4,
-    vector_i8,
-)
+from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector, opener
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -49,6 +40,12 @@ HORIZON = 0  # from now until everything rests [s]
 SEGMENT = 1  # 1 where the path is a straight line of joint positions, not a stop
 SETTLED = 2  # from now until everything has settled as well [s]
 SPAN = 3
+
+# Places in a row of `Motion.swings`.
+OF_STOP = 0  # what a stop under way may swing about its rest
+LOWEST = 1  # least position it may lead to, as measured without an error
+HIGHEST = 2  # greatest
+SWINGS_WIDTH = 3
 
 # Places in `Motion.effort`.
 TESTS = 0  # spans of time tested for pairs in this cycle
@@ -136,132 +133,66 @@ class Motion(NamedTuple):
         columns: Scratch for how joints move a pair, see `nearest`, (2 · depth, COLUMN).
         calls: See MEASURE, shape (CALLS,).
         lever_rows: Scratch for one side, shape (depth, LEVER_ROW + depth).
-        swings: What a stop under way may swing beyond its rest, in each direction of
-            each joint, shape (n, 2) [rad].
+        swings: What a stop under way may swing, and where it may lead each joint; see
+            OF_STOP, shape (n, SWINGS_WIDTH) [rad].
     """
 
-    parent: Ints
-    joint_kind: Ints
-    q_index: Ints
-    gain: Floats
-    T_parent_joint: Floats
-    axis: Floats
-    joints: Ints
-    length: Ints
-    shared: Ints
-    levers: Floats
-    exact_levers: Floats
-    joint_figures: Floats
-    robot_figures: Floats
-    curves: Floats
-    robot_of_joint: Ints
-    q: Floats
-    v_low: Floats
-    v_high: Floats
-    driven: Floats
-    clock: Floats
-    span: Floats
-    effort: Longs
-    up: Floats
-    down: Floats
-    middle: Floats
-    width: Floats
-    spread: Floats
-    grid_stamp: Longs
-    axes: Floats
-    reach: Floats
-    speed: Floats
-    rate: Floats
-    blur: Floats
-    push: Floats
-    node_stamp: Longs
-    node_q: Floats
-    node_T: Floats
-    node_axes: Floats
-    node_way: Floats
-    node_wide: Floats
-    node_grow: Floats
-    q_half: Floats
-    q_node: Floats
-    q_way: Floats
-    q_wide: Floats
-    q_grow: Floats
-    box_line: Floats
-    box_place: Floats
-    box_part: Floats
-    box_axes: Floats
-    sizes: Floats
-    corner_T: Floats
-    columns: Floats
-    calls: Longs
-    lever_rows: Floats
-    swings: Floats
+    parent: IntVector
+    joint_kind: IntVector
+    q_index: IntVector
+    gain: Matrix
+    T_parent_joint: Matrix
+    axis: Matrix
+    joints: IntMatrix
+    length: IntVector
+    shared: IntMatrix
+    levers: Matrix
+    exact_levers: Matrix
+    joint_figures: Matrix
+    robot_figures: Matrix
+    curves: Matrix
+    robot_of_joint: IntVector
+    q: Vector
+    v_low: Vector
+    v_high: Vector
+    driven: Matrix
+    clock: Matrix
+    span: Vector
+    effort: LongVector
+    up: Matrix
+    down: Matrix
+    middle: Matrix
+    width: Matrix
+    spread: Matrix
+    grid_stamp: LongVector
+    axes: Matrix
+    reach: Matrix
+    speed: Vector
+    rate: Vector
+    blur: Vector
+    push: Vector
+    node_stamp: LongVector
+    node_q: Matrix
+    node_T: Matrix
+    node_axes: Matrix
+    node_way: Matrix
+    node_wide: Matrix
+    node_grow: Matrix
+    q_half: Vector
+    q_node: Vector
+    q_way: Vector
+    q_wide: Vector
+    q_grow: Vector
+    box_line: Matrix
+    box_place: Matrix
+    box_part: Matrix
+    box_axes: Matrix
+    sizes: Vector
+    corner_T: Matrix
+    columns: Matrix
+    calls: LongVector
+    lever_rows: Matrix
+    swings: Matrix
 
 
-def motion_ledger(motion: Motion) -> Ledger:
-    """The arrays in the order `open_motion` expects."""
-    return Ledger(motion)
-
-
-@kernel
-def open_motion(address: int) -> Motion:
-    """The prediction a ledger leads to, by the address of its lines."""
-    lines = ledger_at(address)
-    return Motion(
-        vector_i4(lines, 0),
-        vector_i4(lines, 1),
-        vector_i4(lines, 2),
-        matrix_f8(lines, 3),
-        matrix_f8(lines, 4),
-        matrix_f8(lines, 5),
-        matrix_i4(lines, 6),
-        vector_i4(lines, 7),
-        matrix_i4(lines, 8),
-        matrix_f8(lines, 9),
-        matrix_f8(lines, 10),
-        matrix_f8(lines, 11),
-        matrix_f8(lines, 12),
-        matrix_f8(lines, 13),
-        vector_i4(lines, 14),
-        vector_f8(lines, 15),
-        vector_f8(lines, 16),
-        vector_f8(lines, 17),
-        matrix_f8(lines, 18),
-        matrix_f8(lines, 19),
-        vector_f8(lines, 20),
-        vector_i8(lines, 21),
-        matrix_f8(lines, 22),
-        matrix_f8(lines, 23),
-        matrix_f8(lines, 24),
-        matrix_f8(lines, 25),
-        matrix_f8(lines, 26),
-        vector_i8(lines, 27),
-        matrix_f8(lines, 28),
-        matrix_f8(lines, 29),
-        vector_f8(lines, 30),
-        vector_f8(lines, 31),
-        vector_f8(lines, 32),
-        vector_f8(lines, 33),
-        vector_i8(lines, 34),
-        matrix_f8(lines, 35),
-        matrix_f8(lines, 36),
-        matrix_f8(lines, 37),
-        matrix_f8(lines, 38),
-        matrix_f8(lines, 39),
-        matrix_f8(lines, 40),
-        vector_f8(lines, 41),
-        vector_f8(lines, 42),
-        vector_f8(lines, 43),
-        vector_f8(lines, 44),
-        vector_f8(lines, 45),
-        matrix_f8(lines, 46),
-        matrix_f8(lines, 47),
-        matrix_f8(lines, 48),
-        matrix_f8(lines, 49),
-        vector_f8(lines, 50),
-        matrix_f8(lines, 51),
-        matrix_f8(lines, 52),
-        vector_i8(lines, 53),
-        matrix_f8(lines, 54),
-        matrix_f8(lines, 55),
-    )
+open_motion = opener(Motion)

@@ -26,25 +26,29 @@ from armguard.motion.figures import (
 )
 from armguard.motion.joint_stop import (
     BACK,
+    BOUNCE,
     BOW,
     JOINT_STOP,
     LEAST,
     REST,
     SWING,
-    TRAVEL,
     V_BACK,
     farthest,
     plan_stop,
     swing_within,
+    whole_way,
 )
 from armguard.motion.joint_stop import REACTION as REACTION_TIME
 from armguard.motion.joint_stop import SETTLED as SETTLED_TIME
 from armguard.motion.state import (
     AGE,
     BRAKING,
+    HIGHEST,
     HORIZON,
+    LOWEST,
     NEXT,
     NODES,
+    OF_STOP,
     PASSED,
     REACTION,
     SEGMENT,
@@ -94,8 +98,8 @@ def plan_stops(plan: int, motion: int) -> None:
         up, down = m.up[plan * n + j], m.down[plan * n + j]
         error = error_of(j, m)
         gain = m.gain[b, 0]
-        farthest_up = gain * (error + up[SWING] + up[TRAVEL])
-        farthest_down = -gain * (error + down[SWING] + down[TRAVEL])
+        farthest_up = gain * (error + whole_way(up))
+        farthest_down = -gain * (error + whole_way(down))
         middle[b] = 0.5 * (farthest_up + farthest_down)
         width[b] = 0.5 * abs(farthest_up - farthest_down)
         spread[b] = abs(middle[b]) + width[b]
@@ -124,6 +128,7 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
     for side in range(2):
         plan_stop(
             m.v_high[j] if side == 0 else -m.v_low[j],
+            -m.v_low[j] if side == 0 else m.v_high[j],
             figures[VELOCITY],
             m.driven[plan * n + j, side],
             figures[ACCELERATION],
@@ -141,8 +146,17 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
         # How fast it was when its stop began is not seen any more, but remembered.
         for side in range(2):
             stop = up if side == 0 else down
-            stop[SWING] = m.swings[j, side]
-            stop[SETTLED_TIME] = max(stop[REST], 0.0) + robot[SETTLE_TIME]
+            swing = m.swings[j, OF_STOP]
+            if stop[V_BACK] == 0.0:
+                stop[SWING] = swing
+            # It may swing already, from one side of its rest to the other, but never
+            # beyond where the stop was proven to end.
+            beyond = m.swings[j, HIGHEST] - m.q[j]
+            if side == 1:
+                beyond = m.q[j] - m.swings[j, LOWEST]
+            stop[BOUNCE] = max(min(2.0 * swing, beyond), 0.0)
+            rest = max(up[REST], down[REST], 0.0)
+            stop[SETTLED_TIME] = rest + robot[SETTLE_TIME]
     return float(max(up[REST], down[REST]) - clock[AGE])
 
 
@@ -319,23 +333,24 @@ def joint_span(
     age = m.clock[plan * robots + m.robot_of_joint[j], AGE]
     start += age
     end += age
-    # A swing may add to the way in its own direction.
-    swing_up, swing_down = swing_within(start, end, up), swing_within(start, end, down)
     high_0, high_1 = farthest(start, up), farthest(end, up)
     low_0, low_1 = -farthest(start, down), -farthest(end, down)
+    swing_up = swing_within(start, end, high_0, high_1, up)
+    swing_down = swing_within(start, end, -low_0, -low_1, down)
     # A curve is off its chord by no more than an eighth of its second derivative
     # times the square of the span; and one that only rises by no more than it rises.
     eighth = 0.125 * (end - start) * (end - start)
-    above = swing_up + min(curve_bow(start, up) * eighth, abs(high_1 - high_0))
-    below = swing_down + min(curve_bow(start, down) * eighth, abs(low_1 - low_0))
-    first = 0.5 * (high_0 + low_0 + above - below)
-    last = 0.5 * (high_1 + low_1 + above - below)
-    more = 0.5 * (above + below) + error_of(j, m)
+    above = min(curve_bow(start, up) * eighth, abs(high_1 - high_0))
+    below = min(curve_bow(start, down) * eighth, abs(low_1 - low_0))
+    high_0, high_1 = high_0 + swing_up[0] + above, high_1 + swing_up[1] + above
+    low_0, low_1 = low_0 - swing_down[0] - below, low_1 - swing_down[1] - below
+    first, last = 0.5 * (high_0 + low_0), 0.5 * (high_1 + low_1)
+    error = error_of(j, m)
     return (
         0.5 * (first + last),
         0.5 * (last - first),
-        0.5 * (high_0 - low_0) + more,
-        0.5 * (high_1 - low_1) + more,
+        0.5 * (high_0 - low_0) + error,
+        0.5 * (high_1 - low_1) + error,
     )
 
 

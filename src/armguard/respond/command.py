@@ -1,12 +1,13 @@
 """What a cycle of the filter gives back: what to tell the robots, and why."""
 
 from collections.abc import Mapping, Sequence
-from enum import IntEnum
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.levels import Level
+from armguard.guard.levels import ORDERED, SENTENCES, UNTIL_ENGAGED, Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import RECOVERING, RUNNING
 from armguard.scene.tables import RobotPart
@@ -19,6 +20,9 @@ class Action(IntEnum):
 
     FOLLOW = 0
     """Send it the velocities."""
+
+    HOLD = 5
+    """Send it the velocities, which keep it at rest: it waits, see `Command.held`."""
 
     STOP = 10
     """A controlled stop, power stays, standstill is held (IEC 60204-1 category 2): the
@@ -38,8 +42,9 @@ class Blocked(IntEnum):
     """It follows."""
 
     STOPPED = 10
-    """It was stopped; its operator has to let go of it first, or to lead it away from
-    all that is near, or to engage it."""
+    """It is being stopped, or was and waits: its operator has to let go of it first, or
+    to lead it away from all that is near, or to engage it; after a stop that was
+    ordered, to engage it."""
 
     TOO_NEAR = 11
     """It rests where it may only move away."""
@@ -77,7 +82,7 @@ class Blocked(IntEnum):
 
 BLOCKED_SENTENCES: dict[Blocked, str] = {
     Blocked.NOT: "it follows",
-    Blocked.STOPPED: "it was stopped; let go of it, lead it away, or engage it",
+    Blocked.STOPPED: "it was stopped; release it once, lead it away, or engage it",
     Blocked.TOO_NEAR: "it rests too near to something, and may only move away",
     Blocked.PINCHED: "what leads away from one thing leads to another",
     Blocked.FAR_START: "the position it is told is far away; bring the master to it",
@@ -88,6 +93,85 @@ BLOCKED_SENTENCES: dict[Blocked, str] = {
     Blocked.NO_WAY: "no velocity was found that keeps all it must",
     Blocked.LOCAL_MINIMUM: "its field has a local minimum here and leads no nearer to "
     "the goal; lead it elsewhere, engage it or set another goal",
+}
+
+
+class Changed(IntFlag):
+    """Why a robot that follows is told something else than it was asked for."""
+
+    SPEED = 1
+    """A joint's top speed, or the share of it that its robot may use."""
+
+    ACCELERATION = 2
+    """The declared acceleration."""
+
+    LIMITS = 4
+    """The limit of a joint is near."""
+
+    ROWS = 8
+    """A near pair: its row, or the way out of what is too near."""
+
+    PROOF = 16
+    """It was not proven, or the robot is stopped."""
+
+    BLOCKED = 32
+    """It does not follow, see `Command.blocked`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A robot that does not move before a person does something.
+
+    Attributes:
+        robot: Its name.
+        blocked: What holds it: `STOPPED`, `FAR_START` or `LOCAL_MINIMUM`.
+        reason: Why it was stopped last; `OK` if it never was.
+        since: When that began, on the clock of the cycle [s].
+    """
+
+    robot: str
+    blocked: Blocked
+    reason: Reason
+    since: float
+
+    @property
+    def until_engaged(self) -> bool:
+        """Whether it was ordered to stop, so that only `engage` lets it go on."""
+        return self.blocked is Blocked.STOPPED and self.reason in UNTIL_ENGAGED
+
+    @property
+    def cause(self) -> str:
+        """What holds it, in words."""
+        if self.blocked is Blocked.STOPPED:
+            return SENTENCES[self.reason]
+        return CAUSES[self.blocked]
+
+    @property
+    def remedy(self) -> str:
+        """How it goes on, in words."""
+        engage = f"call engage('{self.robot}')"
+        if self.until_engaged:
+            return engage
+        return f"{REMEDIES[self.blocked]}, or {engage}"
+
+    @property
+    def sentence(self) -> str:
+        """Cause, time and remedy in words."""
+        return (
+            f"{self.robot} is held since {self.since:.1f} s ({self.cause}): "
+            f"{self.remedy}"
+        )
+
+
+CAUSES: dict[Blocked, str] = {
+    Blocked.FAR_START: "the first position commanded is far from where it is",
+    Blocked.LOCAL_MINIMUM: "its field has a local minimum here",
+}
+
+REMEDIES: dict[Blocked, str] = {
+    Blocked.STOPPED: "send zero velocity once (or a position near it), lead it away",
+    Blocked.FAR_START: "command a position near it",
+    Blocked.LOCAL_MINIMUM: "lead it elsewhere, set another goal",
 }
 
 
@@ -118,20 +202,24 @@ class Command:
         self._robots = robots
         self.verdict = verdict
 
+    def __repr__(self) -> str:
+        """Level, action and the sentence."""
+        return f"<Command {self.verdict.level.name} {self.action.name}: {self.why}>"
+
     def _of_joints(self, k: int) -> Floats:
         """The k-th of the four numbers that are told of every joint."""
-        n = (len(self._told) - 2 * len(self._robots)) // 4
+        n = (len(self._told) - 4 * len(self._robots)) // 4
         return self._told[k * n : (k + 1) * n]
 
     def _of_robots(self, k: int) -> Floats:
-        """The k-th of the two numbers that are told of every robot."""
+        """The k-th of the four numbers that are told of every robot."""
         r = len(self._robots)
-        first = len(self._told) - (2 - k) * r
+        first = len(self._told) - (4 - k) * r
         return self._told[first : first + r]
 
     @property
     def numbers(self) -> Floats:
-        """All numbers that were told, shape (4 n + 2 r,).
+        """All numbers that were told, shape (4 n + 4 r,).
 
         With the robots of the scene and the verdict they make the same command again.
         """
@@ -158,11 +246,14 @@ class Command:
     def actions(self) -> Mapping[str, Action]:
         """What to have each robot do."""
         levels = self.verdict.levels
+        rows = zip(self._robots, self._of_robots(1), self._of_robots(2), strict=True)
         return {
-            part.name: Action.FOLLOW
+            part.name: Action.HOLD
+            if since == since
+            else Action.FOLLOW
             if phase in DRIVEN
             else ACTIONS.get(levels[part.name], Action.STOP)
-            for part, phase in zip(self._robots, self._of_robots(1), strict=True)
+            for part, phase, since in rows
         }
 
     @property
@@ -177,6 +268,37 @@ class Command:
             part.name: Blocked(int(why))
             for part, why in zip(self._robots, self._of_robots(0), strict=True)
         }
+
+    @property
+    def changed(self) -> Mapping[str, Changed]:
+        """Why each robot is told something else than it was asked for.
+
+        `Changed(0)` where it is told that bit for bit.
+        """
+        return {
+            part.name: Changed(int(why))
+            for part, why in zip(self._robots, self._of_robots(3), strict=True)
+        }
+
+    @property
+    def held(self) -> Mapping[str, Held]:
+        """Robots that do not move before a person does something, and why not."""
+        causes, blocked = self.verdict.last_causes, self.blocked
+        return {
+            part.name: Held(
+                part.name, blocked[part.name], causes[part.name], float(since)
+            )
+            for part, since in zip(self._robots, self._of_robots(2), strict=True)
+            if since == since
+        }
+
+    @property
+    def why(self) -> str:
+        """The cycle in words: robots that are held first, then the verdict's `why`."""
+        said = [held.sentence for held in self.held.values()]
+        if not said or self.verdict.reason not in (Reason.OK, *ORDERED):
+            said.append(self.verdict.why)
+        return "; ".join(said)
 
     @property
     def far_joints(self) -> tuple[str, ...]:

@@ -4,6 +4,8 @@ python -m armguard.respond.compile_kernels [guarded]
 Started by a guard that finds nothing compiled, so that two processes share the work.
 """
 
+import ctypes
+import signal
 import sys
 from typing import Any
 
@@ -27,6 +29,9 @@ from armguard.robot.model import CollisionElement, Joint, JointKind, Link, Robot
 from armguard.robot.stopping import stopping_figures
 from armguard.scene.scene import Scene
 from armguard.scene.settings import Mode
+
+# Of prctl(2): the signal this process gets when its parent ends.
+PR_SET_PDEATHSIG = 1
 
 
 def one_joint() -> RobotModel:
@@ -101,5 +106,12 @@ def compile_there(guarded: bool) -> None:
         compile_cycle("path")
 
 
+def end_with_parent() -> None:
+    """Have the kernel end this process when the one that started it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 if __name__ == "__main__":
+    end_with_parent()
     compile_there("guarded" in sys.argv[1:])

@@ -4,7 +4,7 @@ What is asked for -> who follows -> limits -> rows -> the target, or a program t
 solved -> (proof) -> what is told, and what is held.
 """
 
-from math import inf, isfinite, sqrt
+from math import inf, isfinite, nan, sqrt
 
 from armguard.address import call_for_nothing
 from armguard.guard.commands import time_passed
@@ -36,7 +36,6 @@ from armguard.guard.workspace import (
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.figures import (
     DECELERATION,
     FIRST_JOINT,
@@ -44,7 +43,7 @@ from armguard.motion.figures import (
     POSITION_ERROR,
 )
 from armguard.motion.state import Motion, open_motion
-from armguard.respond.command import Blocked
+from armguard.respond.command import Blocked, Changed
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import NOTHING_ASKED, engage, wait_if_stopped
 from armguard.respond.evasion import look_for_threats
@@ -55,6 +54,7 @@ from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
 from armguard.respond.program import (
+    BY_ROWS,
     breaks_rows,
     frame_limits,
     retreats,
@@ -65,6 +65,7 @@ from armguard.respond.state import (
     ASKS,
     BLOCKED,
     BREAKS,
+    CHANGED,
     CROWDED,
     DEFLECT,
     FIELD,
@@ -73,7 +74,9 @@ from armguard.respond.state import (
     POSITIONS,
     RETREATS,
     SLOW,
+    STANDSTILL,
     STOP,
+    STOP_REASON,
     TANGLED,
     TWISTS,
     Response,
@@ -85,6 +88,11 @@ WRONG_COMMAND = int(Reason.WRONG_COMMAND)
 NO_WAY = int(Reason.NO_WAY)
 BLOCKED_NO_WAY = int(Blocked.NO_WAY)
 PINCHED = int(Blocked.PINCHED)
+STOPPED = int(Blocked.STOPPED)
+FAR_START = int(Blocked.FAR_START)
+LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
+
+BY_PROOF = int(Changed.PROOF)
 
 # Share of the least deceleration with which a joint goes to a position [-].
 GENTLE = 0.5
@@ -106,7 +114,7 @@ def respond(response: int, lines: int) -> int:
         Robots whose program is to be solved, a bit for each; where the solver can be
         called from here, those for which that did not succeed.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     hold(a, v, m)
     note_missed(a, v, m)
@@ -126,6 +134,7 @@ def respond(response: int, lines: int) -> int:
     open_programs = 0
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
+            a.notes[r, CHANGED] |= BY_ROWS
             kind = a.settings[r, KIND]
             if a.notes[r, TANGLED] != 0:
                 # Whatever its response: only some joints together lead out.
@@ -135,7 +144,7 @@ def respond(response: int, lines: int) -> int:
             elif kind == SLOW:
                 slow_fingers(r, a, w, m)
                 scale_back(r, a, m)
-                if a.notes[r, CROWDED] == 0 and breaks_rows(r, a, m):
+                if a.notes[r, CROWDED] == 0 and breaks_rows(r, a.limits, a, m):
                     # What is touched is opened, though that is nobody's way.
                     open_programs |= 1 << r
             elif kind == DEFLECT or kind == FIELD:
@@ -148,6 +157,11 @@ def respond(response: int, lines: int) -> int:
 @kernel
 def take_asked(a: Response, v: Watch, m: Motion) -> None:
     """Check what is asked for; where positions are, turn them into velocities."""
+    if a.asking[FORM] == STANDSTILL:
+        for j in range(a.asked.shape[0]):
+            a.asked[j] = a.far[j] = 0.0
+        v.last[FORCED] = a.asking[STOP_REASON]
+        return
     positions = a.asking[FORM] == POSITIONS
     wrong = False
     for j in range(a.asked.shape[0]):
@@ -186,7 +200,7 @@ def finish(judged: int, unsolved: int, response: int, lines: int) -> int:
     Returns:
         How many places of the workspace's `out` were used.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
         v.recover[r] = 0
@@ -202,6 +216,7 @@ def finish(judged: int, unsolved: int, response: int, lines: int) -> int:
         for r in range(a.notes.shape[0]):
             wait_if_stopped(r, a, v)
     note_leads(judged, response, w.parts[SELF])
+    note_changes(judged, a, v, m)
     tell(a, v)
     return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
 
@@ -245,6 +260,18 @@ def settle_target(
 
 
 @kernel
+def note_changes(judged: int, a: Response, v: Watch, m: Motion) -> None:
+    """Note which robots are told less than their target, as no proof was found."""
+    for r in range(a.notes.shape[0]):
+        if judged == 0:
+            a.notes[r, CHANGED] = BY_PROOF
+        first = int(m.robot_figures[r, FIRST_JOINT])
+        for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+            if v.wanted[j] != a.target[j]:
+                a.notes[r, CHANGED] |= BY_PROOF
+
+
+@kernel
 def hold(a: Response, v: Watch, m: Motion) -> None:
     """Sum up where the joints were told to be by now; never far from where they are."""
     time = time_passed(v)
@@ -267,6 +294,24 @@ def tell(a: Response, v: Watch) -> None:
         a.told[n + j] = a.held[j] + v.wanted[j] * v.pace[PERIOD]
         a.told[2 * n + j] = a.asked[j]
         a.told[3 * n + j] = a.far[j]
-    for r in range(a.notes.shape[0]):
+    robots = a.notes.shape[0]
+    for r in range(robots):
+        if not waits_for_a_person(r, a, v):
+            a.held_since[r] = nan
+        elif not isfinite(a.held_since[r]):
+            a.held_since[r] = v.told_at[0]
         a.told[4 * n + r] = a.notes[r, BLOCKED]
-        a.told[4 * n + a.notes.shape[0] + r] = v.phase[r]
+        a.told[4 * n + robots + r] = v.phase[r]
+        a.told[4 * n + 2 * robots + r] = a.held_since[r]
+        a.told[4 * n + 3 * robots + r] = a.notes[r, CHANGED]
+
+
+@kernel
+def waits_for_a_person(r: int, a: Response, v: Watch) -> bool:
+    """Whether a robot does not move, and will not before its operator does something.
+
+    One that is still being stopped does not wait yet.
+    """
+    blocked, phase = a.notes[r, BLOCKED], v.phase[r]
+    waits = blocked == STOPPED or blocked == FAR_START or blocked == LOCAL_MINIMUM
+    return bool(waits and (phase == RUNNING or phase == RESTING))

@@ -2,14 +2,24 @@
 
 A robot that was stopped is not given back to a command that never let go of it: its
 operator first asks for nothing, or for a way that leads away from all that is near, or
-engages it. Where positions are told, it is given back when they are near it; if they
-are not it catches up slowly, or is refused at the start, with the joints named. So it
-does when it was held back until they are far: nothing is caught up with at speed.
+engages it; after a stop that was ordered, only the last. Where positions are told, it
+is given back when they are near it; if they are not it catches up slowly, or is refused
+at the start, with the joints named. So it does when it was held back until they are
+far: nothing is caught up with at speed.
 """
 
 from enum import IntEnum
 
-from armguard.guard.watch import BRAKING, LOST, RECOVERING, RESTING, STOPPING, Watch
+from armguard.guard.levels import Reason
+from armguard.guard.watch import (
+    BRAKING,
+    LOST,
+    RECOVERING,
+    RESTING,
+    RUNNING,
+    STOPPING,
+    Watch,
+)
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
@@ -22,12 +32,15 @@ from armguard.respond.state import (
     FAR_START,
     FORM,
     LEADS_AWAY,
+    ORDERED,
     POSITIONS,
     RECOVER_SPEED,
     REFUSED,
     RESUME_SPEED,
     RETREATS,
+    STANDSTILL,
     STATE,
+    STOP_REASON,
     TOLD_POSITIONS,
     Response,
 )
@@ -59,6 +72,10 @@ CATCHES_UP = int(Blocked.CATCHING_UP)
 STARTS_FAR = int(Blocked.FAR_START)
 EVADES = int(Blocked.EVADING)
 
+OK = int(Reason.OK)
+STOP_ORDERED = int(Reason.STOP_ORDERED)
+RESTARTED = int(Reason.RESTARTED)
+
 
 @kernel
 def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
@@ -74,7 +91,8 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         if abs(a.asked[j]) > NOTHING_ASKED:
             notes[ASKS] = 1
-    if wait_if_stopped(r, a, v):
+    ordered = wait_if_ordered(r, a, v)
+    if wait_if_stopped(r, a, v) or ordered:
         return False
     if a.asking[FORM] == POSITIONS:
         stand_to_positions(r, a, m)
@@ -101,6 +119,28 @@ def wait_if_stopped(r: int, a: Response, v: Watch) -> bool:
     notes, phase = a.notes[r], v.phase[r]
     if phase != STOPPING and phase != BRAKING and phase != LOST:
         return False
+    notes[STATE], notes[BLOCKED] = WAITING, STOPPED
+    notes[TOLD_POSITIONS] = notes[REFUSED] = 0
+    return True
+
+
+@kernel
+def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
+    """Have a robot wait while a stop is ordered, and after one until it is engaged."""
+    notes, phase = a.notes[r], v.phase[r]
+    why = 0
+    if a.asking[FORM] == STANDSTILL:
+        why = a.asking[STOP_REASON]
+        if why == STOP_ORDERED or why == RESTARTED:
+            notes[ORDERED] = why
+    if notes[ORDERED] != 0:
+        why = notes[ORDERED]
+    if why == 0:
+        return False
+    rests = phase == RUNNING or phase == RESTING
+    if rests and (notes[ORDERED] != 0 or v.cause[r] == OK):
+        # Whatever stopped it before or meanwhile, this is what it waits for.
+        v.cause[r] = why
     notes[STATE], notes[BLOCKED] = WAITING, STOPPED
     notes[TOLD_POSITIONS] = notes[REFUSED] = 0
     return True

@@ -23,7 +23,6 @@ from armguard.guard.workspace import MEASURE, MOTION, WATCH, Workspace, open_wor
 from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.figures import (
     ACCELERATION,
     DECELERATION,
@@ -111,7 +110,7 @@ def judge_way(
         The least gap beyond what is asked for, at most ENOUGH [m]; where it is touched
         a number below HIT.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     e = open_escape(a.escape)
     plan_way(r, go, e, w, v, m)

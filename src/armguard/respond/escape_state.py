@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
-from armguard.kernel import kernel
-from armguard.ledger import Ledger, matrix_f8, matrix_i8, vector_f8, vector_i8
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene.tables import SceneTables
+from armguard.table import LongMatrix, LongVector, Matrix, Vector, opener
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -90,62 +89,31 @@ class Escape(NamedTuple):
         spreads: Shares of top speeds, shape (SPREADS, n) [-].
     """
 
-    notes: Longs
-    memory: Floats
-    way: Floats
-    counts: Longs
-    plan: Floats
-    trial: Floats
-    own: Longs
-    comers: Longs
-    others: Longs
-    q: Floats
-    T: Floats
-    rows: Floats
-    boxes: Floats
-    reach: Floats
-    shift: Floats
-    comer: Floats
-    witness: Floats
-    closest: Floats
-    columns: Floats
-    across: Floats
-    useful: Longs
-    spreads: Floats
+    notes: LongMatrix
+    memory: Matrix
+    way: Vector
+    counts: LongVector
+    plan: Vector
+    trial: Vector
+    own: LongVector
+    comers: LongVector
+    others: LongVector
+    q: Vector
+    T: Matrix
+    rows: Matrix
+    boxes: Matrix
+    reach: Vector
+    shift: Vector
+    comer: Vector
+    witness: Vector
+    closest: Vector
+    columns: Matrix
+    across: Matrix
+    useful: LongVector
+    spreads: Matrix
 
 
-def escape_ledger(escape: Escape) -> Ledger:
-    """The arrays in the order `open_escape` expects."""
-    return Ledger(escape)
-
-
-@kernel
-def open_escape(lines: Longs) -> Escape:
-    """What a ledger leads to."""
-    return Escape(
-        matrix_i8(lines, 0),
-        matrix_f8(lines, 1),
-        vector_f8(lines, 2),
-        vector_i8(lines, 3),
-        vector_f8(lines, 4),
-        vector_f8(lines, 5),
-        vector_i8(lines, 6),
-        vector_i8(lines, 7),
-        vector_i8(lines, 8),
-        vector_f8(lines, 9),
-        matrix_f8(lines, 10),
-        matrix_f8(lines, 11),
-        matrix_f8(lines, 12),
-        vector_f8(lines, 13),
-        vector_f8(lines, 14),
-        vector_f8(lines, 15),
-        vector_f8(lines, 16),
-        vector_f8(lines, 17),
-        matrix_f8(lines, 18),
-        matrix_f8(lines, 19),
-        vector_i8(lines, 20),
-        matrix_f8(lines, 21),
-    )
+open_escape = opener(Escape)
 
 
 def escape_of(tables: SceneTables) -> Escape:

@@ -32,7 +32,6 @@ from armguard.guard.workspace import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion, open_motion
@@ -124,7 +123,7 @@ def look_for_threats(response: int, lines: int) -> None:
         response: Address of the ledger of the responses; `asked` is written already.
         lines: Address of the ledger of the workspace, after a cycle was opened.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(v.evades.shape[0]):
         v.evades[r] = 0

@@ -3,8 +3,10 @@
 The goal, joint positions or a pose of the tool, attracts at a speed that is bounded, so
 it draws from afar no harder than from near. A near pair takes from that what closes it,
 the more the less it has left (velocity scaling), and pushes its robot off, by the force
-of Khatib's artificial potential as a velocity along the pair's own row. The push fades
-near the goal, or one beside a wall could not be reached.
+of Khatib's artificial potential as a velocity along the pair's own row. Potential and
+force are one function, `field_at`: the force is minus the gradient of the potential
+over what the pair has left. Both fade near the goal, or one beside a wall could not be
+reached.
 
 A sum of such parts may vanish where there is no goal. That is a local minimum: a robot
 that does not come nearer for its `patience`, whether it stands or swings, rests there
@@ -217,7 +219,8 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
         square += a.raw[j] * a.raw[j]
         closing += a.raw[j] * s.pull[j]
     taken = (1.0 - part) * max(closing, 0.0) / square
-    push = a.settings[r, REPULSION] * push_at(part)
+    near = min(s.memory[r, LEFT] / GOAL_NEAR, 1.0)
+    push = a.settings[r, REPULSION] * field_at(part, near)[1]
     for j in range(first, end):
         s.pull[j] -= taken * a.raw[j]
         s.push[j] -= push * push * a.raw[j] / square
@@ -226,15 +229,32 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
 
 
 @kernel
-def push_at(part: float) -> float:
-    """Push of a pair that has a share left of what would be enough, 1 at half of it.
+def field_at(part: float, near: float) -> tuple[float, float]:
+    """Potential of a pair, and the force it pushes with: minus its derivative.
 
-    Khatib's force (1/x - 1) / x², and from `STEEPEST` on its tangent.
+    Khatib's potential ½ (1/x - 1)² of the share x of what would be enough, a quarter of
+    it, so that the force is 1 at half of what would be enough. It is cut at x = 1:
+    beyond that there is neither. Below `STEEPEST` the force goes on along its tangent,
+    and the potential is a parabola. Near the goal both fade with the square of the way
+    to it.
+
+    Args:
+        part: What the pair has left, as a share of what would be enough [-].
+        near: Way to the goal as a share of where the field is full, in [0, 1] [-].
+
+    Returns:
+        Potential, and force towards a greater share, -d potential / d part [-].
     """
+    fade = near * near
+    if part >= 1.0:
+        return (0.0, 0.0)
     x = max(part, STEEPEST)
-    force = 0.25 * (1.0 / x - 1.0) / (x * x)
+    wall = 1.0 / x - 1.0
+    force = 0.25 * wall / (x * x)
     slope = 0.25 * (3.0 / x - 2.0) / (x * x * x)
-    return float(force + slope * (x - part))
+    deeper = x - part
+    potential = 0.125 * wall * wall + deeper * (force + 0.5 * slope * deeper)
+    return (fade * potential, fade * (force + slope * deeper))
 
 
 @kernel
@@ -249,8 +269,7 @@ def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     share = 0.0
     if s.weight[r, 1] > NO_PUSH:
-        near = min(s.memory[r, LEFT] / GOAL_NEAR, 1.0)
-        share = near * near / s.weight[r, 1]
+        share = 1.0 / s.weight[r, 1]
     for j in range(first, end):
         a.asked[j] = s.pull[j] + share * s.push[j]
     limit_share(first, end, a.settings[r, FIELD_SPEED], a.asked, m)

@@ -1,6 +1,7 @@
 """The guard in the loop: what operators want goes in, what is safe comes out."""
 
 from collections.abc import Callable, Mapping, Sequence
+from threading import get_ident
 from time import perf_counter_ns
 from typing import Any, Literal, TypeGuard
 
@@ -12,31 +13,37 @@ from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
 from armguard.guard import layout
 from armguard.guard.checkpoint import chosen
+from armguard.guard.checkpoint_bounds import Greatest, Rules
 from armguard.guard.filtered_cycle import close_cycle, open_cycle
+from armguard.guard.given import is_mapping, kind_of, real_or_none
 from armguard.guard.levels import Reason
-from armguard.guard.monitor import FLOAT64, Monitor
+from armguard.guard.monitor import FLOAT64, OTHER_THREAD, Monitor
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
 from armguard.guard.workspace import ADD_PAIRS, CLOSE, FINISH, OPEN, RESPOND
-from armguard.respond.asked import as_vector, named_vector
-from armguard.respond.command import Command
+from armguard.respond.asked import as_vector, named_vector, reason_of_stop
+from armguard.respond.command import Blocked, Command
 from armguard.respond.compiling import compile_ahead
 from armguard.respond.cycle import finish, respond
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import Standing
-from armguard.respond.escape_state import escape_ledger, escape_of
+from armguard.respond.escape_state import escape_of
 from armguard.respond.goals import engage_lead, find_retreat, set_goal
-from armguard.respond.lead_state import lead_ledger, lead_of
+from armguard.respond.lead_state import lead_of
 from armguard.respond.program import add_pairs
+from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
+from armguard.respond.remembered import more_of
 from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
     CROWDED,
     MOST_TWISTS,
     NEVER,
+    ORDERED,
     POSITIONS,
     ROW_COUNT,
     ROWS,
+    STANDSTILL,
     STATE,
     TOOL_POINT,
     TOOL_TWIST,
@@ -44,7 +51,6 @@ from armguard.respond.state import (
     TWISTS,
     VELOCITIES,
     Response,
-    response_ledger,
     response_of,
 )
 from armguard.respond.tool import Tool, tool_of
@@ -54,6 +60,7 @@ from armguard.respond.whole_cycle import (
     run_filtered_cycle,
 )
 from armguard.scene.scene import Scene
+from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -169,10 +176,10 @@ class Guard(Monitor):
             SceneError: The scene has a robot whose mode is "fixed"; in the first cycle.
         """
         asked: Floats | None
-        if isinstance(v_desired, Mapping):
-            asked, fault = named_vector("v_desired", v_desired, self.q_names)
-        elif self._is_vector(v_desired):
+        if self._is_vector(v_desired):
             asked, fault = v_desired, ""
+        elif is_mapping(v_desired):
+            asked, fault = named_vector("v_desired", v_desired, self.q_names)
         else:
             asked, fault = as_vector("v_desired", v_desired, self._shape[0])
         return self._filter(q, stamp, velocity, now, VELOCITIES, asked, fault)
@@ -227,10 +234,22 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
+        try:
+            wanted, fault = self._wanted_twists(twists)
+        except Exception:  # whatever a stranger's object raises, the loop goes on
+            fault = f"twists is a {kind_of(twists)}; it must be 6 numbers by robot"
+        if fault:
+            return self._filter(q, stamp, velocity, now, VELOCITIES, None, fault)
+        return self._filter(q, stamp, velocity, now, TWISTS, wanted, fault)
+
+    def _wanted_twists(
+        self, twists: Mapping[str, ArrayLike]
+    ) -> tuple[list[tuple[Tool, Floats]], str]:
+        """Twists with their tools, or why they are none."""
         wanted: list[tuple[Tool, Floats]] = []
         fault = ""
         if len(twists) > MOST_TWISTS:
-            fault = (
+            return wanted, (
                 f"there are {len(twists)} twists; no more than {MOST_TWISTS} are led"
             )
         for name, twist in twists.items():
@@ -243,14 +262,42 @@ class Guard(Monitor):
             elif vector is not None:
                 wanted.append((tool, vector))
             fault = fault or wrong
-        if fault:
-            return self._filter(q, stamp, velocity, now, VELOCITIES, None, fault)
-        return self._filter(q, stamp, velocity, now, TWISTS, wanted, fault)
+        return wanted, fault
 
-    def engage(self, name: str | None = None) -> None:
+    def stop(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float],
+        *,
+        velocity: ArrayLike | None = None,
+        now: float | None = None,
+        reason: Reason = Reason.STOP_ORDERED,
+    ) -> Command:
+        """One cycle in which all robots are to stop, or to stand still. Never raises.
+
+        Args:
+            q: Measured joint positions, see `filter`.
+            stamp: See `filter`, from here to `now`.
+            velocity: Measured velocities.
+            now: Time of this cycle.
+            reason: Why, of `ORDERED`; anything else counts as `STOP_ORDERED`. After
+                `STOP_ORDERED` and `RESTARTED` robots go on only when they are engaged.
+
+        Raises:
+            SceneError: See `filter`.
+        """
+        asked = np.array([reason_of_stop(reason)], dtype=np.float64)
+        return self._filter(q, stamp, velocity, now, STANDSTILL, asked, "")
+
+    def engage(self, name: str | None = None, *, ordered: bool = True) -> None:
         """Give a robot back to its operator after a stop, or all of them.
 
         What is asked for in velocities is then followed; positions are caught up with.
+
+        Args:
+            name: A robot; all of them if None.
+            ordered: Whether also those that were ordered to stop, see `stop`. A program
+                that engages by itself leaves these to a person: False.
 
         Raises:
             UnknownNameError: There is no such robot.
@@ -260,10 +307,35 @@ class Guard(Monitor):
             return
         for robot, r in self._robot_places.items():
             notes = self._response.notes[r]
-            if name in (None, robot):
+            if name in (None, robot) and (ordered or not notes[ORDERED]):
+                notes[ORDERED] = 0
                 engage_lead(r, self._lead)
                 if notes[STATE] == Standing.WAITING:
                     notes[STATE] = Standing.CATCHING_UP
+
+    @property
+    def ordered(self) -> dict[str, Reason]:
+        """Robots that wait to be engaged after a stop that was ordered, and why."""
+        if self._response is None:
+            return {}
+        notes = self._response.notes
+        why = {name: notes[r][ORDERED] for name, r in self._robot_places.items()}
+        return {name: Reason(int(reason)) for name, reason in why.items() if reason}
+
+    def hold(self, ordered: Mapping[str, Reason]) -> None:
+        """Have robots wait to be engaged, as after a stop that was ordered.
+
+        Args:
+            ordered: `ordered` of another guard of these robots.
+
+        Raises:
+            UnknownNameError: There is no such robot.
+        """
+        for name, reason in ordered.items():
+            self._check_robot(name)
+            if self._response is not None:
+                notes = self._response.notes[self._robot_places[name]]
+                notes[ORDERED], notes[STATE] = reason_of_stop(reason), Standing.WAITING
 
     def field_goal(
         self,
@@ -346,6 +418,7 @@ class Guard(Monitor):
             self._response.spare_of.fill(NEVER)
             self._response.missed.fill(0.0)
             self._response.held.fill(np.nan)
+            self._response.held_since.fill(np.nan)
             self._response.asked.fill(0.0)
             self._response.far.fill(0.0)
 
@@ -360,6 +433,11 @@ class Guard(Monitor):
             **chosen("lead", self._lead._asdict()),
             **chosen("escape", self._escape._asdict()),
         }
+
+    def _bounds(self) -> tuple[Rules, Greatest]:
+        """See `Monitor._bounds`."""
+        rules, greatest = super()._bounds()
+        return {**rules, **RESPONSE_BOUNDS}, {**greatest, **more_of(self.tables)}
 
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """See `compile_ahead`."""
@@ -379,6 +457,36 @@ class Guard(Monitor):
         """One cycle: judge, respond, prove, tell."""
         start = self._clock()
         response = self._response or self._prepare_filter()
+        told: Any = stamp if now is None else now
+        if type(told) is not float:
+            told = real_or_none(told)
+        thread = get_ident()
+        if self._thread and self._thread != thread:
+            return self._crowded_command(response, told)
+        self._thread = thread
+        try:
+            data, fault = self._filtered(response, q, stamp, velocity, now, form, asked)
+            numbers = response.told.copy()
+        finally:
+            alone = self._thread == thread
+            self._thread = 0 if alone else self._leave_others()
+        if not alone:
+            return self._crowded_command(response, told)
+        elapsed = (self._clock() - start) * 1e-9
+        verdict = Verdict(data, self._names, told, elapsed, fault or refused)
+        return Command(numbers, self.tables.robots, verdict)
+
+    def _filtered(
+        self,
+        response: Response,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float],
+        velocity: ArrayLike | None,
+        now: float | None,
+        form: int,
+        asked: Floats | Sequence[tuple[Tool, Floats]] | None,
+    ) -> tuple[Floats, str]:
+        """The numbers of the verdict, and what was wrong with the input in words."""
         fault = self._take_times(stamp, now) or self._take_velocity(velocity)
         array = self._nowhere
         if not fault:
@@ -400,19 +508,22 @@ class Guard(Monitor):
                 unsolved = self.solve_programs(unsolved)
             used = end_filtered_cycle(array, unsolved, *lines)
         data = self._out[:used].copy()
+        self._pace.note(data)
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT
             data[layout.JOINT] = -1.0
-        told = stamp if now is None else now
-        elapsed = (self._clock() - start) * 1e-9
-        verdict = Verdict(
-            data,
-            self._names,
-            None if isinstance(told, Mapping) else told,
-            elapsed,
-            fault or refused,
-        )
-        return Command(response.told.copy(), self.tables.robots, verdict)
+        return data, fault
+
+    def _crowded_command(self, response: Response, stamp: float | None) -> Command:
+        """What a cycle says that another thread is in the way of: all stop."""
+        numbers = np.zeros_like(response.told)
+        n, r = len(self.q_names), len(self._robot_places)
+        numbers[n : 2 * n] = np.nan
+        # Why each is blocked, then its phase: at rest, so that it is not driven.
+        numbers[4 * n : 4 * n + r] = Blocked.STOPPED
+        numbers[4 * n + 2 * r : 4 * n + 3 * r] = np.nan
+        verdict = Verdict(self._crowded_answer(), self._names, stamp, 0.0, OTHER_THREAD)
+        return Command(numbers, self.tables.robots, verdict)
 
     def solve_programs(self, programs: int) -> int:
         """Solve the programs of the robots whose bit is set, by way of Python.
@@ -460,13 +571,13 @@ class Guard(Monitor):
         for place, (kernel, count) in PARTS_OF_CYCLE.items():
             self._addresses[place] = kernel_address(kernel, count)
         self._lead = lead_of(self.tables)
-        self._lead_ledger = lead_ledger(self._lead)
+        self._lead_ledger = Ledger(self._lead)
         self._escape = escape_of(self.tables)
-        self._escape_ledger = escape_ledger(self._escape)
+        self._escape_ledger = Ledger(self._escape)
         response = response_of(
             self.tables, self._lead_ledger.lines, self._escape_ledger.lines
         )
-        self._response_ledger = response_ledger(response)
+        self._response_ledger = Ledger(response)
         self._response_lines = self._response_ledger.lines
         self._parts_of_q = tuple(
             slice(part.first_joint, part.first_joint + part.joint_count)

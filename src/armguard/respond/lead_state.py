@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.kernel import kernel
-from armguard.ledger import Ledger, matrix_f8, matrix_i8, vector_f8
 from armguard.scene.tables import SceneTables
+from armguard.table import LongMatrix, Matrix, Vector, opener
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -78,46 +77,23 @@ class Lead(NamedTuple):
         twist: Scratch for the velocity of a tool, shape (6,) [m/s], [rad/s].
     """
 
-    notes: Longs
-    memory: Floats
-    trail: Floats
-    aim: Floats
-    safe: Floats
-    tool_aim: Floats
-    pull: Floats
-    push: Floats
-    first_lag: Floats
-    second_lag: Floats
-    weight: Floats
-    columns: Floats
-    square: Floats
-    twist: Floats
+    notes: LongMatrix
+    memory: Matrix
+    trail: Matrix
+    aim: Vector
+    safe: Vector
+    tool_aim: Matrix
+    pull: Vector
+    push: Vector
+    first_lag: Vector
+    second_lag: Vector
+    weight: Matrix
+    columns: Matrix
+    square: Matrix
+    twist: Vector
 
 
-def lead_ledger(lead: Lead) -> Ledger:
-    """The arrays in the order `open_lead` expects."""
-    return Ledger(lead)
-
-
-@kernel
-def open_lead(lines: Longs) -> Lead:
-    """What a ledger leads to."""
-    return Lead(
-        matrix_i8(lines, 0),
-        matrix_f8(lines, 1),
-        matrix_f8(lines, 2),
-        vector_f8(lines, 3),
-        vector_f8(lines, 4),
-        matrix_f8(lines, 5),
-        vector_f8(lines, 6),
-        vector_f8(lines, 7),
-        vector_f8(lines, 8),
-        vector_f8(lines, 9),
-        matrix_f8(lines, 10),
-        matrix_f8(lines, 11),
-        matrix_f8(lines, 12),
-        vector_f8(lines, 13),
-    )
+open_lead = opener(Lead)
 
 
 def lead_of(tables: SceneTables) -> Lead:

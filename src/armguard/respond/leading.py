@@ -22,7 +22,6 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import MOTION, WATCH, open_workspace
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion, open_motion
 from armguard.respond.command import Blocked
@@ -57,6 +56,7 @@ from armguard.respond.state import (
     BLOCKED,
     FORM,
     LEADS_AWAY,
+    ORDERED,
     POSITIONS,
     REFUSED,
     RESUME_SPEED,
@@ -94,7 +94,7 @@ def lead_robots(response: int, lines: int) -> None:
         response: Address of the ledger of the responses; `asked` is written already.
         lines: Address of the ledger of the workspace, after a cycle was opened.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     s = open_lead(a.lead)
     fields = False
@@ -189,9 +189,10 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     """Whether a robot is told anything, its retreat considered.
 
     It needs no operator who lets go, and no master that is near; these it meets again
-    when it is done. Who gets out of the way of something is led by nobody else.
+    when it is done. One that gets out of the way of something is led by nothing else,
+    and one that was ordered to stand still by nothing at all.
     """
-    if v.evades[r] != 0:
+    if v.evades[r] != 0 or a.notes[r, ORDERED] != 0:
         s.notes[r, LED] = NOBODY
     if s.notes[r, LED] != BY_RETREAT:
         return follows
@@ -212,7 +213,7 @@ def note_leads(judged: int, response: int, lines: int) -> None:
         response: Address of the ledger of the responses.
         lines: Address of the ledger of the workspace.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     s = open_lead(a.lead)
     if judged == 0:

@@ -21,7 +21,6 @@ from armguard.guard.proofs import SINK, object_speed, robot_of, standing_need
 from armguard.guard.watch import RESTING, Watch, open_watch
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.figures import ACCELERATION, FIRST_JOINT, JOINT_COUNT, TRACKING
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import SETTLED, Motion, open_motion
@@ -74,7 +73,7 @@ def note_ways_out(response: int, lines: int) -> None:
         response: Address of the ledger of the responses.
         lines: Address of the ledger of the workspace, after a cycle was opened.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for j in range(a.ways_out.shape[0]):
         a.ways_out[j] = 0

@@ -45,7 +45,6 @@ from armguard.guard.proofs import SINK, robot_of
 from armguard.guard.watch import RESTING, Watch, open_watch
 from armguard.guard.workspace import GRIPS, MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.ledger import ledger_at
 from armguard.motion.figures import (
     ACCELERATION,
     DECELERATION,
@@ -57,8 +56,9 @@ from armguard.motion.figures import (
     TRACKING,
     VELOCITY,
 )
-from armguard.motion.pair_state import ALLOWED
+from armguard.motion.pair_state import ALLOWED, UNPROVEN
 from armguard.motion.state import NEXT, REACTION, Motion, open_motion
+from armguard.respond.command import Changed
 from armguard.respond.evasion import gets_out_of_its_way
 from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
 from armguard.respond.leaving import (
@@ -74,12 +74,14 @@ from armguard.respond.state import (
     ASKS,
     BREAKS,
     BY_PRIORITY,
+    CHANGED,
     CROWDED,
     EQUALLY,
     KIND,
     LEADS_AWAY,
     LESS,
     NEARER,
+    OPENS,
     PRIORITY,
     RETREATS,
     ROW_COUNT,
@@ -100,6 +102,12 @@ from armguard.respond.straight import (
 )
 
 Floats = NDArray[np.float64]
+
+BY_SPEED = int(Changed.SPEED)
+BY_ACCELERATION = int(Changed.ACCELERATION)
+BY_LIMITS = int(Changed.LIMITS)
+BY_ROWS = int(Changed.ROWS)
+BY_BLOCKED = int(Changed.BLOCKED)
 
 # Time in which a pair that is approached loses all but 1/e of what it has left [s].
 APPROACH_TIME = 0.06
@@ -131,11 +139,12 @@ def add_pairs(response: int, lines: int) -> None:
             `brake` are written already.
         lines: Address of the ledger of the workspace, after a cycle was opened.
     """
-    a, w = open_response(ledger_at(response)), open_workspace(ledger_at(lines))
+    a, w = open_response(response), open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     for r in range(a.notes.shape[0]):
         a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
         a.notes[r, LEADS_AWAY] = a.notes[r, TANGLED] = 0
+        a.notes[r, OPENS] = int(a.notes[r, RETREATS] == 0)
     dt = time_passed(v)
     a.pace[STEP] = dt
     a.pace[NEARER] = 1.0 - exp(-dt / APPROACH_TIME)
@@ -147,7 +156,9 @@ def add_pairs(response: int, lines: int) -> None:
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), comes, a, w, v, m)
     for r in range(a.notes.shape[0]):
-        a.notes[r, BREAKS] = int(breaks_rows(r, a, m))
+        # What opens all that is near is left as it is, as far as it may be proven.
+        limits = a.passing if a.notes[r, OPENS] != 0 else a.limits
+        a.notes[r, BREAKS] = int(breaks_rows(r, limits, a, m))
 
 
 @kernel
@@ -166,8 +177,8 @@ def write_costs(a: Response, v: Watch, m: Motion) -> None:
 
 
 @kernel
-def breaks_rows(r: int, a: Response, m: Motion) -> bool:
-    """Whether a robot's target breaks a row of its program."""
+def breaks_rows(r: int, limits: Floats, a: Response, m: Motion) -> bool:
+    """Whether a robot's target breaks a row of its program, by these limits."""
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     for k in range(a.notes[r, ROW_COUNT]):
@@ -175,7 +186,7 @@ def breaks_rows(r: int, a: Response, m: Motion) -> bool:
         reached = 0.0
         for j in range(first, end):
             reached += a.rows[at, j] * a.target[j]
-        if not reached <= a.limits[at] + GRAIN:
+        if not reached <= limits[at] + GRAIN:
             return True
     return False
 
@@ -191,7 +202,8 @@ def frame_limits(
     Args:
         r: The robot.
         follows: Whether anything of what is asked for is wanted.
-        a: Responses; `target`, `low`, `high` and `brake` are written.
+        a: Responses; `target`, `low`, `high` and `brake` are written, and why what is
+            asked for is no target.
         w: Workspace.
         v: Watch.
         m: Motion.
@@ -208,13 +220,14 @@ def frame_limits(
         top = share * m.joint_figures[j, VELOCITY]
         if follows and abs(asked[j]) > top:
             slower = min(slower, top / abs(asked[j]))
-    part = 1.0
+    part, changed = 1.0, int(slower < 1.0) * BY_SPEED + int(not follows) * BY_BLOCKED
     for j in range(first, end):
         last, gain = v.told[j], m.joint_figures[j, ACCELERATION] * dt
         target[j] = slower * asked[j] if follows else 0.0
         change = abs(target[j] - last)
         if change > gain and not begins:
             part = min(part, gain / change)
+    changed |= int(part < 1.0) * BY_ACCELERATION
     lost = 1.0
     for j in range(first, end):
         last = abs(v.told[j])
@@ -242,7 +255,11 @@ def frame_limits(
         low[j] = min(max(last - gain, -min(top, down)), hardest)
         brake[j] = min(max(brake[j], low[j]), high[j])
         lead_within_limits(j, a, w, m)
-        target[j] = min(max(target[j], low[j]), high[j])
+        within = min(max(target[j], low[j]), high[j])
+        if within != target[j]:
+            changed |= BY_LIMITS
+            target[j] = within
+    a.notes[r, CHANGED] = changed
 
 
 @kernel
@@ -314,7 +331,10 @@ def add_pair(
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     pair_row(i, j, place, raw, w, m)
-    left = steady_spare(i, j, out[place + CLEARANCE], a, v)
+    left = out[place + CLEARANCE]
+    if out[place + PROOF] != UNPROVEN:
+        # What lacks while nothing is proven says nothing about what will be left.
+        left = steady_spare(i, j, left, a, v)
     resting = spare_at_rest(i, j, place, w, v, m)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
@@ -330,8 +350,11 @@ def add_pair(
             a.notes[r, LEADS_AWAY] = -1
         elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
+        if not surely_opens_by(r, raw, a, m):
+            a.notes[r, OPENS] = 0
         if resting < SINK and a.notes[r, RETREATS] != 0 and not meant:
             only_out(r, a, m)
+            a.notes[r, CHANGED] |= BY_ROWS
             if a.notes[r, TANGLED] != 0 and a.notes[r, ROW_COUNT] < ROWS:
                 add_opening(r, a, m)
             continue
@@ -345,6 +368,8 @@ def add_pair(
             continue
         straight = straight_contract(r, i, j, a, w, v, m) if comes else -1
         if straight >= 0:
+            a.notes[r, OPENS] = 0
+            a.notes[r, CHANGED] |= BY_ROWS
             slow_to_contract(r, straight, part, out[place + WITNESS], a, w, m)
         begin = a.notes[r, ROW_COUNT]
         # What is touched is opened whenever an arm drifts into it. Else nobody is moved
@@ -369,6 +394,26 @@ def closing_of(r: int, raw: Floats, target: Floats, m: Motion) -> float:
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         total += raw[j] * target[j]
     return total
+
+
+@kernel
+def surely_opens_by(r: int, raw: Floats, a: Response, m: Motion) -> bool:
+    """Whether a robot's target opens a pair, and what is asked of it surely does.
+
+    Surely is wherever in its error of tracking each joint is.
+
+    Args:
+        r: The robot.
+        raw: How fast each joint closes the pair, shape (n,).
+        a: Responses.
+        m: Motion.
+    """
+    first = int(m.robot_figures[r, FIRST_JOINT])
+    missed = 0.0
+    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        missed += abs(raw[j]) * m.joint_figures[j, TRACKING]
+    surely = closing_of(r, raw, a.asked, m) + missed <= 0.0
+    return bool(surely and closing_of(r, raw, a.target, m) <= 0.0)
 
 
 @kernel
@@ -404,7 +449,8 @@ def add_opening(r: int, a: Response, m: Motion) -> None:
     for j in range(first, end):
         a.rows[at, j] = a.raw[j]
         missed += abs(a.raw[j]) * m.joint_figures[j, TRACKING]
-    keep_row(r, first, end, at, -SURELY * missed, True, a)
+    limit = -SURELY * missed
+    keep_row(r, first, end, at, limit, limit, True, a)
 
 
 @kernel
@@ -431,7 +477,8 @@ def add_approach(
         limit += cost * v.told[j]
         limit -= dt * a.raw[j] * a.missed[j]
         a.rows[at, j] = a.raw[j] * dt + cost
-    keep_row(r, first, end, at, limit, opens, a)
+    # How fast it may be approached matters to nobody who opens it.
+    keep_row(r, first, end, at, limit, inf, opens, a)
 
 
 @kernel
@@ -441,7 +488,8 @@ def add_holding(
     """Add the row that keeps a pair provable, whichever joint stops first.
 
     A joint that closes the pair is given no credit for one that opens it: that one may
-    stop sooner.
+    stop sooner. Who opens the pair may use up at once what it has left, for it has more
+    in the next cycle; who closes it only a share of that.
 
     Args:
         r: The robot.
@@ -455,14 +503,16 @@ def add_holding(
     first = int(m.robot_figures[r, FIRST_JOINT])
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     at = r * ROWS + a.notes[r, ROW_COUNT]
-    limit = a.pace[LESS] * left
+    limit = 0.0
     for j in range(first, end):
         raw, last = a.raw[j], v.told[j]
         time = a.opening_time[j] if raw * last < 0.0 else a.closing_time[j]
         limit += raw * time * last
         limit -= dt * max(raw * a.missed[j], 0.0)
         a.rows[at, j] = raw * (dt + time)
-    keep_row(r, first, end, at, limit, opens, a)
+    share = a.pace[LESS] * left
+    passing = limit + max(left, 0.0)
+    keep_row(r, first, end, at, limit + share, passing, opens, a)
 
 
 @kernel
@@ -530,14 +580,32 @@ def add_contract(
     if c[STATE] == ENDING and c[CONTRACT_KIND] == BY_INTENT:
         # What is not meant any more is come no nearer to.
         limit = 0.0
-    keep_row(r, first, end, at, limit, opens, a)
+    keep_row(r, first, end, at, limit, limit, opens, a)
 
 
 @kernel
 def keep_row(
-    r: int, first: int, end: int, at: int, limit: float, opens: bool, a: Response
+    r: int,
+    first: int,
+    end: int,
+    at: int,
+    limit: float,
+    passing: float,
+    opens: bool,
+    a: Response,
 ) -> None:
-    """Scale a row to length 1, and keep it if a velocity in reach can break it."""
+    """Scale a row to length 1, and keep it if a velocity in reach can break it.
+
+    Args:
+        r: The robot.
+        first: Its first joint.
+        end: The one behind its last.
+        at: The row.
+        limit: What it must not exceed.
+        passing: The same for a target that opens every near pair.
+        opens: Whether the robot moves to keep it.
+        a: Responses.
+    """
     rows = a.rows
     length = most = least = lowest = 0.0
     for j in range(first, end):
@@ -555,6 +623,7 @@ def keep_row(
     a.limits[at] = a.eased[at]
     if opens:
         a.limits[at] = max(limit / length, least - OPENING * (least - lowest))
+    a.passing[at] = max(passing / length, a.limits[at])
     if not most <= a.limits[at]:
         a.notes[r, ROW_COUNT] += 1
 

@@ -5,18 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.kernel import kernel
-from armguard.ledger import (
-    Ledger,
-    matrix_f8,
-    matrix_i8,
-    vector_f8,
-    vector_i8,
-)
 from armguard.respond.daqp_interface import daqp_memory
 from armguard.respond.solver import MOST_ITERATIONS, PRIMAL_TOLERANCE
 from armguard.scene.settings import FarStart, ResponseName, Sharing
 from armguard.scene.tables import SceneTables
+from armguard.table import LongMatrix, LongVector, Matrix, Vector, opener
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -77,7 +70,10 @@ CROWDED = 7  # 1 if there were more rows than room
 LEADS_AWAY = 8  # 1 if what is asked for opens near pairs of it, -1 if it closes any
 ASKS = 9  # 1 if anything is asked of it
 TANGLED = 10  # 1 if a joint that opens one pair that is too near closes another one
-NOTES = 11
+ORDERED = 11  # reason it is to stand still for until it is engaged, 0 for none
+OPENS = 12  # 1 if its target, and what is asked for, surely opens every near pair
+CHANGED = 13  # why it is told something else than it was asked for, see `Changed`
+NOTES = 14
 
 # Which way a joint may move of a robot that leaves what is too near, in `ways_out`:
 # 1 or -1 where only that way opens all of it, 0 where it moves none.
@@ -94,8 +90,10 @@ FORM = 0
 VELOCITIES = 0
 POSITIONS = 1
 TWISTS = 2
+STANDSTILL = 3
 TWIST_COUNT = 1  # how many twists there are
-ASKING = 2
+STOP_REASON = 2  # why robots are to stand still
+ASKING = 3
 
 # Twists that can be told at once, and what is told of each.
 MOST_TWISTS = 8
@@ -145,7 +143,7 @@ class Response(NamedTuple):
         opening_time: The same of one that opens it, shape (n,) [s].
         program: Memory of the program that is solved, see `programs`, shape (k,).
         solver: The solver's, see `daqp_memory`, shape (k,).
-        told: What is handed out, see `Command`, shape (4 n + 2 r,).
+        told: What is handed out, see `Command`, shape (4 n + 4 r,).
         lead: Lines of the ledger of what leads robots in their operators' place, see
             `lead_state`.
         escape: Lines of the ledger of ways out of the way of what comes, see
@@ -153,86 +151,50 @@ class Response(NamedTuple):
         spares: What remembered pairs have left, see `spares`, shape (REMEMBERED,) [m].
         spare_of: Which pairs, and when they were met, shape (REMEMBERED, 2).
         missed: By how much each joint misses what it is told, shape (n,) [rad/s].
+        held_since: Since when each robot waits for a person, NaN if it does not, (r,)
+            [s].
+        passing: Limits of the rows for a target that opens every near pair, shape
+            (r · ROWS,).
     """
 
-    settings: Floats
-    notes: Longs
-    asking: Longs
-    twists: Floats
-    tool_columns: Floats
-    tool_square: Floats
-    tool_speeds: Floats
-    asked: Floats
-    goal: Floats
-    far: Floats
-    held: Floats
-    target: Floats
-    low: Floats
-    high: Floats
-    brake: Floats
-    raw: Floats
-    rows: Floats
-    limits: Floats
-    eased: Floats
-    away: Floats
-    ways_out: Longs
-    speed: Floats
-    pace: Floats
-    closing_time: Floats
-    opening_time: Floats
-    program: Floats
-    solver: Longs
-    told: Floats
-    lead: Longs
-    spares: Floats
-    spare_of: Longs
-    missed: Floats
-    escape: Longs
+    settings: Matrix
+    notes: LongMatrix
+    asking: LongVector
+    twists: Matrix
+    tool_columns: Matrix
+    tool_square: Matrix
+    tool_speeds: Vector
+    asked: Vector
+    goal: Vector
+    far: Vector
+    held: Vector
+    target: Vector
+    low: Vector
+    high: Vector
+    brake: Vector
+    raw: Vector
+    rows: Matrix
+    limits: Vector
+    eased: Vector
+    away: Vector
+    ways_out: LongVector
+    speed: Vector
+    pace: Vector
+    closing_time: Vector
+    opening_time: Vector
+    program: Vector
+    solver: LongVector
+    told: Vector
+    lead: LongVector
+    spares: Vector
+    spare_of: LongMatrix
+    missed: Vector
+    escape: LongVector
+    held_since: Vector
+    passing: Vector
 
 
-def response_ledger(response: Response) -> Ledger:
-    """The arrays in the order `open_response` expects."""
-    return Ledger(response)
-
-
-@kernel
-def open_response(lines: Longs) -> Response:
-    """The responses a ledger leads to."""
-    return Response(
-        matrix_f8(lines, 0),
-        matrix_i8(lines, 1),
-        vector_i8(lines, 2),
-        matrix_f8(lines, 3),
-        matrix_f8(lines, 4),
-        matrix_f8(lines, 5),
-        vector_f8(lines, 6),
-        vector_f8(lines, 7),
-        vector_f8(lines, 8),
-        vector_f8(lines, 9),
-        vector_f8(lines, 10),
-        vector_f8(lines, 11),
-        vector_f8(lines, 12),
-        vector_f8(lines, 13),
-        vector_f8(lines, 14),
-        vector_f8(lines, 15),
-        matrix_f8(lines, 16),
-        vector_f8(lines, 17),
-        vector_f8(lines, 18),
-        vector_f8(lines, 19),
-        vector_i8(lines, 20),
-        vector_f8(lines, 21),
-        vector_f8(lines, 22),
-        vector_f8(lines, 23),
-        vector_f8(lines, 24),
-        vector_f8(lines, 25),
-        vector_i8(lines, 26),
-        vector_f8(lines, 27),
-        vector_i8(lines, 28),
-        vector_f8(lines, 29),
-        matrix_i8(lines, 30),
-        vector_f8(lines, 31),
-        vector_i8(lines, 32),
-    )
+open_response = opener(Response)
 
 
 def response_of(tables: SceneTables, lead: Longs, escape: Longs) -> Response:
@@ -289,10 +251,12 @@ def response_of(tables: SceneTables, lead: Longs, escape: Longs) -> Response:
         opening_time=np.zeros(n),
         program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),
         solver=daqp_memory(n + ROWS, PRIMAL_TOLERANCE, MOST_ITERATIONS),
-        told=np.zeros(4 * n + 2 * robots),
+        told=np.zeros(4 * n + 4 * robots),
         lead=lead,
         spares=np.zeros(REMEMBERED),
         spare_of=np.full((REMEMBERED, 2), NEVER, dtype=np.int64),
         missed=np.zeros(n),
         escape=escape,
+        held_since=np.full(robots, np.nan),
+        passing=np.zeros(robots * ROWS),
     )

@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import call_for_count
+from armguard.guard.levels import Reason
 from armguard.guard.workspace import FINISH, OPEN, RESPOND, SELF, open_workspace
 from armguard.kernel import kernel
 from armguard.respond.state import (
     FORM,
     POSITIONS,
+    STANDSTILL,
+    STOP_REASON,
     TWIST_COUNT,
     TWIST_ROW,
     TWISTS,
@@ -29,6 +32,9 @@ Longs = NDArray[np.int64]
 # Returned in place of robots where the input could not be judged.
 NOT_JUDGED = -1
 
+# Reasons a stop may be ordered for, see `ORDERED` of the levels.
+FIRST_ORDERED, LAST_ORDERED = int(Reason.STOP_ORDERED), int(Reason.SHUTDOWN)
+
 
 @kernel(inline=False, entry=True)
 def run_filtered_cycle(
@@ -38,10 +44,10 @@ def run_filtered_cycle(
 
     Args:
         q: Joint positions, shape (n,) [rad or m].
-        form: What is asked for: `VELOCITIES`, `POSITIONS` or `TWISTS`.
+        form: What is asked for: `VELOCITIES`, `POSITIONS`, `TWISTS` or `STANDSTILL`.
         wish: Velocities or positions of all joints, shape (n,), or rows of twists one
-            after another, shape (k TWIST_ROW,). Of another length it is none, and the
-            robots stop.
+            after another, shape (k TWIST_ROW,), or the `Reason` of a stop, shape (1,).
+            Of another length it is none, and the robots stop.
         response: Ledger of the responses.
         lines: Ledger of the workspace.
 
@@ -108,6 +114,11 @@ def tell_what_is_said(q: Floats, a: Response) -> None:
 def take_wish(form: int, wish: Floats, a: Response) -> None:
     """Write what is asked for to where it is looked for."""
     a.asking[FORM] = form
+    if form == STANDSTILL:
+        # Whatever else is given for a reason, the stop is ordered.
+        known = wish.shape[0] == 1 and FIRST_ORDERED <= wish[0] <= LAST_ORDERED
+        a.asking[STOP_REASON] = int(wish[0]) if known else FIRST_ORDERED
+        return
     count = wish.shape[0] // TWIST_ROW
     whole = count * TWIST_ROW == wish.shape[0] and count <= a.twists.shape[0]
     if form == TWISTS and whole:

@@ -10,6 +10,9 @@ from armguard.robot.xml_source import Reader, read_xml
 # How alike a wrong name must be to a right one to count as misspelt [-].
 MISSPELT = 0.9
 
+# Most names of other robots; each is compared with every link.
+MOST_FOREIGN = 500
+
 
 def load_srdf(path: Path, model: RobotModel) -> RobotModel:
     """The model with the disabled pairs and group states of an SRDF.
@@ -38,6 +41,12 @@ def load_srdf(path: Path, model: RobotModel) -> RobotModel:
                 )
         if unknown:
             foreign += unknown
+            if len(foreign) > MOST_FOREIGN:
+                raise reader.fail(
+                    element,
+                    f"the rows before name {MOST_FOREIGN} links that do not exist; "
+                    "this SRDF is of another robot",
+                )
             continue
         reason = element.get("reason", "no reason given")
         pairs.append(DisabledPair(names[0], names[1], f"{path.name}: {reason}"))

@@ -1,14 +1,23 @@
 """URDF to `RobotModel`: every oddity is an error with file and line."""
 
 from collections.abc import Mapping
+from functools import partial
 from math import inf
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import ModelError, did_you_mean
-from armguard.robot.model import Joint, JointKind, Link, Mimic, RobotModel
+from armguard.errors import MeshError, ModelError, did_you_mean
+from armguard.robot.model import (
+    Joint,
+    JointKind,
+    Link,
+    MeshFile,
+    Mimic,
+    RobotModel,
+)
+from armguard.robot.packages import find_file
 from armguard.robot.srdf import load_srdf
 from armguard.robot.tree import check_tree
 from armguard.robot.urdf_geometry import read_collisions
@@ -17,12 +26,19 @@ from armguard.robot.xml_source import Element, Reader, read_xml
 # Shorter than this an axis gives no direction [-].
 LEAST_AXIS = 1e-9
 
+# Most elements of a robot; the largest of example-robot-data has 220 joints.
+MOST_OF = {"link": 500, "joint": 500, "collision": 2_000}
+
+# Largest sum of the files of its collision meshes, each as often as it is named [byte].
+MOST_MESH_BYTES_OF_ROBOT = 100_000_000
+
 
 def load_urdf(
     source: str | Path,
     *,
     srdf: str | Path | None = None,
     packages: Mapping[str, Path] | None = None,
+    folder: Path | None = None,
 ) -> RobotModel:
     """Read a robot.
 
@@ -30,14 +46,18 @@ def load_urdf(
         source: The URDF file.
         srdf: Its SRDF file: disabled pairs and named configurations.
         packages: Folders of `package://` names.
+        folder: The scene file's folder, if a scene file names the URDF.
 
     Raises:
-        ModelError: The description cannot be guarded as it is written.
-        MeshError: A mesh is not where the file says.
+        ModelError: The description cannot be guarded as it is written, or is too large.
+        MeshError: A mesh is not where the file says, or outside of the folders that
+            may be read: the URDF's, the scene's, and those of its packages.
     """
     path = Path(source)
     root = read_xml(path, "robot")
     reader = Reader(path.name)
+    check_counts(path.name, root)
+    files = partial(find_file, urdf=path, packages=packages, folder=folder)
     links: dict[str, Link] = {}
     notes: list[str] = []
     for element in root.iterchildren("link"):
@@ -48,7 +68,7 @@ def load_urdf(
             )
         links[name] = Link(
             name=name,
-            collisions=read_collisions(reader, element, path, packages),
+            collisions=read_collisions(reader, element, files),
             has_visual=element.find("visual") is not None,
             line=element.sourceline,
         )
@@ -68,6 +88,7 @@ def load_urdf(
                     f"exist; {did_you_mean(name, links)}",
                 )
         joints[joint.name] = joint
+    check_mesh_bytes(path.name, links)
     root_link = check_tree(path.name, links, joints)
     check_mimics(path.name, joints)
     if not any(link.collisions for link in links.values()):
@@ -90,6 +111,37 @@ def load_urdf(
         notes=tuple(notes),
     )
     return model if srdf is None else load_srdf(Path(srdf), model)
+
+
+def check_counts(file: str, root: Element) -> None:
+    """Refuse a description with too many parts.
+
+    Raises:
+        ModelError: It has too many.
+    """
+    for tag, most in MOST_OF.items():
+        count = sum(1 for _ in root.iter(tag))
+        if count > most:
+            raise ModelError(f"'{file}' has {count:,} <{tag}>; the limit is {most:,}")
+
+
+def check_mesh_bytes(file: str, links: Mapping[str, Link]) -> None:
+    """Refuse a robot whose meshes are too large together, before one is read.
+
+    Raises:
+        MeshError: They are.
+    """
+    total = sum(
+        element.geometry.path.stat().st_size
+        for link in links.values()
+        for element in link.collisions
+        if isinstance(element.geometry, MeshFile)
+    )
+    if total > MOST_MESH_BYTES_OF_ROBOT:
+        raise MeshError(
+            f"the collision meshes of '{file}' have {total / 1e6:.1f} MB; the limit is "
+            f"{MOST_MESH_BYTES_OF_ROBOT / 1e6:g} MB: make them coarser"
+        )
 
 
 def read_joint(reader: Reader, element: Element) -> Joint:

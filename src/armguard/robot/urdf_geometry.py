@@ -1,6 +1,6 @@
 """Collision geometry of a URDF link."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from armguard.geometry.shapes import Box, Capsule, Shape, Sphere
 from armguard.robot.model import CollisionElement, Cylinder, MeshFile
-from armguard.robot.packages import find_file
 from armguard.robot.xml_source import Element, Reader
 
 # A sphere caps a cylinder if centre and radius fit this well [m].
 CAP_TOLERANCE = 1e-6
+
+# Where the mesh of a name is.
+MeshFinder = Callable[[str], Path]
 
 GEOMETRIES = ("box", "capsule", "cylinder", "mesh", "sphere")
 
@@ -20,15 +22,14 @@ GEOMETRIES = ("box", "capsule", "cylinder", "mesh", "sphere")
 def read_collisions(
     reader: Reader,
     link: Element,
-    urdf: Path,
-    packages: Mapping[str, Path] | None,
+    files: MeshFinder,
 ) -> tuple[CollisionElement, ...]:
     """All <collision> elements of a link; capped cylinders become capsules."""
     found = []
     for element in link.iterchildren("collision"):
         found.append(
             CollisionElement(
-                geometry=read_geometry(reader, element, urdf, packages),
+                geometry=read_geometry(reader, element, files),
                 T_link_geometry=reader.origin(element),
                 line=element.sourceline,
             )
@@ -39,8 +40,7 @@ def read_collisions(
 def read_geometry(
     reader: Reader,
     collision: Element,
-    urdf: Path,
-    packages: Mapping[str, Path] | None,
+    files: MeshFinder,
 ) -> Shape | Cylinder | MeshFile:
     """The one shape of a <collision>'s <geometry>.
 
@@ -71,7 +71,7 @@ def read_geometry(
         a, b, c = reader.numbers(shape, "scale", 3, "1 1 1")
         if not a * b * c != 0.0:
             raise reader.fail(shape, f'<mesh> scale is "{shape.get("scale")}"')
-        return MeshFile(find_file(name, urdf, packages), (a, b, c))
+        return MeshFile(files(name), (a, b, c))
     raise reader.fail(
         shape,
         f"<{shape.tag}> is no shape of a URDF; there are {', '.join(GEOMETRIES)}",

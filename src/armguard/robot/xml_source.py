@@ -8,8 +8,15 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from armguard.bounded import read_bytes, shown
 from armguard.errors import ModelError
 from armguard.geometry.pose import Pose
+
+# Largest URDF or SRDF [byte].
+MOST_XML_BYTES = 4_000_000
+
+# Longest name [character].
+MOST_TEXT = 255
 
 Element = Any  # an lxml element; its stubs call it private
 
@@ -24,7 +31,7 @@ def read_xml(path: Path, root_tag: str) -> Element:
         ModelError: The file cannot be read, is not XML, has a DTD, or another root.
     """
     try:
-        source = path.read_bytes()
+        source = read_bytes(path, MOST_XML_BYTES)
     except OSError as error:
         raise ModelError(f"'{path}' cannot be read: {error.strerror}") from None
     if b"<!DOCTYPE" in source or b"<!ENTITY" in source:
@@ -35,7 +42,9 @@ def read_xml(path: Path, root_tag: str) -> Element:
     try:
         root = etree.fromstring(source, parser)
     except etree.XMLSyntaxError as error:
-        raise ModelError(f"'{path.name}' is not XML: {error.msg}") from None
+        raise ModelError(f"'{path.name}' is not XML: {shown(str(error.msg))}") from None
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise ModelError(f"'{path.name}' has a DTD or entities; a robot needs none")
     if root.tag != root_tag:
         hint = (
             "; expand it with xacro first"
@@ -43,7 +52,8 @@ def read_xml(path: Path, root_tag: str) -> Element:
             else ""
         )
         raise ModelError(
-            f"'{path.name}' starts with <{root.tag}>; it must be <{root_tag}>{hint}"
+            f"'{path.name}' starts with <{shown(str(root.tag))}>; it must be "
+            f"<{root_tag}>{hint}"
         )
     return root
 
@@ -67,6 +77,12 @@ class Reader:
         value = element.get(name)
         if value is None or not value.strip():
             raise self.fail(element, f"<{element.tag}> has no {name}")
+        if len(value) > MOST_TEXT:
+            raise self.fail(
+                element,
+                f"<{element.tag}> {name} has {len(value):,} characters; the limit is "
+                f"{MOST_TEXT:,}",
+            )
         return str(value)
 
     def numbers(
@@ -83,7 +99,7 @@ class Reader:
         if len(values) != count or not all(map(isfinite, values)):
             what = "a finite number" if count == 1 else f"{count} finite numbers"
             raise self.fail(
-                element, f'<{element.tag}> {name} is "{text}"; it must be {what}'
+                element, f'<{element.tag}> {name} is "{shown(text)}"; it must be {what}'
             )
         return values
 

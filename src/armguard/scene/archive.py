@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from armguard.errors import ArmguardError, SceneError
+from armguard.bounded import shown
+from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import PlacedShape
 from armguard.geometry.shapes.registry import SHAPES
@@ -58,6 +59,9 @@ KIND = "$"
 # Of the archive's form; another one is refused.
 FORM = 1
 
+# What an archive may unpack to [byte]; its JSON takes a dozen times that in memory.
+MOST_UNPACKED = 64 << 20
+
 
 class ArchiveError(SceneError):
     """A scene cannot be archived, or an archive holds none."""
@@ -94,7 +98,7 @@ def scene_of(archive: bytes) -> Scene:
         ArchiveError: It holds none, or one of another form.
     """
     try:
-        whole = json.loads(zlib.decompress(archive))
+        whole = json.loads(unpacked(archive))
         if whole["form"] != FORM:
             raise ArchiveError(
                 f"a scene was archived in form {whole['form']}; this version reads "
@@ -115,9 +119,28 @@ def scene_of(archive: bytes) -> Scene:
         scene.notes.extend(remade(whole["notes"]))
     except ArchiveError:
         raise
-    except (ArmguardError, zlib.error, ValueError, KeyError, TypeError) as error:
-        raise ArchiveError(f"an archived scene cannot be read: {error}") from error
+    except Exception as error:  # whatever a stranger's numbers and names lead to
+        why = shown(str(error) or type(error).__name__)
+        raise ArchiveError(f"an archived scene cannot be read: {why}") from error
     return scene
+
+
+def unpacked(archive: bytes) -> bytes:
+    """The JSON of an archive.
+
+    Raises:
+        ArchiveError: It is larger than is accepted.
+        zlib.error: It is no archive.
+    """
+    stream = zlib.decompressobj()
+    whole = stream.decompress(archive, MOST_UNPACKED)
+    if stream.unconsumed_tail:
+        raise ArchiveError(
+            f"an archived scene unpacks to more than {MOST_UNPACKED >> 20} MiB"
+        )
+    if not stream.eof:
+        raise ArchiveError("an archived scene is cut off")
+    return whole
 
 
 def hash_of(archive: bytes) -> str:

@@ -1,12 +1,16 @@
 """Scene files: own YAML, or a MoveIt planning scene, to a `Scene`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from math import inf
 from pathlib import Path
+from reprlib import Repr
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from armguard.bounded import is_file
 from armguard.errors import ArmguardError, did_you_mean
+from armguard.robot import load_urdf
 from armguard.robot.stopping import FiguresError
 from armguard.scene.file_models import (
     GripperModel,
@@ -14,7 +18,7 @@ from armguard.scene.file_models import (
     RobotEntry,
     SceneModel,
 )
-from armguard.scene.file_parts import object_parts, pose_of, triple
+from armguard.scene.file_parts import Place, object_parts, pose_of, triple
 from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
 from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Progress
@@ -24,6 +28,13 @@ from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSetting
 from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
 
 Keys = tuple[str | int, ...]
+
+# Problems of one file that are reported; each takes a search for its line.
+MOST_PROBLEMS = 20
+
+# How values of a file appear in messages.
+BRIEF = Repr()
+BRIEF.maxlevel = 2
 
 
 def load_scene(
@@ -56,7 +67,8 @@ def validated(source: YamlSource) -> SceneModel:
     try:
         return SceneModel.model_validate(source.values)
     except ValidationError as error:
-        problems = [as_problem(source, dict(e)) for e in error.errors()]
+        found = error.errors(include_url=False)[:MOST_PROBLEMS]
+        problems = [as_problem(source, dict(e)) for e in found]
         raise SceneFileError(unique(problems)) from None
 
 
@@ -75,6 +87,9 @@ def as_problem(source: YamlSource, error: dict[str, Any]) -> Problem:
         sentence = f"there is no such key; {did_you_mean(str(keys[-1]), known)}"
     elif kind == "missing":
         sentence = "is missing"
+    elif kind == "too_long" and isinstance(got, dict):
+        count = context["max_length"]
+        sentence = f"has {len(got):,} entries; the limit is {count:,}"
     elif kind in ("too_short", "too_long"):
         count = context.get("min_length") or context.get("max_length")
         if isinstance(got, dict) or count == 1:
@@ -82,22 +97,22 @@ def as_problem(source: YamlSource, error: dict[str, Any]) -> Problem:
         else:
             sentence = f"expected {count} numbers, got {context['actual_length']}"
     elif kind in ("float_parsing", "float_type", "int_parsing", "int_type"):
-        sentence = f"expected a number, got {got!r}"
+        sentence = f"expected a number, got {BRIEF.repr(got)}"
     elif kind == "finite_number":
         sentence = f"is {got}; it must be finite"
     elif kind in ("greater_than", "greater_than_equal", "less_than_equal"):
         sign = {"greater_than": ">", "greater_than_equal": ">="}.get(kind, "<=")
         bound = context.get("gt", context.get("ge", context.get("le")))
-        sentence = f"is {got}; it must be {sign} {bound:g}"
+        sentence = f"is {BRIEF.repr(got)}; it must be {sign} {bound:g}"
     elif kind in ("list_type", "model_type", "dict_type"):
         wanted = "a list of numbers" if kind == "list_type" else "a mapping"
-        sentence = f"expected {wanted}, got {got!r}"
+        sentence = f"expected {wanted}, got {BRIEF.repr(got)}"
     elif kind == "string_type":
-        sentence = f"expected text, got {got!r}"
+        sentence = f"expected text, got {BRIEF.repr(got)}"
     elif kind == "string_too_short":
         sentence = "must not be empty"
     elif kind == "literal_error":
-        sentence = f"is {got!r}; it must be {context['expected']}"
+        sentence = f"is {BRIEF.repr(got)}; it must be {context['expected']}"
     else:
         sentence = str(error["msg"]).removeprefix("Value error, ")
     return Problem(source.path.name, source.line(keys), dotted(keys), sentence)
@@ -158,6 +173,8 @@ def build_scene(
     problems: list[Problem] = []
 
     def attempt(keys: Keys, action: Callable[[], object]) -> None:
+        if len(problems) >= MOST_PROBLEMS:
+            return
         try:
             action()
         except FiguresError as error:
@@ -174,12 +191,16 @@ def build_scene(
     for name, robot in model.robots.items():
         attempt(
             ("robots", name),
-            lambda n=name, r=robot: add_robot(scene, source, n, r, progress),  # type: ignore[misc]
+            lambda n=name, r=robot: add_robot(  # type: ignore[misc]
+                scene, source, n, r, model.packages, progress
+            ),
         )
     for name, thing in model.objects.items():
         attempt(
             ("objects", name),
-            lambda n=name, t=thing: add_object(scene, source, n, t, progress),  # type: ignore[misc]
+            lambda n=name, t=thing: add_object(  # type: ignore[misc]
+                scene, source, n, t, model.packages, progress
+            ),
         )
     if not problems:
         for k, allow in enumerate(model.allow):
@@ -209,11 +230,12 @@ def add_object(
     source: YamlSource,
     name: str,
     entry: ObjectModel,
+    packages: Mapping[str, str],
     progress: Progress | None,
 ) -> None:
     """Add an object of the file; relative paths count from the file's folder."""
     scene.add(
-        object_parts(entry, source.path.resolve().parent, progress),
+        object_parts(entry, place_of(source, packages), progress),
         name=name,
         pose=pose_of(entry.at),
         attached_to=entry.attached_to,
@@ -225,7 +247,15 @@ def add_object(
         if isinstance(entry.graspable, bool)
         else Grasp(**entry.graspable.model_dump()),
         rests_on=entry.rests_on,
+        error=entry.error,
+        stale=inf if entry.stale is None else entry.stale,
     )
+
+
+def place_of(source: YamlSource, packages: Mapping[str, str]) -> Place:
+    """Where paths of a scene file count from, and the folders it declares."""
+    folder = source.path.resolve().parent
+    return Place(folder, {name: folder / path for name, path in packages.items()})
 
 
 def gripper_of(entry: GripperModel) -> Gripper:
@@ -243,18 +273,22 @@ def add_robot(
     source: YamlSource,
     name: str,
     entry: RobotEntry,
+    packages: Mapping[str, str],
     progress: Progress | None,
 ) -> None:
     """Add a robot of the file; relative paths count from the file's folder."""
-    folder = source.path.resolve().parent
+    place = place_of(source, {**packages, **entry.packages})
+    folder = place.folder
     beside = folder / entry.urdf
+    srdf = None if entry.srdf is None else folder / entry.srdf
+    named = not ({"/", "."} & set(entry.urdf) or is_file(beside))
     scene.add_robot(
-        beside if beside.exists() or "/" in entry.urdf or "." in entry.urdf
-        else entry.urdf,
+        entry.urdf
+        if named
+        else load_urdf(beside, srdf=srdf, packages=place.packages, folder=folder),
         name=name,
         base=pose_of(entry.base),
-        srdf=None if entry.srdf is None else folder / entry.srdf,
-        packages={key: folder / value for key, value in entry.packages.items()},
+        srdf=srdf,
         buffer=entry.buffer,
         mode=entry.mode,
         stopping=None

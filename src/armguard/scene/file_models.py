@@ -20,6 +20,10 @@ from armguard.scene.settings import FarStart, Mode, ResponseName, Sharing
 # More than two turns is no orientation anyone writes in radians [rad].
 LOOKS_LIKE_DEGREES = 4 * pi
 
+# Most robots and objects of a scene file.
+MOST_ROBOTS = 64
+MOST_OBJECTS = 5_000
+
 
 class PoseModel(Strict):
     """Where a frame stands: `xyz`, and one way to say the orientation."""
@@ -104,6 +108,8 @@ class ObjectModel(ShapeKeys):
     buffer: NotNegative | None = None
     present: bool = True
     top_speed: NotNegative = 0.0
+    error: NotNegative = 0.0
+    stale: Positive | None = None
     person: bool = False
     graspable: GraspableEntry = False
     rests_on: str | list[str] | None = None
@@ -214,8 +220,13 @@ class CycleModel(Strict):
 class SceneModel(Strict):
     """The whole file."""
 
-    robots: Annotated[dict[str, RobotEntry], Field(min_length=1)]
-    objects: dict[str, ObjectModel] = Field(default={})
+    robots: Annotated[
+        dict[str, RobotEntry], Field(min_length=1, max_length=MOST_ROBOTS)
+    ]
+    objects: Annotated[dict[str, ObjectModel], Field(max_length=MOST_OBJECTS)] = Field(
+        default={}
+    )
+    packages: dict[str, str] = Field(default={})
     mode: Mode = "path"
     cycle: CycleModel = CycleModel()
     buffer: NotNegative | None = None

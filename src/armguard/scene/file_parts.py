@@ -1,5 +1,7 @@
 """Entries of a scene file to poses, shapes and surfaces."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from armguard.geometry.pose import Pose
@@ -15,11 +17,25 @@ from armguard.geometry.shapes import (
     Shape,
     Sphere,
 )
+from armguard.robot.packages import find_in
 from armguard.scene.file_models import ObjectModel, PoseModel
 from armguard.scene.file_shapes import CapsuleModel, MeshModel, ShapeKeys, SizedBox
 from armguard.scene.meshes import Progress, Surface, mesh_parts
 
 Part = PlacedShape | Surface
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the files of a scene may be.
+
+    Attributes:
+        folder: The scene file's folder; relative paths count from there.
+        packages: Folders the scene file declares, by name.
+    """
+
+    folder: Path
+    packages: Mapping[str, Path]
 
 
 def triple(values: list[float]) -> tuple[float, float, float]:
@@ -40,13 +56,13 @@ def pose_of(model: PoseModel) -> Pose:
 
 
 def object_parts(
-    model: ObjectModel, folder: Path, progress: Progress | None
+    model: ObjectModel, place: Place, progress: Progress | None
 ) -> list[Part]:
     """Parts of an object, in its own frame.
 
     Args:
         model: The entry.
-        folder: Where paths of meshes count from.
+        place: Where meshes may be.
         progress: Called with what is done, its number and their count.
 
     Raises:
@@ -57,17 +73,17 @@ def object_parts(
         return [
             part
             for entry in model.union
-            for part in parts_of(entry, pose_of(entry.at), folder, progress)
+            for part in parts_of(entry, pose_of(entry.at), place, progress)
         ]
-    return parts_of(model, Pose(), folder, progress)
+    return parts_of(model, Pose(), place, progress)
 
 
 def parts_of(
-    model: ShapeKeys, pose: Pose, folder: Path, progress: Progress | None
+    model: ShapeKeys, pose: Pose, place: Place, progress: Progress | None
 ) -> list[Part]:
     """Parts of one entry whose frame stands at a pose in the object."""
     if model.mesh is not None:
-        return mesh_of(model.mesh, pose, folder, progress)
+        return mesh_of(model.mesh, pose, place, progress)
     if model.hull is not None and model.hull.mesh is not None:
         mesh = MeshModel.model_validate(
             {
@@ -77,16 +93,16 @@ def parts_of(
                 "rounding": model.hull.rounding,
             }
         )
-        return mesh_of(mesh, pose, folder, progress)
+        return mesh_of(mesh, pose, place, progress)
     return [PlacedShape(shape_of(model), pose)]
 
 
 def mesh_of(
-    model: MeshModel, pose: Pose, folder: Path, progress: Progress | None
+    model: MeshModel, pose: Pose, place: Place, progress: Progress | None
 ) -> list[Part]:
     """Parts of a mesh."""
     return mesh_parts(
-        folder / model.file,
+        find_in(model.file, place.folder, place.packages),
         form=model.form,
         pose=pose,
         scale=model.scale,

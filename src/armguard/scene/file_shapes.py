@@ -12,7 +12,7 @@ from armguard.scene.file_numbers import (
     Triple,
 )
 from armguard.scene.meshes.pieces import CONCAVITIES, CONCAVITY
-from armguard.scene.meshes.source import MAX_TRIANGLES
+from armguard.scene.meshes.source import MAX_TRIANGLES, MAX_TRIANGLES_OF_FILE
 
 
 class SphereModel(Strict):
@@ -127,7 +127,7 @@ class MeshModel(Strict):
     scale: Scale = Field(default=[1.0, 1.0, 1.0])
     form: Literal["triangles", "hull", "pieces"] = Field("triangles", alias="as")
     rounding: NotNegative = 0.0
-    max_triangles: Annotated[int, Field(ge=1)] = MAX_TRIANGLES
+    max_triangles: Annotated[int, Field(ge=1, le=MAX_TRIANGLES)] = MAX_TRIANGLES_OF_FILE
     concavity: Concavity = CONCAVITY
     max_pieces: Annotated[int, Field(ge=1)] | None = None
 

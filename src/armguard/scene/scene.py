@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -104,6 +104,8 @@ class SceneObject:
         graspable: How it may be gripped; None if it may not.
         rests_on: Bodies it may be put down on; None for what it stands on when it is
             grasped.
+        error: How far off any of its points may be seen [m].
+        stale: Age from which on a sighting of it is refused [s].
     """
 
     name: str
@@ -117,6 +119,14 @@ class SceneObject:
     person: bool = False
     graspable: Grasp | None = None
     rests_on: tuple[str, ...] | None = None
+    error: float = 0.0
+    stale: float = inf
+
+    @property
+    def movable(self) -> bool:
+        """Whether it may be elsewhere than the scene says; all others are fixtures."""
+        moves = self.top_speed > 0.0 or self.graspable is not None
+        return moves or not self.present
 
 
 @dataclass(frozen=True, slots=True)
@@ -358,6 +368,8 @@ class Scene:
         person: bool = False,
         graspable: Grasp | bool = False,
         rests_on: str | Sequence[str] | None = None,
+        error: float = 0.0,
+        stale: float = inf,
     ) -> SceneObject:
         """Add an object.
 
@@ -375,12 +387,15 @@ class Scene:
             graspable: Whether a gripper may grip it, and how; see docs/gripping.md.
             rests_on: Bodies a graspable object may be put down on; by default what it
                 stands on when it is grasped.
+            error: How far off any point of an object with a `top_speed` may be seen
+                [m].
+            stale: Age from which on a sighting of such an object is refused [s].
 
         Raises:
             SceneError: The name is taken or no name, there is no shape, a surface is
                 to ride on a link, what rides on one is not present, has a speed of its
-                own or is a person, the speed is negative or not finite, or it is
-                graspable and cannot be carried.
+                own or is a person, the speed is negative or not finite, it is
+                graspable and cannot be carried, or `error` or `stale` cannot be true.
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
@@ -409,6 +424,7 @@ class Scene:
                 f"object '{name}': top_speed is {top_speed} m/s; it must be finite and "
                 ">= 0"
             )
+        check_sightings(name, top_speed, error, stale)
         how = grasp_settings(name, graspable)
         if how is not None:
             self._check_carried(name, parts, attached_to, top_speed, person)
@@ -433,6 +449,8 @@ class Scene:
             person=person,
             graspable=how,
             rests_on=None if supports is None else tuple(supports),
+            error=error,
+            stale=stale,
         )
         self._objects[name] = thing
         return thing
@@ -862,6 +880,22 @@ def riding_surface(name: str, link: str) -> str:
         f"object '{name}' is a mesh of triangles, which stand still; to ride on "
         f"'{link}' give the mesh as 'hull' or as 'pieces'"
     )
+
+
+def check_sightings(name: str, top_speed: float, error: float, stale: float) -> None:
+    """Refuse figures of sightings that cannot be true.
+
+    Raises:
+        SceneError: They cannot, or the object does not move.
+    """
+    check_distance(f"object '{name}': error", error)
+    if not stale > 0.0:
+        raise SceneError(f"object '{name}': stale is {stale} s; it must be > 0")
+    if top_speed == 0.0 and (error > 0.0 or stale < inf):
+        raise SceneError(
+            f"object '{name}' has error or stale and no top_speed; only what moves has "
+            "sightings"
+        )
 
 
 def check_distance(what: str, value: float) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,8 @@ class Standing:
         shapes: Its shapes, in its own frame.
         surfaces: Its triangles, in its own frame.
         body: Its own body if it may be gripped, else -1.
+        error: How far off it may be seen [m].
+        stale: Age from which on a sighting of it is refused [s].
     """
 
     first: int
@@ -33,6 +36,13 @@ class Standing:
     shapes: tuple[PlacedShape, ...]
     surfaces: tuple[Surface, ...]
     body: int = -1
+    error: float = 0.0
+    stale: float = inf
+
+    @property
+    def places(self) -> slice:
+        """Places of its primitives in the tables."""
+        return slice(self.first, self.first + self.count)
 
     def rows(self, T: Floats) -> Floats:
         """Rows of its primitives where its frame stands at T, shape (count, 16)."""
@@ -65,6 +75,8 @@ def standing_objects(
             thing.shapes,
             thing.surfaces,
             body[name],
+            thing.error,
+            thing.stale,
         )
         for name, thing in objects.items()
         if thing.attached_to is None

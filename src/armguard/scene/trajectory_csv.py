@@ -7,8 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from armguard.bounded import read_text, shown
 from armguard.errors import TrajectoryError
 from armguard.scene.trajectory import Trajectory
+
+# Largest file [byte], most lines, and most characters of a line.
+MOST_CSV_BYTES = 100_000_000
+MOST_LINES = 500_000
+MOST_IN_LINE = 20_000
 
 # Column names that mean time, and units they may end in: `t`, `time_ms`, `stamp [s]`.
 TIME_COLUMN = re.compile(
@@ -31,12 +37,22 @@ def read_csv(path: Path) -> Trajectory:
     Separated by commas, semicolons, tabs or blanks, whichever the header has. Lines
     that begin with `#` are remarks; the header may be one, as NumPy writes it.
     """
-    text = path.read_text(encoding="utf-8-sig")
+    text = read_text(path, MOST_CSV_BYTES)
+    count = text.count("\n")
+    if count > MOST_LINES:
+        raise TrajectoryError(
+            f"'{path.name}' has {count:,} lines; the limit is {MOST_LINES:,}: split it"
+        )
     lines = [
         (k, line.strip())
-        for k, line in enumerate(text.splitlines(), start=1)
+        for k, line in enumerate(text.split("\n"), start=1)
         if line.strip()
     ]
+    long = next((k for k, line in lines if len(line) > MOST_IN_LINE), 0)
+    if long:
+        raise TrajectoryError(
+            f"{path.name}:{long}: the line has more than {MOST_IN_LINE:,} characters"
+        )
     first, header, separator = header_of(path.name, lines)
     values = [
         row_of(split(line, separator), len(header), f"{path.name}:{k}", separator)
@@ -79,7 +95,9 @@ def header_of(name: str, lines: list[tuple[int, str]]) -> tuple[int, list[str], 
         )
     twice = [cell for cell in header if header.count(cell) > 1]
     if twice:
-        raise TrajectoryError(f"{name}:{number}: column '{twice[0]}' is there twice")
+        raise TrajectoryError(
+            f"{name}:{number}: column '{shown(twice[0])}' is there twice"
+        )
     return number, header, separator
 
 
@@ -95,7 +113,10 @@ def split(text: str, separator: str) -> list[str]:
     """Cells of a line."""
     if separator == " " or not text:
         return text.split()
-    return [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
+    try:
+        return [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
+    except csv.Error:
+        return [text]
 
 
 def row_of(cells: list[str], count: int, at: str, separator: str) -> list[float]:
@@ -109,7 +130,7 @@ def row_of(cells: list[str], count: int, at: str, separator: str) -> list[float]
         return [float(cell) for cell in cells]
     except ValueError:
         bad = next(cell for cell in cells if not is_number(cell))
-        raise TrajectoryError(f"{at}: '{bad}' is no number") from None
+        raise TrajectoryError(f"{at}: '{shown(bad)}' is no number") from None
 
 
 def is_number(text: str) -> bool:

@@ -4,19 +4,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ruamel.yaml import YAMLError
 
+from armguard.bounded import read_text, shown
 from armguard.errors import TrajectoryError, did_you_mean
 from armguard.scene.trajectory import Trajectory
+from armguard.scene.yaml_source import MOST_YAML_BYTES, TooLargeError, parse_yaml
+
+# What reading a value of another form raises.
+WRONG_FORM = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
 
 
 def read_yaml(path: Path) -> Trajectory:
     """A trajectory with `joint_names` and `points`, or a request with a goal."""
-    from ruamel.yaml import YAML, YAMLError
-
     try:
-        values = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+        _, values = parse_yaml(read_text(path, MOST_YAML_BYTES))
     except YAMLError as error:
-        raise TrajectoryError(f"'{path.name}' is no YAML: {error}") from None
+        why = getattr(error, "problem", None) or shown(str(error))
+        is_yaml = isinstance(error, TooLargeError)
+        raise TrajectoryError(
+            f"'{path.name}' {why if is_yaml else f'is no YAML: {why}'}"
+        ) from None
     if isinstance(values, dict) and "points" in values:
         return read_points(path.name, values)
     return read_request(path.name, values)
@@ -28,10 +36,10 @@ def read_points(name: str, values: dict[str, Any]) -> Trajectory:
         joints = tuple(str(joint) for joint in values["joint_names"])
         points = [[float(x) for x in point["positions"]] for point in values["points"]]
         times = [since_start(point["time_from_start"]) for point in values["points"]]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except WRONG_FORM as error:
         raise TrajectoryError(
             f"'{name}' is no trajectory with joint_names and points, each with "
-            f"positions and time_from_start: {error}"
+            f"positions and time_from_start: {shown(str(error))}"
         ) from None
     for k, point in enumerate(points):
         if len(point) != len(joints):
@@ -65,11 +73,11 @@ def read_request(name: str, request: Any) -> Trajectory:
         for constraints in request["goal_constraints"]:
             for joint in constraints["joint_constraints"]:
                 goal[joint["joint_name"]] = float(joint["position"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except WRONG_FORM as error:
         raise TrajectoryError(
             f"'{name}' is no trajectory with joint_names and points, and no MoveIt "
             "motion request with a start_state and joint goal_constraints: "
-            f"{error}"
+            f"{shown(str(error))}"
         ) from None
     unknown = [joint for joint in goal if joint not in start]
     if unknown:

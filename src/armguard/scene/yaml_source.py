@@ -1,14 +1,30 @@
-"""YAML that remembers lines, for messages that say where."""
+"""YAML that remembers lines, for messages that say where; of bounded size."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML, YAMLError
+from ruamel.yaml.composer import Composer, MaxDepthExceededError
 from ruamel.yaml.constructor import DuplicateKeyError
-from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from armguard.bounded import read_text, shown
 from armguard.errors import SceneError
+
+# Largest YAML file [byte].
+MOST_YAML_BYTES = 8_000_000
+
+# Keys, values, lists and mappings of a file, an alias and a merge key counted as often
+# as what it names; some 10,000 are parsed in a second.
+MOST_YAML_NODES = 100_000
+
+# Lists and mappings within each other.
+MOST_YAML_DEPTH = 40
+
+# Longest key or value [character].
+MOST_YAML_TEXT = 4_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +62,10 @@ class SceneFileError(SceneError):
         self.problems = problems
 
 
+class TooLargeError(MarkedYAMLError):  # type: ignore[misc]
+    """A YAML file is larger, deeper or longer than is accepted."""
+
+
 class YamlSource:
     """A YAML file: its values, and the line of every key path.
 
@@ -60,13 +80,12 @@ class YamlSource:
         self.path = path
         self.values: Any
         try:
-            text = path.read_text(encoding="utf-8")
+            text = read_text(path, MOST_YAML_BYTES)
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
             raise self.problem(0, "", f"cannot be read: {reason}") from None
         try:
-            self._root = YAML(typ="safe", pure=True).compose(text)
-            self.values = YAML(typ="safe", pure=True).load(text)
+            self._root, self.values = parse_yaml(text)
         except DuplicateKeyError as error:
             mark = error.problem_mark
             key = str(error.problem).split('"')[1]
@@ -76,8 +95,10 @@ class YamlSource:
         except YAMLError as error:
             found = getattr(error, "problem_mark", None)
             line = 0 if found is None else found.line + 1
-            what = getattr(error, "problem", None) or str(error)
-            raise self.problem(line, "", f"is not YAML: {what}") from None
+            what = getattr(error, "problem", None) or shown(str(error))
+            is_yaml = isinstance(error, TooLargeError)
+            sentence = what if is_yaml else f"is not YAML: {what}"
+            raise self.problem(line, "", sentence) from None
 
     def problem(self, line: int, path: str, sentence: str) -> SceneFileError:
         """An error about this file with one problem."""
@@ -103,6 +124,117 @@ class YamlSource:
         return line
 
 
+class BoundedComposer(Composer):  # type: ignore[misc]
+    """Counts nodes while it makes them."""
+
+    def __init__(self, loader: Any = None) -> None:
+        super().__init__(loader=loader)
+        self.warn_double_anchors = False
+        self.nodes = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """One node, unless there are too many.
+
+        Raises:
+            TooLargeError: There are too many.
+        """
+        self.nodes += 1
+        if self.nodes > MOST_YAML_NODES:
+            raise too_many(self.parser.peek_event())
+        return super().compose_node(parent, index)
+
+    def compose_scalar_node(self, anchor: Any) -> Any:
+        """A key or a value, unless it is too long.
+
+        Raises:
+            TooLargeError: It is too long.
+        """
+        node = super().compose_scalar_node(anchor)
+        if len(node.value) > MOST_YAML_TEXT:
+            raise too_large(
+                f"has {len(node.value):,} characters in one value; the limit is "
+                f"{MOST_YAML_TEXT:,}",
+                node,
+            )
+        return node
+
+
+def parse_yaml(text: str) -> tuple[Node | None, Any]:
+    """The nodes of a YAML document, and its values.
+
+    Raises:
+        YAMLError: It is not YAML, or larger than is accepted.
+    """
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Composer = BoundedComposer
+    yaml.max_depth = MOST_YAML_DEPTH
+    try:
+        root = yaml.compose(text)
+        if root is None:
+            return None, None
+        check_expanded(root)
+        # Merge keys rewrite the nodes they are in; lines are asked of the first ones.
+        values = YAML(typ="safe", pure=True).constructor.construct_document(root)
+    except MaxDepthExceededError as error:
+        raise TooLargeError(
+            problem=f"nests more than {MOST_YAML_DEPTH} lists and mappings",
+            problem_mark=error.problem_mark,
+        ) from None
+    except (YAMLError, MemoryError):
+        raise
+    except Exception as error:  # constructors of numbers and dates have their own
+        raise YAMLError(str(error)) from None
+    return root, values
+
+
+def check_expanded(root: Node) -> None:
+    """Refuse aliases and merge keys that stand for too much, or for themselves.
+
+    Raises:
+        TooLargeError: They do.
+    """
+    sizes: dict[int, int] = {}
+    open_nodes: set[int] = set()
+    stack = [(root, False)]
+    while stack:
+        node, left = stack.pop()
+        children = children_of(node)
+        if left:
+            open_nodes.discard(id(node))
+            sizes[id(node)] = 1 + sum(sizes[id(child)] for child in children)
+            if sizes[id(node)] > MOST_YAML_NODES:
+                raise too_many(node)
+        elif id(node) in open_nodes:
+            raise too_large("has an anchor that holds itself", node)
+        elif id(node) not in sizes:
+            open_nodes.add(id(node))
+            stack.append((node, True))
+            stack += [(child, False) for child in children]
+
+
+def children_of(node: Node) -> list[Node]:
+    """Nodes inside of a node."""
+    if isinstance(node, ScalarNode):
+        return []
+    if isinstance(node, SequenceNode):
+        return list(node.value)
+    return [child for pair in node.value for child in pair]
+
+
+def too_many(place: Any) -> TooLargeError:
+    """An error about more nodes than are accepted."""
+    return too_large(
+        f"has more than {MOST_YAML_NODES:,} keys and values, aliases and merge keys "
+        "expanded; give large objects as meshes, or add them in Python",
+        place,
+    )
+
+
+def too_large(sentence: str, place: Any) -> TooLargeError:
+    """An error about a node or an event."""
+    return TooLargeError(problem=sentence, problem_mark=place.start_mark)
+
+
 def dotted(keys: tuple[str | int, ...]) -> str:
     """Key path as text.
 
@@ -112,5 +244,8 @@ def dotted(keys: tuple[str | int, ...]) -> str:
     """
     text = ""
     for key in keys:
-        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
+        if isinstance(key, int):
+            text += f"[{key}]"
+        else:
+            text += f".{shown(str(key))}" if text else shown(str(key))
     return text

@@ -1,7 +1,8 @@
-"""Samples of one sender, and how those of several are put on one clock."""
+"""What messages say of joint positions, and how several senders share one clock."""
 
 from array import array
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,139 +23,163 @@ MOST_OVERTAKEN = NANO // 10
 # or by none [ns].
 ODD_CLOCK = 60 * NANO
 
+# Messages that hold joint positions.
+MEASURED = "sensor_msgs/msg/JointState"
+CONTROLLED = "control_msgs/msg/JointTrajectoryControllerState"
+PLANNED = "trajectory_msgs/msg/JointTrajectory"
+KINDS = (MEASURED, CONTROLLED, PLANNED)
+
+# Joints, and samples of them: stamp [ns since 1970] and positions.
+Points = tuple[tuple[str, ...], list[tuple[int, Any]]]
+
+
+def nanoseconds(time: Any) -> int:
+    """A time or a duration of ROS [ns]."""
+    return int(time.sec) * NANO + int(time.nanosec)
+
+
+def points_of(message: Any, kind: str, received: int) -> Points:
+    """What a message says of joint positions; no samples if it has none.
+
+    A plan's waypoints count from the header's stamp on. What a controller measured is
+    `feedback` since ROS 2 Iron and was `actual` before.
+
+    Args:
+        message: The message.
+        kind: Its type, of `KINDS`.
+        received: When the bag got it, if its header does not say [ns since 1970].
+    """
+    start = nanoseconds(message.header.stamp) or received
+    if kind == MEASURED:
+        return tuple(message.name), samples(start, [(0, message.position)])
+    if kind == PLANNED:
+        points = [(nanoseconds(p.time_from_start), p.positions) for p in message.points]
+        return tuple(message.joint_names), samples(start, points)
+    found = [getattr(message, name, None) for name in ("feedback", "actual")]
+    measured = samples(start, [(0, point.positions) for point in found if point])
+    return tuple(message.joint_names), measured[:1]
+
+
+def samples(start: int, points: Sequence[tuple[int, Any]]) -> list[tuple[int, Any]]:
+    """Those of some points that have positions, at their times."""
+    return [(start + since, row) for since, row in points if len(row)]
+
 
 class Stream:
-    """Samples of the same joints from one topic.
+    """Samples of the same joints from one topic, as they come.
 
     Attributes:
         topic: The topic.
-        kind: Type of its messages.
         joints: Names of the joints, as written.
-        names: The same with the robot's name before them, if one is known.
+        planned: Whether a message replaces what the one before had left.
+        robot: Put before the joints' names; empty if it is not known.
+        stamps: When the samples were taken [ns since 1970].
+        received: When they were received [ns since 1970].
+        values: Positions, one row after another [rad or m].
     """
 
-    def __init__(self, topic: str, joints: tuple[str, ...], kind: str) -> None:
-        self.topic, self.kind, self.joints = topic, kind, joints
-        self.names = joints
-        self._stamps, self._received = array("q"), array("q")
-        self._values = array("d")
-        self._kept: Longs | None = None
+    def __init__(self, topic: str, joints: tuple[str, ...], planned: bool) -> None:
+        self.topic, self.joints, self.planned = topic, joints, planned
+        self.robot = ""
+        self.stamps, self.received, self.values = array("q"), array("q"), array("d")
 
     def add(
-        self, joints: Sequence[str], stamps: Longs, rows: Floats, received: int
+        self, joints: tuple[str, ...], points: Sequence[tuple[int, Any]], received: int
     ) -> None:
-        """Take in a message: its joints, in any order, and rows of positions."""
-        if tuple(joints) != self.joints:
-            place = {joint: k for k, joint in enumerate(joints)}
-            rows = rows[:, [place[joint] for joint in self.joints]]
-        if self._replaces(int(stamps[0])):
-            self._cut(int(stamps[0]))
-        self._stamps.frombytes(np.ascontiguousarray(stamps).tobytes())
-        self._values.frombytes(np.ascontiguousarray(rows).tobytes())
-        self._received.extend([received] * len(stamps))
-
-    def name_robot(self, robot: str) -> None:
-        """Put a robot's name before the joints'."""
-        if robot:
-            self.names = tuple(f"{robot}/{joint}" for joint in self.joints)
-
-    @property
-    def stamps(self) -> Longs:
-        """When the samples were taken, shape (n,) [ns since 1970]."""
-        every = np.frombuffer(self._stamps, np.int64)
-        return every if self._kept is None else every[self._kept]
-
-    @property
-    def received(self) -> Longs:
-        """When they were received, shape (n,) [ns since 1970]."""
-        every = np.frombuffer(self._received, np.int64)
-        return every if self._kept is None else every[self._kept]
-
-    @property
-    def q(self) -> Floats:
-        """Joint positions, shape (n, k) [rad or m]."""
-        every = np.frombuffer(self._values).reshape(-1, len(self.joints))
-        return every if self._kept is None else every[self._kept]
-
-    def keep(self, places: Longs) -> None:
-        """Leave out all other samples."""
-        self._kept = places if self._kept is None else self._kept[places]
-
-    def _replaces(self, stamp: int) -> bool:
-        """Whether a new plan replaces what the one before had left."""
-        planned = self.kind.endswith("JointTrajectory")
-        return planned and len(self._stamps) > 0 and stamp <= self._stamps[-1]
-
-    def _cut(self, stamp: int) -> None:
-        """Forget what was planned for that time and later."""
-        while self._stamps and self._stamps[-1] >= stamp:
-            self._stamps.pop()
-            self._received.pop()
-            del self._values[-len(self.joints) :]
+        """Take in a message: its joints, in any order, and their samples."""
+        while self.planned and self.stamps and self.stamps[-1] >= points[0][0]:
+            del self.stamps[-1], self.received[-1], self.values[-len(self.joints) :]
+        for stamp, positions in points:
+            row = np.asarray(positions, dtype=np.float64)
+            if joints != self.joints:
+                row = row[[joints.index(joint) for joint in self.joints]]
+            self.stamps.append(stamp)
+            self.received.append(received)
+            self.values.frombytes(row.tobytes())
 
 
-def check_time(name: str, stream: Stream) -> list[str]:
-    """Leave out samples that were overtaken or sent twice; notes about what was found.
+class Samples(NamedTuple):
+    """Samples of the same joints from one topic, in order.
+
+    Attributes:
+        topic: The topic.
+        names: Names of the joints.
+        q: Joint positions, shape (n, len(names)) [rad or m].
+        stamps: When they were taken, shape (n,) [ns since 1970].
+    """
+
+    topic: str
+    names: tuple[str, ...]
+    q: Floats
+    stamps: Longs
+
+
+def in_order(name: str, stream: Stream, notes: list[str]) -> Samples:
+    """A stream without samples that were overtaken or sent twice.
+
+    Args:
+        name: Name of the bag.
+        stream: The stream.
+        notes: Gets what was found.
 
     Raises:
         TrajectoryError: Time goes back by more than messages overtake one another.
     """
-    stamps, notes = stream.stamps, []
+    stamps, received = np.array(stream.stamps), np.array(stream.received)
+    q = np.array(stream.values).reshape(len(stamps), -1)
     who = f"{stream.topic} ({', '.join(stream.joints[:2])}, …)"
     newest = np.maximum.accumulate(stamps)
-    before = np.concatenate([newest[:1] - 1, newest[:-1]])
-    back = before - stamps
+    back = np.concatenate([newest[:1] - 1, newest[:-1]]) - stamps
     worst = int(back.argmax())
     if back[worst] > MOST_OVERTAKEN:
+        since = (received[worst] - received[0]) / NANO
         raise TrajectoryError(
             f"{name}: {who}: the stamp of message {worst + 1} is "
             f"{back[worst] / NANO:.3f} s older than one before it; time must not go "
-            "back. Cut the bag there, at "
-            f"{(stream.received[worst] - stream.received[0]) / NANO:.3f} s"
+            f"back. Cut the bag there, at {since:.3f} s"
         )
-    twice = (back == 0).sum()
-    overtaken = (back > 0).sum()
-    if twice:
+    if twice := (back == 0).sum():
         notes.append(f"{who}: {twice} messages have the stamp of the one before them")
-    if overtaken:
+    if overtaken := (back > 0).sum():
         notes.append(
             f"{who}: {overtaken} messages were overtaken by newer ones, by up to "
             f"{back[worst] / NANO * 1e3:.1f} ms, and are left out"
         )
-    if twice or overtaken:
-        stream.keep(np.flatnonzero(back < 0))
-    lag = stream.received - stream.stamps
+    kept = back < 0
+    lag = (received - stamps)[kept]
     if not lag.any():
         notes.append(
             f"{who}: headers have no stamp; the times of receipt are used, which jitter"
         )
-    elif np.abs(np.median(lag)) > ODD_CLOCK and not stream.kind.endswith("Trajectory"):
+    elif abs(np.median(lag)) > ODD_CLOCK and not stream.planned:
         notes.append(
             f"{who}: stamps are {np.median(lag) / NANO:.0f} s from the times of "
             "receipt: another clock, which is taken as it is"
         )
-    return notes
+    before = f"{stream.robot}/" if stream.robot else ""
+    names = tuple(before + joint for joint in stream.joints)
+    return Samples(stream.topic, names, q[kept], stamps[kept])
 
 
 def merged(
-    streams: Sequence[Stream],
-) -> tuple[tuple[str, ...], Floats, Longs, list[str]]:
+    streams: Sequence[Samples], notes: list[str]
+) -> tuple[tuple[str, ...], Floats, Longs]:
     """All streams on one clock: at each stamp of any, the newest sample of each.
 
     Begins when there is a sample of each, and ends with the stream that ends first:
-    from there on it would be judged as if it stood still.
+    from there on it would be judged as if it stood still. Of two senders of the same
+    joint the newer sample counts.
 
     Returns:
-        Names, positions, stamps [ns since 1970], and notes.
+        Names, positions, stamps [ns since 1970].
 
     Raises:
         TrajectoryError: There is no time all streams have in common.
     """
-    joints = [name for stream in streams for name in stream.names]
     if len(streams) == 1:
-        return streams[0].names, streams[0].q, streams[0].stamps, []
-    begin = max(int(stream.stamps[0]) for stream in streams)
-    end = min(int(stream.stamps[-1]) for stream in streams)
+        return streams[0].names, streams[0].q, streams[0].stamps
+    begin = max(stream.stamps[0] for stream in streams)
+    end = min(stream.stamps[-1] for stream in streams)
     if begin > end:
         spans = "; ".join(
             f"{stream.topic} from {(stream.stamps[0] - begin) / NANO:+.3f} s to "
@@ -167,8 +192,8 @@ def merged(
         )
     stamps = np.unique(np.concatenate([stream.stamps for stream in streams]))
     stamps = stamps[(stamps >= begin) & (stamps <= end)]
-    columns: dict[str, tuple[Floats, Longs]] = {}
-    notes = []
+    columns: dict[str, Floats] = {}
+    ages: dict[str, Longs] = {}
     for stream in streams:
         place = np.searchsorted(stream.stamps, stamps, side="right") - 1
         age = stamps - stream.stamps[place]
@@ -177,23 +202,13 @@ def merged(
             f"{np.median(age) / NANO * 1e3:.1f} ms old at the median, at most "
             f"{age.max() / NANO * 1e3:.1f} ms"
         )
-        cut = int((stream.stamps > end).sum() + (stream.stamps < begin).sum())
-        if cut:
+        if cut := ((stream.stamps > end) | (stream.stamps < begin)).sum():
             notes.append(
                 f"{stream.topic}: {cut} samples lie outside of the time that all "
                 "streams have in common"
             )
-        taken = stream.q[place]
-        for k, name in enumerate(stream.names):
-            if name in columns:
-                # Two senders of the same joint: the newer sample counts.
-                values, ages = columns[name]
-                newer = age < ages
-                columns[name] = (
-                    np.where(newer, taken[:, k], values),
-                    np.minimum(age, ages),
-                )
-            else:
-                columns[name] = (taken[:, k], age)
-    names = tuple(dict.fromkeys(joints))
-    return names, np.column_stack([columns[n][0] for n in names]), stamps, notes
+        for name, column in zip(stream.names, stream.q[place].T, strict=True):
+            newer = age < ages.get(name, age)
+            columns[name] = np.where(newer, column, columns.get(name, column))
+            ages[name] = np.minimum(age, ages.get(name, age))
+    return tuple(columns), np.column_stack(list(columns.values())), stamps

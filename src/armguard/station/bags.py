@@ -1,18 +1,29 @@
 """Bags of ROS 1 and ROS 2 as motion: joint positions by name, on one clock."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO
 
 from armguard.errors import TrajectoryError, did_you_mean
 from armguard.scene.trajectory import Trajectory
-from armguard.station.bag_cut import CutBag
-from armguard.station.bag_messages import READERS, motion_of
-from armguard.station.bag_streams import NANO, Stream, check_time, merged
+from armguard.station.bag_streams import (
+    KINDS,
+    NANO,
+    PLANNED,
+    Stream,
+    in_order,
+    merged,
+    points_of,
+)
 
 # What a bag may be: a file of ROS 1, one of ROS 2, or a folder with `metadata.yaml`.
 SUFFIXES = (".bag", ".db3", ".mcap")
+
+# How ROS 2 writes down the types in an MCAP file, if it does.
+ENCODINGS = ("ros2msg", "ros2idl", "omgidl", "")
 
 
 def is_bag(path: Path) -> bool:
@@ -40,23 +51,20 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Trajectory:
     notes: list[str] = []
     with opened(path, notes) as reader:
         chosen = chosen_topics(path.name, reader.connections, topics)
-        streams, told = streams_of(path.name, reader, chosen)
-    notes += told
-    for stream in streams:
-        notes += check_time(path.name, stream)
-    streams = [stream for stream in streams if len(stream.stamps)]
-    if not streams:
+        streams = streams_of(path.name, reader, chosen, notes)
+    found = [in_order(path.name, stream, notes) for stream in streams]
+    if not found:
         raise TrajectoryError(
             f"{path.name}: topic {' and '.join(chosen)} has no joint positions"
         )
-    names, q, stamps, ages = merged(streams)
+    names, q, stamps = merged(found, notes)
     return Trajectory(
         names=names,
         q=q,
         stamps=(stamps - stamps[0]) / NANO,
         source=path.name,
         others=True,
-        notes=(*notes, *ages),
+        notes=tuple(notes),
     )
 
 
@@ -81,28 +89,26 @@ def opened(path: Path, notes: list[str]) -> Iterator[Any]:
     path = bag_of(path, notes)
     # Bags of Humble and earlier do not hold what their messages look like.
     known = get_typestore(Stores.ROS2_HUMBLE)
-    try:
-        reader = AnyReader([path], default_typestore=known)
-        reader.open()
-    except Exception as error:
-        cut = cut_bag(path, known)
-        if cut is None:
+    with ExitStack() as stack:
+        try:
+            try:
+                reader = stack.enter_context(AnyReader([path], default_typestore=known))
+            except Exception:
+                copy = Path(stack.enter_context(TemporaryDirectory()), path.name)
+                count = copy_whole(path, copy)
+                if not count:
+                    raise
+                notes.append(
+                    f"{path.name} has no end, as of a recorder that was killed: "
+                    f"{count} messages are before it"
+                )
+                reader = stack.enter_context(AnyReader([copy], default_typestore=known))
+            yield reader
+        except TrajectoryError:
+            raise
+        except Exception as error:
+            # A damaged bag makes its reader raise anything, struct.error for one.
             raise unreadable(path, error) from error
-        notes.append(
-            f"{path.name} has no end, as of a recorder that was killed: "
-            f"{cut.count} messages are before it"
-        )
-        yield cut
-        return
-    try:
-        yield reader
-    except TrajectoryError:
-        raise
-    except Exception as error:
-        # A damaged bag makes its reader raise anything, struct.error for one.
-        raise unreadable(path, error) from error
-    finally:
-        reader.close()
 
 
 def bag_of(path: Path, notes: list[str]) -> Path:
@@ -119,26 +125,56 @@ def bag_of(path: Path, notes: list[str]) -> Path:
     )
 
 
-def cut_bag(path: Path, typestore: Any) -> CutBag | None:
-    """What is there of a file of ROS 2 that was cut off; None if that is nothing."""
+def copy_whole(path: Path, copy: Path) -> int:
+    """Copy what stands before the cut of an MCAP file without an end.
+
+    Of messages only those with joint positions are copied: the rest may be large.
+
+    Returns:
+        Messages before the cut; 0 if it is no MCAP file of ROS 2.
+    """
     if path.suffix.lower() != ".mcap":
-        return None
-    try:
-        cut = CutBag(path, typestore)
-    except Exception:
-        # Nor is what stands before a cut always whole.
-        return None
-    return cut if cut.count else None
+        return 0
+    from mcap.writer import Writer
+
+    channels: dict[int, int] = {}
+    count = 0
+    with path.open("rb") as file, copy.open("wb") as out:
+        writer = Writer(out)
+        writer.start(profile="ros2")
+        for schema, channel, message in before_cut(file):
+            count += 1
+            if channel.id not in channels:
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, kind
+                )
+            if schema.name in KINDS:
+                number, time = channels[channel.id], message.log_time
+                writer.add_message(number, time, message.data, time)
+        writer.finish()
+    return count
+
+
+def before_cut(file: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
+    """Schema, channel and message of each message of ROS 2 before the cut."""
+    from mcap.reader import NonSeekingReader
+
+    # Where the file ends the library raises whatever it stumbles over.
+    with suppress(Exception):
+        reader = NonSeekingReader(file, validate_crcs=True)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if schema is not None and schema.encoding in ENCODINGS:
+                yield schema, channel, message
 
 
 def unreadable(path: Path, error: Exception) -> TrajectoryError:
     """What to say of a bag that cannot be read."""
     if isinstance(error, OSError):
         return TrajectoryError(f"'{path}' cannot be read: {error.strerror or error}")
-    told = (
-        str(error) if type(error).__name__.startswith(("AnyReader", "Reader")) else ""
-    )
-    told = told or f"{type(error).__name__}: {error}"
+    kind = type(error).__name__
+    told = str(error) if kind.startswith(("AnyReader", "Reader")) else ""
+    told = told or f"{kind}: {error}"
     hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may mend it"
     if "Profile" in told:
         told, hint = "it was not written by ROS 2", "; convert it with `ros2 bag`"
@@ -151,39 +187,33 @@ def chosen_topics(
     name: str, connections: Sequence[Any], topics: Sequence[str]
 ) -> dict[str, str]:
     """Topics to read, and the robot each is of, or ""."""
-    able = {c.topic: c.msgtype for c in connections if c.msgtype in READERS}
     every = {c.topic: c.msgtype for c in connections}
+    able = {topic: kind for topic, kind in every.items() if kind in KINDS}
     if not able:
         there = ", ".join(f"{t} ({kind})" for t, kind in every.items()) or "nothing"
         raise TrajectoryError(f"{name}: no topic has joint positions; there is {there}")
-    if not topics:
-        if len(able) > 1:
-            there = "\n".join(f"  --topic {t}  ({kind})" for t, kind in able.items())
-            raise TrajectoryError(
-                f"{name}: several topics have joint positions; name one, or one for "
-                f"each robot:\n{there}"
-            )
-        return dict.fromkeys(able, "")
+    if not topics and len(able) > 1:
+        there = "\n".join(f"  --topic {t}  ({kind})" for t, kind in able.items())
+        raise TrajectoryError(
+            f"{name}: several topics have joint positions; name one, or one for "
+            f"each robot:\n{there}"
+        )
     chosen = {}
-    for asked in topics:
+    for asked in topics or able:
         robot, _, topic = asked.rpartition("=")
         if topic not in able:
-            kind = every.get(topic)
-            if kind is not None:
-                raise TrajectoryError(
-                    f"{name}: topic '{topic}' is {kind}, which has no joint positions; "
-                    f"{did_you_mean(topic, able)}"
-                )
-            raise TrajectoryError(
-                f"{name}: there is no topic '{topic}'; {did_you_mean(topic, able)}"
-            )
+            what = f"there is no topic '{topic}'"
+            if topic in every:
+                kind = every[topic]
+                what = f"topic '{topic}' is {kind}, which has no joint positions"
+            raise TrajectoryError(f"{name}: {what}; {did_you_mean(topic, able)}")
         chosen[topic] = robot
     return chosen
 
 
 def streams_of(
-    name: str, reader: Any, chosen: dict[str, str]
-) -> tuple[list[Stream], list[str]]:
+    name: str, reader: Any, chosen: dict[str, str], notes: list[str]
+) -> list[Stream]:
     """All samples of some topics, apart by who sends which joints.
 
     Nodes that each measure a part of a machine often share a topic: what names other
@@ -191,34 +221,33 @@ def streams_of(
     """
     connections = [c for c in reader.connections if c.topic in chosen]
     streams: dict[tuple[str, frozenset[str]], Stream] = {}
-    empty, count = dict.fromkeys(chosen, 0), dict.fromkeys(chosen, 0)
+    empty, count = Counter[str](), Counter[str]()
     for connection, received, raw in reader.messages(connections=connections):
-        topic = connection.topic
-        message = reader.deserialize(raw, connection.msgtype)
+        topic, kind = connection.topic, connection.msgtype
         count[topic] += 1
-        at = f"{name}: {topic}, message {count[topic]}"
-        joints, stamps, rows = motion_of(message, connection.msgtype, received, at)
-        if not len(rows):
-            empty[topic] += 1
-            continue
-        key = (topic, frozenset(joints))
-        if key not in streams:
-            streams[key] = Stream(topic, tuple(joints), connection.msgtype)
-        streams[key].add(joints, stamps, rows, received)
-    notes = [
-        f"{topic}: {number} messages without positions were passed over"
-        for topic, number in empty.items()
-        if number
+        joints, points = points_of(reader.deserialize(raw, kind), kind, received)
+        for _, row in points:
+            if len(row) != len(joints):
+                raise TrajectoryError(
+                    f"{name}: {topic}, message {count[topic]}: {len(row)} positions "
+                    f"for {len(joints)} joints"
+                )
+        empty[topic] += not points
+        if points:
+            key = (topic, frozenset(joints))
+            stream = streams.setdefault(key, Stream(topic, joints, kind == PLANNED))
+            stream.add(joints, points, received)
+    notes += [
+        f"{topic}: {empty[topic]} messages without positions were passed over"
+        for topic in chosen
+        if empty[topic]
     ]
     found = list(streams.values())
-    by_topic: dict[str, set[str]] = {}
     for stream in found:
-        by_topic.setdefault(stream.topic, set()).update(stream.joints)
-    for stream in found:
-        others = [joints for t, joints in by_topic.items() if t != stream.topic]
-        robot = chosen[stream.topic]
-        if not robot and any(by_topic[stream.topic] & joints for joints in others):
+        others = {j for s in found if s.topic != stream.topic for j in s.joints}
+        own = {j for s in found if s.topic == stream.topic for j in s.joints}
+        stream.robot = chosen[stream.topic]
+        if not stream.robot and own & others:
             # Two arms of one make, each in a namespace of its own.
-            robot = stream.topic.strip("/").split("/")[0]
-        stream.name_robot(robot)
-    return found, notes
+            stream.robot = stream.topic.strip("/").split("/")[0]
+    return found

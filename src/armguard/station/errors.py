@@ -28,11 +28,13 @@ class RefusedError(StationError, RuntimeError):
 
     Attributes:
         kind: Name of the error at the service.
+        reason: Name of the `Reason` of the verdicts that follow; "" if it has none.
     """
 
-    def __init__(self, message: str, kind: str = "") -> None:
+    def __init__(self, message: str, kind: str = "", reason: str = "") -> None:
         super().__init__(message)
         self.kind = kind
+        self.reason = reason
 
 
 class RecordingError(StationError):

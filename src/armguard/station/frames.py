@@ -71,6 +71,9 @@ class Form(IntEnum):
     TWISTS = 3
     """Rows of six; the text names the tools."""
 
+    STOP = 4
+    """The number of the `Reason` for which robots are to stop."""
+
 
 @dataclass(frozen=True, slots=True)
 class Frame:
@@ -89,7 +92,8 @@ class Frame:
         q: Measured joint positions, shape (n,) [rad or m].
         velocity: Measured velocities; None if there were none, shape (n,).
         stamps: Stamp of each robot; NaN where there was none, shape (r,) [s].
-        asked: What was asked for, shape (n,), or (6 k,) of k twists.
+        asked: What was asked for, shape (n,), or (6 k,) of k twists, or (1,)
+            of a stop.
         told: What the robots were told, as `Command` cuts it.
         verdict: The verdict's numbers, see `armguard.guard.layout`.
         poses: Poses of all bodies that were judged, see `Monitor.poses`, shape (b, 12).

@@ -10,7 +10,6 @@ from armguard.errors import TrajectoryError
 from armguard.scene import Scene, Trajectory, load_trajectory
 from armguard.scene.trajectory_file import READERS, check_motion
 from armguard.station.bags import SUFFIXES, is_bag, read_bag
-from armguard.station.errors import RecordingError
 from armguard.station.frames import Kind
 
 
@@ -23,6 +22,7 @@ def load_motion(path: Path, topics: Sequence[str] = ()) -> Trajectory:
 
     Raises:
         TrajectoryError: It holds no motion.
+        RecordingError: It is a recording of ours, and damaged.
     """
     if not path.exists():
         raise TrajectoryError(f"'{path}' cannot be read: there is no such file")
@@ -48,15 +48,17 @@ def read_recording(path: Path) -> Trajectory | None:
 
     Of each cycle it has the positions that were judged, at the newest stamp of any
     robot, or at the cycle's own time where there were none.
+
+    Raises:
+        RecordingError: It is a recording of ours, and damaged.
     """
     try:
         from armguard.station.blackbox import open_recording
     except ImportError:
         return None
-    try:
-        recording = open_recording(path)
-    except RecordingError:
+    if path.is_dir() and not any(path.glob("recording-*.mcap")):
         return None
+    recording = open_recording(path)
     if not recording.names:
         return None
     rows, stamps = array("d"), array("d")

@@ -1,5 +1,6 @@
 """Processes of a station that belong together, and end together."""
 
+import ctypes
 import os
 import signal
 import socket
@@ -14,6 +15,9 @@ from typing import IO, Self
 # How long a process gets to end by itself [s].
 PATIENCE = 4.0
 
+# Of `prctl`: which signal comes when the parent ends.
+PR_SET_PDEATHSIG = 1
+
 # What a new process does first: on Linux it asks to be ended when the one that started
 # it does, unless that has ended already; then it becomes what it is to be. Elsewhere an
 # orphan lives on.
@@ -25,6 +29,16 @@ if sys.platform == "linux":
         sys.exit()
 os.execv(sys.executable, [sys.executable, *sys.argv[2:]])
 """
+
+
+def end_with(parent: int) -> None:
+    """On Linux, be told to end as soon as the process that started this one does.
+
+    Args:
+        parent: Number of that process; where it is another one, nothing happens.
+    """
+    if sys.platform == "linux" and os.getppid() == parent:
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def free_port() -> int:

@@ -10,8 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Shape
 from armguard.guard.contract import Region
+from armguard.guard.levels import Reason
+from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
+from armguard.respond.asked import reason_of_stop
 from armguard.scene.archive import archive_of, hash_of
 from armguard.scene.scene import Scene
 from armguard.station import frames
@@ -146,6 +149,24 @@ class RecordedGuard:
         )
         return command
 
+    def stop(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float],
+        *,
+        velocity: ArrayLike | None = None,
+        now: float | None = None,
+        reason: Reason = Reason.STOP_ORDERED,
+        received: float = np.nan,
+    ) -> Command:
+        """See `Guard.stop`; `received` is when it came in, monotonic [s]."""
+        command = self.guard.stop(q, stamp, velocity=velocity, now=now, reason=reason)
+        asked = [reason_of_stop(reason)]
+        self._write_command(
+            Form.STOP, q, velocity, stamp, now, asked, command, received
+        )
+        return command
+
     def place(
         self,
         name: str,
@@ -156,9 +177,25 @@ class RecordedGuard:
         shape: Shape | None = None,
     ) -> None:
         """See `Guard.place`."""
-        self.guard.place(name, pose, stamp, velocity=velocity, shape=shape)
+        try:
+            self.guard.place(name, pose, stamp, velocity=velocity, shape=shape)
+        except SightingError:
+            # It is refused when it is replayed as well, and stops robots there.
+            self._note_place(name, pose, stamp, velocity, self._shapes.get(name))
+            raise
         # Told every time: a checkpoint knows where things stand, not their sizes.
         shape = self._shapes[name] = shape or self._shapes.get(name)
+        self._note_place(name, pose, stamp, velocity, shape)
+
+    def _note_place(
+        self,
+        name: str,
+        pose: Pose | ArrayLike,
+        stamp: float | None,
+        velocity: ArrayLike | None,
+        shape: Shape | None,
+    ) -> None:
+        """Write down that an object was placed, or was to be."""
         T = pose.matrix() if isinstance(pose, Pose) else np.asarray(pose)
         moves = None if velocity is None else np.asarray(velocity).tolist()
         self.note(
@@ -214,10 +251,10 @@ class RecordedGuard:
         self.guard.swap_model(robot, model)
         self.note("swap_model", robot=robot, model=model)
 
-    def engage(self, name: str | None = None) -> None:
+    def engage(self, name: str | None = None, *, ordered: bool = True) -> None:
         """See `Guard.engage`."""
-        self.guard.engage(name)
-        self.note("engage", name=name)
+        self.guard.engage(name, ordered=ordered)
+        self.note("engage", name=name, ordered=ordered)
 
     def retreat(
         self, name: str | None = None, to: Literal["path"] | Sequence[float] = "path"
@@ -358,7 +395,8 @@ class RecordedGuard:
             if verdict.fault:
                 about["wrong"] = wrong_input(q, velocity, stamp, now, self._robots, n)
             text = frames.text_of(about)
-        wish = asked if form in (Form.STEP, Form.TWISTS) else as_row(asked, n)
+        exact = form in (Form.STEP, Form.TWISTS, Form.STOP)
+        wish = asked if exact else as_row(asked, n)
         k, t, v = len(wish), len(told), len(numbers)
         poses = self._poses
         p = len(poses)

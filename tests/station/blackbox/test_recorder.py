@@ -1,5 +1,6 @@
 """The recorder as a process: a real ring, a real disk, and what can happen to it."""
 
+import itertools
 import os
 import resource
 import shutil
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,11 +18,13 @@ from armguard import Guard
 from armguard.station.blackbox import disk as disks
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.comparison import compare
+from armguard.station.blackbox.near_misses import Trigger
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings
 from armguard.station.blackbox.replay import replay
 from armguard.station.errors import RecordingError
 from armguard.station.frames import Form, Kind, frame_of
 from armguard.station.recorded import RecordedGuard
+from armguard.station.recorder_pulse import pulse_path, recorder_age
 from armguard.station.ring import RingReader
 from station.blackbox.tapes import (
     PATIENCE,
@@ -339,6 +343,134 @@ def test_a_signal_ends_it_with_a_whole_file(tmp_path):
     assert recording.problems == []
     assert cycles == list(range(tape.k))
     assert np.isfinite([f.monotonic for f in recording.frames()]).all()
+
+
+STARTS = """
+import subprocess, sys, time
+module, *words = sys.argv[1:]
+import os
+recorder = subprocess.Popen([sys.executable, "-m", module, *words,
+                             "--parent", str(os.getpid())])
+print(recorder.pid, flush=True)
+time.sleep(600)
+"""
+
+
+def runs(pid):
+    """Whether a process is there and has not ended."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return state.rpartition(")")[2].split()[0] != "Z"
+
+
+def test_it_ends_with_the_service_that_started_it(tmp_path):
+    tape = Tape(tmp_path)
+    tape.begin()
+    folder = tmp_path / "tapes"
+    words = ("armguard.station.blackbox", "--ring", tape.path, "--folder", folder)
+    service = subprocess.Popen(
+        [sys.executable, "-c", STARTS, *map(str, words)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    recorder = int(service.stdout.readline())
+    try:
+        tape.drive(0.5)
+        assert wait_until(lambda: (recorder_age(tape.path) or 1e9) < PATIENCE)
+        assert runs(recorder)
+        tape.drive(0.5)
+        service.kill()
+        service.communicate()
+        assert wait_until(lambda: not runs(recorder))
+    finally:
+        service.kill()
+        if runs(recorder):
+            os.kill(recorder, signal.SIGKILL)
+    assert replay(open_recording(folder)).cycles == tape.k
+
+
+def test_a_service_that_is_gone_already_is_waited_for_by_nobody(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    tape = Tape(tmp_path)
+    tape.begin()
+    tape.drive(0.4)
+    folder = tmp_path / "tapes"
+    with start_recorder(tape.path, folder, "--parent", str(gone.pid)) as process:
+        assert process.wait(PATIENCE) == 0
+    assert replay(open_recording(folder)).cycles == tape.k
+
+
+def test_it_says_that_it_records_as_long_as_it_does(tmp_path):
+    tape = Tape(tmp_path)
+    tape.begin()
+    assert recorder_age(tape.path) is None
+    with start_recorder(tape.path, tmp_path / "tapes") as process:
+        assert wait_until(lambda: (recorder_age(tape.path) or 1e9) < 5.0)
+        assert pulse_path(tape.path).stat().st_mode & 0o777 == 0o600
+        process.kill()
+        process.wait()
+    age = recorder_age(tape.path)
+    assert wait_until(lambda: recorder_age(tape.path) > age)
+    with start_recorder(tape.path, tmp_path / "tapes") as process:
+        assert wait_until(lambda: recorder_age(tape.path) < age)
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
+    assert recorder_age(tape.path) is None
+
+
+def test_what_arms_did_is_their_owners_business(tmp_path):
+    tape = Tape(tmp_path)
+    tape.begin()
+    folder = tmp_path / "some" / "tapes"
+    record_here(tape, folder, 4.0, before=1.0, after=0.2)
+    assert tape.stops
+    assert folder.stat().st_mode & 0o777 == 0o700
+    found = list(folder.glob("*.mcap"))
+    assert len(found) > 1
+    assert {path.stat().st_mode & 0o777 for path in found} == {0o600}
+
+
+def often(monkeypatch, every):
+    """Let something begin that is worth a file every so many cycles."""
+    looks = itertools.count(1)
+    monkeypatch.setattr(
+        Trigger, "look", lambda *_: "" if next(looks) % every else "again"
+    )
+
+
+def test_near_misses_that_follow_each_other_do_not_repeat_what_was_before(
+    tmp_path, monkeypatch
+):
+    often(monkeypatch, every=300)
+    tape = Tape(tmp_path, checkpoints=100)
+    tape.begin()
+    record_here(tape, tmp_path / "tapes", 12.0, before=10.0, after=0.1)
+    files = sorted((tmp_path / "tapes").glob("near-miss-*.mcap"))
+    assert len(files) > 6
+    kept = 0
+    for path in files:
+        found = replay(open_recording(path))
+        assert found.identical, (path.name, found.sentence)
+        assert not found.skipped
+        kept += found.cycles
+    # Each begins with a checkpoint: what is between two of them may be there twice.
+    assert tape.k - 300 < kept <= tape.k + len(files) * tape.checkpoints
+
+
+def test_near_misses_have_a_budget(tmp_path, monkeypatch):
+    often(monkeypatch, every=300)
+    tape = Tape(tmp_path, checkpoints=100)
+    tape.begin()
+    budget = 1_500_000
+    record_here(tape, tmp_path / "tapes", 12.0, before=1.0, after=0.1,
+                keep_near_size=budget)  # fmt: skip
+    files = sorted((tmp_path / "tapes").glob("near-miss-*.mcap"))
+    sizes = [path.stat().st_size for path in files]
+    assert 1 <= len(files) < 9
+    assert sum(sizes[:-1]) <= budget
 
 
 def test_settings_that_change_begin_another_recording_and_all_are_the_same_again(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from armguard import Guard, bay_scene
+from armguard.guard.levels import ORDERED
 from armguard.scene.archive import ArchiveError, archive_of, scene_of
 from armguard.scene.compile import compile_scene
 from armguard.station.blackbox import open_recording
@@ -114,6 +115,13 @@ def test_every_call_and_every_wrong_input_is_the_same_again(tmp_path):
     taped.filter_positions(q, q + 0.001, now(), velocity=still)
     both = {"left": now(), "right": time[0] - 1e-3}
     taped.filter(q, still, both, velocity=still, now=time[0])
+    for reason in (None, "now", *ORDERED):
+        taped.stop(q, now(), velocity=still, reason=reason)
+        calm()
+    taped.engage(ordered=False)
+    calm()
+    taped.engage()
+    taped.stop([1.0], now(), velocity=still)
     tape.ball()
     calm()
     taped.remove("ball")

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from armguard import Client
-from armguard.station.wire import Kind, Outbox, Seal
+from armguard.station.wire import Kind, Outbox, Role, Seal
 from armguard.station.wire.boot import boot_id
 from armguard.station.wire.layout import (
+    CHALLENGE,
     COMMAND,
     GRANT,
     HEADER,
@@ -26,6 +27,7 @@ from armguard.station.wire.layout import (
 
 JOINTS, PATIENCE = 3, 20.0
 SESSION, SCENE, TOKEN = 5, 7, 77
+KEY, COOKIE = b"0123456789abcdef", b"a cookie 16 long"
 
 TEXT = {
     "home": [0.1, 0.2, 0.3],
@@ -35,6 +37,7 @@ TEXT = {
         {"name": "right", "first": 2, "count": 1},
     ],
     "period": 0.004,
+    "late": 0.004,
     "bodies": ["left/hand", "right/hand", "bench"],
     "tools": ["left", "right"],
     "scene_file": "",
@@ -55,13 +58,15 @@ class FarEnd:
     Attributes:
         seal: Seals its messages.
         outbox: Where they are written.
+        keys: Its keys.
         port: Its port.
         sender: Who said something last.
         behind: How old its messages say they are [ns].
     """
 
     def __init__(self) -> None:
-        self.seal = Seal()
+        self.keys = {Role.COMMAND: KEY}
+        self.seal = Seal(KEY)
         self.outbox = Outbox(self.seal, 0, SESSION, SCENE)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
@@ -78,6 +83,9 @@ class FarEnd:
             message, self._address = self._socket.recvfrom(MOST)
             head = HEADER.unpack_from(message)
             _, _, said, _, _, _, self.sender, sequence, stamp = head
+            if said == Kind.HELLO and COOKIE not in message:
+                self.say(Kind.CHALLENGE, CHALLENGE.pack(stamp, COOKIE))
+                continue
             if said == Kind.HELLO:
                 welcome = WELCOME.pack(0, 1, JOINTS, 2, 0.004, stamp, stamp)
                 self.say(Kind.WELCOME, welcome + json.dumps(TEXT).encode())
@@ -117,7 +125,8 @@ class FarEnd:
         nearest = other.get("a", 0), other.get("b", 2), 0.3 + told, 0.2 + told
         summary = 0, other.get("cause", 0), 0, 0, 1, other.get("joints", JOINTS), 2, 1
         rows = b"".join(
-            ROBOT.pack(0, 0, 10 * k, 0, 0.5, 0.25, told + k, *began) for k in range(2)
+            ROBOT.pack(0, 0, 10 * k, 0, 0.5, 0.25, told + k, *began, np.nan)
+            for k in range(2)
         )
         payload = (
             COMMAND.pack(sequence, *began, 10, 20, 1.5, told, 0.7, *nearest, *points)
@@ -138,7 +147,7 @@ def far() -> Iterator[FarEnd]:
 @pytest.fixture
 def observer(far: FarEnd) -> Iterator[Client]:
     """A client that is connected to it."""
-    with Client(port=far.port, watchdog=5.0) as one:
+    with Client(port=far.port, watchdog=5.0, keys=far.keys) as one:
         with far.hearing(Kind.HELLO):
             one.connect(PATIENCE)
         yield one

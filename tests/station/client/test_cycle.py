@@ -128,7 +128,10 @@ def test_silence_is_a_stop_where_the_arms_are_when_its_time_is_over(client, time
     assert answer.stops and answer.cycle == -1
     assert (answer.velocity == 0.0).all()
     assert (answer.position == Q).all()
-    assert set(answer.numbers) == {(30, 10, 0, 0, 0.0, 1.0, np.inf, 0, 0)}
+    assert {row[:-1] for row in answer.numbers} == {
+        (30, 10, 0, 0, 0.0, 1.0, np.inf, 0, 0)
+    }
+    assert answer.held == {}
 
 
 def test_an_answer_that_is_too_old_when_it_is_read_is_a_stop(far, client):

@@ -48,7 +48,7 @@ def test_asyncio_calls_when_there_is_an_answer(far, client):
 
 
 def test_a_client_that_is_not_connected_has_no_socket(far):
-    client = Client(port=far.port)
+    client = Client(port=far.port, keys=far.keys)
     assert client.fileno() == -1
     with far.hearing(Kind.HELLO):
         client.connect(PATIENCE)

@@ -10,13 +10,14 @@ from armguard.station.wire import Cause, Kind, Seal
 from armguard.station.wire.layout import HEADER, HEARTBEAT
 from service_arms import wait_for
 
+KEY = b"0123456789abcdef"
 PATIENCE, SECOND = 20.0, 1_000_000_000
 
 
 def again(message: bytearray, at: int, form: str, value: int) -> bytearray:
     """Changed, and sealed anew."""
     struct.pack_into(form, message, at, value)
-    Seal().put(memoryview(message))
+    Seal(KEY).put(memoryview(message))
     return message
 
 
@@ -130,7 +131,7 @@ def test_an_answer_is_as_old_as_its_own_clock_says(far, client):
 
 def test_a_service_of_which_everything_is_old_is_silent(far):
     far.behind = 60 * SECOND
-    with Client(port=far.port, watchdog=5.0) as late:
+    with Client(port=far.port, watchdog=5.0, keys=far.keys) as late:
         with far.hearing(Kind.HELLO):
             late.connect(PATIENCE)
         far.send(far.command(1))

@@ -1,5 +1,6 @@
 """What the exporter tells is what the service counted and wrote down."""
 
+import http.client
 import signal
 import socket
 import subprocess
@@ -26,6 +27,7 @@ from armguard.station.exporter.families import (
     reason_name,
 )
 from armguard.station.frames import Kind, frame_of
+from armguard.station.recorder_pulse import beat, end_pulse
 from armguard.station.ring import RingReader
 from armguard.station.service.counters import (
     BUCKETS,
@@ -264,6 +266,51 @@ def test_the_page_is_on_loopback_only(station):
     rows = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
     here = [row.split()[1] for row in rows if row.split()[3] == LISTENS]
     assert [a for a in here if a.endswith(f":{port:04X}")] == [f"0100007F:{port:04X}"]
+
+
+@pytest.mark.parametrize(
+    ("host", "code"),
+    [
+        ("127.0.0.1:{port}", 200),
+        ("localhost:{port}", 200),
+        ("evil.example:{port}", 421),
+        ("evil.example", 421),
+        ("127.0.0.1", 421),
+        ("127.0.0.1:1", 421),
+        ("127.0.0.1:{port}.evil.example", 421),
+        ("", 421),
+    ],
+)
+def test_a_page_that_calls_itself_this_machine_is_told_nothing(station, host, code):
+    port = int(station.page.rpartition(":")[2].split("/")[0])
+    ask = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
+    ask.putrequest("GET", "/metrics", skip_host=True)
+    if host:
+        ask.putheader("Host", host.format(port=port))
+    ask.endheaders()
+    answer = ask.getresponse()
+    assert answer.status == code
+    assert (b"armguard_cycles" in answer.read()) is (code == 200)
+    ask.close()
+
+
+def test_the_age_of_the_recording_is_told_where_there_is_one(station):
+    def ages():
+        with urllib.request.urlopen(station.page, timeout=PATIENCE) as answer:
+            lines = answer.read().decode().splitlines()
+        return [
+            float(line.split()[1])
+            for line in lines
+            if line.startswith("armguard_recorder_age_seconds ")
+        ]
+
+    assert ages() == []
+    beat(station.ring)
+    (age,) = ages()
+    assert 0.0 <= age < PATIENCE
+    assert ages()[0] > age
+    end_pulse(station.ring)
+    assert ages() == []
 
 
 def test_it_ends_with_the_service(station):

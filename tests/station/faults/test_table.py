@@ -19,6 +19,10 @@ def patient_bay(tmp_path):
     text = bay_path().read_text().replace("\nmode: fixed\n", "\nmode: path\n")
     text = text.replace("\nbuffer: 0.03048\n", "\n")
     text = text.replace("stale: 0.010", "stale: 0.120")
+    # Something that moves, far away, whose sightings may be wrong.
+    cart = "  cart: {sphere: {radius: 0.05}, present: false, top_speed: 0.01}\n"
+    assert text.count("\nobjects:\n") == 1
+    text = text.replace("\nobjects:\n", f"\nobjects:\n{cart}")
     path = tmp_path / "bay.yaml"
     path.write_text(text.replace("bay_arm.urdf", str(FOLDER / "bay_arm.urdf")))
     return path

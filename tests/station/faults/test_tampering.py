@@ -13,11 +13,12 @@ from armguard.station.wire import Kind, Outbox, Seal
 from armguard.station.wire.layout import HEADER, SEAL, STATE
 
 SIZE = 40
+KEY = b"0123456789abcdef"
 
 
 def state(seal=None):
     """A STATE of five numbers, sealed."""
-    outbox = Outbox(seal or Seal(), 7, 8, 9)
+    outbox = Outbox(seal or Seal(KEY), 7, 8, 9)
     outbox.payload[: STATE.size + SIZE] = STATE.pack(1, 0, 2.0) + bytes(SIZE)
     return bytes(outbox.seal(Kind.STATE, STATE.size + SIZE))
 
@@ -43,12 +44,12 @@ def test_a_damaged_message_does_not_fit_its_seal(change):
     for _ in range(50):
         for _, other in change(message):
             assert other != message
-            fits = len(other) >= SEAL and Seal().fits(memoryview(other))
+            fits = len(other) >= SEAL and Seal(KEY).fits(memoryview(other))
             assert not fits
 
 
 def test_a_rewritten_message_fits_and_says_something_else():
-    seal, message = Seal(), state()
+    seal, message = Seal(KEY), state()
     ((_, other),) = rewritten(seal, tampering.put_first(math.nan))(message)
     assert seal.fits(memoryview(other))
     assert math.isnan(memoryview(other)[64:72].cast("d")[0])
@@ -57,7 +58,7 @@ def test_a_rewritten_message_fits_and_says_something_else():
 
 
 def test_a_frozen_state_keeps_its_first_payload_under_new_numbers():
-    change = rewritten(Seal(), tampering.frozen())
+    change = rewritten(Seal(KEY), tampering.frozen())
     first = state()
     change(first)
     later = bytearray(state())
@@ -74,10 +75,10 @@ def test_every_third_message_is_overtaken():
 
 
 def test_a_joint_that_is_missing_is_missing_in_the_length_too():
-    ((_, other),) = tampering.joint_missing(Seal())(state())
+    ((_, other),) = tampering.joint_missing(Seal(KEY))(state())
     assert len(other) == len(state()) - 8
     assert HEADER.unpack_from(other)[3] == len(other)
-    assert Seal().fits(memoryview(other))
+    assert Seal(KEY).fits(memoryview(other))
 
 
 def test_the_relay_hands_messages_on_both_ways_and_delays_them():

@@ -17,7 +17,7 @@ from armguard.scene import compile_scene
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings
 from armguard.station.blackbox.report import Closeness, findings_of, gather
-from armguard.station.blackbox.report.spoken import Sense, sense_of
+from armguard.station.blackbox.report.incidents import Sense, sense_of
 from armguard.station.blackbox.report.timeline import level_shares, timeline
 from armguard.station.frames import Kind, text_frame
 from armguard.station.recorded import RecordedGuard
@@ -92,8 +92,8 @@ def test_a_nan_is_a_needless_stop_and_counted_as_a_fault(findings):
     assert halt.cycle == FAULT_AT
     assert halt.told.reason is Reason.NOT_FINITE
     assert "left/joint1" in halt.told.why
-    # The cycle after it is late, seen from the last one that was judged.
-    assert findings.faults == 2
+    # The refused cycle has a time of its own, so the one after it is not late.
+    assert findings.faults == 1
 
 
 def test_near_misses_hold_every_stop_and_every_pair_too_near(
@@ -352,6 +352,8 @@ def test_every_cause_has_a_sense(cause):
     senses = {sense_of(cause, 0.001), sense_of(cause, None)}
     if cause is None:
         assert senses == {Sense.UNKNOWN}
+    elif cause is Cause.ORDERED:
+        assert senses == {Sense.ORDERED}
     elif cause in (Cause.TRUE_NEED, Cause.FIGURES):
         assert senses == {Sense.NEEDED}
     else:

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,15 @@ import pytest
 from typer.testing import CliRunner
 
 from armguard import Guard, Pose, Scene, Sphere
-from armguard.cli.app import app, main
+from armguard.cli import main
+from armguard.cli.app import app
 from armguard.guard.verdict import names_of
 from armguard.scene.bay import bay_path
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.report import findings_of, gather, page, write_page
+from armguard.station.blackbox.report.findings import Event
 from armguard.station.blackbox.report.page import PLACES
-from armguard.station.frames import frame_of
+from armguard.station.frames import Kind, frame_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
 from arms import simple_arm
@@ -92,6 +95,11 @@ def test_it_asks_for_nothing_and_complains_of_nothing(looked: Looked, written: P
     looked.page.wait_for_timeout(300)
     assert looked.requests == [written.as_uri()]
     assert looked.complaints == []
+    titles = looked.page.locator(".modebar-btn").evaluate_all(
+        "all => all.map(button => button.dataset.title)"
+    )
+    assert "Download plot as a PNG" in titles
+    assert not [title for title in titles if "hare" in title or "loud" in title]
 
 
 @needs_browser
@@ -113,7 +121,7 @@ def test_names_are_text_wherever_they_are_shown(looked: Looked):
     assert EVIL in found.locator("#near").inner_text()
     assert EVIL in found.locator("#closest").inner_text()
     assert found.locator("img").count() == 0
-    assert found.evaluate("document.querySelectorAll('script').length") == 5
+    assert found.evaluate("document.querySelectorAll('script').length") == 3
     texts = found.evaluate(
         "document.getElementById('plot-timeline').data.flatMap(d => d.text || [])"
     )
@@ -140,6 +148,44 @@ def test_it_is_one_file_that_names_no_place_elsewhere(written: Path):
     assert not re.findall(r"(?:href|src)=\"(?!#|data:)", ours)
     assert "default-src 'none'" in ours
     assert "no certificate" in ours
+
+
+def test_text_of_a_recording_is_escaped_wherever_it_is_shown(evening: Evening):
+    found = findings_of(open_recording(evening.file))
+    robot, claims, halt = found.model.robots[0], found.model.claims, found.stops[0]
+    calls = [
+        {"call": "<x-call>", "<x-argument>": "<x-text>"},
+        {"call": "allow", "<x-allow>": ["<x-item>"]},
+    ]
+    hostile = replace(
+        found,
+        source="<x-source>",
+        robots=("<x-robot>", "right"),
+        everyone=("<x-everyone>", "right"),
+        info={"<x-key>": "<x-value>", "scene_hash": "<x-hash>", "more": {"<x-a>": 1}},
+        problems=["<x-problem>"],
+        events=[Event(found.begin, Kind.EVENT, call) for call in calls],
+        closest=[replace(found.closest[0], a="<x-body>")],
+        halts=[replace(halt, told=replace(halt.told, remedy="<x-remedy>"))],
+        near_misses=[
+            replace(miss, told=replace(miss.told, subject="<x-subject>", why="<x-why>"))
+            for miss in found.near_misses
+        ],
+        model=replace(
+            found.model,
+            robots=(replace(robot, name="<x-name>", worst_link="<x-link>"),),
+            allowed={"<x-source-of-pairs>": 1},
+            claims=replace(claims, count=1, contradicted=("<x-claim>",)),
+        ),
+    )
+    text = page(hostile)
+    marks = {
+        *("call", "argument", "text", "allow", "item", "source", "robot", "everyone"),
+        *("key", "value", "hash", "a", "problem", "body", "remedy", "subject", "why"),
+        *("name", "link", "source-of-pairs", "claim"),
+    }
+    assert {mark for mark in marks if f"&lt;x-{mark}&gt;" in text} == marks
+    assert not re.search(r"(<|\\u003c)x-", text)
 
 
 def test_it_tells_what_it_is_not_and_who_assumed_what(written: Path):

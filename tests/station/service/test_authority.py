@@ -5,7 +5,7 @@ import pytest
 
 from armguard.station.client import Answer
 from armguard.station.errors import RefusedError
-from armguard.station.wire import Cause
+from armguard.station.wire import Cause, Role
 from service_arms import Arms, until
 
 
@@ -27,7 +27,7 @@ def test_of_two_commanders_the_first_one_has_the_command(served):
 
 
 def test_the_command_can_be_taken_by_force_and_given_back(served):
-    with served.client() as client, served.client() as second:
+    with served.client() as client, served.client(role=Role.ADMINISTER) as second:
         arms = Arms(client)
         client.claim()
         second.claim(force=True)
@@ -48,13 +48,16 @@ def test_the_command_can_be_taken_by_force_and_given_back(served):
 
 
 def test_what_is_for_the_commander_is_refused_to_others(served):
-    with served.client() as client, served.client() as observer:
+    observing = served.client(role=Role.OBSERVE)
+    with served.client() as client, served.client() as other, observing as observer:
         Arms(client)
         client.claim()
         with pytest.raises(RefusedError, match="claim the command first"):
+            other.call("engage")
+        with pytest.raises(RefusedError, match="needs the key for 'command'"):
             observer.call("engage")
-        with pytest.raises(RefusedError, match="say hello as a sensor"):
-            observer.call("place", name="bench", pose=np.eye(4))
+        with pytest.raises(RefusedError, match="needs the key for 'sense'"):
+            observer.call("place", name="box1", pose=np.eye(4))
         client.call("engage", name="left")
 
 

@@ -4,6 +4,7 @@ import hashlib
 import shutil
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -73,12 +74,14 @@ def test_it_drives_the_arms(serving, tmp_path):
         lines = done.stdout.splitlines()
         assert len(lines) == 6
         for line in lines[1:]:
-            assert line.endswith("level 0 action 0 reason 0 cause 0 v 0.0500"), line
+            assert line.endswith("level 0 action 0 reason 0 cause 0 held 0 v 0.0500"), (
+                line
+            )
         values = served.counters.values()
         assert values["states"] == values["wishes"] == 250
         # Its good-bye is read when the service comes to it.
-        wait_for(lambda: served.counters.value("accepted") == 250 + 3)
-        assert served.counters.value("received") == 250 + 3
+        wait_for(lambda: served.counters.value("accepted") == 250 + 4)
+        assert served.counters.value("received") == 250 + 4
 
 
 def test_it_says_so_when_nobody_is_there(tmp_path):
@@ -87,7 +90,7 @@ def test_it_says_so_when_nobody_is_there(tmp_path):
         [str(program), "1"], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 2
-    assert "no service answers" in done.stderr
+    assert "no service of this user runs there" in done.stderr
 
 
 def test_it_stops_when_the_service_is_silent(serving, tmp_path):
@@ -114,3 +117,20 @@ def test_its_header_is_one_of_cpp_as_well(tmp_path):
     flags = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror", f"-I{EXAMPLES}"]
     command = [cpp, *flags, "-o", str(tmp_path / "client"), str(source)]
     subprocess.run(command, check=True, timeout=60)
+
+
+def test_it_goes_on_by_itself_after_a_late_service(serving, tmp_path):
+    program = compiled(EXAMPLES / "client.c", tmp_path / "client")
+    with serving() as served:
+        command = [str(program), str(served.port), "4"]
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as running:
+            wait_for(lambda: served.counters.value("wishes") > 50)
+            served.process.send_signal(signal.SIGSTOP)
+            time.sleep(1.0)
+            served.process.send_signal(signal.SIGCONT)
+            told, said = running.communicate(timeout=120)
+        assert running.returncode == 0, said
+        assert sum(served.counters.stops().values()) > 0
+    assert told.splitlines()[-1].endswith("reason 0 cause 0 held 0 v 0.0500")

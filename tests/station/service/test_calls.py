@@ -7,22 +7,27 @@ from armguard import Action, Pose
 from armguard.station.errors import RefusedError
 from armguard.station.frames import Kind, frame_of
 from armguard.station.ring import RingReader
-from armguard.station.wire import Cause
+from armguard.station.wire import Cause, Role
 from service_arms import Arms, until
 
 STILL = np.zeros(14)
 
 
 def test_objects_are_placed_by_sensors_and_written_down(served):
-    with served.client(sensor=True) as sensor:
+    with served.client(role=Role.SENSE, name="camera") as sensor:
         reader = RingReader(served.ring, newest=True)
         pose = Pose(xyz=(-0.55, 0.0, 0.22))
         with pytest.raises(RefusedError, match="bank"):
             sensor.call("place", name="bank", pose=pose)
-        sensor.call("place", name="bench", pose=pose)
+        sensor.call("place", name="box3", pose=pose)
         texts = [frame_of(row).text for row in reader.unread()]
         placed = [text for text in texts if text.get("call") == "place"]
-        assert [text["name"] for text in placed] == ["bench"]
+        assert [text["name"] for text in placed] == ["box3"]
+        noted = [text for text in texts if text.get("note") == "object"]
+        assert [(t["name"], t["done"], t["by"]) for t in noted] == [
+            ("box3", "placed", "camera")
+        ]
+        sensor.call("remove", name="box3")
 
 
 def all_objects(client):
@@ -37,7 +42,7 @@ def all_objects(client):
 
 def test_who_comes_late_is_told_where_things_were_put(served):
     size = {"kind": "box", "half_extents": [0.1, 0.2, 0.3]}
-    with served.client(sensor=True) as sensor, served.client() as late:
+    with served.client(role=Role.SENSE) as sensor, served.client() as late:
         before = all_objects(late)
         spare, gone = (f"box{k}" for k in (1, 2))
         assert not {spare, gone} & set(before)
@@ -54,7 +59,7 @@ def test_who_comes_late_is_told_where_things_were_put(served):
 
 
 def test_other_settings_are_taken_over_while_everything_rests(served):
-    with served.client() as client, served.client() as other:
+    with served.client(role=Role.ADMINISTER) as client, served.client() as other:
         arms = Arms(client)
         wish = np.full(14, 0.02)
         arms.lead(wish)
@@ -83,9 +88,11 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
         assert notes[-1]["settings"]["modes"] == {"left": "speed", "right": "speed"}
         assert notes[-1]["settings"]["responses"]["left"] == "stop"
         # Who replays what follows has a place to begin.
-        kinds = [frame_of(row).kind for row in RingReader(served.ring).unread()]
-        last_scene = max(k for k, kind in enumerate(kinds) if kind is Kind.NOTE)
-        assert Kind.CHECKPOINT in kinds[last_scene:]
+        frames = [frame_of(row) for row in RingReader(served.ring).unread()]
+        last_scene = max(
+            k for k, frame in enumerate(frames) if frame.text.get("note") == "scene"
+        )
+        assert Kind.CHECKPOINT in [frame.kind for frame in frames[last_scene:]]
         arms.drive_until(STILL, lambda a: not a.velocity.any())
         arms.drive(STILL, 3)
         back = client.call("configure", response="deflect", mode="path")

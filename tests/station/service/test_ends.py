@@ -12,11 +12,12 @@ import pytest
 
 from armguard import Action
 from armguard.station.client import Answer
-from armguard.station.errors import KeyFileError, ServiceError
+from armguard.station.errors import ServiceError
 from armguard.station.frames import Kind, frame_of
 from armguard.station.ring import RingReader
 from armguard.station.service import ServiceSettings
-from armguard.station.wire import Cause, read_key
+from armguard.station.wire import Cause
+from armguard.station.wire.keys import new_keys
 from service_arms import PATIENCE, Arms, until, wait_for
 
 WISH = np.full(14, 0.02)
@@ -131,9 +132,9 @@ def test_a_port_that_is_taken_is_told_in_words(served, patient_bay):
 
 
 def test_who_listens_wider_needs_a_key():
-    with pytest.raises(ServiceError, match="needs a key"):
+    with pytest.raises(ServiceError, match="needs keys they can be given"):
         ServiceSettings(bind="0.0.0.0")
-    assert ServiceSettings(bind="0.0.0.0", key=bytes(16)).bind == "0.0.0.0"
+    assert ServiceSettings(bind="0.0.0.0", keys=new_keys()).bind == "0.0.0.0"
 
 
 @pytest.mark.parametrize(
@@ -151,16 +152,6 @@ def test_who_listens_wider_needs_a_key():
 def test_settings_that_cannot_be_are_refused_by_name(setting, value):
     with pytest.raises(ServiceError, match=f"{setting} is"):
         ServiceSettings(**{setting: value})
-
-
-@pytest.mark.parametrize("size", [0, 5, 33])
-def test_a_key_of_another_length_is_refused(tmp_path, size):
-    file = tmp_path / "key"
-    file.write_bytes(b"k" * size + b"\n")
-    with pytest.raises(KeyFileError, match=f"the key has {size} bytes"):
-        read_key(file)
-    with pytest.raises(KeyFileError, match="no key can be read"):
-        read_key(tmp_path / "none")
 
 
 def test_a_recorder_that_is_killed_costs_nothing_and_the_end_is_a_stop(

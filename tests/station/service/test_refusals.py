@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from armguard import Action, Client, Reason
-from armguard.station.wire import Form, Kind, Outbox, Seal
+from armguard.station.wire import Form, Kind, Outbox, Role
+from armguard.station.wire.keys import new_keys, write_keys
 from armguard.station.wire.layout import HEADER, MOST, SEAL, STATE, WISH
 from service_arms import Arms, wait_for
 
@@ -24,7 +25,7 @@ class Forger:
         self.outbox: Outbox = client._connection.outbox
         self.socket: socket.socket = client._connection.socket
         self.address = client._connection.address
-        self.seal = Seal()
+        self.seal = client._connection.seal
 
     def send(self, message: bytes) -> None:
         self.socket.sendto(message, self.address)
@@ -180,18 +181,18 @@ def test_another_key_gets_no_answer_and_the_log_says_so_once_a_second(
 ):
     from armguard.station.errors import NoServiceError
 
-    key = tmp_path / "key"
-    key.write_text("0123456789abcdef\n")
-    with serving(f"--key-file={key}") as one:
-        for wrong in (b"", b"0123456789abcdeF"):
-            with pytest.raises(NoServiceError, match="another key"):
-                Client(port=one.port, key=wrong).connect(timeout=0.5)
+    file = tmp_path / "keys"
+    keys = new_keys()
+    write_keys(file, keys)
+    with serving(f"--key-file={file}") as one:
+        for wrong in (keys[Role.SENSE], b"0123456789abcdeF"):
+            with pytest.raises(NoServiceError, match="its key for 'command' is not"):
+                Client(port=one.port, keys={Role.COMMAND: wrong}).connect(timeout=0.5)
         assert one.counters.value("dropped_seal") >= 2
         assert one.counters.value("accepted") == 0
-        with one.client(key=b"0123456789abcdef") as client:
+        with one.client(keys=file) as client:
             # What is wrong a few hundred times is named a few times.
             forger = Forger(client)
-            forger.seal = Seal(b"0123456789abcdef")
             for _ in range(300):
                 forger.send(forger.state(joints=13))
             client.call("ping")

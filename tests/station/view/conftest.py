@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -71,11 +72,13 @@ class Station:
         errors: What went wrong in the page.
         scene_file: The scene's file.
         stage: Service and arms.
+        link: What lets the browser in.
         address: Where the page is.
     """
 
-    def __init__(self, stage: Stage, page: Any, address: str, scene_file: Path) -> None:
-        self.stage, self.page, self.address = stage, page, address
+    def __init__(self, stage: Stage, page: Any, link: str, scene_file: Path) -> None:
+        self.stage, self.page, self.link = stage, page, link
+        self.address = link.partition("?")[0]
         self.scene_file = scene_file
         self.requests: list[str] = []
         self.errors: list[str] = []
@@ -108,8 +111,8 @@ class Station:
         self.page.get_by_role("tab", name=name).click()
 
     def button(self, name: str) -> Any:
-        """A button of the page."""
-        return self.page.get_by_role("button", name=name)
+        """A button of the panel; the bar above may have one of that name too."""
+        return self.page.get_by_role("button", name=name).last
 
     def take(self) -> None:
         """Take the command, unless it is ours."""
@@ -185,11 +188,11 @@ def station(browser: Any, tmp_path_factory: Any) -> Iterator[Station]:
         stage.start_service()
         stage.wait_for_service()
         stage.start_arms()
-        with shown(stage.port) as (process, address):
+        with shown(stage.port) as (process, link):
             del process
             page = browser.new_page(viewport=VIEWPORT)
             page.set_default_timeout(PATIENCE * 1e3)
-            yield opened(Station(stage, page, address, file))
+            yield opened(Station(stage, page, link, file))
             page.close()
 
 
@@ -218,6 +221,22 @@ class shown:
             self._process.stdout.close()
 
 
+def let_in(link: str) -> dict[str, str]:
+    """Follow a link as a browser does; the headers that its sockets have from then on.
+
+    Args:
+        link: A link that was not used yet.
+    """
+    with urllib.request.urlopen(link, timeout=PATIENCE) as answer:
+        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+    return {"Cookie": cookie, "Origin": link.partition("/?")[0]}
+
+
+def channel_of(link: str, page: str = "one") -> str:
+    """Address of the page's channel, for a page of some name."""
+    return link.replace("http", "ws").partition("?")[0] + f"station?page={page}"
+
+
 def opened(station: Station) -> Station:
     """Open the page, listening to all it asks for; whatever is outside is refused."""
     page = station.page
@@ -240,7 +259,7 @@ def opened(station: Station) -> Station:
     page.route("**", ask)
     # Drawn coarsely: here no graphics card draws, but the processors that do the rest.
     sharpness = 1.0 if os.environ.get("ARMGUARD_PICTURES") else 0.1
-    page.goto(f"{station.address}?fixedDpr={sharpness}")
+    page.goto(f"{station.link}&fixedDpr={sharpness}")
     station.until(lambda: station.light() not in ("None", ""), "no light")
     page.get_by_role("tab", name="Drive").wait_for(timeout=PATIENCE * 1e3)
     # Viser says that it draws without a graphics card; that is so.

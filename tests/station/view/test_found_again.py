@@ -4,7 +4,13 @@ import json
 import time
 
 import pytest
-from tests.station.view.conftest import OPTIONS, SCENE, shown
+from tests.station.view.conftest import (
+    OPTIONS,
+    SCENE,
+    channel_of,
+    let_in,
+    shown,
+)
 from websockets.sync.client import connect
 
 from armguard.station.simulated.stage import Stage
@@ -35,9 +41,8 @@ def test_a_service_that_was_killed_leaves_a_grey_page_until_there_is_another(sta
     stage.start_service()
     stage.wait_for_service()
     stage.start_arms()
-    with shown(stage.port) as (_, address):
-        channel = address.replace("http", "ws") + "station"
-        with connect(channel, origin=address.rstrip("/")) as page:
+    with shown(stage.port) as (_, link):
+        with connect(channel_of(link), additional_headers=let_in(link)) as page:
             heard(page, lambda message: message["grey"] == "")
             stage.crew["service"].kill()
             stage.crew["service"].wait()

@@ -10,7 +10,11 @@ from armguard.station.client import Client
 from armguard.station.client.stop import stop_answer
 from armguard.station.client.welcome import NOTHING
 from armguard.station.wire import Cause
-from armguard.station.zenoh_bridge.authority import Authority
+from armguard.station.zenoh_bridge.authority import (
+    MOST_SESSIONS,
+    Authority,
+    Sequences,
+)
 from armguard.station.zenoh_bridge.schema import (
     DroppedError,
     command_of,
@@ -18,6 +22,7 @@ from armguard.station.zenoh_bridge.schema import (
     read,
     verdict_of,
 )
+from armguard.station.zenoh_bridge.seal import Sender
 from armguard.station.zenoh_bridge.settings import (
     BridgeError,
     BridgeSettings,
@@ -77,33 +82,54 @@ def test_a_stop_of_robots_nobody_has_seen_is_json():
     nowhere = np.full(2, np.nan)
     welcome = replace(NOTHING, names=("a/j1", "a/j2"), robots=("a",))
     stop = stop_answer(Cause.SHUTDOWN, nowhere, welcome, Client(port=1).clock)
-    command = json.loads(json.dumps(command_of(stop, None), allow_nan=False))
+    command = json.loads(
+        json.dumps(command_of(stop, lambda *state: None), allow_nan=False)
+    )
+    assert command["began_by"] is None and command["states"] == {"a": None}
     assert command["positions"] == [None, None]
     assert command["velocities"] == [0.0, 0.0] and command["stop"]
     verdict = json.loads(json.dumps(verdict_of(stop), allow_nan=False))
     assert verdict["slack"] is None and verdict["ages"] == {"a": None}
 
 
-def test_a_token_is_worth_nothing_once_the_command_is_lost():
+def test_only_the_commander_commands():
     authority = Authority(watchdog=0.5)
+    first, second = Sender(3, b"a" * 16), Sender(3, b"b" * 16)
     with pytest.raises(DroppedError):
-        authority.check({"token": ""}, 0.0)
-    token = authority.grant("a", 0.0)
-    authority.check({"token": token}, 0.4)
+        authority.check(first, 0.0)
+    authority.grant(first, "first", 0.0)
+    authority.check(first, 0.4)
+    for other in (second, Sender(4, b"a" * 16)):
+        with pytest.raises(DroppedError, match="'first' has the command"):
+            authority.check(other, 0.4)
     assert not authority.silent(0.8) and authority.silent(1.0)
     authority.lose()
     with pytest.raises(DroppedError):
-        authority.check({"token": token}, 1.0)
+        authority.check(first, 1.0)
 
 
-def test_wishes_come_in_order():
-    authority = Authority(watchdog=0.5)
-    authority.grant("a", 0.0)
-    for sequence in (-3, 1, 7):
-        authority.in_order(sequence)
-    for sequence in (7, 6):
+def test_no_number_is_taken_twice():
+    sequences = Sequences(keep=2.0)
+    sender = Sender(3, b"a" * 16)
+    for sequence in (1, 7):
+        sequences.check(sender, "wish", sequence, 0.0)
+    for sequence in (7, 6, 0):
         with pytest.raises(DroppedError) as found:
-            authority.in_order(sequence)
+            sequences.check(sender, "wish", sequence, 0.0)
         assert found.value.cause == "out_of_order"
-    authority.grant("b", 0.0)
-    authority.in_order(1)
+    # Another kind of message, or another role, has numbers of its own.
+    sequences.check(sender, "state", 1, 0.0)
+    sequences.check(Sender(4, b"a" * 16), "wish", 1, 0.0)
+
+
+def test_numbers_are_forgotten_only_when_their_messages_are_too_old_to_count():
+    sequences = Sequences(keep=2.0)
+    for k in range(MOST_SESSIONS):
+        sequences.check(Sender(3, k.to_bytes(16)), "wish", 9, 0.001 * k)
+    stranger = Sender(3, b"b" * 16)
+    with pytest.raises(DroppedError) as found:
+        sequences.check(stranger, "wish", 1, 1.9)
+    assert found.value.cause == "overrun"
+    sequences.check(stranger, "wish", 1, 2.5)
+    with pytest.raises(DroppedError):
+        sequences.check(Sender(3, (600).to_bytes(16)), "wish", 9, 2.5)

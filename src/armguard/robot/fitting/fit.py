@@ -9,7 +9,7 @@ from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import PlacedShape
 from armguard.robot.fitting.exact import exact_shapes, hulls_are_contained
 from armguard.robot.fitting.store import fit_key, is_exact, read_fit, write_fit
-from armguard.robot.meshes import load_triangles
+from armguard.robot.meshes import check_faces, load_triangles
 from armguard.robot.model import (
     CollisionElement,
     Cylinder,
@@ -82,6 +82,7 @@ def fit_link(
         from armguard.robot.fitting.cover import cover
 
         sources.append("mesh")
+        check_faces(f"of link {link.name}", sum(map(len, soup)))
         triangles = np.concatenate(soup)
         found, reach = cover(triangles, target=target, max_primitives=max_primitives)
         shapes += [

@@ -35,8 +35,8 @@ class StoppingFigures:
         deceleration_most: Greatest deceleration of a stop; infinite if nobody knows
             [rad/s² or m/s²].
         ramp: Time in which a stop's deceleration rises to its full value (jerk) [s].
-        settle: How far a joint swings beyond its rest after a stop from top speed; in
-            proportion less from a lower one [rad or m].
+        settle: How far a joint swings about its rest, to either side, after a stop
+            from top speed; in proportion less from a lower one [rad or m].
         settle_time: Longest time it takes to settle [s].
         tables: Measured stops; they take the place of `deceleration`, `ramp` and
             `settle` for the joints they are given for.

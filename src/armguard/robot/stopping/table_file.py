@@ -6,10 +6,14 @@ from dataclasses import dataclass
 from math import isfinite, radians
 from pathlib import Path
 
+from armguard.bounded import read_text, shown
 from armguard.errors import did_you_mean
 from armguard.robot.model import JointKind, RobotModel
 from armguard.robot.stopping.plausible import FiguresError
 from armguard.robot.stopping.table import StopTable
+
+# Largest table [byte].
+MOST_TABLE_BYTES = 2_000_000
 
 # Columns by what they hold: exactly one of each group, but load and extension may be
 # left out. ISO 10218-1, annex B, has speed, load and extension in percent.
@@ -128,11 +132,24 @@ def measured_stops(
         FiguresError: A column or a value is wrong; with its line.
     """
     try:
-        text = file.path.read_text(encoding="utf-8-sig")
+        text = read_text(file.path, MOST_TABLE_BYTES)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
         raise wrong(file, f"cannot be read: {reason}") from None
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True, strict=True)
+    reader = csv.DictReader(text.split("\n"), skipinitialspace=True, strict=True)
+    try:
+        yield from measured_rows(file, model, velocity, reader)
+    except csv.Error as error:
+        raise wrong(file, f"is no table: {error}", reader.line_num) from None
+
+
+def measured_rows(
+    file: TableFile,
+    model: RobotModel,
+    velocity: Mapping[str, float],
+    reader: "csv.DictReader[str]",
+) -> Iterator[MeasuredStop]:
+    """Rows of a table, see `measured_stops`."""
     columns = [name.strip() for name in reader.fieldnames or []]
     reader.fieldnames = columns
     speed_column, time_column, travel_column = check_columns(file, columns)
@@ -146,7 +163,7 @@ def measured_stops(
                 value = float(row[column])
             except (TypeError, ValueError):
                 raise wrong(
-                    file, f"{column} is {row[column]!r}, no number", line
+                    file, f"{column} is {shown(repr(row[column]))}, no number", line
                 ) from None
             if not (isfinite(value) and value >= 0.0):
                 raise wrong(file, f"{column} is {value}; it must be >= 0", line)
@@ -156,7 +173,8 @@ def measured_stops(
         if joint not in model.q_names:
             raise wrong(
                 file,
-                f"no joint is named '{joint}'; {did_you_mean(joint, model.q_names)}",
+                f"no joint is named '{shown(joint)}'; "
+                f"{did_you_mean(joint, model.q_names)}",
                 line,
             )
         slides = model.joints[joint].kind is JointKind.PRISMATIC
@@ -199,7 +217,9 @@ def check_columns(file: TableFile, columns: Sequence[str]) -> tuple[str, str, st
     for name in columns:
         if name not in COLUMNS:
             raise wrong(
-                file, f"there is no column '{name}'; {did_you_mean(name, COLUMNS)}", 1
+                file,
+                f"there is no column '{shown(name)}'; {did_you_mean(name, COLUMNS)}",
+                1,
             )
     found = []
     for group in (("joint",), SPEEDS, tuple(TIMES), tuple(TRAVELS)):

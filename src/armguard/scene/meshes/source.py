@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armguard.bounded import is_file
 from armguard.errors import MeshError
-from armguard.robot.meshes import load_triangles
+from armguard.robot.meshes import check_corners, load_triangles
 from armguard.robot.model import MeshFile
 from armguard.scene.meshes.stl import BLOCK, binary_stl_blocks, binary_stl_count
 
@@ -22,6 +23,9 @@ Progress = Callable[[str, int, int], None]
 # Triangles a mesh may have unless the caller says otherwise. In a guard each takes
 # about half a kilobyte, so this many are some 5 GB.
 MAX_TRIANGLES = 10_000_000
+
+# The same for a mesh of a scene file; it may ask for as many as `MAX_TRIANGLES`.
+MAX_TRIANGLES_OF_FILE = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,7 @@ class TriangleSource:
                     f"mesh '{self.name}' has a corner that is not finite, in triangle "
                     f"{done + bad}; mend the mesh"
                 )
+            check_corners(self.name, block)
             done += len(block)
             yield block
 
@@ -122,7 +127,7 @@ def checked_scale(scale: float | Sequence[float]) -> Floats:
 
 def open_file(path: Path, factors: Floats) -> TriangleSource:
     """A mesh file."""
-    if not path.is_file():
+    if not is_file(path):
         raise MeshError(f"mesh '{path.name}' is not there: {path} is no file")
     try:
         count = binary_stl_count(path) if path.suffix.lower() == ".stl" else None

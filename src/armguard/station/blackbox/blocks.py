@@ -12,13 +12,13 @@ differs from the last one, which a compressor makes a quarter of.
 import struct
 from collections.abc import Iterator
 from hashlib import blake2b
-from typing import Any
 
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
 from armguard.guard import layout
+from armguard.station.blackbox.plausible import unpacked
 from armguard.station.frames import (
     ASKED,
     DATA,
@@ -40,8 +40,8 @@ HEAD = struct.Struct("<II")
 # Frames in a block at most: they wait in memory until it is full.
 MOST_FRAMES = 64
 
-# Words a frame may have; a longer one is damage.
-MOST_WORDS = 1 << 24
+# Bytes of the frames of a block; more is damage, for which nobody makes room.
+MOST_BYTES = 64 << 20
 
 # Bytes of a digest.
 DIGEST = 8
@@ -115,17 +115,13 @@ def unpack_block(data: bytes) -> Iterator[Floats]:
     if len(data) < HEAD.size:
         raise ValueError("a block of frames has no head")
     count, width = HEAD.unpack_from(data)
-    if not (0 < count <= MOST_FRAMES and 0 < width <= MOST_WORDS):
-        raise ValueError(f"a block holds {count} frames of {width} words")
     size = count * width * 8
+    if not (0 < count <= MOST_FRAMES and 0 < size <= MOST_BYTES):
+        raise ValueError(f"a block holds {count} frames of {width} words")
     try:
-        raw: Any = zstandard.ZstdDecompressor().decompress(
-            data[HEAD.size :], max_output_size=size
-        )
-    except zstandard.ZstdError as error:
+        raw = unpacked(data[HEAD.size :], size)
+    except ValueError as error:
         raise ValueError(f"a block of frames is damaged: {error}") from error
-    if len(raw) != size:
-        raise ValueError("a block of frames has not the length it tells")
     columns = np.frombuffer(raw, np.uint8).reshape(width, 8, count)
     changes = np.ascontiguousarray(columns.transpose(2, 0, 1)).view(np.int64)
     bits = np.bitwise_xor.accumulate(changes.reshape(count, width), axis=0)

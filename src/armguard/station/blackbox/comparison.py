@@ -17,6 +17,7 @@ from armguard.errors import ArmguardError
 from armguard.guard.levels import Level
 from armguard.guard.verdict import NearPair, Verdict
 from armguard.respond import Guard
+from armguard.station.blackbox.plausible import believed
 from armguard.station.blackbox.recording import Recording
 from armguard.station.blackbox.replay import do, guard_is_fixed, inputs, judge, timed
 from armguard.station.blackbox.settings import change
@@ -222,6 +223,18 @@ def compare(
             f"{recording.paths[0].parent}: settings were changed between these "
             "recordings; name one of the files"
         )
+    with believed(recording.paths[0]):
+        return compare_scene(recording, settings, start, end, progress)
+
+
+def compare_scene(
+    recording: Recording,
+    settings: Mapping[str, str],
+    start: float,
+    end: float,
+    progress: Callable[[int], None] | None,
+) -> Comparison:
+    """See `compare`; the recording is of one scene."""
     budget = int(recording.info.get("budget", 1024))
     other = change(recording.scene(), budget, settings)
     pair = Pair(

@@ -13,7 +13,12 @@ Floats = NDArray[np.float64]
 
 # What the numbers of a command are, `n` of each; then `r` of each.
 OF_JOINTS = ("velocity", "position", "asked velocity", "way to the asked position")
-OF_ROBOTS = ("why it is blocked", "phase")
+OF_ROBOTS = (
+    "why it is blocked",
+    "phase",
+    "since when it is held",
+    "why it is told something else",
+)
 
 
 def difference(frame: Frame, verdict: Verdict, told: Floats, guard: Guard) -> str:
@@ -44,7 +49,7 @@ def difference(frame: Frame, verdict: Verdict, told: Floats, guard: Guard) -> st
     places = {
         value: name.lower().replace("_", " ")
         for name, value in vars(layout).items()
-        if name.isupper() and value < layout.TERMS and isinstance(value, int)
+        if name.isupper() and name != "LAYOUT" and value < layout.TERMS
     }
     for k in np.flatnonzero(different(was[:ends], now[:ends])).tolist():
         if not frame.poses.size and k in (layout.NEAR_COUNT, layout.NEAREST):

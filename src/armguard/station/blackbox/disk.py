@@ -10,7 +10,9 @@ import os
 import threading
 import time
 from collections import deque
+from dataclasses import dataclass
 from errno import ENOENT
+from math import inf
 from pathlib import Path
 
 log = logging.getLogger("armguard.blackbox")
@@ -42,6 +44,21 @@ class DiskFile:
         self.synced = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What files of some names may have together; the newest stays in any case.
+
+    Attributes:
+        pattern: Their names.
+        size: Bytes.
+        count: How many there may be.
+    """
+
+    pattern: str
+    size: int
+    count: float = inf
+
+
 class Disk:
     """Writes files one piece after another, on a thread of its own.
 
@@ -52,16 +69,15 @@ class Disk:
 
     Args:
         folder: Where the files are; made when it is missing.
-        keep: Bytes that all recordings may have together; the oldest are deleted.
-        pattern: Names of those recordings.
+        budgets: What they may have together; the oldest are deleted.
     """
 
-    def __init__(self, folder: Path, keep: int, pattern: str) -> None:
+    def __init__(self, folder: Path, *budgets: Budget) -> None:
         self.folder = folder
         self.problem = ""
         self.failures = 0
         self.lost = 0
-        self._keep, self._pattern = keep, pattern
+        self._budgets = budgets
         self._queue: deque[tuple[DiskFile, bytes | None]] = deque()
         self._waiting = 0
         self._wake = threading.Condition()
@@ -157,21 +173,24 @@ class Disk:
 
     def _open(self, file: DiskFile) -> None:
         """Make a file, and room for it."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
-        file.handle = os.open(file.path, flags, 0o644)
+        # What arms did is their owner's business alone.
+        file.handle = os.open(file.path, flags, 0o600)
         file.size = 0
-        self._make_room()
+        for budget in self._budgets:
+            self._make_room(budget)
 
-    def _make_room(self) -> None:
-        """Delete the oldest recordings until the others are few enough."""
-        found = sorted(self.folder.glob(self._pattern))
+    def _make_room(self, budget: Budget) -> None:
+        """Delete the oldest files until the others are few and small enough."""
+        found = sorted(self.folder.glob(budget.pattern))
         sizes = [path.stat().st_size for path in found]
+        total, count = sum(sizes), len(found)
         for path, size in list(zip(found, sizes, strict=True))[:-1]:
-            if sum(sizes) <= self._keep:
+            if total <= budget.size and count <= budget.count:
                 break
             path.unlink(missing_ok=True)
-            sizes.remove(size)
+            total, count = total - size, count - 1
             log.info("%s was deleted: recordings had more than they may keep", path)
 
     def _fail(self, file: DiskFile, error: OSError) -> None:

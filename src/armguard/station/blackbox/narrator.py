@@ -10,7 +10,7 @@ from armguard.guard.levels import Level, Reason, level_of
 from armguard.guard.verdict import Names, Verdict
 from armguard.station.blackbox import ros
 from armguard.station.blackbox.blocks import places
-from armguard.station.blackbox.mcap_file import Stored
+from armguard.station.blackbox.ros import Stored
 from armguard.station.frames import HEADER, JOINTS, ROBOTS, frame_of
 
 Floats = NDArray[np.float64]
@@ -91,12 +91,12 @@ class Narrator:
         glance = Glance(row, self.first_row)
         if now - self._numbers_at >= NUMBERS_EVERY:
             self._numbers_at = now
-            yield Stored(ros.LEVEL.number, time, ros.number("B", glance.level))
-            yield Stored(ros.CLEARANCE.number, time, ros.number("d", glance.clearance))
-            yield Stored(ros.TIME_LEFT.number, time, ros.number("d", glance.slack))
+            yield ros.message(ros.LEVEL, time, glance.level)
+            yield ros.message(ros.CLEARANCE, time, glance.clearance)
+            yield ros.message(ros.TIME_LEFT, time, glance.slack)
         if now - self._lines_at >= LINES_EVERY:
             self._lines_at = now
-            yield Stored(ros.NEAR.number, time, self._lines(row, time))
+            yield self._lines(row, time)
         if glance.levels != self._levels:
             if self._levels or max(glance.levels) > Level.CLEAR:
                 yield self._change(row, glance, time)
@@ -106,17 +106,13 @@ class Narrator:
         """Where the joints are, and what they are told."""
         n = int(row[JOINTS])
         q, v = row[HEADER : HEADER + n], row[HEADER + n : HEADER + 2 * n]
-        yield Stored(
-            ros.JOINT_STATES.number, time, ros.joints(time, self._joints, q, v)
-        )
+        yield ros.joints(ros.JOINT_STATES, time, self._joints, q, v)
         told, verdict, _, _ = places(row)
         if verdict > told:
             v, q = row[told : told + n], row[told + n : told + 2 * n]
-            yield Stored(
-                ros.COMMANDS.number, time, ros.joints(time, self._joints, q, v)
-            )
+            yield ros.joints(ros.COMMANDS, time, self._joints, q, v)
 
-    def _lines(self, row: Floats, time: int) -> bytes:
+    def _lines(self, row: Floats, time: int) -> Stored:
         """Near pairs as lines."""
         _, verdict, poses, _ = places(row)
         pairs = row[verdict + self.first_row : poses]
@@ -149,7 +145,7 @@ class Narrator:
             told += f" ({Verdict(frame.verdict, self._names, None, 0.0, fault).why})"
         level = ros.INFO if glance.level < Level.SLOW else ros.WARN
         level = ros.ERROR if glance.level >= Level.STOP else level
-        return Stored(ros.WORDS.number, time, ros.log(time, level, told))
+        return ros.log(time, level, told)
 
 
 def colour_of(clearance: float) -> tuple[float, float, float]:

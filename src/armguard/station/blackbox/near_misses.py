@@ -2,9 +2,11 @@
 
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import islice
+from math import inf
 
 from armguard.guard.levels import Level
-from armguard.station.blackbox.mcap_file import Stored
+from armguard.station.blackbox.ros import Stored
 
 # Bytes kept in memory, whatever the time they are of.
 MOST_KEPT = 256 << 20
@@ -34,9 +36,17 @@ class Before:
         while self._size > MOST_KEPT:
             self._size -= len(self._kept.popleft()[1].data)
 
-    def messages(self) -> list[Stored]:
-        """All that is kept, in order."""
-        return [message for _, message, _ in self._kept]
+    def messages(self, since: float = -inf) -> list[Stored]:
+        """All that is kept, in order; at least what came after a time [s].
+
+        What came before it is left out as far as a checkpoint allows, from which on a
+        replay can begin.
+        """
+        first = 0
+        for k, (time, _, checkpoint) in enumerate(self._kept):
+            if checkpoint and time <= since:
+                first = k
+        return [message for _, message, _ in islice(self._kept, first, None)]
 
     def _forget(self, now: float) -> None:
         """Forget what is before the last checkpoint that is old enough."""

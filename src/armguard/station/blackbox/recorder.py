@@ -2,12 +2,12 @@
 
 import json
 import logging
-import os
 import platform
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,18 @@ from armguard.guard.verdict import Names, names_of
 from armguard.scene.archive import ArchiveError, scene_of
 from armguard.scene.compile import compile_scene
 from armguard.station.blackbox import ros
-from armguard.station.blackbox.blocks import MOST_FRAMES, kept_cycle, pack_block
-from armguard.station.blackbox.disk import Disk, DiskFile
-from armguard.station.blackbox.mcap_file import McapBytes, Stored
+from armguard.station.blackbox.blocks import (
+    MOST_BYTES,
+    MOST_FRAMES,
+    kept_cycle,
+    pack_block,
+)
+from armguard.station.blackbox.disk import Budget, Disk, DiskFile
+from armguard.station.blackbox.mcap_file import McapFile
 from armguard.station.blackbox.narrator import Glance, Narrator
 from armguard.station.blackbox.near_misses import Before, Trigger
 from armguard.station.blackbox.recording import ABOUT, SCENE
+from armguard.station.blackbox.ros import Stored
 from armguard.station.errors import RingError
 from armguard.station.frames import (
     JOINTS,
@@ -37,6 +43,7 @@ from armguard.station.frames import (
     frame_of,
     text_frame,
 )
+from armguard.station.recorder_pulse import beat, end_pulse
 from armguard.station.ring import RingReader
 
 Floats = NDArray[np.float64]
@@ -44,21 +51,16 @@ Floats = NDArray[np.float64]
 log = logging.getLogger("armguard.blackbox")
 
 RECORDINGS = "recording-*.mcap"
+NEAR_MISSES = "near-miss-*.mcap"
 
 # What is read is handed to the disk so often [s].
 FLUSH = 0.5
-
-# Messages of about so many bytes make a chunk: a wrong bit costs no more than one.
-CHUNK_SIZE = 128 << 10
 
 # A cycle is kept with all its pairs and poses so often, and with every level [s].
 WHOLE_EVERY = 1.0 / 30.0
 
 # Where nothing is to be read: until the ring is looked at again [s].
 NAP = 0.004
-
-# A ring whose writer is gone without a word is left after this time [s].
-SILENCE = 5.0
 
 # At the end the disk is waited for so long [s].
 PATIENCE = 10.0
@@ -80,6 +82,7 @@ class RecorderSettings:
     Attributes:
         keep: Bytes of all recordings together, near misses apart.
         keep_near: How many near misses are kept.
+        keep_near_size: Bytes of all near misses together.
         file_size: Bytes after which another recording begins.
         file_time: Time after which another one begins [s].
         before: What is kept of the time before a near miss [s].
@@ -91,6 +94,7 @@ class RecorderSettings:
 
     keep: int = 20 << 30
     keep_near: int = 200
+    keep_near_size: int = 4 << 30
     file_size: int = 1 << 30
     file_time: float = 3600.0
     before: float = 30.0
@@ -101,38 +105,38 @@ class RecorderSettings:
 
 
 class Writing:
-    """A recording that is being written."""
+    """A recording that is being written.
 
-    def __init__(self, disk: Disk, path: Path, began: float) -> None:
+    Args:
+        disk: Where it goes.
+        path: Its file.
+        began: When, on the clock of frames [s].
+        about: What it is about.
+        scene: Archive of the scene; empty if there is none.
+        wall: The same on the wall clock [ns].
+    """
+
+    def __init__(
+        self,
+        disk: Disk,
+        path: Path,
+        began: float,
+        about: Mapping[str, Any],
+        scene: bytes,
+        wall: int,
+    ) -> None:
         self.disk, self.file, self.began = disk, DiskFile(path), began
-        self.bytes = McapBytes(ros.TOPICS, f"armguard {version()}")
-        self.waiting: list[Stored] = []
-
-    def begin(self, about: Mapping[str, Any], scene: bytes, t: int) -> None:
-        """Write what comes before all messages."""
-        piece = self.bytes.start({"armguard": about})
+        put = partial(disk.put, self.file)
+        self.mcap = McapFile(put, f"armguard {version()}", {"armguard": about})
         told = json.dumps(about).encode()
         for _ in range(COPIES):
-            piece += self.bytes.attachment(ABOUT, "application/json", told, t)
+            self.mcap.attach(ABOUT, "application/json", told, wall)
             if scene:
-                piece += self.bytes.attachment(SCENE, SCENE_KIND, scene, t)
-        self.disk.put(self.file, piece)
-
-    def flush(self) -> None:
-        """Hand what waits to the disk."""
-        waiting, self.waiting = self.waiting, []
-        while waiting:
-            size, k = 0, 0
-            while k < len(waiting) and size < CHUNK_SIZE:
-                size += len(waiting[k].data)
-                k += 1
-            self.disk.put(self.file, self.bytes.chunk(waiting[:k]))
-            waiting = waiting[k:]
+                self.mcap.attach(SCENE, SCENE_KIND, scene, wall)
 
     def end(self) -> None:
         """Write the last bytes."""
-        self.flush()
-        self.disk.put(self.file, self.bytes.end())
+        self.mcap.end()
         self.disk.close(self.file)
 
 
@@ -152,7 +156,11 @@ class Recorder:
 
     def __init__(self, folder: Path, settings: RecorderSettings) -> None:
         self.folder, self.settings = folder, settings
-        self.disk = Disk(folder, settings.keep, RECORDINGS)
+        self.disk = Disk(
+            folder,
+            Budget(RECORDINGS, settings.keep),
+            Budget(NEAR_MISSES, settings.keep_near_size, settings.keep_near),
+        )
         self.cycles = 0
         self.near_misses = 0
         self._about: dict[str, Any] = {}
@@ -161,6 +169,8 @@ class Recorder:
         self._main: Writing | None = None
         self._apart: Writing | None = None
         self._apart_until = -np.inf
+        # Until when everything is in a file of near misses.
+        self._apart_to = -np.inf
         self._before = Before(settings.before)
         self._trigger = Trigger(settings.clearance, settings.slack)
         self._rows: list[Floats] = []
@@ -172,30 +182,30 @@ class Recorder:
         self._untold: list[str] = []
 
     def run(self, ring: RingReader, ends: Callable[[], bool]) -> None:
-        """Record until the ring is closed, or somebody says that it ends.
+        """Record until the ring is closed, or it is to end.
 
         Args:
             ring: The ring.
             ends: Whether to end.
         """
-        flushed, lost, heard = time.monotonic(), 0, time.monotonic()
-        parent = os.getppid()
+        flushed, lost = time.monotonic(), 0
         while True:
             # Asked before the ring is read: what came before is still written.
-            last = ends() or ring.closed
+            last = ring.closed or ends()
             for row in ring.unread():
                 if ring.lost != lost:
                     self.tell(f"{ring.lost - lost} records were lost: the recorder was "
                               "too slow")  # fmt: skip
                     lost = ring.lost
                 self.take(row)
-                heard = time.monotonic()
             if time.monotonic() - flushed >= FLUSH:
                 flushed = time.monotonic()
                 self.flush()
-            orphaned = os.getppid() != parent and heard + SILENCE < flushed
-            if last or orphaned:
+                if not self.disk.problem:
+                    beat(ring.path)
+            if last:
                 self.end()
+                end_pulse(ring.path)
                 return
             time.sleep(NAP)
 
@@ -219,7 +229,7 @@ class Recorder:
         self._close_block()
         if kind == Kind.EVENT:
             call = {k: v for k, v in frame.text.items() if v is not None}
-            self._store(self._words(ros.INFO, json.dumps(call)))
+            self._store(ros.log(self._time, ros.INFO, json.dumps(call)))
 
     def tell(self, problem: str) -> None:
         """Write down that something of the recording is missing, and log it."""
@@ -232,17 +242,16 @@ class Recorder:
         self._close_block()
         self._rows.append(text_frame(Kind.NOTE, 0, self._now, wall, note))
         self._close_block()
-        self._store(self._words(ros.WARN, problem))
+        self._store(ros.log(self._time, ros.WARN, problem))
 
     def flush(self) -> None:
         """Hand all that was taken to the disk."""
         self._close_block()
         if self._apart is not None and self._now > self._apart_until:
-            self._apart.end()
-            self._apart = None
+            self._end_apart()
         for writing in (self._main, self._apart):
             if writing is not None:
-                writing.flush()
+                writing.mcap.flush()
         if self._main is not None and self._main.file.given_up:
             # It has a hole: another one begins with the next frame.
             self._main.disk.close(self._main.file)
@@ -280,7 +289,9 @@ class Recorder:
         if self._rows and len(self._rows[-1]) != len(kept):
             self._close_block()
         self._rows.append(kept)
-        if len(self._rows) >= MOST_FRAMES:
+        if len(self._rows) >= MOST_FRAMES or (
+            2 * len(self._rows) * kept.nbytes > MOST_BYTES
+        ):
             self._close_block()
         for message in self._narrator.cycle(row, self._now, self._time):
             self._store(message)
@@ -294,21 +305,24 @@ class Recorder:
     def _near_miss(self, what: str) -> None:
         """Keep what was before apart, and what is to come."""
         self._close_block()
-        self._store(self._words(ros.WARN, f"near miss: {what}"))
+        self._store(ros.log(self._time, ros.WARN, f"near miss: {what}"))
         if self._apart is not None and self._now - self._apart.began < (
             self.settings.longest
         ):
             self._apart_until = self._now + self.settings.after
             return
-        if self._apart is not None:
-            self._apart.end()
+        self._end_apart()
         self.near_misses += 1
         self._apart = self._new("near-miss", {"near_miss": what})
-        self._apart.waiting = self._before.messages()
+        for message in self._before.messages(self._apart_to):
+            self._apart.mcap.add(message)
         self._apart_until = self._now + self.settings.after
-        old = sorted(self.folder.glob("near-miss-*.mcap"))
-        for path in old[: max(0, len(old) - self.settings.keep_near)]:
-            path.unlink(missing_ok=True)
+
+    def _end_apart(self) -> None:
+        """Write the end of the file of near misses, if there is one."""
+        if self._apart is not None:
+            self._apart.end()
+            self._apart, self._apart_to = None, self._now
 
     def _take_scene(self, about: Mapping[str, Any], archive: bytes) -> None:
         """Take what the next cycles are about; another scene is another recording."""
@@ -321,6 +335,7 @@ class Recorder:
                     writing.end()
             self._main = self._apart = None
             self._before = Before(self.settings.before)
+            self._apart_to = -np.inf
         self._about, self._scene = dict(about), archive
         names = scene_names(about, archive)
         joints, robots = about.get("names", ()), about.get("robots", ())
@@ -332,7 +347,7 @@ class Recorder:
         """Begin another recording if this one is long enough."""
         if self._main is None:
             return
-        size, age = self._main.bytes.offset, self._now - self._main.began
+        size, age = self._main.mcap.size, self._now - self._main.began
         if size >= self.settings.file_size or age >= self.settings.file_time:
             self._close_block()
             self._main.end()
@@ -342,7 +357,7 @@ class Recorder:
         """Begin a recording if there is none."""
         main = self._main
         if main is not None and (
-            main.bytes.offset >= WITHOUT * self.settings.file_size
+            main.mcap.size >= WITHOUT * self.settings.file_size
             or self._now - main.began >= WITHOUT * self.settings.file_time
         ):
             self._close_block()
@@ -366,13 +381,12 @@ class Recorder:
             **self._about,
             **more,
             "recorder": version(),
+            "layout": layout.LAYOUT,
             "machine": f"{platform.machine()} {platform.system()}",
             "began": began.isoformat(),
             "settings_of_recorder": asdict(self.settings),
         }
-        writing = Writing(self.disk, path, self._now)
-        writing.begin(about, self._scene, self._time)
-        return writing
+        return Writing(self.disk, path, self._now, about, self._scene, self._time)
 
     def _close_block(self) -> None:
         """Store the frames that wait."""
@@ -386,13 +400,7 @@ class Recorder:
         self._before.add(self._now, message, self._checkpoint)
         for writing in (self._main, self._apart):
             if writing is not None:
-                writing.waiting.append(message)
-
-    def _words(self, level: int, sentence: str) -> Stored:
-        """A line of the log."""
-        return Stored(
-            ros.WORDS.number, self._time, ros.log(self._time, level, sentence)
-        )
+                writing.mcap.add(message)
 
     def _set_clock(self, row: Floats) -> None:
         """Take the time of a frame: a wall clock that never goes back."""

@@ -1,6 +1,5 @@
 """Recordings as they are read back: frames in order, and the scene they are about."""
 
-import json
 import mmap
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,13 +13,20 @@ from armguard.guard import layout
 from armguard.scene.archive import scene_of
 from armguard.scene.scene import Scene
 from armguard.station.blackbox.blocks import unpack_block
-from armguard.station.blackbox.mcap_file import Stored
+from armguard.station.blackbox.plausible import (
+    MOST_ATTACHED,
+    about_of,
+    plausible_frame,
+)
 from armguard.station.blackbox.recovery import attachment, chunks, messages, span_of
-from armguard.station.blackbox.ros import FRAMES
+from armguard.station.blackbox.ros import FRAMES, Stored
 from armguard.station.errors import RecordingError
-from armguard.station.frames import Frame, Kind, frame_of
+from armguard.station.frames import Frame, Kind
 
 Floats = NDArray[np.float64]
+
+# The layout of recordings that do not name one.
+FIRST_LAYOUT = 1
 
 # Names of what is attached to a recording.
 SCENE, ABOUT = "armguard scene", "armguard about"
@@ -41,15 +47,25 @@ class Recording:
         paths: Its files, oldest first.
 
     Raises:
-        RecordingError: A file cannot be opened, or is empty.
+        RecordingError: A file cannot be opened, is empty, says of itself what no
+            recorder writes, or holds verdicts of another layout.
     """
+
+    info: dict[str, Any]
 
     def __init__(self, paths: list[Path]) -> None:
         self.paths = paths
         self.problems: list[str] = []
         self._data = [mapped(path) for path in paths]
         about = self._attached(ABOUT)
-        self.info: dict[str, Any] = {} if about is None else json.loads(about)
+        try:
+            self.info = {} if about is None else about_of(about)
+        except ValueError as error:
+            raise RecordingError(
+                f"{paths[0]}: what this recording is about cannot be read: {error}"
+            ) from None
+        if self.info:
+            check_layout(paths[0], self.info)
         if about is None:
             self.note("what the recording is about is damaged, or was never written")
 
@@ -117,7 +133,7 @@ class Recording:
         last = -1
         for row in self.rows():
             try:
-                frame = trimmed(frame_of(row))
+                frame = trimmed(plausible_frame(row, len(self.names), len(self.robots)))
             except ValueError as error:
                 self.note(f"a frame cannot be read: {error}")
                 continue
@@ -155,7 +171,32 @@ class Recording:
     def _attached(self, name: str) -> bytes | None:
         """What is attached to the first file that still has it whole."""
         found = (attachment(data, name) for data in self._data)
-        return next((data for data in found if data is not None), None)
+        whole = next((data for data in found if data is not None), None)
+        if whole is not None and len(whole) > MOST_ATTACHED:
+            raise RecordingError(
+                f"{self.paths[0]}: '{name}' has {len(whole):,} bytes; no recording "
+                f"attaches more than {MOST_ATTACHED:,}"
+            )
+        return whole
+
+
+def check_layout(path: Path, info: dict[str, Any]) -> None:
+    """Refuse a recording whose verdicts have their numbers in other places.
+
+    Args:
+        path: Its file.
+        info: What it says of itself; one that names no layout has the first.
+
+    Raises:
+        RecordingError: Its layout is not the one that this version reads.
+    """
+    made = info.get("layout", FIRST_LAYOUT)
+    if made != layout.LAYOUT:
+        raise RecordingError(
+            f"{path}: its verdicts have layout {made!r}, this version of armguard "
+            f"reads layout {layout.LAYOUT}; read it with the version that recorded it, "
+            f"{info.get('recorder', 'which is not known')}"
+        )
 
 
 def open_recording(path: str | Path) -> Recording:

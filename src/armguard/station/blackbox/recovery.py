@@ -10,13 +10,13 @@ import struct
 import zlib
 from collections.abc import Iterator
 
-import zstandard
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from armguard.station.blackbox.mcap_file import MAGIC, Stored
+from armguard.station.blackbox.plausible import unpacked
+from armguard.station.blackbox.ros import Stored
 
 Data = bytes | mmap.mmap
-
-ATTACHMENT, CHUNK, MESSAGE, FOOTER = 0x09, 0x06, 0x05, 0x02
 
 # Of a record: what it is, and how long.
 RECORD = struct.Struct("<BQ")
@@ -30,11 +30,11 @@ BEHIND = RECORD.size + CHUNK_HEAD.size
 # Of a message: its channel, its number, two times.
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 
-# A chunk that claims to be larger is damage: nobody makes room for it.
-MOST_BYTES = 1 << 28
-
 # Records there are.
-OPCODES = range(1, 16)
+OPCODES = frozenset(Opcode)
+
+# A chunk that claims to be larger is damage: nobody makes room for it.
+MOST_BYTES = 128 << 20
 
 
 def chunks(data: Data, problems: list[str]) -> Iterator[bytes]:
@@ -71,19 +71,17 @@ def chunk_at(data: Data, start: int) -> tuple[bytes, int] | None:
     kind, length = RECORD.unpack_from(data, start)
     _, _, size, checksum = CHUNK_HEAD.unpack_from(data, start + RECORD.size)
     at = start + BEHIND + len(COMPRESSED) + 8
-    if kind != CHUNK or at > len(data) or size > MOST_BYTES:
+    if kind != Opcode.CHUNK or at > len(data) or size > MOST_BYTES:
         return None
     (compressed,) = struct.unpack_from("<Q", data, at - 8)
     behind = at + compressed
     if behind > len(data) or length != behind - start - RECORD.size:
         return None
     try:
-        inner: bytes = zstandard.ZstdDecompressor().decompress(
-            data[at:behind], max_output_size=size
-        )
-    except zstandard.ZstdError:
+        inner = unpacked(data[at:behind], size)
+    except ValueError:
         return None
-    if len(inner) != size or zlib.crc32(inner) != checksum:
+    if zlib.crc32(inner) != checksum:
         return None
     return inner, behind
 
@@ -94,7 +92,7 @@ def span_of(data: Data) -> tuple[int, ...]:
     found: list[int] = []
     for tag in tags:
         start = tag - BEHIND + RECORD.size
-        if tag >= 0 and data[tag - BEHIND] == CHUNK:
+        if tag >= BEHIND and data[tag - BEHIND] == Opcode.CHUNK:
             found += CHUNK_HEAD.unpack_from(data, start)[:2]
     return tuple(found)
 
@@ -104,7 +102,11 @@ def check_between(data: Data, start: int, end: int, problems: list[str]) -> None
     at = start
     while at + RECORD.size <= end:
         kind, length = RECORD.unpack_from(data, at)
-        if kind not in OPCODES or kind == CHUNK or at + RECORD.size + length > end:
+        if (
+            kind not in OPCODES
+            or kind == Opcode.CHUNK
+            or at + RECORD.size + length > end
+        ):
             break
         if data[at + BEHIND : at + BEHIND + len(COMPRESSED)] == COMPRESSED:
             # A chunk whose very first byte is wrong.
@@ -120,7 +122,7 @@ def messages(inner: bytes) -> Iterator[Stored]:
     while at + RECORD.size <= len(inner):
         kind, length = RECORD.unpack_from(inner, at)
         at += RECORD.size
-        if kind == MESSAGE:
+        if kind == Opcode.MESSAGE and MESSAGE_HEAD.size <= length <= len(inner) - at:
             topic, _, time, _ = MESSAGE_HEAD.unpack_from(inner, at)
             yield Stored(topic, time, inner[at + MESSAGE_HEAD.size : at + length])
         at += length

@@ -1,6 +1,7 @@
 """Replay: what went in goes in again, and the answers are compared bit by bit."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,10 +11,13 @@ from numpy.typing import NDArray
 from armguard.errors import ArmguardError
 from armguard.geometry.pose import Pose
 from armguard.guard.contract import Region
+from armguard.guard.levels import ORDERED, Reason
+from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
 from armguard.station.blackbox.blocks import digest_of
 from armguard.station.blackbox.difference import difference
+from armguard.station.blackbox.plausible import believed
 from armguard.station.blackbox.recording import Recording
 from armguard.station.frames import Form, Frame, Kind
 from armguard.station.shape_words import shape_of
@@ -87,11 +91,21 @@ def replay(
         progress: Called with the cycles judged since the last call.
 
     Raises:
-        RecordingError: It holds no scene.
+        RecordingError: It holds no scene, or something that no recorder writes.
     """
-    parts = recording.parts()
+    with believed(recording.paths[0]):
+        return replay_parts(recording.parts(), start, end, progress)
+
+
+def replay_parts(
+    parts: Sequence[Recording],
+    start: float,
+    end: float,
+    progress: Callable[[int], None] | None,
+) -> Replay:
+    """See `replay`; each part is of one scene."""
     if len(parts) == 1:
-        return replay_scene(recording, start, end, progress)
+        return replay_scene(parts[0], start, end, progress)
     answer, began = Replay(), None
     for part in parts:
         first = next(part.frames(), None)
@@ -222,6 +236,10 @@ def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
     asked = frame.asked.copy()
     if frame.form is Form.VELOCITIES:
         command = guard.filter(given.pop("q"), asked, given.pop("stamp"), **given)
+    elif frame.form is Form.STOP:
+        known = (reason for reason in ORDERED if asked.tolist() == [reason])
+        why = next(known, Reason.STOP_ORDERED)
+        command = guard.stop(given.pop("q"), given.pop("stamp"), **given, reason=why)
     elif frame.form is Form.POSITIONS:
         command = guard.filter_positions(
             given.pop("q"), asked, given.pop("stamp"), **given
@@ -279,13 +297,15 @@ def do(guard: Guard, frame: Frame) -> None:
     told = dict(frame.text)
     call = told.pop("call")
     if call == "place":
-        guard.place(
-            told["name"],
-            np.array(told["pose"]),
-            told["stamp"],
-            velocity=told["velocity"],
-            shape=None if told["shape"] is None else shape_of(told["shape"]),
-        )
+        # A sighting that was refused is refused again, and stops robots again.
+        with suppress(SightingError):
+            guard.place(
+                told["name"],
+                np.array(told["pose"]),
+                told["stamp"],
+                velocity=told["velocity"],
+                shape=None if told["shape"] is None else shape_of(told["shape"]),
+            )
         return
     if call == "allow" and told["region"] is not None:
         where = told["region"]

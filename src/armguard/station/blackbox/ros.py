@@ -1,86 +1,49 @@
-"""Messages for other people's programs, as ROS 2 writes them (CDR, little-endian)."""
+"""Topics of a recording, and their messages as ROS 2 writes them (CDR, by rosbags)."""
 
-import struct
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armguard.station.blackbox.mcap_file import Topic
 
-# Every message begins with how it is encoded; numbers stand at multiples of their size
-# counted from behind it.
-HEAD = b"\x00\x01\x00\x00"
+class Topic(NamedTuple):
+    """A channel and what its messages are.
 
-SEPARATOR = "=" * 80
+    Attributes:
+        number: Its number in every file.
+        name: Its name.
+        schema: Type of its messages; empty for our own, which no type of ROS holds.
+    """
 
-TIME = "int32 sec\nuint32 nanosec\n"
-PARTS = {
-    "builtin_interfaces/Time": TIME,
-    "builtin_interfaces/Duration": TIME,
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
-    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
-    "geometry_msgs/Pose": "geometry_msgs/Point position\n"
-    "geometry_msgs/Quaternion orientation\n",
-    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\n"
-    "uint8[] data\n",
-    "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v\n",
-    "visualization_msgs/MeshFile": "string filename\nuint8[] data\n",
-    "visualization_msgs/Marker": "std_msgs/Header header\nstring ns\nint32 id\n"
-    "int32 type\nint32 action\ngeometry_msgs/Pose pose\n"
-    "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\n"
-    "builtin_interfaces/Duration lifetime\nbool frame_locked\n"
-    "geometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
-    "string texture_resource\nsensor_msgs/CompressedImage texture\n"
-    "visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\n"
-    "string mesh_resource\nvisualization_msgs/MeshFile mesh_file\n"
-    "bool mesh_use_embedded_materials\n",
-}
-
-JOINTS = "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
-JOINTS += "float64[] velocity\nfloat64[] effort\n"
-LOG = "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\n"
-LOG += "string file\nstring function\nuint32 line\n"
+    number: int
+    name: str
+    schema: str = ""
 
 
-def definition(text: str) -> str:
-    """A type with all the types it is made of, each once."""
-    wanted, known = [text], dict[str, str]()
-    while wanted:
-        for line in wanted.pop().splitlines():
-            part = line.split(" ", 1)[0].removesuffix("[]")
-            if part in PARTS and part not in known:
-                known[part] = PARTS[part]
-                wanted.append(PARTS[part])
-    return text + "".join(f"{SEPARATOR}\nMSG: {n}\n{t}" for n, t in known.items())
+class Stored(NamedTuple):
+    """A message to be stored.
+
+    Attributes:
+        topic: Number of its channel.
+        time: When it was, wall clock that never goes back [ns].
+        data: The message.
+    """
+
+    topic: int
+    time: int
+    data: bytes
 
 
-FRAMES = Topic(1, "/armguard/frames", "armguard", "", "")
-JOINT_STATES = Topic(
-    2, "/joint_states", "cdr", "sensor_msgs/msg/JointState", definition(JOINTS)
-)
-COMMANDS = Topic(
-    3, "/armguard/commands", "cdr", "sensor_msgs/msg/JointState", definition(JOINTS)
-)
-WORDS = Topic(4, "/armguard/log", "cdr", "rcl_interfaces/msg/Log", definition(LOG))
-NEAR = Topic(
-    5,
-    "/armguard/near",
-    "cdr",
-    "visualization_msgs/msg/MarkerArray",
-    definition("visualization_msgs/Marker[] markers\n"),
-)
-LEVEL = Topic(6, "/armguard/level", "cdr", "std_msgs/msg/UInt8", "uint8 data\n")
-CLEARANCE = Topic(
-    7, "/armguard/clearance", "cdr", "std_msgs/msg/Float64", "float64 data\n"
-)
-TIME_LEFT = Topic(
-    8, "/armguard/time_left", "cdr", "std_msgs/msg/Float64", "float64 data\n"
-)
+FRAMES = Topic(1, "/armguard/frames")
+JOINT_STATES = Topic(2, "/joint_states", "sensor_msgs/msg/JointState")
+COMMANDS = Topic(3, "/armguard/commands", "sensor_msgs/msg/JointState")
+WORDS = Topic(4, "/armguard/log", "rcl_interfaces/msg/Log")
+NEAR = Topic(5, "/armguard/near", "visualization_msgs/msg/MarkerArray")
+LEVEL = Topic(6, "/armguard/level", "std_msgs/msg/UInt8")
+CLEARANCE = Topic(7, "/armguard/clearance", "std_msgs/msg/Float64")
+TIME_LEFT = Topic(8, "/armguard/time_left", "std_msgs/msg/Float64")
 TOPICS = (
     FRAMES, JOINT_STATES, COMMANDS, WORDS, NEAR, LEVEL, CLEARANCE, TIME_LEFT,
 )  # fmt: skip
@@ -88,85 +51,66 @@ TOPICS = (
 # Levels of a log, as ROS 2 counts them.
 INFO, WARN, ERROR = 20, 30, 40
 
-# Types of markers.
+# Types of markers, and what is done with one.
 LINES, LABEL = 5, 9
+ADD, DELETE = 0, 2
 
 # How thick a line is, and how large a letter [m].
 THICK, LETTER = 0.004, 0.04
 
+EMPTY = np.zeros(0, np.uint8)
 
-class Cdr:
-    """A message that is being written."""
 
-    def __init__(self) -> None:
-        self._out = bytearray()
+@cache
+def typestore() -> Any:
+    """The types of ROS 2 Humble; those used here are the same in later releases."""
+    from rosbags.typesys import Stores, get_typestore
 
-    def put(self, form: str, *values: float) -> None:
-        """Numbers of one type, each at a multiple of its size."""
-        size = struct.calcsize(form)
-        self._out += bytes(-len(self._out) % size)
-        self._out += struct.pack(f"<{len(values)}{form}", *values)
+    return get_typestore(Stores.ROS2_HUMBLE)
 
-    def text(self, value: str) -> None:
-        """A string."""
-        data = value.encode() + b"\0"
-        self.put("I", len(data))
-        self._out += data
 
-    def texts(self, values: Sequence[str]) -> None:
-        """A sequence of strings."""
-        self.put("I", len(values))
-        for value in values:
-            self.text(value)
+def definition(schema: str) -> str:
+    """A type with all the types it is made of, as ROS 2 writes them."""
+    text: str = typestore().generate_msgdef(schema, ros_version=2)[0]
+    return text
 
-    def doubles(self, values: ArrayLike) -> None:
-        """A sequence of float64."""
-        row = np.asarray(values, dtype="<f8")
-        self.put("I", len(row))
-        if len(row):
-            self._out += bytes(-len(self._out) % 8) + row.tobytes()
 
-    def header(self, time: int, frame: str) -> None:
-        """When and in which frame; the time in nanoseconds."""
-        self.put("i", time // 10**9)
-        self.put("I", time % 10**9)
-        self.text(frame)
+def part(kind: str, *values: Any) -> Any:
+    """A message, or a part of one, by its type and its fields in order."""
+    return typestore().types[kind](*values)
 
-    def done(self) -> bytes:
-        """The message."""
-        return HEAD + bytes(self._out)
+
+def message(topic: Topic, time: int, *values: Any) -> Stored:
+    """A message of a topic at a time [ns], by its fields in order."""
+    data = typestore().serialize_cdr(part(topic.schema, *values), topic.schema)
+    return Stored(topic.number, time, bytes(data))
+
+
+def stamp(time: int) -> Any:
+    """A time [ns]."""
+    return part("builtin_interfaces/msg/Time", *divmod(time, 10**9))
+
+
+def header(time: int) -> Any:
+    """When, in the frame of the world; the time in nanoseconds."""
+    return part("std_msgs/msg/Header", stamp(time), "world")
 
 
 def joints(
-    time: int, names: Sequence[str], position: ArrayLike, velocity: ArrayLike
-) -> bytes:
-    """A `sensor_msgs/msg/JointState`."""
-    out = Cdr()
-    out.header(time, "world")
-    out.texts(names)
-    out.doubles(position)
-    out.doubles(velocity)
-    out.doubles(())
-    return out.done()
+    topic: Topic,
+    time: int,
+    names: Sequence[str],
+    position: ArrayLike,
+    velocity: ArrayLike,
+) -> Stored:
+    """Positions and velocities of joints."""
+    q, v = np.asarray(position, np.float64), np.asarray(velocity, np.float64)
+    return message(topic, time, header(time), list(names), q, v, np.zeros(0))
 
 
-def log(time: int, level: int, sentence: str) -> bytes:
-    """A `rcl_interfaces/msg/Log`."""
-    out = Cdr()
-    out.put("i", time // 10**9)
-    out.put("I", time % 10**9)
-    out.put("B", level)
-    for text in ("armguard", sentence, "", ""):
-        out.text(text)
-    out.put("I", 0)
-    return out.done()
-
-
-def number(form: str, value: float) -> bytes:
-    """A message of one number."""
-    out = Cdr()
-    out.put(form, value)
-    return out.done()
+def log(time: int, level: int, sentence: str) -> Stored:
+    """A line of the log."""
+    return message(WORDS, time, stamp(time), level, "armguard", sentence, "", "", 0)
 
 
 class Line(NamedTuple):
@@ -183,50 +127,47 @@ class Line(NamedTuple):
     colour: tuple[float, float, float]
 
 
-def markers(time: int, lines: Sequence[Line], label: str) -> bytes:
-    """A `visualization_msgs/msg/MarkerArray`: lines, and a label at the first one."""
-    out = Cdr()
-    out.put("I", 2 if lines else 1)
+def markers(time: int, lines: Sequence[Line], label: str) -> Stored:
+    """Lines, and a label at the first one."""
+    found = [marker(time, LINES, 0, (0.0, 0.0, 0.0), lines, "")]
     if lines:
         middle = [0.5 * (a + b) for a, b in zip(*lines[0][:2], strict=True)]
-        put_marker(out, time, LABEL, 1, middle, (), label)
-    put_marker(out, time, LINES, 0, (0.0, 0.0, 0.0), lines, "")
-    return out.done()
+        found.insert(0, marker(time, LABEL, 1, middle, (), label))
+    return message(NEAR, time, found)
 
 
-def put_marker(
-    out: Cdr,
+def marker(
     time: int,
     kind: int,
     number: int,
     place: Sequence[float],
     lines: Sequence[Line],
     label: str,
-) -> None:
-    """One `visualization_msgs/msg/Marker`; an empty one takes the last one away."""
-    out.header(time, "world")
-    out.text("near pairs")
-    out.put("i", number, kind, 0 if lines or label else 2)
-    out.put("d", *place, 0.0, 0.0, 0.0, 1.0)
+) -> Any:
+    """One marker; an empty one takes the last one away."""
     size = LETTER if kind == LABEL else THICK
-    out.put("d", size, size, size)
-    out.put("f", 1.0, 1.0, 1.0, 1.0)
-    out.put("i", 0)
-    out.put("I", 0)
-    out.put("B", 0)
-    out.put("I", 2 * len(lines))
-    for line in lines:
-        out.put("d", *line.start, *line.end)
-    out.put("I", 2 * len(lines))
-    for line in lines:
-        out.put("f", *line.colour, 1.0, *line.colour, 1.0)
-    out.text("")
-    out.header(time, "world")
-    out.text("")
-    out.put("I", 0)
-    out.put("I", 0)
-    out.text(label)
-    out.text("")
-    out.text("")
-    out.put("I", 0)
-    out.put("B", 0)
+    point, rgba = "geometry_msgs/msg/Point", "std_msgs/msg/ColorRGBA"
+    turn = part("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    colours = [part(rgba, *line.colour, 1.0) for line in lines]
+    return part(
+        "visualization_msgs/msg/Marker",
+        header(time),
+        "near pairs",
+        number,
+        kind,
+        ADD if lines or label else DELETE,
+        part("geometry_msgs/msg/Pose", part(point, *place), turn),
+        part("geometry_msgs/msg/Vector3", size, size, size),
+        part(rgba, 1.0, 1.0, 1.0, 1.0),
+        part("builtin_interfaces/msg/Duration", 0, 0),  # until another one comes
+        False,  # not fixed to a moving frame
+        [part(point, *end) for line in lines for end in line[:2]],
+        [colour for colour in colours for _ in ("start", "end")],
+        "",  # no texture
+        part("sensor_msgs/msg/CompressedImage", header(time), "", EMPTY),
+        [],
+        label,
+        "",  # no mesh
+        part("visualization_msgs/msg/MeshFile", "", EMPTY),
+        False,
+    )

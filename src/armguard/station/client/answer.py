@@ -24,17 +24,24 @@ from armguard.station.client.fields import (
     SENT,
 )
 from armguard.station.client.welcome import Welcome
-from armguard.station.wire.layout import HEADER, MISSED, NOBODY, ROBOT, ROBOTS_AT
+from armguard.station.wire.layout import (
+    HEADER,
+    MISSED,
+    NOBODY,
+    OBJECTS_CHANGED,
+    ROBOT,
+    ROBOTS_AT,
+)
 from armguard.station.wire.words import Cause
 
 if TYPE_CHECKING:
     from armguard.guard.levels import Level, Reason
-    from armguard.respond.command import Action, Blocked
+    from armguard.respond.command import Action, Blocked, Held
 
 Floats = NDArray[np.float64]
 
-# As `Level` and `Action` number a stop.
-STOP_LEVEL, STOP_ACTION = 30, 10
+# As `Level` and `Action` number a stop, and the latter a robot that waits.
+STOP_LEVEL, STOP_ACTION, HOLD_ACTION = 30, 10, 5
 
 CAUSES = {int(cause): cause for cause in Cause}
 
@@ -57,6 +64,7 @@ class RobotNumbers(NamedTuple):
     age: float
     sender: int
     sequence: int
+    held_since: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,9 +125,9 @@ class Answer:
 
     def __repr__(self) -> str:
         return (
-            f"Answer(cycle={self.cycle}, cause={self.cause.name}, "
-            f"level={self.level_number}, action={self.action_number}, "
-            f"velocity={self.velocity})"
+            f"Answer(cycle={self.cycle}, level={self.level.name}, "
+            f"action={self.action.name}, cause={self.cause.name}, "
+            f"held={list(self.held)}, velocity={self.velocity})"
         )
 
     @property
@@ -200,6 +208,11 @@ class Answer:
         return bool(self._fields[FLAGS] & MISSED)
 
     @property
+    def objects_changed(self) -> bool:
+        """Whether an object was placed or removed within the last second."""
+        return bool(self._fields[FLAGS] & OBJECTS_CHANGED)
+
+    @property
     def commander(self) -> int:
         """Who commands; 0 for nobody."""
         return self._fields[COMMANDER]
@@ -213,7 +226,7 @@ class Answer:
     @property
     def stops(self) -> bool:
         """Whether any robot does not follow its operator."""
-        return self.action_number >= STOP_ACTION
+        return self.action_number >= HOLD_ACTION
 
     @property
     def age(self) -> float:
@@ -257,14 +270,44 @@ class Answer:
     @property
     def sentence(self) -> str:
         """The reason in words; `Client.call("why")` knows names and numbers as well."""
+        held = self.held
+        said = [one.sentence for one in held.values()]
+        if self.cause.stops or not held or self.reason_number:
+            said.append(self._reason_sentence())
+        return "; ".join(said)
+
+    def _reason_sentence(self) -> str:
         if self.cause.stops:
-            return self.cause.sentence
+            return self._cause_sentence()
         sentence = self.welcome.reasons[self.reason_number][1]
         near = self.nearest
         if near is not None and self.level_number:
             away = f"{near.a} to {near.b}: {near.distance * 1e3:.0f} mm"
             sentence = f"{sentence} ({away}, {near.clearance * 1e3:.0f} mm left)"
         return f"{sentence}; {self.cause.sentence}" if self.cause else sentence
+
+    def _cause_sentence(self) -> str:
+        sentence, welcome = self.cause.sentence, self.welcome
+        if self.cause is not Cause.DEADLINE_MISSED:
+            return sentence
+        return (
+            f"{sentence} ({welcome.period * 1e3:.1f} ms by --rate, and "
+            f"{welcome.text['late'] * 1e3:.1f} ms by --late)"
+        )
+
+    @property
+    def held(self) -> "dict[str, Held]":
+        """Robots that do not move before a person does something, and why not."""
+        if not any(row.held_since == row.held_since for row in self.numbers):
+            return {}
+        _, reason, _, blocked, held = words()
+        return {
+            name: held(
+                name, blocked(row.blocked), reason(row.stopped_by), row.held_since
+            )
+            for name, row in self._rows()
+            if row.held_since == row.held_since
+        }
 
     @property
     def blocked(self) -> "dict[str, Blocked]":
@@ -274,12 +317,12 @@ class Answer:
 
     @property
     def stopped_by(self) -> "dict[str, Reason]":
-        """Why each robot that is stopped or at rest was ordered to."""
+        """Why each robot that is stopped, at rest or held was ordered to stop."""
         reason = words().reason
         return {
             name: reason(row.stopped_by)
             for name, row in self._rows()
-            if row.level >= STOP_LEVEL
+            if row.level >= STOP_LEVEL or row.held_since == row.held_since
         }
 
     @property

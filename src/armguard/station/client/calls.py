@@ -48,7 +48,7 @@ class Calls:
         reply = self.reply or {}
         if reply["ok"]:
             return reply["result"]
-        raise RefusedError(reply["sentence"], reply["error"])
+        raise RefusedError(reply["sentence"], reply["error"], reply.get("reason", ""))
 
 
 def as_json(value: Any) -> Any:

@@ -1,7 +1,8 @@
 """A client of the service: controller, commander, observer, or all of them."""
 
 from collections.abc import Mapping
-from time import monotonic, monotonic_ns
+from pathlib import Path
+from time import monotonic, monotonic_ns, sleep
 from types import TracebackType
 from typing import Any, Self
 
@@ -15,9 +16,17 @@ from armguard.station.client.enums import words
 from armguard.station.client.welcome import Welcome
 from armguard.station.client.wishes import put_wish, twist_rows
 from armguard.station.errors import NoServiceError, RefusedError
-from armguard.station.wire.layout import GIVE_BACK, HELLO, SENSOR, Form, Kind
-from armguard.station.wire.seal import Seal
+from armguard.station.wire.keys import (
+    Keys,
+    Role,
+    found_keys,
+    key_of,
+)
+from armguard.station.wire.layout import GIVE_BACK, HELLO, NO_COOKIE, Form, Kind
 from armguard.station.wire.words import Cause
+
+# A key file that is not there yet is looked for that often [s].
+KEYS_EVERY = 0.02
 
 
 class Client:
@@ -32,10 +41,13 @@ class Client:
     Args:
         port: Port of the service.
         host: Its address.
-        key: Its key; empty for the public word.
+        role: What this client is to be allowed; the service knows it by the key that
+            seals its messages.
+        keys: The service's keys, or a file that holds them; if None the file that
+            `ARMGUARD_KEYS` names, else the one that a service of this user on this
+            machine has written.
         watchdog: After that much silence of the service its last answer is a stop [s].
         name: What to be called in its log.
-        sensor: Whether to place and remove objects without commanding.
         every: Cycles to one answer of those this client did not ask for; 0 for none.
 
     Example:
@@ -48,18 +60,18 @@ class Client:
         self,
         port: int = 47800,
         host: str = "127.0.0.1",
-        key: bytes = b"",
         watchdog: float = 0.1,
         *,
+        role: Role = Role.COMMAND,
+        keys: Keys | str | Path | None = None,
         name: str = "",
-        sensor: bool = False,
         every: int = 1,
     ) -> None:
         self._limit = watchdog
+        self._role, self._keys = role, keys
         self._name = name.encode()[:64]
-        self._flags = SENSOR if sensor else 0
         self._every = every
-        self._connection = Connection((host, port), Seal(key))
+        self._connection = Connection((host, port))
         self._calls = Calls()
         self._forget()
 
@@ -96,6 +108,11 @@ class Client:
         return self._dialogue.welcome is not None
 
     @property
+    def port(self) -> int:
+        """Port of the service."""
+        return self._connection.address[1]
+
+    @property
     def sender(self) -> int:
         """Number by which the service knows this client."""
         return self._connection.sender
@@ -104,6 +121,11 @@ class Client:
     def commands(self) -> bool:
         """Whether this client has the command, as far as it has heard."""
         return self._dialogue.command.token != 0
+
+    @property
+    def refusal(self) -> tuple[str, str] | None:
+        """Why the service dropped a message of this client last: cause and sentence."""
+        return self._dialogue.refusal
 
     @property
     def dropped(self) -> int:
@@ -129,19 +151,58 @@ class Client:
             timeout: How long to wait for an answer [s].
 
         Raises:
-            NoServiceError: None came.
+            NoServiceError: None came, or no service of this user runs there.
+            KeyFileError: The key file cannot be used.
+            RefusedError: The service has no room for another client.
         """
         words()
         self.close()
         self._forget()
-        self._connection.open()
-        if not self._dialogue.ask(self._hello, lambda: self.connected, timeout):
+        end = monotonic() + timeout
+        key, source = self._key(end)
+        self._connection.open(key)
+        dialogue = self._dialogue
+        if dialogue.ask(
+            self._hello, lambda: dialogue.cookie != NO_COOKIE, end - monotonic()
+        ):
+            dialogue.ask(
+                self._hello,
+                lambda: self.connected or dialogue.refusal,
+                end - monotonic(),
+            )
+        if not self.connected:
             self.close()
+            place = self._connection.place
+            if dialogue.refusal:
+                raise RefusedError(f"the service at {place}: {dialogue.refusal[1]}")
             raise NoServiceError(
-                f"no service answers at {self._connection.place} within {timeout} s; "
-                "either none runs there, or it has another key"
+                f"no service answers at {place} within {timeout} s; either none runs "
+                f"there, or it speaks another version, or its key for "
+                f"'{self._role.word}' is not the one in {source}; its log says which"
             )
         return self.welcome
+
+    def _key(self, end: float) -> tuple[bytes, str]:
+        """The key of this client's role, and where it came from.
+
+        A service that starts writes its keys first.
+
+        Args:
+            end: Until when to wait for them, on the monotonic clock [s].
+
+        Raises:
+            NoServiceError: No service of this user has written keys for that port.
+            KeyFileError: The file cannot be used, or has no such key.
+        """
+        while True:
+            try:
+                keys, source = found_keys(self._keys, self.port)
+                break
+            except NoServiceError:
+                if monotonic() >= end:
+                    raise
+                sleep(KEYS_EVERY)
+        return key_of(self._role, keys, source), source
 
     def send_state(
         self,
@@ -178,11 +239,11 @@ class Client:
         """Take the command.
 
         Args:
-            force: Whether to take it from who has it.
+            force: Whether to take it from its holder; that needs the role ADMINISTER.
             timeout: How long to wait for the answer [s].
 
         Raises:
-            RefusedError: Somebody else has it.
+            RefusedError: Another client has it, or this one's role may not.
             NoServiceError: The service does not answer.
         """
         connection, command = self._connection, self._dialogue.command
@@ -191,13 +252,24 @@ class Client:
             size = command.write(connection.outbox.payload, force)
             connection.say(Kind.CLAIM, size)
 
-        if not self._dialogue.ask(claim, lambda: command.grant is not None, timeout):
+        dialogue = self._dialogue
+        dialogue.refusal = None
+
+        def answered() -> bool:
+            return command.grant is not None or dialogue.may_not
+
+        if not dialogue.ask(claim, answered, timeout):
             raise NoServiceError("the service does not answer")
+        if dialogue.may_not:
+            raise RefusedError(
+                f"only a client with the key for 'command' may claim the command; this "
+                f"one has the key for '{self._role.word}'"
+            )
         granted, token, holder = command.grant or (False, 0, 0)
         if not granted:
             raise RefusedError(
                 f"client {holder:x} has the command; wait until it gives it back, or "
-                "claim it with force"
+                "claim it with force and the key for 'administer'"
             )
         command.token = token
 
@@ -285,7 +357,7 @@ class Client:
         cause = watchdog.cause
         if cause is Cause.NONE and answer is not None:
             return answer
-        return dialogue.stopped(cause or Cause.NO_ANSWER)
+        return dialogue.stopped(cause or dialogue.unanswered)
 
     def receive(self, timeout: float = 0.0) -> Answer | None:
         """The next answer that came in; None if there is none in time."""
@@ -297,15 +369,18 @@ class Client:
 
     @property
     def latest(self) -> Answer:
-        """The newest answer, or a stop where that is older than the watchdog."""
+        """The newest answer; a stop if it is too old, or not judged by own states."""
         if self._dialogue.welcome is None:
             return self._dialogue.stopped(Cause.NOT_CONNECTED)
         self._dialogue.drain()
         self._connection.keep_alive()
-        cause, newest = self._dialogue.watchdog.cause, self._dialogue.watchdog.newest
+        dialogue = self._dialogue
+        cause, newest = dialogue.watchdog.cause, dialogue.watchdog.newest
         if cause is Cause.NONE and newest is not None:
-            return newest
-        return self._dialogue.stopped(cause)
+            if dialogue.states.own(newest, self.sender):
+                return newest
+            cause = Cause.NOT_YOURS
+        return dialogue.stopped(cause)
 
     def call(self, call: str, /, *, timeout: float = 10.0, **arguments: Any) -> Any:
         """Call something between two cycles, see docs/service.md.
@@ -335,7 +410,7 @@ class Client:
         return calls.result()
 
     def stop(self) -> None:
-        """Order a stop of all robots; whoever is connected may."""
+        """Order a stop of all robots; every client may."""
         self._connection.say(Kind.STOP)
 
     def close(self) -> None:
@@ -347,7 +422,7 @@ class Client:
 
     def _hello(self) -> None:
         payload = self._connection.outbox.payload
-        HELLO.pack_into(payload, 0, self._flags, self._every)
+        HELLO.pack_into(payload, 0, self._role, self._every, self._dialogue.cookie)
         end = HELLO.size + len(self._name)
         payload[HELLO.size : end] = self._name
         self._connection.say(Kind.HELLO, end)

@@ -28,19 +28,21 @@ class Connection:
         outbox: Where messages are written.
         inbox: Where messages are received.
         socket: The socket; None before `open` and after `close`.
+        opened: When it was opened, monotonic [ns].
         dropped: Messages that could not be sent, and others that did not count.
 
     Args:
         address: See there.
-        seal: See there.
     """
 
-    def __init__(self, address: tuple[str, int], seal: Seal) -> None:
-        self.seal = seal
+    def __init__(self, address: tuple[str, int]) -> None:
+        # Fits nothing until `open` brings a key.
+        self.seal = Seal(secrets.token_bytes(16))
         self.sender = secrets.randbits(63) | 1
-        self.outbox, self.inbox = Outbox(seal, self.sender), Inbox(seal)
+        self.outbox = Outbox(self.seal, self.sender)
+        self.inbox = Inbox(self.seal)
         self.socket: socket.socket | None = None
-        self.dropped = 0
+        self.dropped = self.opened = 0
         self.address = address
         # The same socket once more, which waits: for how long it was asked to [s], and
         # whole milliseconds of that.
@@ -55,14 +57,18 @@ class Connection:
         host, port = self.address
         return f"{host}:{port}"
 
-    def open(self) -> None:
-        """From now on it takes messages of the service alone.
+    def open(self, key: bytes) -> None:
+        """Send and receive messages that are sealed with a key, from now on.
+
+        Args:
+            key: The key.
 
         Raises:
             NoServiceError: There is no way there.
         """
-        # The service remembers the sequence of who was here before.
-        self.sender = secrets.randbits(63) | 1
+        # The service remembers the sequence of the sender that was here before.
+        self.opened = time.monotonic_ns()
+        self.sender, self.seal = secrets.randbits(63) | 1, Seal(key)
         self.outbox, self.inbox = Outbox(self.seal, self.sender), Inbox(self.seal)
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:

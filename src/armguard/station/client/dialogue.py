@@ -3,6 +3,7 @@
 import struct
 from collections import deque
 from collections.abc import Callable
+from math import inf
 from time import monotonic, monotonic_ns
 
 import numpy as np
@@ -18,7 +19,13 @@ from armguard.station.client.states import States
 from armguard.station.client.stop import stop_answer
 from armguard.station.client.watchdog import Watchdog
 from armguard.station.client.welcome import NOTHING, Welcome
-from armguard.station.wire.layout import HEARTBEAT, Kind
+from armguard.station.wire.layout import (
+    CHALLENGE,
+    HEARTBEAT,
+    NO_COOKIE,
+    REFUSAL,
+    Kind,
+)
 from armguard.station.wire.words import Cause
 
 # Answers that wait to be received; older ones are given up.
@@ -26,6 +33,9 @@ KEPT = 256
 
 # A question that was not answered is asked again after this time [s].
 AGAIN = 0.2
+
+# A refusal explains a missing answer for that long [s].
+RECENT = 0.5
 
 
 class Dialogue:
@@ -40,6 +50,8 @@ class Dialogue:
         states: What is sent to it again and again.
         answers: Answers that wait to be received, oldest first.
         welcome: What it told about itself; None before that and after `end`.
+        cookie: What the next HELLO shows; zeros before the service has given one.
+        refusal: Cause and sentence of the newest REFUSAL; None if there was none.
 
     Args:
         connection: See there.
@@ -55,6 +67,9 @@ class Dialogue:
         self.states = States(connection)
         self.answers: deque[Answer] = deque(maxlen=KEPT)
         self.welcome: Welcome | None = None
+        self.cookie = NO_COOKIE
+        self.refusal: tuple[str, str] | None = None
+        self._refused = -inf
         self._handshake = Handshake(self.clock)
 
     def end(self) -> None:
@@ -76,6 +91,18 @@ class Dialogue:
 
         self.wait(answered, timeout)
         return self.watchdog.newest if answered() else None
+
+    @property
+    def may_not(self) -> bool:
+        """Whether the newest refusal is about this client's role."""
+        return self.refusal is not None and self.refusal[0] == "role"
+
+    @property
+    def unanswered(self) -> Cause:
+        """Why a state has no answer, though the service lives."""
+        told = self.refusal is not None and self.refusal[0] == "second_controller"
+        recent = monotonic() - self._refused < RECENT
+        return Cause.NOT_YOURS if told and recent else Cause.NO_ANSWER
 
     def stopped(self, cause: Cause) -> Answer:
         """What robots are told where nothing counts that was heard."""
@@ -144,6 +171,12 @@ class Dialogue:
         connection, kind = self.connection, head.kind
         if kind == Kind.WELCOME:
             return self._take_welcome(head, payload)
+        if kind == Kind.CHALLENGE:
+            return self._take_challenge(head, payload)
+        if kind == Kind.REFUSAL and head.session == connection.outbox.session:
+            cause, _, sentence = bytes(payload[REFUSAL.size :]).decode().partition(":")
+            self.refusal, self._refused = (cause, sentence), monotonic()
+            return True
         if self.welcome is None or head.session != connection.outbox.session:
             return False
         connection.inbox.last = head.sequence
@@ -161,6 +194,14 @@ class Dialogue:
             self.watchdog.gone = True
         return True
 
+    def _take_challenge(self, head: Head, payload: memoryview) -> bool:
+        """Take over the cookie for the next HELLO; False if it is an older one's."""
+        asked, cookie = CHALLENGE.unpack_from(payload)
+        if self.welcome is not None or asked < self.connection.opened:
+            return False
+        self.connection.outbox.session, self.cookie = head.session, cookie
+        return True
+
     def _take_welcome(self, head: Head, payload: memoryview) -> bool:
         """Take a part of a WELCOME over; False if it is another service's."""
         outbox, inbox = self.connection.outbox, self.connection.inbox
@@ -175,6 +216,8 @@ class Dialogue:
         if head.scene != outbox.scene:
             self.watchdog.newest = None
         outbox.session, outbox.scene = head.session, head.scene
+        # The earliest time it may be: a message is never older than its stamp says.
+        outbox.ahead = round((self.clock.offset - self.clock.bound) / NANO)
         inbox.expect(head.session, head.scene, welcome, self.clock)
         self.states.expect(welcome)
         self.welcome = welcome

@@ -33,9 +33,12 @@ JOINTS_AT = HEADER.size + STATE.size
 class StateMessage:
     """The STATEs of one client that tell of the same robots.
 
+    Attributes:
+        bits: Its robots: bit k for robot k.
+
     Args:
         connection: Where they are sent; it knows session and scene by now.
-        bits: Which robots.
+        bits: See there.
         joints: How many joints k they have together.
         velocities: Whether it tells velocities.
         wish: Whether it wishes for velocities.
@@ -52,7 +55,7 @@ class StateMessage:
     ) -> None:
         self._outbox = outbox = connection.outbox
         self._seal = connection.seal
-        self._bits, self._joints = bits, joints
+        self.bits, self._joints = bits, joints
         self._flags = (HAS_VELOCITY if velocities else 0) | (HAS_WISH if wish else 0)
         told = 8 * joints * (2 if velocities else 1)
         end = JOINTS_AT + told
@@ -103,7 +106,8 @@ class StateMessage:
         """
         outbox = self._outbox
         outbox.sequence = sequence = outbox.sequence + 1
-        changing = sequence, now, self._bits, self._flags, stamp
+        sent = now + outbox.ahead
+        changing = sequence, sent, self.bits, self._flags, stamp
         try:
             if wish is None:
                 self._changing.pack_into(self._buffer, SEQUENCE_AT, *changing)

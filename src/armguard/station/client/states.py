@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.station.client.answer import Answer
 from armguard.station.client.connection import Connection
 from armguard.station.client.state_message import StateMessage
 from armguard.station.client.welcome import Welcome
@@ -25,6 +26,8 @@ class States:
         self._connection = connection
         self._welcome: Welcome | None = None
         self._made: dict[Form, StateMessage] = {}
+        # Robots whose states were sent, as bits.
+        self._sent = 0
         self._whole: StateMessage | None = None
 
     @property
@@ -36,6 +39,22 @@ class States:
         """From now on they are for this scene; None for none."""
         self._welcome = welcome
         self._made.clear()
+        self._sent = 0
+
+    def own(self, answer: Answer, sender: int) -> bool:
+        """Whether robots of this controller were judged by its own states.
+
+        Args:
+            answer: The answer.
+            sender: Number of this client.
+        """
+        if not self._sent:
+            return True
+        return all(
+            row.sender == sender
+            for k, row in enumerate(answer.numbers)
+            if self._sent >> k & 1
+        )
 
     def of(
         self, robots: str | tuple[str, ...] | None, velocities: bool, wish: bool
@@ -57,6 +76,7 @@ class States:
             state = self._made[form] = self._make(robots, velocities, wish)
         if robots is None:
             self._whole = state
+        self._sent |= state.bits
         return state
 
     def _make(

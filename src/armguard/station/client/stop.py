@@ -21,7 +21,7 @@ from armguard.station.wire.words import Cause
 Floats = NDArray[np.float64]
 
 # What a robot is told by a client that has heard nothing.
-STOPPED = RobotNumbers(STOP_LEVEL, STOP_ACTION, 0, 0, 0.0, 1.0, inf, 0, 0)
+STOPPED = RobotNumbers(STOP_LEVEL, STOP_ACTION, 0, 0, 0.0, 1.0, inf, 0, 0, nan)
 
 
 def stop_answer(

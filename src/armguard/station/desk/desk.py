@@ -10,14 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.kernel import kernel
-from armguard.ledger import (
-    Ledger,
-    ledger_at,
-    matrix_f8,
-    vector_f8,
-    vector_i8,
-)
+from armguard.table import LongVector, Matrix, Vector, opener
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -54,10 +47,9 @@ LEVEL = 24  # the highest level, its reason
 REASON = 25
 GIVEN = 26
 
-# What to ask a guard.
+# What to ask a guard; any other number is the `Reason` of a stop.
 AS_WISHED = 0  # what the commander wishes for
 NOTHING = 1  # that nothing moves, or where positions were wished for that they are held
-STOP = 2  # a stop
 
 # What came of a message, see `DROPS`.
 TAKEN = 0
@@ -106,68 +98,35 @@ class Desk(NamedTuple):
             silent, shape (n,).
         asked: What the guard was asked for last, shape (max(n, 6 MOST_TWISTS),).
         numbers: The verdict's numbers, see `armguard.guard.layout`.
-        told: What robots were told, as `Command` cuts it, shape (4 n + 2 r,).
+        told: What robots were told, as `Command` cuts it, shape (4 n + 4 r,).
         body_of: Index in a COMMAND of the body of each primitive, shape (p,).
         level_of: Level of each reason, shape (k,).
         first_row: Where near pairs start in `numbers`, shape (1,).
     """
 
-    given: Longs
-    message: Floats
-    answer: Floats
-    q: Floats
-    velocity: Floats
-    stamps: Floats
-    measured: Longs
-    sender: Longs
-    sequence: Longs
-    heard: Longs
-    first_joint: Longs
-    joint_count: Longs
-    wish: Floats
-    twists: Floats
-    tools: Floats
-    rows: Floats
-    held: Floats
-    asked: Floats
-    numbers: Floats
-    told: Floats
-    body_of: Longs
-    level_of: Longs
-    first_row: Longs
+    given: LongVector
+    message: Vector
+    answer: Vector
+    q: Vector
+    velocity: Vector
+    stamps: Vector
+    measured: LongVector
+    sender: LongVector
+    sequence: LongVector
+    heard: LongVector
+    first_joint: LongVector
+    joint_count: LongVector
+    wish: Vector
+    twists: Matrix
+    tools: Matrix
+    rows: Vector
+    held: Vector
+    asked: Vector
+    numbers: Vector
+    told: Vector
+    body_of: LongVector
+    level_of: LongVector
+    first_row: LongVector
 
 
-def desk_ledger(desk: Desk) -> Ledger:
-    """The arrays in the order `open_desk` expects."""
-    return Ledger(desk)
-
-
-@kernel
-def open_desk(address: int) -> Desk:
-    """The desk a ledger leads to, by that one's address."""
-    lines = ledger_at(address)
-    return Desk(
-        vector_i8(lines, 0),
-        vector_f8(lines, 1),
-        vector_f8(lines, 2),
-        vector_f8(lines, 3),
-        vector_f8(lines, 4),
-        vector_f8(lines, 5),
-        vector_i8(lines, 6),
-        vector_i8(lines, 7),
-        vector_i8(lines, 8),
-        vector_i8(lines, 9),
-        vector_i8(lines, 10),
-        vector_i8(lines, 11),
-        vector_f8(lines, 12),
-        matrix_f8(lines, 13),
-        matrix_f8(lines, 14),
-        vector_f8(lines, 15),
-        vector_f8(lines, 16),
-        vector_f8(lines, 17),
-        vector_f8(lines, 18),
-        vector_f8(lines, 19),
-        vector_i8(lines, 20),
-        vector_i8(lines, 21),
-        vector_i8(lines, 22),
-    )
+open_desk = opener(Desk)

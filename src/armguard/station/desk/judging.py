@@ -9,6 +9,7 @@ from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, open_watch
 from armguard.guard.workspace import WATCH, open_workspace
 from armguard.kernel import kernel
 from armguard.respond.state import POSITIONS as TO_POSITIONS
+from armguard.respond.state import STANDSTILL as TO_STAND_STILL
 from armguard.respond.state import (
     TOOL_TWIST,
     TWIST_ROW,
@@ -25,7 +26,6 @@ from armguard.station.desk.desk import (
     MEASURED,
     NOTHING,
     START,
-    STOP,
     TWIST_AT,
     USED,
     WISH_COUNT,
@@ -34,11 +34,13 @@ from armguard.station.desk.desk import (
     open_desk,
 )
 from armguard.station.desk.telling import write_answer
+from armguard.station.frames import Form as Asked
 from armguard.station.wire.layout import Form
 
 Longs = NDArray[np.int64]
 
 VELOCITIES, POSITIONS, TWISTS = (int(form) for form in Form)
+STOP = int(Asked.STOP)
 
 
 @kernel(inline=False, entry=True)
@@ -66,6 +68,9 @@ def begin_judging(address: int, response: Longs, lines: Longs) -> int:
         return int(
             begin_filtered_cycle(d.q, BY_TWISTS, d.rows[:count], response, lines)
         )
+    if given[ASKED_FORM] == STOP:
+        stop = d.asked[:1]
+        return int(begin_filtered_cycle(d.q, TO_STAND_STILL, stop, response, lines))
     form = TO_POSITIONS if given[ASKED_FORM] == POSITIONS else BY_VELOCITIES
     asked = d.asked[: d.q.shape[0]]
     return int(begin_filtered_cycle(d.q, form, asked, response, lines))
@@ -118,14 +123,16 @@ def choose(d: Desk) -> None:
         for j in range(n):
             d.asked[j] = d.wish[j]
         return
-    holds = given[ASK] == NOTHING and form == POSITIONS
+    if given[ASK] != NOTHING:
+        given[ASKED_FORM], given[ASKED_COUNT] = STOP, 1
+        d.asked[0] = given[ASK]
+        return
+    holds = form == POSITIONS
     for j in range(n):
         holds &= isfinite(d.held[j])
     given[ASKED_FORM] = POSITIONS if holds else VELOCITIES
-    # A wish that is none is how a guard is told to stop.
-    other = np.nan if given[ASK] == STOP else 0.0
     for j in range(n):
-        d.asked[j] = d.held[j] if holds else other
+        d.asked[j] = d.held[j] if holds else 0.0
 
 
 @kernel

@@ -60,7 +60,7 @@ def desk_of(
         held=np.full(n, np.nan),
         asked=np.zeros(max(n, 6 * MOST_TWISTS)),
         numbers=np.zeros(first_row + most * layout.NEAR_WIDTH),
-        told=np.zeros(4 * n + 2 * r),
+        told=np.zeros(4 * n + 4 * r),
         body_of=np.array([place[b] for b in tables.body_names], dtype=np.int64),
         level_of=levels,
         first_row=np.array([first_row], dtype=np.int64),

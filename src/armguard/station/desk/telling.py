@@ -65,13 +65,14 @@ STOP_LEVEL = int(Level.STOP)
 BRAKE_LEVEL = int(Level.BRAKE)
 HARDWARE_LEVEL = int(Level.HARDWARE_STOP)
 FOLLOW = int(Action.FOLLOW)
+HOLD = int(Action.HOLD)
 STOP_ACTION = int(Action.STOP)
 BRAKE_ACTION = int(ACTIONS[Level.BRAKE])
 HARDWARE_ACTION = int(ACTIONS[Level.HARDWARE_STOP])
 MOVING = tuple(int(phase) for phase in DRIVEN)
 
-# From this cause on nothing that was judged counts.
-LOST = int(Cause.DEADLINE_MISSED)
+# Causes for which nothing that was judged counts.
+FIRST_LOST, LAST_LOST = int(Cause.DEADLINE_MISSED), int(Cause.WAITING)
 
 
 @kernel(inline=False, entry=True)
@@ -86,7 +87,7 @@ def write_answer(address: int) -> None:
     given, numbers, told, words = d.given, d.numbers, d.told, d.answer
     longs = as_i8(words)
     n, robots = d.q.shape[0], d.first_joint.shape[0]
-    lost = given[CAUSE] >= LOST
+    lost = FIRST_LOST <= given[CAUSE] <= LAST_LOST
     reason = int(numbers[REASON_IN_NUMBERS])
     level, action = STOP_LEVEL, FOLLOW
     if 0 <= reason < d.level_of.shape[0]:
@@ -128,8 +129,11 @@ def write_robot(r: int, lost: bool, d: Desk) -> tuple[int, int]:
     row = ROBOTS_IN_NUMBERS + r * ROBOT_WIDTH
     own = int(numbers[row + ROBOT_LEVEL])
     phase = told[4 * n + robots + r]
+    since = told[4 * n + 2 * robots + r]
     obeys = STOP_ACTION
-    if phase in MOVING:
+    if since == since:
+        obeys = HOLD
+    elif phase in MOVING:
         obeys = FOLLOW
     elif own == BRAKE_LEVEL:
         obeys = BRAKE_ACTION
@@ -146,6 +150,7 @@ def write_robot(r: int, lost: bool, d: Desk) -> tuple[int, int]:
     f4[2 * at + 3] = numbers[row + ROBOT_URGENCY]
     words[at + 2] = numbers[row + ROBOT_AGE]
     longs[at + 3], longs[at + 4] = d.sender[r], d.sequence[r]
+    words[at + 5] = since
     return own, obeys
 
 

@@ -1,31 +1,23 @@
 """The exporter as a process: `python -m armguard.station.exporter`."""
 
 import argparse
-import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
-import numpy as np
-
+from armguard.entry import run_program
 from armguard.errors import ArmguardError
 from armguard.station.errors import StationError
 from armguard.station.exporter.collector import registry_of
-from armguard.station.exporter.page import Page
+from armguard.station.exporter.page import start_page
 from armguard.station.ring import RingReader
-from armguard.station.service.counters import HEAD, CountersReader, counters_path
-
-Thing = TypeVar("Thing")
+from armguard.station.service.counters import CountersReader, counters_path
+from armguard.station.service.rings import lives
 
 # How often it is looked whether the service is still there [s].
 LOOK = 0.5
-
-# Place of the process in the head of counters.
-PROCESS = 4
 
 
 def main() -> int:
@@ -39,57 +31,43 @@ def main() -> int:
     ended = threading.Event()
     for name in (signal.SIGTERM, signal.SIGINT):
         signal.signal(name, lambda number, frame: ended.set())
-    end = time.monotonic() + options.wait
+    path = options.counters or counters_path(options.ring)
     try:
-        path = options.counters or counters_path(options.ring)
-        ring = awaited(lambda: RingReader(options.ring), end, ended)
-        counters = awaited(lambda: CountersReader(path), end, ended)
-        process = process_of(path)
-        with Page(registry_of(counters, ring, process), options.port) as page:
-            print(f"metrics at http://127.0.0.1:{page.port}/metrics", flush=True)
-            while not ended.wait(LOOK):
-                if ring.closed or not alive(process):
-                    break
+        ring, counters = opened(options.ring, path, options.wait, ended)
+        process = counters.process
+        page = start_page(registry_of(counters, ring, process), options.port)
+        print(f"metrics at http://127.0.0.1:{page.server_port}/metrics", flush=True)
+        while not (ended.wait(LOOK) or ring.closed) and lives(process):
+            pass
+        page.shutdown()
     except ArmguardError as error:
         print(f"exporter: {error}", file=sys.stderr)
         return 2
     return 0
 
 
-def awaited(open_it: Callable[[], Thing], end: float, ended: threading.Event) -> Thing:
-    """What a service that is being started will have made soon.
+def opened(
+    ring: Path, counters: Path, patience: float, ended: threading.Event
+) -> tuple[RingReader, CountersReader]:
+    """Ring and counters, which a service that is being started will have made soon.
 
     Args:
-        open_it: Opens it.
-        end: When to give up, monotonic [s].
+        ring: Its ring.
+        counters: Its counters.
+        patience: When to give up [s].
         ended: Whether to give up at once.
 
     Raises:
-        StationError: It is not there in time.
+        StationError: They are not there in time.
     """
+    end = time.monotonic() + patience
     while True:
         try:
-            return open_it()
+            return RingReader(ring), CountersReader(counters)
         except StationError:
             if time.monotonic() > end or ended.wait(LOOK):
                 raise
 
 
-def process_of(path: Path) -> int:
-    """The process that writes counters, from their head."""
-    return int(np.fromfile(path, np.int64, HEAD)[PROCESS])
-
-
-def alive(process: int) -> bool:
-    """Whether a process is there."""
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    run_program(main, "exporter:")

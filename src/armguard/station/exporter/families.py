@@ -51,6 +51,7 @@ COUNTS = {
     "commander_lost": "Commanders that lost the command because they were silent",
     "controllers_silent": "Controllers that fell silent",
     "companions_ended": "Companions that have ended while the service ran",
+    "companions_restarted": "Recorders that were started again",
 }
 DROPPED = "dropped_"
 
@@ -74,6 +75,16 @@ EDGES = [
 assert FIRST > FINE
 
 
+def gauge(name: str, meaning: str, value: float) -> Metric:
+    """A number that goes up and down."""
+    return GaugeMetricFamily(f"{PREFIX}_{name}", meaning, value)
+
+
+def count(name: str, meaning: str, value: float) -> Metric:
+    """A number that only grows."""
+    return CounterMetricFamily(f"{PREFIX}_{name}", meaning, value)
+
+
 def counted(reader: CountersReader) -> Iterator[Metric]:
     """Counters and stops."""
     dropped = CounterMetricFamily(
@@ -83,28 +94,28 @@ def counted(reader: CountersReader) -> Iterator[Metric]:
         if name.startswith(DROPPED):
             dropped.add_metric([name.removeprefix(DROPPED)], value)
         elif name in GAUGES:
-            yield GaugeMetricFamily(f"{PREFIX}_{name}", GAUGES[name], value)
+            yield gauge(name, GAUGES[name], value)
         else:
             # One that was added to the service is told, if only by its name.
-            meaning = COUNTS.get(name, name.replace("_", " "))
-            yield CounterMetricFamily(f"{PREFIX}_{name}", meaning, value)
+            yield count(name, COUNTS.get(name, name.replace("_", " ")), value)
     yield dropped
     stops = CounterMetricFamily(
         f"{PREFIX}_stops", "Stops by their reason", labels=["reason"]
     )
-    for number, count in reader.stops().items():
-        stops.add_metric([reason_name(number)], count)
+    for number, found in reader.stops().items():
+        stops.add_metric([reason_name(number)], found)
     yield stops
 
 
 def reason_name(number: int) -> str:
     """Name of the reason of a stop, as the service numbers them."""
     try:
-        if number >= FIRST_CAUSE:
-            return Cause(number - FIRST_CAUSE).name
-        return Reason(number).name
+        reason: Reason | Cause = (
+            Reason(number) if number < FIRST_CAUSE else Cause(number - FIRST_CAUSE)
+        )
     except ValueError:
         return str(number)
+    return reason.name
 
 
 def timed(reader: CountersReader) -> Iterator[Metric]:

@@ -1,9 +1,10 @@
 """The page Prometheus asks for, on this machine's loopback."""
 
-from types import TracebackType
-from typing import Self
+from collections.abc import Iterable
+from wsgiref.simple_server import WSGIServer
+from wsgiref.types import StartResponse, WSGIEnvironment
 
-from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client import CollectorRegistry, make_wsgi_app, start_http_server
 
 from armguard.station.errors import StationError
 
@@ -14,11 +15,11 @@ class ExporterError(StationError, RuntimeError):
     """The exporter cannot start."""
 
 
-class Page:
-    """Serves metrics at http://127.0.0.1:PORT/metrics until it is closed.
+def start_page(registry: CollectorRegistry, port: int) -> WSGIServer:
+    """Serve metrics at http://127.0.0.1:PORT/metrics until the server is shut down.
 
-    Attributes:
-        port: Where.
+    Only who asks for this machine by a name of its own gets an answer: a page of the
+    web that has its own name lead here asks for that name.
 
     Args:
         registry: The metrics.
@@ -27,28 +28,23 @@ class Page:
     Raises:
         ExporterError: The port is taken.
     """
+    try:
+        # Its page is empty until the one that looks at names takes its place.
+        server, _ = start_http_server(port, LOOPBACK, CollectorRegistry())
+    except OSError as error:
+        raise ExporterError(
+            f"cannot serve metrics on {LOOPBACK}:{port}: {error.strerror}; choose "
+            "another port"
+        ) from error
+    metrics = make_wsgi_app(registry)
+    own = [f"{name}:{server.server_port}" for name in (LOOPBACK, "localhost")]
 
-    def __init__(self, registry: CollectorRegistry, port: int) -> None:
-        try:
-            self._server, self._thread = start_http_server(
-                port, addr=LOOPBACK, registry=registry
-            )
-        except OSError as error:
-            raise ExporterError(
-                f"cannot serve metrics on {LOOPBACK}:{port}: {error.strerror}; choose "
-                "another port"
-            ) from error
-        self.port = self._server.server_port
+    def answer(request: WSGIEnvironment, respond: StartResponse) -> Iterable[bytes]:
+        if request.get("HTTP_HOST") not in own:
+            respond("421 Misdirected Request", [("Content-Type", "text/plain")])
+            return [f"ask for {own[0]}\n".encode()]
+        page: Iterable[bytes] = metrics(request, respond)
+        return page
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join()
+    server.set_app(answer)
+    return server

@@ -3,16 +3,22 @@
 import os
 import signal
 import socket
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+from armguard.geometry.pose import Pose
 from armguard.station.client import Client
-from armguard.station.errors import RefusedError
+from armguard.station.errors import NoServiceError, RefusedError
 from armguard.station.faults.fault import Unplayable
 from armguard.station.faults.playground import Playground
 from armguard.station.faults.relay import Tamper, honest
+from armguard.station.faults.tampering import kind_of
+from armguard.station.wire import Cause, Kind, Outbox, Role, Seal
+from armguard.station.wire.keys import keys_path
+from armguard.station.wire.layout import HELLO, MOST, NO_COOKIE
 
 Doing = Callable[[Playground], AbstractContextManager[None]]
 
@@ -111,7 +117,196 @@ def second_controller(ground: Playground) -> Iterator[None]:
         for _ in range(INTRUDES):
             other.send_state([0.1] * len(other.welcome.names))
             ground.watch(EVERY)
+        if not other.latest.stops:
+            raise AssertionError("the second controller is not stopped")
         yield
+
+
+@contextmanager
+def observer_commands(ground: Playground) -> Iterator[None]:
+    """A client with the key for 'observe' claims with force, and sends all there is."""
+    with Client(
+        ground.stage.port, role=Role.OBSERVE, name="observer", every=0
+    ) as other:
+        other.connect()
+        try:
+            other.claim(force=True)
+        except RefusedError:
+            pass
+        else:
+            raise AssertionError("an observer has the command")
+        for _ in range(INTRUDES):
+            other.send_state([0.1] * len(other.welcome.names))
+            other.send_velocities([9.0] * len(other.welcome.names))
+            ground.watch(EVERY)
+        yield
+
+
+@contextmanager
+def without_key(ground: Playground) -> Iterator[None]:
+    """A client without a key says hello, and orders a stop."""
+    outbox = Outbox(Seal(b"armguard-public-"), 4711)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.connect(("127.0.0.1", ground.stage.port))
+        for _ in range(INTRUDES):
+            for role in Role:
+                hello = HELLO.pack(role, 1, NO_COOKIE)
+                one.send(outbox.message(Kind.HELLO, hello))
+            one.send(outbox.message(Kind.STOP))
+            ground.watch(EVERY)
+        if is_answered(one, Kind.CHALLENGE, Kind.WELCOME):
+            raise AssertionError("a client without a key is answered")
+        yield
+
+
+@contextmanager
+def hello_replayed(ground: Playground) -> Iterator[None]:
+    """Both HELLOs of a client are sent again, from elsewhere, after it has left."""
+    relay, heard = ground.relay, list[bytes]()
+
+    def overhear(message: bytes, up: bool) -> Sequence[tuple[float, bytes]]:
+        if up and kind_of(message) == Kind.HELLO:
+            heard.append(message)
+        return honest(message, up)
+
+    relay.tamper = overhear
+    try:
+        keys = keys_path(ground.stage.port)
+        with Client(relay.port, role=Role.OBSERVE, keys=keys, every=0) as other:
+            other.connect()
+    finally:
+        relay.tamper = honest
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.connect(("127.0.0.1", ground.stage.port))
+        for _ in range(INTRUDES):
+            for message in heard:
+                one.send(message)
+            ground.watch(EVERY)
+        if is_answered(one, Kind.WELCOME):
+            raise AssertionError("a HELLO that was overheard is answered")
+        yield
+
+
+def is_answered(one: socket.socket, *kinds: Kind) -> bool:
+    """Whether a message of one of some kinds came in."""
+    one.setblocking(False)
+    with suppress(OSError):
+        while True:
+            if kind_of(one.recv(MOST)) in kinds:
+                return True
+    return False
+
+
+@contextmanager
+def fixtures_removed(ground: Playground) -> Iterator[None]:
+    """Clients remove what the scene does not call movable, with all keys there are."""
+    names = [name for name, thing in ground.scene.objects.items() if not thing.movable]
+    if not names:
+        raise Unplayable("the scene has no fixture")
+    for role in Role:
+        with Client(ground.stage.port, role=role, name="remover", every=0) as other:
+            other.connect()
+            for name in names:
+                try:
+                    other.call("remove", name=name)
+                except RefusedError:
+                    continue
+                raise AssertionError(f"a client for '{role.word}' has removed '{name}'")
+    yield
+
+
+@contextmanager
+def object_placed(ground: Playground) -> Iterator[None]:
+    """A sensor places an object far from the arms; every answer says so."""
+    objects = ground.scene.objects
+    free = [name for name, one in objects.items() if one.movable and not one.present]
+    if not free:
+        raise Unplayable("the scene has no movable object that is not there yet")
+    with Client(ground.stage.port, role=Role.SENSE, name="camera", every=0) as sensor:
+        sensor.connect()
+        seen: dict[str, Any] = {"name": free[0], "pose": Pose(xyz=FAR)}
+        if objects[free[0]].top_speed > 0.0:
+            # Where a moving object may be counts from when it was seen.
+            seen["stamp"] = sensor.clock()
+        sensor.call("place", **seen)
+        yield
+        if not any(answer.objects_changed for answer in ground.answers):
+            raise AssertionError("the answers do not say that an object was placed")
+        sensor.call("remove", name=free[0])
+
+
+def wrongly_seen(wrong: Callable[[float], Mapping[str, Any]], refused: str) -> Doing:
+    """A sensor sees an object that moves, and then sees it as it cannot be.
+
+    Args:
+        wrong: What of the second sighting is wrong, by the time of the first.
+        refused: Name of the reason that the service gives.
+    """
+
+    @contextmanager
+    def inject(ground: Playground) -> Iterator[None]:
+        objects = ground.scene.objects.items()
+        moving = [name for name, one in objects if one.top_speed and not one.present]
+        if not moving:
+            raise Unplayable("the scene has no object with a top_speed to be placed")
+        with Client(ground.stage.port, role=Role.SENSE, name="eye", every=0) as sensor:
+            sensor.connect()
+            seen: dict[str, Any] = {"name": moving[0], "pose": Pose(xyz=FAR)}
+            first = sensor.clock()
+            sensor.call("place", **seen, stamp=first)
+            try:
+                sensor.call("place", **{**seen, "stamp": first, **wrong(first)})
+            except RefusedError as error:
+                if error.reason != refused:
+                    raise AssertionError(f"it was refused for {error}") from error
+            else:
+                raise AssertionError("a sighting that cannot be true was believed")
+            yield
+            sensor.call("remove", name=moving[0])
+
+    return inject
+
+
+@contextmanager
+def calls_flood(ground: Playground) -> Iterator[None]:
+    """An observer calls all the time, and does not wait for replies."""
+    with Client(ground.stage.port, role=Role.OBSERVE, name="caller", every=0) as other:
+        other.connect()
+        for _ in range(INTRUDES):
+            for _ in range(CALLS_AT_ONCE):
+                with suppress(NoServiceError):
+                    other.call("why", timeout=AT_ONCE)
+            ground.watch(EVERY)
+        yield
+
+
+@contextmanager
+def clients_come_and_go(ground: Playground) -> Iterator[None]:
+    """Many clients connect and say good-bye, more than there is room for at a time."""
+    for _ in range(COME):
+        with Client(ground.stage.port, role=Role.OBSERVE, every=0) as one:
+            one.connect()
+        ground.watch(0.0)
+    yield
+
+
+@contextmanager
+def killed_and_back(ground: Playground) -> Iterator[None]:
+    """The service is killed in motion, kill -9, and is there again at once."""
+    crew = ground.stage.crew
+    crew.send("service", signal.SIGKILL)
+    crew["service"].wait()
+    ground.stage.start_service()
+    ground.listen_again()
+    ground.watch_until(lambda: says(ground, Cause.RESTARTED), BACK)
+    if not says(ground, Cause.RESTARTED):
+        raise AssertionError("the service does not say that it follows a killed one")
+    yield
+
+
+def says(ground: Playground, cause: Cause) -> bool:
+    """Whether an answer has a cause."""
+    return any(answer.cause is cause for answer in ground.answers)
 
 
 @contextmanager
@@ -162,6 +357,22 @@ def flooded(ground: Playground) -> Iterator[None]:
             ground.watch(EVERY)
         yield
 
+
+# An object in a corner of the bay, where no arm reaches [m].
+FAR = (1.1, 1.1, 0.1)
+
+# Another one, which nothing gets to in a cycle.
+FARTHER = (1.1, -1.1, 0.1)
+
+# Calls made at once, more than a client has between two heartbeats, and how long it
+# waits for each reply [s].
+CALLS_AT_ONCE, AT_ONCE = 30, 1e-4
+
+# Clients that come and go.
+COME = 200
+
+# Longest time until arms hear of a service that is back [s].
+BACK = 5.0
 
 # The service with a wall clock that goes back by an hour when a file is there.
 SET_BACK = """

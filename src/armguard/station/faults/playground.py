@@ -18,7 +18,8 @@ from armguard.station.faults.relay import Relay
 from armguard.station.ring import RingReader
 from armguard.station.service.counters import CountersReader
 from armguard.station.simulated.stage import Stage
-from armguard.station.wire import Seal
+from armguard.station.wire import Role, Seal, read_keys
+from armguard.station.wire.keys import keys_path
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class Playground:
 
     Attributes:
         stage: The processes.
-        seal: Seal of all messages.
+        scene: The scene.
         began: When the last fault began, monotonic [s].
         before: What the service had counted then.
         answers: What the observer was told since the last fault began.
@@ -50,7 +51,7 @@ class Playground:
 
     Args:
         what: A scene file, or a bundled scene.
-        scene: The same, read.
+        scene: See there.
         folder: Where files go.
         options: Further arguments of the service.
         rate: Its rate [Hz].
@@ -72,11 +73,10 @@ class Playground:
         self.before: Mapping[str, int] = {}
         self.slack = slack
         self.folder = folder
-        self.seal = Seal()
         self.answers: list[Answer] = []
         self.truth: list[Floats] = []
         self.least = np.inf
-        self._what, self._scene = what, scene
+        self._what, self.scene = what, scene
         self._log = (folder / "log").open("ab")
         self._rate, self._late = rate, late
         self._options = (
@@ -96,6 +96,11 @@ class Playground:
     ) -> None:
         self.close()
         self._log.close()
+
+    @property
+    def seal(self) -> Seal:
+        """Seal of the messages of arms and operator."""
+        return Seal(read_keys(keys_path(self.stage.port))[Role.COMMAND])
 
     @property
     def relay(self) -> Relay:
@@ -225,7 +230,7 @@ class Playground:
 
     def delay(self, name: str) -> float:
         """A declared delay by its name in `Fault.within` [s]."""
-        figures = [r.stopping for r in self._scene.robots.values() if r.stopping]
+        figures = [r.stopping for r in self.scene.robots.values() if r.stopping]
         stale = max(f.stale for f in figures)
         period = 1.0 / self._rate
         delays: Mapping[str, Callable[[], float]] = {
@@ -244,7 +249,7 @@ class Playground:
     def stopping_time(self) -> float:
         """Longest time from an order until an arm rests and is held [s]."""
         times = []
-        for robot in self._scene.robots.values():
+        for robot in self.scene.robots.values():
             figures = robot.stopping
             assert figures is not None
             brakes = figures.velocity / figures.deceleration
@@ -254,23 +259,23 @@ class Playground:
 
     def held(self, row: Floats) -> bool:
         """Whether all arms are held in a row of the truth."""
-        return bool(row[1 : 1 + len(self._scene.robots)].all())
+        return bool(row[1 : 1 + len(self.scene.robots)].all())
 
     def rests(self, row: Floats) -> bool:
         """Whether no joint moves in a row of the truth."""
-        n = len(self._scene.q_names)
+        n = len(self.scene.q_names)
         return bool((np.abs(row[-n:]) < MOVES).all())
 
     def _moves(self, row: Floats) -> bool:
         """Whether every arm moves in a row of the truth."""
-        velocities = row[-len(self._scene.q_names) :]
+        velocities = row[-len(self.scene.q_names) :]
         first = 0
-        for robot in self._scene.robots.values():
+        for robot in self.scene.robots.values():
             count = len(robot.model.q_names)
             if not (np.abs(velocities[first : first + count]) > MOVES).any():
                 return False
             first += count
-        return not row[1 : 1 + len(self._scene.robots)].any()
+        return not row[1 : 1 + len(self.scene.robots)].any()
 
     def _engage(self) -> None:
         """Have the operator press his button."""

@@ -6,11 +6,12 @@ it.
 
 from collections.abc import Callable
 
-from armguard.station.faults import doings, tampering
+from armguard.geometry.pose import Pose
+from armguard.station.faults import doings, doors, tampering
 from armguard.station.faults.doings import Doing, tampered
 from armguard.station.faults.fault import Effect, Fault
 from armguard.station.faults.playground import Playground
-from armguard.station.faults.tampering import STATES, WISHES, on, rewritten
+from armguard.station.faults.tampering import COMMANDS, STATES, WISHES, on, rewritten
 from armguard.station.wire import Kind, Seal
 
 GOES_ON, RESTS = Effect.GOES_ON, Effect.RESTS
@@ -19,6 +20,9 @@ STOPS, STOPS_ITSELF, TOLD_ONLY = Effect.STOPS, Effect.STOPS_ITSELF, Effect.TOLD_
 # How the guard says that no state came: by its age, or by the cycle that waited for it.
 NO_STATE = ("STATE_STALE", "CYCLE_LATE")
 WITHIN_STALE = ("stale", "cycle")
+
+# How it says that velocities and positions contradict each other.
+CONTRADICTS = ("STATE_DISAGREES", "NOT_FOLLOWED")
 
 # What a service that was held up says when it goes on.
 HELD_UP = ("CYCLE_LATE", "DEADLINE_MISSED", "STATE_STALE", "STOP_ORDERED")
@@ -42,7 +46,9 @@ def fresh(make: Callable[[Playground], Callable[[bytes], tampering.Handed]]) -> 
 MESSAGES = "messages of the controller"
 CONTENT = "what the controller says"
 COMMANDER = "the commander"
+STRANGERS = "other clients"
 ANSWERS = "answers"
+DOORS = "the page, Zenoh and files"
 PROCESSES = "processes"
 
 FAULTS: tuple[Fault, ...] = (
@@ -150,6 +156,18 @@ FAULTS: tuple[Fault, ...] = (
             lambda ground: rewritten(ground.seal, tampering.positions_frozen())
         ),
     ),
+    *(
+        Fault(
+            name=name, group=CONTENT, effect=STOPS, within=("hangs", "cycle"),
+            reasons=CONTRADICTS, inject=edited(tampering.velocities_changed(change)),
+        )
+        for name, change in (
+            ("velocities are 0", tampering.nothing),
+            ("velocities have the other sign", tampering.negative),
+            ("velocities are a tenth as large", tampering.tenth),
+            ("velocities of joints are swapped", tampering.turned_round),
+        )
+    ),
     Fault(
         name="stamps go back", group=CONTENT, effect=STOPS, within=("cycle",),
         reasons=("TIME_BACKWARDS",), inject=edited(tampering.shift_stamp(-0.5)),
@@ -177,12 +195,12 @@ FAULTS: tuple[Fault, ...] = (
         counts=("dropped_second_controller",), inject=doings.second_controller,
     ),
     Fault(
-        name="his wishes are lost", group=COMMANDER, effect=RESTS,
+        name="desired motion is lost", group=COMMANDER, effect=RESTS,
         reasons=("WISH_OLD",), within=("wish", "cycle"),
         inject=tampered(lambda _: on(WISHES, tampering.lost)),
     ),
     Fault(
-        name="he wishes for NaN", group=COMMANDER, effect=RESTS,
+        name="desired motion is NaN", group=COMMANDER, effect=RESTS,
         reasons=("NO_WISH", "WISH_OLD"), within=("wish", "cycle"),
         counts=("dropped_wish_not_finite",),
         inject=tampered(
@@ -190,24 +208,109 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     Fault(
+        name="desired motion is 300 ms late", group=COMMANDER, effect=RESTS,
+        reasons=("WISH_OLD", "NO_WISH"), within=("wish", "cycle"), hold=0.6,
+        counts=("dropped_wish_late",),
+        inject=tampered(lambda _: on(COMMANDS, tampering.late(0.3))),
+    ),
+    Fault(
+        name="desired motion is 2 s late", group=COMMANDER, effect=RESTS,
+        reasons=("WISH_OLD", "NO_WISH"), within=("wish", "cycle"), hold=2.3,
+        counts=("dropped_wish_late",),
+        inject=tampered(lambda _: on(COMMANDS, tampering.late(2.0))),
+    ),
+    Fault(
         name="a second commander", group=COMMANDER, effect=GOES_ON,
         counts=("claims_refused", "dropped_not_commander"),
         inject=doings.second_commander,
     ),
     Fault(
-        name="he is killed", group=COMMANDER, effect=RESTS, hold=0.8,
+        name="the commander is killed", group=COMMANDER, effect=RESTS, hold=0.8,
         reasons=("WISH_OLD", "NO_COMMANDER"), within=("wish", "cycle"),
         counts=("commander_lost",), inject=doings.killed("operator"),
     ),
     Fault(
-        name="he is paused", group=COMMANDER, effect=RESTS,
+        name="the commander is paused", group=COMMANDER, effect=RESTS,
         reasons=("WISH_OLD", "NO_COMMANDER"), within=("wish", "cycle"),
         inject=doings.paused("operator"),
     ),
     Fault(
-        name="an observer orders a stop", group=COMMANDER, effect=STOPS,
+        name="an observer orders a stop", group=COMMANDER, hold=1.0, effect=STOPS,
         reasons=("STOP_ORDERED",), within=("cycle",), counts=("stop_orders",),
         inject=doings.stop_ordered,
+    ),
+    Fault(
+        name="an observer commands", group=STRANGERS, effect=GOES_ON,
+        counts=("dropped_role",), inject=doings.observer_commands,
+    ),
+    Fault(
+        name="a client without a key", group=STRANGERS, effect=GOES_ON,
+        counts=("dropped_seal",), inject=doings.without_key,
+    ),
+    Fault(
+        name="a hello is replayed", group=STRANGERS, effect=GOES_ON,
+        counts=("dropped_challenge",), inject=doings.hello_replayed,
+    ),
+    Fault(
+        name="fixtures are removed with every key", group=STRANGERS, effect=GOES_ON,
+        counts=("calls_refused",), inject=doings.fixtures_removed,
+    ),
+    Fault(
+        name="a sensor places an object", group=STRANGERS, effect=GOES_ON,
+        inject=doings.object_placed,
+    ),
+    Fault(
+        name="an object is seen where it cannot be", group=STRANGERS, effect=STOPS,
+        reasons=("OBJECT_JUMPED",), within=("cycle",),
+        inject=doings.wrongly_seen(
+            lambda first: {"pose": Pose(xyz=doings.FARTHER), "stamp": first + 1e-3},
+            "OBJECT_JUMPED",
+        ),
+    ),
+    Fault(
+        name="an object is seen in two places at once", group=STRANGERS,
+        effect=STOPS, reasons=("OBJECT_REPEATED",), within=("cycle",),
+        inject=doings.wrongly_seen(
+            lambda _: {"pose": Pose(xyz=doings.FARTHER)}, "OBJECT_REPEATED"
+        ),
+    ),
+    Fault(
+        name="sightings go back", group=STRANGERS, effect=STOPS,
+        reasons=("OBJECT_BACKWARDS",), within=("cycle",),
+        inject=doings.wrongly_seen(
+            lambda first: {"stamp": first - 0.1}, "OBJECT_BACKWARDS"
+        ),
+    ),
+    Fault(
+        name="an object is seen to be too fast", group=STRANGERS, effect=STOPS,
+        reasons=("OBJECT_TOO_FAST",), within=("cycle",),
+        inject=doings.wrongly_seen(
+            lambda first: {"stamp": first + 1e-3, "velocity": [100.0, 0.0, 0.0]},
+            "OBJECT_TOO_FAST",
+        ),
+    ),
+    Fault(
+        name="a sighting is NaN", group=STRANGERS, effect=STOPS,
+        reasons=("OBJECT_NOT_FINITE",), within=("cycle",),
+        inject=doings.wrongly_seen(
+            lambda first: {"stamp": first + 1e-3, "velocity": [float("nan")] * 3},
+            "OBJECT_NOT_FINITE",
+        ),
+    ),
+    Fault(
+        name="a sighting is from the future", group=STRANGERS, effect=GOES_ON,
+        counts=("calls_refused",),
+        inject=doings.wrongly_seen(
+            lambda first: {"stamp": first + 10.0}, "OBJECT_AHEAD"
+        ),
+    ),
+    Fault(
+        name="a flood of calls", group=STRANGERS, effect=GOES_ON,
+        counts=("dropped_busy",), inject=doings.calls_flood,
+    ),
+    Fault(
+        name="200 clients come and go", group=STRANGERS, effect=GOES_ON,
+        counts=("hellos",), inject=doings.clients_come_and_go,
     ),
     Fault(
         name="all answers are lost", group=ANSWERS, effect=STOPS_ITSELF,
@@ -234,6 +337,18 @@ FAULTS: tuple[Fault, ...] = (
         counts=("dropped_too_short", "dropped_magic"), inject=doings.flooded,
     ),
     Fault(
+        name="a page of another site", group=DOORS, effect=GOES_ON,
+        inject=doors.page_of_another_site,
+    ),
+    Fault(
+        name="a command is forged over Zenoh", group=DOORS, effect=GOES_ON,
+        inject=doors.command_over_zenoh,
+    ),
+    Fault(
+        name="scenes that are made to hurt", group=DOORS, effect=GOES_ON,
+        inject=doors.hostile_scenes,
+    ),
+    Fault(
         name="the controller is killed", group=PROCESSES, effect=TOLD_ONLY,
         reasons=NO_STATE, within=WITHIN_STALE, inject=doings.killed("arms"),
     ),
@@ -244,6 +359,11 @@ FAULTS: tuple[Fault, ...] = (
     Fault(
         name="the service is killed", group=PROCESSES, effect=STOPS_ITSELF,
         within=("client",), inject=doings.killed("service"),
+    ),
+    Fault(
+        name="the service is killed and back at once", group=PROCESSES,
+        effect=STOPS_ITSELF, within=("client",), hold=1.0,
+        inject=doings.killed_and_back,
     ),
     Fault(
         name="the service is paused", group=PROCESSES, effect=STOPS_ITSELF,
@@ -263,8 +383,8 @@ FAULTS: tuple[Fault, ...] = (
         inject=doings.wall_clock_set_back,
     ),
     Fault(
-        name="the recorder is killed", group=PROCESSES, effect=GOES_ON, hold=0.6,
-        counts=("companions_ended",),
+        name="the recorder is killed, and started again", group=PROCESSES,
+        effect=GOES_ON, hold=2.0, counts=("companions_restarted",),
         inject=doings.companion_killed(
             "recorder", "armguard.station.blackbox", ("--record", "{folder}/record")
         ),

@@ -20,6 +20,8 @@ POSITIONS_AT = HEADER.size + STATE.size
 
 STATES = (Kind.STATE,)
 WISHES = (Kind.WISH,)
+# All that a commander sends.
+COMMANDS = (*WISHES, Kind.CLAIM, Kind.CALL, Kind.HEARTBEAT)
 
 
 def kind_of(message: bytes) -> int:
@@ -212,6 +214,37 @@ def positions_frozen() -> Edit:
         message[POSITIONS_AT:end] = kept[0]
 
     return edit
+
+
+def velocities_changed(change: Callable[[Sequence[float]], Sequence[float]]) -> Edit:
+    """Have every STATE tell other velocities, and positions as they are."""
+
+    def edit(message: bytearray) -> None:
+        count = (len(message) - SEAL - POSITIONS_AT) // 16
+        form, start = f"<{count}d", POSITIONS_AT + 8 * count
+        pack_into(form, message, start, *change(unpack_from(form, message, start)))
+
+    return edit
+
+
+def negative(values: Sequence[float]) -> Sequence[float]:
+    """All have the other sign."""
+    return [-value for value in values]
+
+
+def tenth(values: Sequence[float]) -> Sequence[float]:
+    """All are a tenth as large."""
+    return [0.1 * value for value in values]
+
+
+def turned_round(values: Sequence[float]) -> Sequence[float]:
+    """Each is another joint's."""
+    return values[::-1]
+
+
+def nothing(values: Sequence[float]) -> Sequence[float]:
+    """All are 0."""
+    return [0.0] * len(values)
 
 
 def other_robots(message: bytearray) -> None:

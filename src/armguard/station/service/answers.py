@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 from armguard.guard.levels import Level
 from armguard.respond import Action
-from armguard.station.desk.desk import LEVEL, REASON, Desk
+from armguard.station.desk.desk import FLAGS, LEVEL, REASON, Desk
 from armguard.station.service.states import States
 from armguard.station.wire.layout import (
     COMMAND,
     HEADER,
     HELD,
     NOBODY,
+    OBJECTS_CHANGED,
     ROBOT,
     ROBOTS_AT,
     SUMMARY,
@@ -24,7 +25,11 @@ from armguard.station.wire.words import Cause
 
 Floats = NDArray[np.float64]
 
-STOP, STOP_LEVEL = int(Action.STOP), int(Level.STOP)
+STOP, STOP_LEVEL, CAUTION = int(Action.STOP), int(Level.STOP), int(Level.CAUTION)
+
+# Where the highest level is in a COMMAND [bytes].
+LEVEL_AT = HEADER.size + COMMAND.size + 4
+LEVEL_FIELD = Struct("<H")
 INFINITE, NAN = float("inf"), float("nan")
 NOWHERE = (0.0,) * 6
 
@@ -57,7 +62,11 @@ class Answers:
 
     def seal(self) -> memoryview:
         """The message that tells the last cycle."""
-        self.level, self.reason = self._given[LEVEL], self._given[REASON]
+        given = self._given
+        if given[FLAGS] & OBJECTS_CHANGED and given[LEVEL] < CAUTION:
+            given[LEVEL] = CAUTION
+            LEVEL_FIELD.pack_into(self._outbox.buffer, LEVEL_AT, CAUTION)
+        self.level, self.reason = given[LEVEL], given[REASON]
         return self._outbox.seal(Kind.COMMAND, self._size)
 
     def write_stop(
@@ -68,7 +77,7 @@ class Answers:
         rows: list[float] = []
         for k in range(r):
             rows += (STOP_LEVEL, STOP, 0, 0, 0.0, 1.0, INFINITE)
-            rows += (states.sender[k], states.sequence[k])
+            rows += (states.sender[k], states.sequence[k], NAN)
         self._whole.pack_into(
             self._outbox.payload,
             0,

@@ -4,6 +4,7 @@ import inspect
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,26 @@ from armguard.geometry.pose import Pose
 from armguard.guard.contract import Region
 from armguard.station.errors import RefusedError
 from armguard.station.service.peers import Peer
-from armguard.station.wire.words import OF_COMMANDER, OF_SENSORS
+from armguard.station.wire.keys import Role
+
+# The role each call needs. From COMMAND on it needs the command itself as well.
+NEEDS: Mapping[str, Role] = {
+    "why": Role.OBSERVE,
+    "objects": Role.OBSERVE,
+    "stop": Role.OBSERVE,
+    "ping": Role.OBSERVE,
+    "place": Role.SENSE,
+    "remove": Role.SENSE,
+    "engage": Role.COMMAND,
+    "grasp": Role.COMMAND,
+    "release": Role.COMMAND,
+    "allow": Role.COMMAND,
+    "swap_model": Role.COMMAND,
+    "retreat": Role.COMMAND,
+    "field_goal": Role.COMMAND,
+    "reset": Role.COMMAND,
+    "configure": Role.ADMINISTER,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +69,7 @@ class Calls:
     """Does what is called for.
 
     Args:
-        doors: What each name stands for.
+        doors: What each name stands for; each is given the client that calls first.
     """
 
     def __init__(self, doors: Mapping[str, Callable[..., Any]]) -> None:
@@ -60,8 +80,8 @@ class Calls:
 
         Args:
             request: What is called for.
-            peer: Who calls.
-            commands: Whether he has the command.
+            peer: The client that calls.
+            commands: Whether it has the command.
 
         Returns:
             Whether it was done, and the reply.
@@ -71,6 +91,9 @@ class Calls:
             return True, json.dumps({"ok": True, "result": result}).encode()
         except Exception as error:  # whatever it is, the loop goes on
             reply = {"ok": False, "error": type(error).__name__, "sentence": str(error)}
+            reason = getattr(error, "reason", "")
+            if reason:
+                reply["reason"] = reason
             return False, json.dumps(reply).encode()
 
     def _answer(self, request: Request, peer: Peer, commands: bool) -> Any:
@@ -86,18 +109,23 @@ class Calls:
             raise UnknownNameError(
                 f"there is no call '{call}'; {did_you_mean(call, self._doors)}"
             )
-        if call in OF_COMMANDER and not commands:
-            raise RefusedError(f"'{call}' is for who commands; claim the command first")
-        if call in OF_SENSORS and not (commands or peer.sensor):
+        role = NEEDS.get(call, Role.ADMINISTER)
+        if peer.role < role:
             raise RefusedError(
-                f"'{call}' is for sensors and who commands; say hello as a sensor"
+                f"'{call}' needs the key for '{role.word}'; this client has the one "
+                f"for '{peer.role.word}'"
             )
-        form = inspect.signature(door)
+        if role >= Role.COMMAND and not commands:
+            raise RefusedError(
+                f"'{call}' is for the commander; claim the command first"
+            )
+        own = partial(door, peer)
+        form = inspect.signature(own)
         try:
             form.bind(**request.arguments)
         except TypeError as error:
             raise RefusedError(f"call '{call}{form}': {error}") from None
-        return door(**request.arguments)
+        return own(**request.arguments)
 
 
 def refusal(sentence: str) -> bytes:

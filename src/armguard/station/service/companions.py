@@ -1,21 +1,36 @@
 """Processes beside the loop: what they do, and whether they live, costs it nothing."""
 
 import logging
+import os
 import subprocess
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 log = logging.getLogger("armguard.service")
 
 # What each is started with beside its own arguments; `{}` is replaced, see `start`.
 MODULES: Mapping[str, tuple[str, ...]] = {
-    "record": ("armguard.station.blackbox", "--ring", "{ring}"),
+    "record": (
+        *("armguard.station.blackbox", "--ring", "{ring}"),
+        *("--parent", "{pid}"),
+    ),
     "view": ("armguard.station.view", "--service", "{port}"),
     "metrics": ("armguard.station.exporter", "--ring", "{ring}"),
     "zenoh": ("armguard.station.zenoh_bridge", "--port", "{port}"),
 }
+
+# Those that are started again when they end: nobody sees that they are gone.
+RESTARTED = frozenset(("record",))
+
+# They are started again so much later, then twice that each time, at most so much [s].
+SOON, LATER = 0.5, 60.0
+
+# One that lived for so long is started again soon [s].
+STEADY = 120.0
 
 # How long they get to end by themselves [s].
 PATIENCE = 3.0
@@ -27,20 +42,33 @@ class Companion:
 
     Attributes:
         name: What it is for.
+        command: What starts it.
         process: The process.
+        began: When it was started, monotonic [s].
         ended: Whether its end was noticed.
+        again: When it is started again, monotonic; infinite if it is not [s].
+        pause: How much later than its end that is [s].
     """
 
     name: str
+    command: Sequence[str]
     process: subprocess.Popen[bytes]
+    began: float
     ended: bool = False
+    again: float = inf
+    pause: float = SOON
 
 
 class Companions:
-    """Starts processes, notices their end, and ends them with the service."""
+    """Starts processes, notices their end, and ends them with the service.
 
-    def __init__(self) -> None:
+    Args:
+        clock: Monotonic clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._all: list[Companion] = []
+        self._clock = clock
 
     def start(
         self, wanted: Mapping[str, tuple[str, ...]], ring: Path, port: int
@@ -54,27 +82,51 @@ class Companions:
         """
         for name, own in wanted.items():
             module, *fixed = MODULES[name]
-            words = [word.format(ring=ring, port=port) for word in (*fixed, *own)]
+            places = {"ring": ring, "port": port, "pid": os.getpid()}
+            words = [word.format(**places) for word in (*fixed, *own)]
             command = [sys.executable, "-m", module, *words]
-            try:
-                process = subprocess.Popen(command, stdin=subprocess.DEVNULL)
-            except OSError as error:
-                log.warning("companion '%s' cannot be started: %s", name, error)
-                continue
-            self._all.append(Companion(name, process))
+            process = started(name, command)
+            if process is not None:
+                self._all.append(Companion(name, command, process, self._clock()))
 
     def newly_ended(self) -> int:
-        """How many have ended since the last look; each is named in the log once."""
-        count = 0
+        """How many have ended since the last look; each is named in the log."""
+        count, now = 0, self._clock()
         for one in self._all:
-            if not one.ended and one.process.poll() is not None:
-                one.ended = True
-                count += 1
-                log.warning(
-                    "companion '%s' has ended with code %s; the loop goes on",
-                    one.name,
-                    one.process.returncode,
-                )
+            if one.ended or one.process.poll() is None:
+                continue
+            one.ended = True
+            count += 1
+            then = "the loop goes on"
+            if one.name in RESTARTED:
+                if now - one.began >= STEADY:
+                    one.pause = SOON
+                one.again, one.pause = now + one.pause, min(2.0 * one.pause, LATER)
+                then += f", and starts it again in {one.again - now:g} s"
+            log.warning(
+                "companion '%s' has ended with code %s; %s",
+                one.name,
+                one.process.returncode,
+                then,
+            )
+        return count
+
+    def restart(self) -> int:
+        """Start those again whose time has come; how many were.
+
+        It takes the loop about a millisecond each.
+        """
+        count, now = 0, self._clock()
+        for one in self._all:
+            if now < one.again:
+                continue
+            process = started(one.name, one.command)
+            if process is None:
+                one.again, one.pause = now + one.pause, min(2.0 * one.pause, LATER)
+                continue
+            one.process, one.began, one.ended = process, now, False
+            one.again = inf
+            count += 1
         return count
 
     def end(self) -> None:
@@ -88,3 +140,12 @@ class Companions:
             except subprocess.TimeoutExpired:
                 one.process.kill()
                 one.process.wait()
+
+
+def started(name: str, command: Sequence[str]) -> subprocess.Popen[bytes] | None:
+    """A process that was started; None if that was not possible, which is logged."""
+    try:
+        return subprocess.Popen(command, stdin=subprocess.DEVNULL)
+    except OSError as error:
+        log.warning("companion '%s' cannot be started: %s", name, error)
+        return None

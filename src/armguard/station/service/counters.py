@@ -23,13 +23,13 @@ DROPS = {
     "too_short": "shorter than a header and a seal",
     "oversized": "longer than any message",
     "magic": "no message of ours",
-    "version": "another version of the messages",
+    "version": "another version of the messages: update armguard where the client runs",
     "length": "tells another length than it has",
     "seal": "sealed with another key, or changed on its way",
     "kind": "a kind that clients do not send",
     "session": "of another session of the service",
     "scene": "made for another scene",
-    "unknown_sender": "from somebody who never said hello",
+    "unknown_sender": "from a client that never said hello, or long ago",
     "address": "from another address than the sender's",
     "replayed": "with a sequence number that was there already",
     "out_of_order": "with a lower sequence number than the last one",
@@ -37,10 +37,17 @@ DROPS = {
     "robots": "a state of robots that do not exist",
     "joints": "another number of joints or tools than the scene has",
     "second_controller": "a state of a robot that another controller has",
-    "not_commander": "a wish of somebody who does not command",
+    "not_commander": "a wish of a client that does not command",
     "wish_not_finite": "a wish that holds NaN or infinity",
-    "too_many_senders": "a hello when there was no room for more senders",
+    "too_many_senders": "a hello when there was no room for another client",
     "call_unreadable": "a call that is no JSON of ours",
+    "role": "a kind of message that the sender's key does not allow",
+    "challenge": "a hello whose cookie this service did not give out, or took already",
+    "wish_late": "a wish that was sent longer ago than wishes count",
+    "call_late": "a call or claim that was sent longer ago than the commander may be "
+    "silent",
+    "ahead": "a wish, call or claim whose stamp is in the future",
+    "busy": "one hello or call more than are answered between two heartbeats",
 }
 
 COUNTERS: tuple[str, ...] = (
@@ -65,6 +72,7 @@ COUNTERS: tuple[str, ...] = (
     "senders",
     "commander_lost",
     "companions_ended",
+    "companions_restarted",
     "level",
     *(f"dropped_{cause}" for cause in DROPS),
 )
@@ -85,7 +93,9 @@ COUNT, SUM, MOST = BUCKETS, BUCKETS + 1, BUCKETS + 2
 # The head: magic, version, counters, histograms, process, start on the wall clock [ns].
 HEAD = 8
 MAGIC = 0x41524D434E54
-VERSION = 2
+VERSION = 3
+# Place of the process in the head.
+PROCESS = 4
 # Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
 REASONS = 256
 FIRST_CAUSE = 200
@@ -234,6 +244,11 @@ class CountersReader:
         head = self._words[:4].tolist()
         if head != [MAGIC, VERSION, len(COUNTERS), len(HISTOGRAMS)]:
             raise CountersError(f"{path}: these counters are another version's")
+
+    @property
+    def process(self) -> int:
+        """The process that counts."""
+        return int(self._words[PROCESS])
 
     def value(self, name: str) -> int:
         """A counter."""

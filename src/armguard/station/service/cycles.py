@@ -18,7 +18,7 @@ from armguard.station.service.answers import STOP_LEVEL
 from armguard.station.service.counters import FIRST_CAUSE, PLACE
 from armguard.station.service.hub import Hub
 from armguard.station.service.peers import Peer
-from armguard.station.wire.layout import HELD, MISSED
+from armguard.station.wire.layout import HELD, MISSED, OBJECTS_CHANGED
 from armguard.station.wire.words import Cause
 
 NANO = 1_000_000_000
@@ -129,16 +129,16 @@ class Cycles:
         if asker is not None:
             # Who asked is answered first.
             handed = time.monotonic_ns()
-            hub.send(message, asker.address)
+            hub.send(message, asker)
             hub.counters.time(INSIDE, time.monotonic_ns() - received)
             hub.counters.time(HANDED, handed - received)
         for peer in hub.peers.here:
             if peer is asker:
                 continue
             if peer.every and number % peer.every == 0:
-                hub.send(message, peer.address)
+                hub.send(message, peer)
             elif peer.sender in hub.states.sender:
-                hub.send(message, peer.address)
+                hub.send(message, peer)
         if cause != Cause.FAULT:
             self._write_down(ended)
         hub.counters.time(WAKING, start - due)
@@ -161,6 +161,8 @@ class Cycles:
         hub, given = self._hub, self._given
         given[CYCLE], given[START], given[CAUSE] = number, start, cause
         given[FLAGS] = HELD if cause else 0
+        if start < hub.changed:
+            given[FLAGS] |= OBJECTS_CHANGED
         self._given_u[COMMANDER] = hub.command.sender
         hub.judge.ask(cause)
         ended = time.monotonic_ns()
@@ -170,7 +172,12 @@ class Cycles:
             given[CAUSE] = cause
             given[FLAGS] |= MISSED
             hub.counters.count(DEADLINE_MISSED)
-            sentence = f"a cycle ended {(ended - last) / 1e6:.2f} ms after the last"
+            settings = hub.settings
+            sentence = (
+                f"a cycle ended {(ended - last) / 1e6:.2f} ms after the last; "
+                f"--rate {settings.rate:g} allows {settings.period * 1e3:.2f} ms, and "
+                f"--late {settings.late * 1e3:.2f} ms more"
+            )
             hub.complaints.name("deadline", sentence, ended)
             hub.judge.tell_again()
         else:
@@ -182,7 +189,7 @@ class Cycles:
         if self._force:
             return self._force
         if self._hub.ordered:
-            return Cause.STOP_ORDERED
+            return self._hub.ordered
         return self._hub.wishes.cause(self._hub.command.sender, now)
 
     def _write_down(self, ended: int) -> None:

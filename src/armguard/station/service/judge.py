@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import SceneError
 from armguard.geometry.shapes import Shape
+from armguard.guard.levels import Reason
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
 from armguard.respond.whole_cycle import NOT_JUDGED
@@ -21,9 +22,7 @@ from armguard.station.desk.desk import (
     ENDED,
     NOTHING,
     START,
-    STOP,
     USED,
-    desk_ledger,
 )
 from armguard.station.desk.judging import begin_judging, conclude_judging, judge
 from armguard.station.desk.keeping import write_frame
@@ -40,6 +39,7 @@ from armguard.station.service.states import States
 from armguard.station.shape_words import shape_of, words_of
 from armguard.station.wire.layout import Form
 from armguard.station.wire.words import Cause
+from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
 
@@ -49,9 +49,15 @@ TWISTS = int(Form.TWISTS)
 OBJECTS = 12
 
 # What a guard is asked for, by why what is wished for does not count.
-ASK_OF = {
-    cause: STOP if cause.stops else AS_WISHED if cause is Cause.NONE else NOTHING
-    for cause in Cause
+ASK_OF: dict[Cause, int] = {
+    Cause.NONE: AS_WISHED,
+    Cause.NO_COMMANDER: NOTHING,
+    Cause.NO_WISH: NOTHING,
+    Cause.WISH_OLD: NOTHING,
+    Cause.STOP_ORDERED: Reason.STOP_ORDERED,
+    Cause.RESTARTED: Reason.RESTARTED,
+    Cause.DEADLINE_MISSED: Reason.DEADLINE_MISSED,
+    Cause.SHUTDOWN: Reason.SHUTDOWN,
 }
 
 # A joint that is slower than that rests [rad/s or m/s].
@@ -97,7 +103,7 @@ class Judge:
         tables = self.guard.guard.tables
         self._tools = tools_of(tables)
         self.desk = desk_of(tables, self._tools, message, answer)
-        self._ledger = desk_ledger(self.desk)
+        self._ledger = Ledger(self.desk)
         self.address: int = self._ledger.lines.ctypes.data
         self._given = self.desk.given.data
         # Whether a cycle was judged since the guard was made.
@@ -128,7 +134,7 @@ class Judge:
         Args:
             cause: Why what is wished for does not count, if it does not.
         """
-        self._given[ASK] = ASK_OF[cause]
+        self._given[ASK] = ASK_OF.get(cause, Reason.SERVICE_FAULT)
         guard = self.guard.guard
         ledgers = guard.ledgers
         if guard.solves_compiled:
@@ -221,11 +227,19 @@ class Judge:
             return {"why": Cause.WAITING.sentence}
         verdict = last.verdict
         return {
-            "why": verdict.why,
+            "why": last.why,
             "cycle": self.guard.cycle - 1,
             "level": verdict.level.name,
             "reason": verdict.reason.name,
             "blocked": {name: b.sentence for name, b in last.blocked.items()},
+            "waits": {
+                name: {
+                    "reason": held.reason.name,
+                    "since": held.since,
+                    "remedy": held.remedy,
+                }
+                for name, held in last.held.items()
+            },
             "held": {name: list(by) for name, by in self.guard.guard.held.items()},
         }
 
@@ -271,6 +285,7 @@ class Judge:
                 self.scene.set_response(robot.response, name)
             raise
         guard.cycle = cycle
+        guard.guard.hold(self.guard.guard.ordered)
         self.guard, self.hash, self._judged = guard, found, False
         self._tell_scene()
         for name, put in self._moved.items():

@@ -1,91 +1,125 @@
-"""Who talks to the service."""
+"""The clients of a service."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from armguard.station.wire.keys import Role
+from armguard.station.wire.seal import Seal
 
 Address = tuple[str, int]
 
-# Senders that get messages at a time: each costs the loop some microseconds a cycle.
+# Clients that get messages at a time: each costs the loop some microseconds a cycle.
 MOST_HERE = 64
 
-# Senders that are remembered in one session, so that nothing of them can be replayed.
-MOST_SENDERS = 4096
+# As many of them are kept free for clients that may command.
+RESERVED = 16
+
+# Silent clients that are remembered, so that they can go on without a HELLO.
+MOST_SILENT = 1024
+
+# Calls of one client that are done from one heartbeat to the next.
+MOST_CALLS = 16
 
 
 @dataclass(slots=True)
 class Peer:
-    """A sender.
+    """A client.
 
     Attributes:
         sender: Its number.
         name: What it calls itself.
+        role: What its key allows.
+        seal: Seals messages from it and to it.
         address: Where it sends from.
         sequence: Number of its last message.
         heard: When its last message came in, monotonic [ns].
         every: Cycles to one COMMAND; 0 for answers to its own states only.
-        sensor: Whether it may place and remove objects.
         here: Whether it gets messages.
+        controls: Whether it has sent states.
+        calls_left: Calls that are still done before the next heartbeat.
+        refused: When it was last sent a REFUSAL, by cause, monotonic [ns].
         last_call: Its last call, by the number it gave it, and the reply.
     """
 
     sender: int
     name: str
+    role: Role
+    seal: Seal
     address: Address
     sequence: int
     heard: int
     every: int = 1
-    sensor: bool = False
     here: bool = True
+    controls: bool = False
+    calls_left: int = MOST_CALLS
+    refused: dict[str, int] = field(default_factory=dict)
     last_call: tuple[int, bytes] | None = None
 
 
 class Peers:
-    """All senders of a session.
+    """The clients of this start of the service.
 
     Attributes:
         here: Those that get messages.
 
     Args:
-        forget: After that much silence a sender gets none any more [ns].
+        forget: After that much silence a client gets none any more [ns].
     """
 
     def __init__(self, forget: int) -> None:
         self.here: tuple[Peer, ...] = ()
         self._forget = forget
+        # In the order in which they fell silent, if they did.
         self._known: dict[int, Peer] = {}
 
-    @property
-    def full(self) -> bool:
-        """Whether there is no room for another sender."""
-        return len(self._known) >= MOST_SENDERS or len(self.here) >= MOST_HERE
+    def full(self, role: Role) -> bool:
+        """Whether there is no room for another client of a role."""
+        reserved = 0 if role >= Role.COMMAND else RESERVED
+        return len(self.here) >= MOST_HERE - reserved
 
     def find(self, sender: int) -> Peer | None:
-        """A sender, whether it is here or was."""
+        """A client by its number, silent or not; None if it is not known."""
         return self._known.get(sender)
 
+    def names(self, name: str) -> bool:
+        """Whether a client of that name gets messages."""
+        return any(peer.name == name for peer in self.here)
+
     def greet(self, peer: Peer) -> None:
-        """Somebody new said hello."""
+        """Add a client."""
         self._known[peer.sender] = peer
         self._gather()
 
     def hear(self, peer: Peer, sequence: int, now: int) -> None:
-        """A message of somebody came in."""
+        """Note that a message of a client came in."""
         peer.sequence, peer.heard = sequence, now
-        if not peer.here:
+        if not peer.here and not self.full(peer.role):
             peer.here = True
             self._gather()
 
     def leave(self, peer: Peer) -> None:
-        """Somebody said good-bye."""
-        peer.here = False
+        """Forget a client that has said good-bye."""
+        self._known.pop(peer.sender, None)
         self._gather()
 
-    def forget_silent(self, now: int) -> None:
-        """Send nothing more to who has been silent for long."""
-        silent = [peer for peer in self.here if now - peer.heard > self._forget]
-        for peer in silent:
-            peer.here = False
+    def look(self, now: int) -> list[Peer]:
+        """Grant new calls, and send nothing more to clients that have fallen silent.
+
+        Returns:
+            Those clients.
+        """
+        silent = []
+        for peer in self.here:
+            peer.calls_left = MOST_CALLS
+            if now - peer.heard > self._forget:
+                peer.here = False
+                silent.append(peer)
+                self._known[peer.sender] = self._known.pop(peer.sender)
         if silent:
             self._gather()
+            idle = [one for one in self._known.values() if not one.here]
+            for peer in idle[: max(0, len(idle) - MOST_SILENT)]:
+                del self._known[peer.sender]
+        return silent
 
     def _gather(self) -> None:
         self.here = tuple(peer for peer in self._known.values() if peer.here)

@@ -1,4 +1,4 @@
-"""The socket of the service: messages come in and go out, and nobody waits for them."""
+"""The sockets of the service: nothing that is sent or received makes the loop wait."""
 
 import select
 import socket
@@ -13,9 +13,18 @@ SENT = PLACE["sent"]
 SEND_WOULD_BLOCK = PLACE["send_would_block"]
 SEND_FAILED = PLACE["send_failed"]
 
+# The option by which sockets share a port; None where the system has none.
+REUSE: int | None = getattr(socket, "SO_REUSEPORT", None)
+
+# Controllers that get a socket of their own.
+MOST_OWN = 32
+
 
 class Post:
     """Sends and receives without waiting.
+
+    A controller gets a socket of its own on the same port: the kernel delivers its
+    messages there, so that they do not queue behind those of other clients.
 
     Attributes:
         port: The port it listens on.
@@ -30,6 +39,8 @@ class Post:
 
     def __init__(self, address: str, port: int) -> None:
         self._socket = listening(address, port)
+        self._own: dict[Address, socket.socket] = {}
+        # Sockets in the order in which they are read: controllers' first.
         self._sockets = [self._socket]
         self.port: int = self._socket.getsockname()[1]
 
@@ -44,22 +55,24 @@ class Post:
 
         Args:
             buffer: Where it goes.
-            complaints: Told what the network complains of.
+            complaints: Names errors of the network.
 
         Returns:
             Its length and where it came from; None if there was none; a length of -1
-            for an error of an earlier message, told late.
+            for an error of an earlier message, reported late.
         """
-        try:
-            return self._socket.recvfrom_into(buffer)
-        except BlockingIOError:
-            return None
-        except OSError as error:
-            complaints.name("network", str(error), time.monotonic_ns())
-            return -1, ("", 0)
+        for one in self._sockets:
+            try:
+                return one.recvfrom_into(buffer)
+            except BlockingIOError:
+                continue
+            except OSError as error:
+                complaints.name("network", str(error), time.monotonic_ns())
+                return -1, ("", 0)
+        return None
 
     def send(self, message: memoryview, address: Address, counters: Counters) -> None:
-        """Send without waiting; who does not read loses messages."""
+        """Send without waiting; a client that does not read loses messages."""
         try:
             self._socket.sendto(message, address)
             counters.count(SENT)
@@ -68,9 +81,44 @@ class Post:
         except OSError:
             counters.count(SEND_FAILED)
 
+    def favour(self, address: Address) -> None:
+        """Receive messages from an address on a socket of their own."""
+        if REUSE is None or address in self._own or len(self._own) >= MOST_OWN:
+            return
+        own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        own.setblocking(False)
+        try:
+            # Two sockets share the port only while all of them say so, which is for
+            # these calls: no other process of this user can join them.
+            share([own, *self._sockets], REUSE, shared=True)
+            own.bind(self._socket.getsockname())
+            own.connect(address)
+        except OSError:
+            own.close()
+            return
+        finally:
+            share(self._sockets, REUSE, shared=False)
+        share([own], REUSE, shared=False)
+        self._own[address] = own
+        self._sockets = [*self._own.values(), self._socket]
+
+    def disfavour(self, address: Address) -> None:
+        """Receive messages from an address on the common socket again."""
+        own = self._own.pop(address, None)
+        if own is not None:
+            own.close()
+            self._sockets = [*self._own.values(), self._socket]
+
     def close(self) -> None:
         """Let go of the port."""
-        self._socket.close()
+        for one in self._sockets:
+            one.close()
+
+
+def share(sockets: list[socket.socket], option: int, *, shared: bool) -> None:
+    """Say of sockets whether others of this user may bind to their port."""
+    for one in sockets:
+        one.setsockopt(socket.SOL_SOCKET, option, int(shared))
 
 
 def listening(address: str, port: int) -> socket.socket:

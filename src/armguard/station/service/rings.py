@@ -8,8 +8,8 @@ from pathlib import Path
 
 from armguard.station.ring import in_memory
 
-# A ring named by port and process, or the counters beside it.
-NAME = re.compile(r"armguard-(\d+)-(\d+)(\.counters)?")
+# A ring named by port and process, or what is beside it of its counters and recorder.
+NAME = re.compile(r"armguard-(\d+)-(\d+)(\.counters|\.recorder)?")
 
 # For that long what a killed service left behind may be looked at [s].
 KEPT = 3600.0
@@ -34,6 +34,23 @@ def new_ring(port: int) -> Path:
             if old or int(found[1]) == port:
                 path.unlink()
     return folder / f"armguard-{port}-{os.getpid()}"
+
+
+def was_killed(port: int, ring: Path | None = None) -> bool:
+    """Whether the last service on a port ended without its own doing.
+
+    Such a service leaves its ring behind.
+
+    Args:
+        port: The port.
+        ring: File of its ring, if that is not named after port and process.
+    """
+    if ring is not None:
+        return ring.exists()
+    left = map(NAME.fullmatch, (path.name for path in in_memory().glob("armguard-*")))
+    return any(
+        int(found[1]) == port and not lives(int(found[2])) for found in left if found
+    )
 
 
 def lives(process: int) -> bool:

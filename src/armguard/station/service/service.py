@@ -5,6 +5,7 @@ import logging
 import secrets
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -25,11 +26,12 @@ from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Peers
 from armguard.station.service.post import Post
 from armguard.station.service.reception import Reception
-from armguard.station.service.rings import new_ring
+from armguard.station.service.rings import new_ring, was_killed
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.states import States
 from armguard.station.service.welcome import Welcome, welcome_text
 from armguard.station.service.wishes import Command, Wishes
+from armguard.station.wire.keys import keys_path, new_keys, write_keys
 from armguard.station.wire.layout import (
     HEARTBEAT,
     MOST,
@@ -40,7 +42,6 @@ from armguard.station.wire.layout import (
     Kind,
 )
 from armguard.station.wire.outbox import Outbox
-from armguard.station.wire.seal import Seal
 from armguard.station.wire.words import Cause
 
 log = logging.getLogger("armguard.service")
@@ -54,6 +55,7 @@ CHECKPOINT = 10 * NANO
 SENDERS = PLACE["senders"]
 COMMANDER_LOST = PLACE["commander_lost"]
 COMPANIONS_ENDED = PLACE["companions_ended"]
+COMPANIONS_RESTARTED = PLACE["companions_restarted"]
 
 
 class Service:
@@ -97,11 +99,14 @@ class Service:
         post = Post(settings.bind, settings.port)
         self.port: int = post.port
         self.session = secrets.randbits(63) | 1
-        path = settings.ring or new_ring(self.port)
-        seal = Seal(settings.key)
-        outbox = Outbox(seal, 0, self.session)
+        outbox = Outbox(None, 0, self.session)
         buffer = bytearray(MOST + 8)
+        # A key file that the service has written, and removes at its end.
+        self._keys_file: Path | None = None
+        keys = settings.keys or new_keys()
+        killed = was_killed(self.port, settings.ring)
         try:
+            path = settings.ring or new_ring(self.port)
             self.ring = RingWriter(path, settings.ring_size)
             try:
                 self.counters = Counters(counters_path(path))
@@ -113,6 +118,9 @@ class Service:
                     np.frombuffer(buffer, np.float64),
                     np.frombuffer(outbox.buffer, np.float64),
                 )
+                if not settings.keys:
+                    self._keys_file = keys_path(self.port)
+                    write_keys(self._keys_file, keys)
             except BaseException:
                 self.ring.close()
                 counters_path(path).unlink(missing_ok=True)
@@ -127,7 +135,7 @@ class Service:
             counters=self.counters,
             complaints=Complaints(),
             peers=peers,
-            door=Door(seal, self.session, 0, peers),
+            door=Door(keys, self.session, 0, peers),
             outbox=outbox,
             answers=Answers(judge.desk, outbox),
             judge=judge,
@@ -135,6 +143,14 @@ class Service:
             wishes=Wishes(int(settings.wish_watchdog * NANO)),
             command=Command(),
         )
+        if settings.stopped or killed:
+            self._hub.ordered = Cause.RESTARTED
+            log.warning(
+                "the last service on this port was killed: robots stay stopped until "
+                "the commander engages them"
+                if killed
+                else "robots stay stopped until the commander engages them"
+            )
         self._companions = Companions()
         self._welcome = Welcome()
         self._adopt_scene()
@@ -183,11 +199,17 @@ class Service:
     def _loop(self, until: Callable[[], bool]) -> None:
         """Wait, read, judge, answer, until told otherwise; nothing raises out of it."""
         self._beat_at = time.monotonic_ns()
+        turn = self._begin
         while not until():
             try:
-                self._turn()
+                turn()
             except Exception as error:  # doubt is a stop
                 self._cycles.fail("loop", error, time.monotonic_ns())
+            turn = self._turn
+
+    def _begin(self) -> None:
+        """Before the first message is read: whatever follows it can be replayed."""
+        self._keep_checkpoint(time.monotonic_ns())
 
     def _turn(self) -> None:
         """Wait for what comes first: a message, a cycle, a heartbeat; do it."""
@@ -211,9 +233,11 @@ class Service:
         """What is done some twenty times a second."""
         hub = self._hub
         if now >= self._checkpoint:
-            hub.judge.checkpoint()
-            self._checkpoint = now + CHECKPOINT
-        hub.peers.forget_silent(now)
+            self._keep_checkpoint(now)
+        for silent in hub.peers.look(now):
+            silent.controls = False
+            hub.post.disfavour(silent.address)
+        self._reception.renew()
         holder = hub.peers.find(hub.command.sender)
         if holder is not None:
             if now - holder.heard > self._settings.commander_watchdog * NANO:
@@ -221,12 +245,19 @@ class Service:
                 self.counters.count(COMMANDER_LOST)
         for _ in range(self._companions.newly_ended()):
             self.counters.count(COMPANIONS_ENDED)
+        for _ in range(self._companions.restart()):
+            self.counters.count(COMPANIONS_RESTARTED)
         self.counters.put(SENDERS, len(hub.peers.here))
         outbox = hub.outbox
         HEARTBEAT.pack_into(
             outbox.payload, 0, hub.judge.guard.cycle, hub.command.sender
         )
         hub.send_to_all(outbox.seal(Kind.HEARTBEAT, HEARTBEAT.size))
+
+    def _keep_checkpoint(self, now: int) -> None:
+        """Write down all that the guard remembers, and when to do so again."""
+        self._hub.judge.checkpoint()
+        self._checkpoint = now + CHECKPOINT
 
     def _order_stop(self, who: str) -> None:
         """Stop all robots until the commander engages them."""
@@ -237,8 +268,7 @@ class Service:
         hub = self._hub
         self._adopt_scene()
         # Who replays what follows needs a place to begin.
-        hub.judge.checkpoint()
-        self._checkpoint = now + CHECKPOINT
+        self._keep_checkpoint(now)
         self._cycles.begin_anew(now)
         for peer in hub.peers.here:
             self._welcome.send(hub, peer, 0, now)
@@ -283,3 +313,9 @@ class Service:
             self.ring.close()
             self._companions.end()
             self.counters.close()
+            self._remove_keys()
+
+    def _remove_keys(self) -> None:
+        """Remove the key file that the service has written."""
+        if self._keys_file is not None:
+            self._keys_file.unlink(missing_ok=True)

@@ -6,6 +6,7 @@ from math import isfinite
 from pathlib import Path
 
 from armguard.station.errors import ServiceError
+from armguard.station.wire.keys import Keys
 
 LOOPBACK = "127.0.0.1"
 PORT = 47800
@@ -18,7 +19,8 @@ class ServiceSettings:
     Attributes:
         bind: Address it listens on; another than loopback needs a key.
         port: UDP port; 0 for any that is free.
-        key: Seals messages; empty for the public word, which is no secret.
+        keys: Key of each role; new ones for this start, in the file of `keys_path`, if
+            empty.
         rate: Cycles a second [Hz].
         late: How much later than its period a cycle may come; the guard counts with
             it, so it costs distance [s].
@@ -30,6 +32,8 @@ class ServiceSettings:
             may get another one [s].
         forget: Who has not been heard for that long gets no more messages [s].
         heartbeat: Time between two heartbeats [s].
+        stopped: Whether robots stay stopped after the start until they are engaged;
+            they do in any case after a service that was killed.
         spin: For that long before a state is expected the loop does not sleep but looks
             for it again and again, which takes a processor and saves the time in which
             a process that slept gets going again [s].
@@ -45,7 +49,7 @@ class ServiceSettings:
 
     bind: str = LOOPBACK
     port: int = PORT
-    key: bytes = b""
+    keys: Keys = field(default_factory=dict)
     rate: float = 250.0
     late: float = 0.004
     stale: float | None = None
@@ -54,6 +58,7 @@ class ServiceSettings:
     controller_watchdog: float = 0.5
     forget: float = 3.0
     heartbeat: float = 0.04
+    stopped: bool = False
     spin: float = 0.0
     budget: int = 1024
     self_test: bool = True
@@ -89,10 +94,11 @@ class ServiceSettings:
             ) from None
         if address.version != 4:
             raise ServiceError(f"bind is '{self.bind}'; it must be an IPv4 address")
-        if not address.is_loopback and not self.key:
+        if not address.is_loopback and not self.keys:
             raise ServiceError(
-                f"bind is '{self.bind}', which others can reach; that needs a key, "
-                "see --key-file"
+                f"bind is '{self.bind}', which other machines can reach; that needs "
+                "keys they can be given: write them with 'armguard keys FILE' and name "
+                "the file with --key-file"
             )
         if not 0 <= self.port <= 65535:
             raise ServiceError(f"port is {self.port}; it must be from 0 to 65535")

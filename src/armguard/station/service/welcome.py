@@ -91,4 +91,4 @@ class Welcome:
             )
             end = WELCOME.size + len(part)
             payload[WELCOME.size : end] = part
-            hub.send(outbox.seal(Kind.WELCOME, end), peer.address)
+            hub.send(outbox.seal(Kind.WELCOME, end), peer)

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from types import FrameType
 
+from armguard.entry import run_program
 from armguard.errors import ArmguardError
 from armguard.scene import compile_scene
 from armguard.station.client import Client
@@ -31,6 +32,7 @@ def main() -> int:
         description=(__doc__ or "").splitlines()[0],
     )
     words.add_argument("--port", type=int, required=True, help="of the service")
+    words.add_argument("--key-file", type=Path, help="the service's keys")
     words.add_argument("--scene", help="scene file or bundled scene; the service's")
     words.add_argument("--seed", type=int, default=0, help="of errors of the arms")
     words.add_argument("--errors", type=float, default=0.5, help="share used up [-]")
@@ -49,7 +51,7 @@ def main() -> int:
     try:
         drives = asked.sway or asked.drive is not None
         name = "operator" if drives else "arms"
-        with Client(asked.port, name=name) as client:
+        with Client(asked.port, keys=asked.key_file, name=name) as client:
             client.connect(timeout=PATIENCE)
             welcome = client.welcome
             what = asked.scene or welcome.scene_file
@@ -80,4 +82,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_program(main, "simulated arms:")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armguard.respond.command import Action
 from armguard.scene.scene import Scene
 from armguard.station.client import Client
-from armguard.station.errors import NoServiceError
+from armguard.station.errors import StationError
 from armguard.station.ring import RingWriter
 from armguard.station.simulated.plant import Imperfection, Plant
 from armguard.station.wire import Cause
@@ -28,10 +28,10 @@ TRACE_SIZE = 16 << 20
 class SimulatedArms:
     """Arms that stand in for real ones, at the rate of the service.
 
-    They do what the service answers, and take its silence for a stop; after that they
-    ask it for a stop as well, so that somebody has to engage them. What happened while
-    this process had to wait for its turn is made up for: each order is obeyed as of the
-    instant at which it came.
+    They do what the service answers, and take its silence for a stop. After that they
+    say nothing until the guard has stopped them too, for want of states: nothing sets
+    out again by itself. What happened while this process had to wait for its turn is
+    made up for: each order is obeyed as of the instant at which it came.
 
     Attributes:
         client: The client they talk by.
@@ -55,8 +55,9 @@ class SimulatedArms:
         self.client = client
         self.plant = Plant(scene, imperfection=imperfection, time=client.clock())
         self._stops = dict.fromkeys(scene.robots, Action.STOP)
-        # Whether they stopped by themselves and the service does not know it yet.
-        self._alone = False
+        # Whether they stopped by themselves and the service does not know it yet, and
+        # whether it has had them go on meanwhile.
+        self._alone = self._silent = False
         self._knock = 0.0
         self._trace = None if trace is None else RingWriter(trace, TRACE_SIZE)
 
@@ -68,7 +69,7 @@ class SimulatedArms:
         while not until():
             plant.advance(max(client.clock() - plant.time, 0.0))
             self._write()
-            if client.connected:
+            if client.connected and not self._silent:
                 q, v = plant.measure()
                 client.send_state(q, v, stamp=plant.time)
             # A turn that was missed is not made up for.
@@ -77,7 +78,7 @@ class SimulatedArms:
             latest = client.latest
             if latest.cycle < 0:
                 # What the client says where it hears nothing.
-                self._alone = True
+                self._alone, self._silent = True, False
                 self._stop()
                 self._find_again(latest.cause)
 
@@ -91,14 +92,15 @@ class SimulatedArms:
             answer = client.receive(timeout=left)
             if answer is None:
                 continue
-            if self._alone and not answer.stops:
-                client.stop()
+            actions = answer.actions
+            if self._alone and Action.FOLLOW in actions.values():
+                self._silent = True
                 self._stop()
                 continue
-            self._alone = False
+            self._alone = self._silent = False
             # It came since, however long this process then waited for its turn.
             came = max(answer.sent, looked)
-            self.plant.tell(answer.velocity, answer.actions, at=came)
+            self.plant.tell(answer.velocity, actions, at=came)
 
     def close(self) -> None:
         """End the trace; the client is its owner's."""
@@ -116,7 +118,8 @@ class SimulatedArms:
         self._knock = self.plant.time + KNOCK
         try:
             self.client.connect(timeout=AN_ANSWER)
-        except NoServiceError:
+        except StationError:
+            # A service that ended has taken its key file with it.
             return
 
     def _write(self) -> None:

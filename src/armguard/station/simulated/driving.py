@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from armguard.respond.command import Action, Blocked
 from armguard.station.client import Answer, Client
 from armguard.station.errors import StationError
-from armguard.station.simulated.operator import WAIT
 from armguard.station.wire import Cause
 
 Floats = NDArray[np.float64]
@@ -48,7 +47,8 @@ class DrivingOperator:
 
     Attributes:
         client: His client.
-        pressed: Set by who presses the button that engages all arms.
+        pressed: Set by a person who presses the button that engages all arms, whatever
+            stopped them.
 
     Args:
         client: A client that is connected.
@@ -60,7 +60,7 @@ class DrivingOperator:
         self.pressed = False
         self._hands = hands
         self._start = client.clock()
-        self._asked = self._stopped = self._braked = -np.inf
+        self._asked = self._braked = -np.inf
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Drive until something is true."""
@@ -93,23 +93,17 @@ class DrivingOperator:
             self._braked = now
         looked_after = now - self._braked > LOOKS_AFTER
         if self.pressed or looked_after:
-            self.pressed, self._braked = False, now
             if braked:
                 # He has looked after arms that did not stop as they should have.
                 self._call("reset")
-            self._engage(None)
-        # What the service itself stopped for waits for somebody as well.
-        if not (answer.cause.stops and self._hands.engages):
-            self._stopped = now
-        elif now - self._stopped > WAIT:
-            self._stopped = now
-            self._engage(None)
+            self._engage(None, pressed=self.pressed)
+            self.pressed, self._braked = False, now
 
-    def _engage(self, robot: str | None) -> None:
-        """Engage a robot, or all."""
-        self._call("engage", name=robot)
+    def _engage(self, robot: str | None, *, pressed: bool = False) -> None:
+        """Engage a robot, or all; what was ordered to stop only with the button."""
+        self._call("engage", name=robot, ordered=pressed)
 
-    def _call(self, what: str, **arguments: str | None) -> None:
+    def _call(self, what: str, **arguments: str | bool | None) -> None:
         """Call the guard; what is refused now is tried again later."""
         try:
             self.client.call(what, timeout=1.0, **arguments)

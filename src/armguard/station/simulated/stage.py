@@ -10,6 +10,7 @@ from armguard.station.client import Client
 from armguard.station.errors import StationError
 from armguard.station.processes import Crew, free_port
 from armguard.station.ring import RingReader
+from armguard.station.wire.keys import keys_path
 
 # The first start on a machine compiles all kernels [s].
 LONGEST_START = 900.0
@@ -127,8 +128,8 @@ class Stage:
     def _simulated(self, name: str, port: int | None, *words: str) -> None:
         at = str(self.port if port is None else port)
         self._start(
-            name, "-m", "armguard.station.simulated", "--port", at, "--scene",
-            self._scene, *words,
+            name, "-m", "armguard.station.simulated", "--port", at, "--key-file",
+            str(keys_path(self.port)), "--scene", self._scene, *words,
         )  # fmt: skip
 
     def _start(self, name: str, *words: str) -> None:

@@ -33,6 +33,7 @@ class Tally:
         least: Least distance of a checked pair that was near [m].
         touched: The two sides that touched first; None if nothing did.
         verdict: The newest verdict; None before there is one.
+        why: The newest cycle in words: robots that are held first.
 
     Args:
         tables: The scene.
@@ -45,6 +46,7 @@ class Tally:
         self.least = inf
         self.touched: tuple[str, str] | None = None
         self.verdict: Verdict | None = None
+        self.why = ""
         self._robots = tables.robots
         self._names: Names = names_of(tables)
         self._times: list[float] = []
@@ -66,7 +68,7 @@ class Tally:
         verdict = Verdict(
             frame.verdict, self._names, frame.now, frame.cycle_time, fault
         )
-        self.verdict = verdict
+        self.verdict, self.why = verdict, verdict.why
         self._times.append(frame.cycle_time)
         if frame.velocity is not None:
             for r, part in enumerate(self._robots):
@@ -75,6 +77,7 @@ class Tally:
                 self._moving[r] += bool((np.abs(own) > MOVES).any())
         if len(frame.told):
             command = Command(frame.told, self._robots, verdict)
+            self.why = command.why
             self._count_stops(command)
             if frame.form is Form.VELOCITIES:
                 off = np.abs(command.velocity - frame.asked)

@@ -3,9 +3,11 @@
 import argparse
 import signal
 import sys
+from pathlib import Path
 from threading import Event
 from typing import Any
 
+from armguard.entry import run_program
 from armguard.station.view.live_view import LiveView
 
 
@@ -14,8 +16,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="armguard.station.view")
     parser.add_argument("--service", type=int, default=47800)
     parser.add_argument("--page-port", type=int, default=8080)
+    parser.add_argument("--key-file", type=Path, help="the service's keys")
     asked = parser.parse_args()
-    show(LiveView(asked.service, asked.page_port))
+    show(LiveView(asked.service, asked.page_port, keys=asked.key_file))
 
 
 def show(view: Any) -> None:
@@ -23,13 +26,20 @@ def show(view: Any) -> None:
     end = Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: end.set())
-    sys.stdout.write(f"the page is at {view.address}\n")
-    sys.stdout.flush()
+    door = view.view.door
+    door.used = lambda link: say(f"a browser was let in; for another one: {link}")
+    say(f"open the page in one browser: {door.link}")
     try:
         view.run(end.is_set)
     finally:
         view.close()
 
 
+def say(line: str) -> None:
+    """Print a line at once."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
 if __name__ == "__main__":
-    main()
+    run_program(main, "view:")

@@ -13,7 +13,9 @@ from armguard.station.view.drawing.handles import Handles
 from armguard.station.view.driving.commander import Commander
 from armguard.station.view.driving.driver import Driver, Hands
 from armguard.station.view.driving.jog import KEYS_SENTENCE, PAD_SENTENCE
+from armguard.station.view.scene_port import page_of
 from armguard.station.view.world import World
+from armguard.station.wire.keys import Role
 
 # Sliders follow their joints this often [s], but not within this time of being moved.
 FOLLOW, TOUCHED = 0.2, 0.6
@@ -57,7 +59,8 @@ class DriveTab:
         self._add_stops(server)
         self._add_grippers(server)
         self._add_joints(server)
-        self._add_settings(server)
+        if commander.role >= Role.ADMINISTER:
+            self._add_settings(server)
 
     def show(self, frame: Frame, now: float) -> None:
         """Let handles, sliders and words follow."""
@@ -75,6 +78,8 @@ class DriveTab:
         has = self._commander.commands
         if self._take.disabled != has:
             self._take.disabled, self._give.disabled = has, not has
+        if self._tele.value and self._driver.tele is None:
+            self._tele.value = False
         robot = self._world.tables.robots[self._driver.chosen].name
         if self._robot.value != robot:
             self._robot.value = robot
@@ -82,7 +87,6 @@ class DriveTab:
     def let_go(self) -> None:
         """Who held something is gone."""
         self._driver.let_go()
-        self.handles.let_go()
 
     def _add_command(self, server: viser.ViserServer) -> None:
         gui = server.gui
@@ -91,8 +95,13 @@ class DriveTab:
 
         @self._take.on_click
         def _(event: viser.GuiEvent) -> None:
-            if not self._commander.claim():
+            if self._commander.claim():
+                return
+            if self._commander.role >= Role.ADMINISTER:
                 force(event)
+            else:
+                # It is refused, with the sentence that says why.
+                self._commander.claim(force=True)
 
         @self._give.on_click
         def _(_: viser.GuiEvent) -> None:
@@ -120,7 +129,7 @@ class DriveTab:
 
     def _add_ways(self, server: viser.ViserServer) -> None:
         gui, driver = server.gui, self._driver
-        tele = gui.add_checkbox("Tele-driver", False)
+        self._tele = tele = gui.add_checkbox("Tele-driver", False)
         handles = gui.add_checkbox("Handles at tools", False)
         keys = gui.add_checkbox("Keys and gamepad", False)
         share = gui.add_slider("Speed [%]", 5, 100, 5, round(100 * driver.share))
@@ -147,7 +156,7 @@ class DriveTab:
 
         @self._robot.on_update
         def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
+            if event.client is not None and self._robot.value in names:
                 driver.chosen = names.index(self._robot.value)
 
     def _add_stops(self, server: viser.ViserServer) -> None:
@@ -156,7 +165,7 @@ class DriveTab:
 
         @engage.on_click
         def _(_: viser.GuiEvent) -> None:
-            self._commander.call("engage")
+            self._commander.engage()
 
         @reset.on_click
         def _(_: viser.GuiEvent) -> None:
@@ -210,7 +219,8 @@ class DriveTab:
             if event.client is None:
                 return
             self._touched[place] = time.monotonic()
-            self._driver.lead_joint(place, float(slider.value))
+            page = page_of(server, event.client_id)
+            self._driver.lead_joint(place, float(slider.value), page)
 
     def _add_settings(self, server: viser.ViserServer) -> None:
         gui, first = server.gui, self._world.tables.robots[0]

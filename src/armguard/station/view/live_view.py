@@ -11,8 +11,9 @@ import viser
 
 from armguard.scene.bay import bay_path
 from armguard.station.client import Client, Welcome
-from armguard.station.errors import NoServiceError
+from armguard.station.errors import NoServiceError, StationError
 from armguard.station.frames import Frame, Kind
+from armguard.station.recorder_pulse import recorder_age
 from armguard.station.simulated import TeleDriver
 from armguard.station.simulated.operator import Operator
 from armguard.station.view.drive_tab import DriveTab
@@ -23,6 +24,7 @@ from armguard.station.view.editing.editor import Editor
 from armguard.station.view.live import LiveFrames
 from armguard.station.view.service_scene import guarded_scene
 from armguard.station.view.view import View, at_rate
+from armguard.station.wire.keys import Role, found_keys
 
 # A frame that is older than this is not the present any more [s].
 OLD = 0.5
@@ -30,6 +32,10 @@ OLD = 0.5
 # Time between two attempts to find a service that went away, and how long each may
 # take [s].
 AGAIN, ATTEMPT = 1.0, 0.2
+
+# A recorder that said nothing for so long records no more, and how often that is looked
+# at [s].
+NOT_RECORDING, LOOKS = 3.0, 0.5
 
 # Answers are only looked at for who commands: one in so many cycles will do.
 EVERY = 5
@@ -46,20 +52,27 @@ class LiveView:
     Args:
         port: Port of the service.
         page_port: Where the page is to be; 0 for any port that is free.
-        key: The service's key; empty for the public word.
+        keys: File with the service's keys; the one that clients find by themselves if
+            None. The page may do what its highest role may.
 
     Raises:
         NoServiceError: No service answers.
+        KeyFileError: The file cannot be used.
         StationError: The page's port is taken, or the scene is not the service's.
         RingError: The service's ring is not on this machine.
     """
 
-    def __init__(self, port: int, page_port: int = 8080, *, key: bytes = b"") -> None:
-        client = Client(port, key=key, name="view", sensor=True, every=EVERY)
+    def __init__(
+        self, port: int, page_port: int = 8080, *, keys: Path | None = None
+    ) -> None:
+        role = highest_role(port, keys)
+        client = Client(port, role=role, keys=keys, name="view", every=EVERY)
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._tried = time.monotonic()
         self._welcome = client.connect()
-        self.commander = Commander(client, self._complain)
+        self.commander = Commander(client, role, self._complain)
+        self._may: dict[str, Any] = {}
+        self._recording, self._looked = "", -float("inf")
         self.view = View(guarded_scene(self._welcome), page_port, self._heard)
         self._add_tabs()
         self._watch()
@@ -67,12 +80,7 @@ class LiveView:
         @self.view.server.on_client_disconnect
         def _(_: viser.ClientHandle) -> None:
             # The hand that held a handle or a slider is gone.
-            self._drive.let_go()
-
-    @property
-    def address(self) -> str:
-        """What to open in a browser."""
-        return self.view.page.address
+            self.driver.let_go()
 
     def run(self, until: Callable[[], bool]) -> None:
         """Draw until told not to."""
@@ -82,11 +90,16 @@ class LiveView:
         """Draw the newest cycle, or say why there is none."""
         while not self._jobs.empty():
             self._jobs.get()()
+        self._tell_what_it_may()
+        self._tell_of_recorder()
         self.view.remark = self.commander.remark
+        self.view.changed = self.commander.changed
         frame = self._frames.newest
         if self.view.draw(frame) and frame is not None:
-            self._drive.show(frame, time.monotonic())
-            self._edit.show(frame)
+            if self._drive is not None:
+                self._drive.show(frame, time.monotonic())
+            if self._edit is not None:
+                self._edit.show(frame)
         age = self._frames.age()
         if age >= OLD:
             self.view.tell(frame, self._why_old(age))
@@ -109,20 +122,33 @@ class LiveView:
             self.commander,
             self.commander.stop,
         )
-        self._editor = Editor(world.tables, world.placements, self.commander.call)
-        with view.tabs.add_tab("Drive", viser.Icon.DEVICE_GAMEPAD_2):
-            self._drive = DriveTab(
-                view.server,
-                world,
-                self.driver,
-                self.commander,
-                lambda: Operator(TeleDriver(world.tables, secrets.randbits(31))),
-                lambda on: view.page.tell("driving", {"on": on}, keep=True),
-            )
-        with view.tabs.add_tab("Edit", viser.Icon.CUBE):
-            # The bundled scene belongs to everybody.
-            own = file if file != bay_path() else None
-            self._edit = EditTab(view.server, world, self._editor, own)
+        self._editor = Editor(
+            world.tables,
+            world.placements,
+            self.commander.call,
+            changeable={
+                name
+                for name, thing in world.scene.objects.items()
+                if thing.movable or self.commander.role >= Role.ADMINISTER
+            },
+        )
+        self._drive: DriveTab | None = None
+        self._edit: EditTab | None = None
+        if self.commander.role >= Role.COMMAND:
+            with view.tabs.add_tab("Drive", viser.Icon.DEVICE_GAMEPAD_2):
+                self._drive = DriveTab(
+                    view.server,
+                    world,
+                    self.driver,
+                    self.commander,
+                    lambda: Operator(TeleDriver(world.tables, secrets.randbits(31))),
+                    lambda on: view.page.tell("driving", {"on": on}, keep=True),
+                )
+        if self.commander.role >= Role.SENSE:
+            with view.tabs.add_tab("Edit", viser.Icon.CUBE):
+                # The bundled scene belongs to everybody.
+                own = file if file != bay_path() else None
+                self._edit = EditTab(view.server, world, self._editor, own)
         view.page.tell("driving", {"on": False}, keep=True)
 
     def _close_tabs(self) -> None:
@@ -152,7 +178,7 @@ class LiveView:
         """The service goes on with other settings of its scene."""
         try:
             self._greet(self.commander.connect(timeout=1.0))
-        except NoServiceError as error:
+        except StationError as error:
             self._complain(str(error))
 
     def _find_again(self) -> None:
@@ -162,7 +188,7 @@ class LiveView:
             return
         try:
             self._greet(self.commander.connect(ATTEMPT))
-        except NoServiceError:
+        except StationError:
             pass
         self._tried = time.monotonic()
 
@@ -187,17 +213,67 @@ class LiveView:
         why = "" if self.commander.alive else f": {self.commander.cause.sentence}"
         return f"nothing new since {age:.1f} s{why}"
 
-    def _heard(self, said: Mapping[str, Any]) -> None:
+    def _heard(self, page: str, said: Mapping[str, Any]) -> None:
         """What a page says, from the page's thread."""
         kind = said["type"]
         if kind == "stop":
             self.commander.stop()
         elif kind == "gone":
-            self.driver.jog.let_go()
+            self.driver.gone(page)
+        elif kind == "engage":
+            if self.commander.role >= Role.COMMAND:
+                # The page's thread has to hear the next stop meanwhile.
+                self._jobs.put(self.commander.engage)
+        elif kind == "pulse":
+            self.driver.pulses.hear(page, said.get("held") is True)
         elif kind in ("keys", "pad"):
             self.driver.jog.hear(said)
+
+    def _tell_what_it_may(self) -> None:
+        """Tell pages what they may do, when that is something else than before."""
+        commander = self.commander
+        may = {
+            "role": commander.role.word,
+            "engage": commander.role >= Role.COMMAND,
+            "taken": commander.taken,
+        }
+        if may != self._may:
+            self._may = may
+            self.view.page.tell("may", may, keep=True)
+
+    def _tell_of_recorder(self) -> None:
+        """Tell pages since when nothing is recorded that is to be."""
+        now = time.monotonic()
+        if now - self._looked < LOOKS:
+            return
+        self._looked = now
+        age = recorder_age(Path(self._welcome.ring)) or 0.0
+        when = time.strftime("%H:%M:%S", time.localtime(time.time() - age))
+        said = f"NOT RECORDING since {when}" if age > NOT_RECORDING else ""
+        # The time it began, not each new reading of it.
+        if bool(said) != bool(self._recording):
+            self._recording = said
+            self.view.page.tell("recorder", {"said": said}, keep=True)
 
     def _complain(self, sentence: str) -> None:
         """Tell everybody why something was not done."""
         for client in self.view.server.get_clients().values():
             client.add_notification("Refused", sentence, color="orange")
+
+
+def highest_role(port: int, keys: Path | None) -> Role:
+    """The highest role that a key is there for.
+
+    Args:
+        port: Port of the service.
+        keys: Its key file; the one that clients find by themselves if None.
+
+    Raises:
+        KeyFileError: The file cannot be used.
+    """
+    try:
+        found, _ = found_keys(keys, port)
+    except NoServiceError:
+        # The client waits for it, and says what is missing.
+        return Role.OBSERVE
+    return max(found)

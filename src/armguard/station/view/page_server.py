@@ -2,8 +2,8 @@
 
 The page is viser's with a script and a style of ours beside it. The channel is a
 websocket of its own beside viser's, so that a level reaches light and sound at once,
-whatever the drawing has to send; keys and gamepads come back on it. Who asks from
-another page's origin, or under another name, is refused.
+whatever the drawing has to send; keys, gamepads and pulses come back on it. The door
+says which requests are answered.
 """
 
 import asyncio
@@ -22,6 +22,14 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from armguard.station.errors import StationError
+from armguard.station.view.door import (
+    Door,
+    from_within,
+    hang_up,
+    navigates,
+    page_name,
+)
+from armguard.station.view.sieve import Drops
 
 HERE = Path(__file__).parent / "page"
 CHANNEL = "/station"
@@ -37,10 +45,15 @@ TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
 # What the page may do: nothing leaves this machine, whatever a name or a file says.
 POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
-    "connect-src 'self' data: blob: ws://127.0.0.1:* ws://localhost:*"
+    "connect-src 'self' data: blob: {sockets}"
 )
 
-Heard = Callable[[Mapping[str, Any]], None]
+STRANGER = (
+    "This browser was not let in: open the link that armguard printed last in its "
+    "terminal (each link lets one browser in, and the next one is printed then).\n"
+)
+
+Heard = Callable[[str, Mapping[str, Any]], None]
 
 
 class PageServer:
@@ -52,14 +65,17 @@ class PageServer:
     Args:
         port: The port wanted; 0 for any that is free.
         scene_port: Where viser's own websocket is.
-        heard: Called with each message of a page, from the server's thread.
+        door: Says which requests are answered; learns the page's port.
+        heard: Called with the name of a page and each message of it, from the server's
+            thread; with a message of the type "gone" when it was closed.
 
     Raises:
         StationError: The port is taken.
     """
 
-    def __init__(self, port: int, scene_port: int, heard: Heard) -> None:
-        self._scene_port, self._heard = scene_port, heard
+    def __init__(self, port: int, scene_port: int, door: Door, heard: Heard) -> None:
+        self._scene_port, self._door, self._heard = scene_port, door, heard
+        self._drops = Drops()
         self._open: set[ServerConnection] = set()
         self._last: dict[str, str] = {}
         self._loop = asyncio.new_event_loop()
@@ -73,7 +89,6 @@ class PageServer:
             },
         }
         self.port = port
-        self._names: set[str] = set()
         started: Future[None] = Future()
         self._thread = threading.Thread(
             target=self._run, args=(port, started), name="page", daemon=True
@@ -86,16 +101,6 @@ class PageServer:
                 f"the page cannot be at port {port}: {error.strerror}; give another "
                 "with --page-port, or 0 for any that is free"
             ) from error
-
-    @property
-    def address(self) -> str:
-        """What to open in a browser."""
-        return f"http://127.0.0.1:{self.port}/"
-
-    @property
-    def origins(self) -> set[str]:
-        """Origins of pages that are ours."""
-        return {f"http://{name}" for name in self._names}
 
     @property
     def pages(self) -> int:
@@ -138,7 +143,7 @@ class PageServer:
         asyncio.set_event_loop(self._loop)
 
         async def work() -> None:
-            quiet = logging.getLogger("armguard.station.view.page")
+            quiet = logging.getLogger("armguard.view.page")
             quiet.setLevel(logging.CRITICAL)
             try:
                 self._server = await serve(
@@ -148,14 +153,14 @@ class PageServer:
                     process_request=self._answer,
                     max_size=LONGEST,
                     compression=None,
+                    server_header=None,
                     logger=quiet,
                 )
             except OSError as error:
                 started.set_exception(error)
                 return
             self.port = next(iter(self._server.sockets)).getsockname()[1]
-            hosts = ("127.0.0.1", "localhost")
-            self._names = {f"{host}:{self.port}" for host in hosts}
+            self._door.port = self.port
             started.set_result(None)
             await self._server.wait_closed()
 
@@ -166,31 +171,47 @@ class PageServer:
         self, connection: ServerConnection, request: Request
     ) -> Response | None:
         """A file of the page, or None for the channel."""
-        path = request.path.partition("?")[0]
-        if request.headers.get("Host", "") not in self._names:
-            return answer(http.HTTPStatus.FORBIDDEN)
-        if path == CHANNEL:
-            ours = request.headers.get("Origin", "") in self.origins
-            return None if ours else answer(http.HTTPStatus.FORBIDDEN)
+        door, path = self._door, request.path.partition("?")[0]
+        if "Upgrade" in request.headers:
+            opens = path == CHANNEL and door.opens_socket(request, self.port)
+            return None if opens else hang_up(connection)
+        if not door.ours(request, self.port):
+            return hang_up(connection)
+        cookie = door.let_in(request) if navigates(request) and path == "/" else ""
+        if not (cookie or door.knows(request)):
+            if not navigates(request):
+                return hang_up(connection)
+            return self._reply(http.HTTPStatus.FORBIDDEN, body=STRANGER.encode())
+        if not (navigates(request) or from_within(request)):
+            return hang_up(connection)
         if path not in self._files:
-            return answer(http.HTTPStatus.NOT_FOUND)
-        return answer(http.HTTPStatus.OK, *self._files[path])
+            return self._reply(http.HTTPStatus.NOT_FOUND)
+        return self._reply(http.HTTPStatus.OK, *self._files[path], cookie=cookie)
 
     async def _talk(self, connection: ServerConnection) -> None:
+        assert connection.request is not None
+        page = page_name(connection.request.path)
         self._open.add(connection)
         try:
             for text in tuple(self._last.values()):
                 await connection.send(text)
             async for message in connection:
-                said = parsed(message)
-                if said is not None:
-                    self._heard(said)
+                self._hear(page, message)
         except ConnectionClosed:
             pass
         finally:
             self._open.discard(connection)
-            # Whoever had keys held down holds none any more.
-            self._heard({"type": "gone"})
+            self._heard(page, {"type": "gone"})
+
+    def _hear(self, page: str, message: str | bytes) -> None:
+        """Hand on what a page says; what cannot be understood is dropped."""
+        try:
+            said = json.loads(message)
+            if not isinstance(said, dict) or not isinstance(said.get("type"), str):
+                raise ValueError("no object with a type")
+            self._heard(page, said)
+        except Exception as error:  # whatever a page says, its channel goes on
+            self._drops.add(str(error)[:200])
 
     def _index(self) -> str:
         """Viser's page, told where its websocket is, with ours beside it."""
@@ -201,8 +222,11 @@ class PageServer:
         ours = (
             "<title>armguard</title>\n"
             "<script>{const asked = new URLSearchParams(location.search);"
+            # The link is used up, and of no use in the browser's history.
+            "asked.delete('token');"
+            "window.stationPage = crypto.randomUUID();"
             "asked.set('websocket', 'ws://' + location.hostname + "
-            f"':{self._scene_port}');"
+            f"':{self._scene_port}/?page=' + stationPage);"
             "history.replaceState(null, '', '?' + asked)}</script>\n"
             '<link rel="stylesheet" href="/station.css">\n'
             '<script src="/pace.js"></script>\n'
@@ -213,27 +237,31 @@ class PageServer:
             '<meta charset="utf-8" />', '<meta charset="utf-8" />' + ours
         )
 
-
-def answer(
-    status: http.HTTPStatus, kind: str = "text/plain", body: bytes = b""
-) -> Response:
-    """An answer that is to be asked for anew each time."""
-    headers = Headers(
-        {
-            "Content-Type": f"{kind}; charset=utf-8",
-            "Content-Length": str(len(body)),
-            "Cache-Control": "no-store",
-            "Content-Security-Policy": POLICY,
-            "X-Frame-Options": "DENY",
-        }
-    )
-    return Response(status, status.phrase, headers, body)
-
-
-def parsed(message: str | bytes) -> Mapping[str, Any] | None:
-    """What a page said; None if it is nothing that a page says."""
-    try:
-        said = json.loads(message)
-    except ValueError:
-        return None
-    return said if isinstance(said, dict) and "type" in said else None
+    def _reply(
+        self,
+        status: http.HTTPStatus,
+        kind: str = "text/plain",
+        body: bytes = b"",
+        cookie: str = "",
+    ) -> Response:
+        """An answer that is to be asked for anew each time, and by nobody else."""
+        ports = (self.port, self._scene_port)
+        sockets = [f"ws://{name}" for port in ports for name in self._door.names(port)]
+        headers = Headers(
+            {
+                "Content-Type": f"{kind}; charset=utf-8",
+                "Content-Length": str(len(body)),
+                "Cache-Control": "no-store",
+                "Content-Security-Policy": POLICY.format(
+                    sockets=" ".join(sorted(sockets))
+                ),
+                "Cross-Origin-Opener-Policy": "same-origin",
+                "Cross-Origin-Resource-Policy": "same-origin",
+                "Referrer-Policy": "no-referrer",
+                "X-Content-Type-Options": "nosniff",
+                "X-Frame-Options": "DENY",
+            }
+        )
+        if cookie:
+            headers["Set-Cookie"] = cookie
+        return Response(status, status.phrase, headers, body)

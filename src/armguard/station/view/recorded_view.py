@@ -37,11 +37,6 @@ class RecordedView:
             self._line = TimeLine(self.view.server, self.playback)
         self._events = -1
 
-    @property
-    def address(self) -> str:
-        """What to open in a browser."""
-        return self.view.page.address
-
     def run(self, until: Callable[[], bool]) -> None:
         """Draw until told not to."""
         at_rate(self.draw, until)
@@ -68,7 +63,7 @@ class RecordedView:
         at = f"{self.playback.position:.2f} of {self.playback.length:.2f} s"
         return f"recorded {when:%Y-%m-%d %H:%M:%S} UTC, {at}"
 
-    def _heard(self, said: Mapping[str, Any]) -> None:
+    def _heard(self, page: str, said: Mapping[str, Any]) -> None:
         """What a page says: there is nothing to drive or to stop but the playback."""
         if said["type"] == "stop":
             self.playback.play(False)

@@ -1,5 +1,6 @@
 """How a robot looks: the visuals of its URDF, or what its collision geometry is."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from armguard.errors import ArmguardError
 from armguard.geometry.shapes import shape_row
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, Link, MeshFile, RobotModel
+from armguard.robot.packages import find_file
 from armguard.robot.urdf_geometry import read_geometry
 from armguard.robot.xml_source import Reader, read_xml
 from armguard.scene.scene import SceneRobot
@@ -53,12 +55,13 @@ def visuals_of(model: RobotModel) -> dict[str, list[Mesh]]:
     if model.path is None:
         return {}
     reader = Reader(model.path.name)
+    files = partial(find_file, urdf=model.path)
     found: dict[str, list[Mesh]] = {}
     for link in read_xml(model.path, "robot").iterchildren("link"):
         try:
             parts = [
                 placed(
-                    geometry_mesh(read_geometry(reader, element, model.path, None)),
+                    geometry_mesh(read_geometry(reader, element, files)),
                     reader.origin(element),
                 )
                 for element in link.iterchildren("visual")

@@ -49,7 +49,7 @@ class TimeLine:
 
         @speed.on_update
         def _(_: viser.GuiEvent) -> None:
-            playback.set_speed(SPEEDS[speed.value])
+            playback.set_speed(SPEEDS.get(speed.value, 1.0))
 
     def show(self) -> None:
         """Let the line and the button follow."""

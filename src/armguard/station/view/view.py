@@ -5,12 +5,14 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 import viser
 
 from armguard.scene.scene import Scene
 from armguard.station.errors import StationError
 from armguard.station.frames import Frame
 from armguard.station.view.cues import state_message
+from armguard.station.view.door import Door
 from armguard.station.view.judged import level_at_a_glance
 from armguard.station.view.page_server import PageServer
 from armguard.station.view.scene_port import dress, open_scene_port
@@ -29,27 +31,34 @@ class View:
 
     Attributes:
         page: The page and its channel.
+        door: Lets browsers in, each by a link of its own.
         server: Viser's server, for tabs and nodes.
         world: What is drawn.
-        remark: What the service says beside its verdicts; empty if nothing.
+        remark: Why the service stops all robots beside its verdicts; empty if it does
+            not.
+        changed: Whether objects were changed within the last second.
         cue_delays: From a cycle's writing until its changed level left for the pages,
             of the last thousand changes [s].
 
     Args:
         scene: What is shown at first.
         page_port: Where the page is to be; 0 for any port that is free.
-        heard: Called with what pages say, from the page's thread.
+        heard: Called with a page's name and what it says, from the page's thread.
 
     Raises:
         StationError: The port is taken.
     """
 
     def __init__(
-        self, scene: Scene, page_port: int, heard: Callable[[Mapping[str, Any]], None]
+        self,
+        scene: Scene,
+        page_port: int,
+        heard: Callable[[str, Mapping[str, Any]], None],
     ) -> None:
-        self.server = open_scene_port(lambda: self.page.origins)
+        self.door = Door()
+        self.server = open_scene_port(self.door)
         try:
-            self.page = PageServer(page_port, self.server.get_port(), heard)
+            self.page = PageServer(page_port, self.server.get_port(), self.door, heard)
         except StationError:
             self.server.stop()
             raise
@@ -57,7 +66,7 @@ class View:
         self._shown: Frame | None = None
         self._glance: tuple[int, ...] = ()
         self._told = -float("inf")
-        self.remark = ""
+        self.remark, self.changed = "", False
         self.show_scene(scene)
 
     def show_scene(self, scene: Scene) -> viser.GuiTabGroupHandle:
@@ -87,13 +96,21 @@ class View:
         if not self.world.fits(frame):
             return
         now = time.monotonic()
-        glance = level_at_a_glance(frame, len(self.world.names.robots))
+        robots = len(self.world.names.robots)
+        glance = (
+            *level_at_a_glance(frame, robots),
+            *(np.isfinite(frame.told[-robots:]) if len(frame.told) else ()),
+            self.changed,
+            bool(self.remark),
+        )
         changed = glance != self._glance
         if not changed and now - self._told < SENTENCE:
             return
         first, self._glance, self._told = not self._glance, glance, now
         cycle = self.world.judged(frame)
-        message = state_message(cycle, now - frame.monotonic, remark=self.remark)
+        message = state_message(
+            cycle, now - frame.monotonic, remark=self.remark, changed=self.changed
+        )
         self.page.tell("state", message, keep=True)
         if changed and not first:
             self.cue_delays.append(time.monotonic() - frame.monotonic)

@@ -12,10 +12,11 @@ from struct import Struct
 from armguard.station.errors import StationError
 
 MAGIC = 0x44524741  # "AGRD"
-VERSION = 1
+VERSION = 2
 
 # Magic, version, kind, length of the whole message [bytes], session, scene, sender,
-# sequence, the sender's monotonic clock [ns].
+# sequence, when it was sent [ns]: on the service's monotonic clock as far as the sender
+# knows it, in a HELLO on the sender's own.
 HEADER = Struct("<IBBHQQQQq")
 SEAL = 16
 LEAST = HEADER.size + SEAL
@@ -46,6 +47,8 @@ class Kind(IntEnum):
     REPLY = 11
     STOP = 12
     BYE = 13
+    CHALLENGE = 14
+    REFUSAL = 15
 
 
 class Form(IntEnum):
@@ -56,10 +59,14 @@ class Form(IntEnum):
     TWISTS = 3
 
 
-# HELLO: flags, how many cycles there are to one COMMAND (0: none but answers to own
-# states), then a name in UTF-8.
-HELLO = Struct("<II")
-SENSOR = 1  # flag: may place and remove objects
+# HELLO: role whose key seals it, how many cycles there are to one COMMAND (0: none but
+# answers to own states), the cookie of the CHALLENGE or zeros, then a name in UTF-8.
+HELLO = Struct("<II16s")
+
+# CHALLENGE: the stamp of the HELLO it answers [ns], then the cookie that a HELLO of
+# this session has to show once.
+CHALLENGE = Struct("<q16s")
+NO_COOKIE = bytes(16)
 
 # WELCOME: part, parts, joints, robots, period [s], the stamp of the HELLO it answers
 # [ns], when that came in, on the service's clock [ns], then a part of the JSON.
@@ -83,13 +90,15 @@ COMMAND = Struct("<QQQqqdddIIdd6d")
 # Then: reason, cause, level, action, flags, joints, robots, form, who commands.
 SUMMARY = Struct("<8HQ")
 # Then for each robot: level, action, blocked, reason of its last stop, speed scale,
-# urgency, age of its state [s], sender and sequence of that state.
-ROBOT = Struct("<4H2fdQQ")
+# urgency, age of its state [s], sender and sequence of that state, since when it waits
+# for a person, on the service's clock, NaN if it does not [s].
+ROBOT = Struct("<4H2fdQQd")
 # Then velocities and positions of all joints.
 ROBOTS_AT = HEADER.size + COMMAND.size + SUMMARY.size
 NOBODY = 0xFFFFFFFF
 MISSED = 1  # flag: the cycle ended later than its period allows
 HELD = 2  # flag: the wish is not the commander's, see `Cause`
+OBJECTS_CHANGED = 4  # flag: an object was placed or removed within the last second
 
 # HEARTBEAT of the service: next cycle, who commands. That of a client is empty.
 HEARTBEAT = Struct("<QQ")
@@ -103,6 +112,10 @@ GIVE_BACK = Struct("<Q")
 
 # REPLY: sequence of the CALL, then JSON.
 REPLY = Struct("<Q")
+
+# REFUSAL: sequence of the message that was dropped, then the cause and a sentence in
+# UTF-8, with a colon between them.
+REFUSAL = Struct("<Q")
 
 
 class MessageError(StationError, ValueError):

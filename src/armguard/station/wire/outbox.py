@@ -13,20 +13,22 @@ class Outbox:
         session: Session of the service; 0 before it is known.
         scene: The first eight bytes of the scene's hash; 0 before it is known.
         sequence: Number of the message written last.
+        ahead: How far the service's clock is ahead of this machine's; 0 before that is
+            known [ns].
 
     Args:
-        seal: Seals them.
-        sender: Who sends them.
+        seal: Seals them; None if each receiver has a seal of its own.
+        sender: Number of their sender.
         session: See there.
         scene: See there.
     """
 
     def __init__(
-        self, seal: Seal, sender: int, session: int = 0, scene: int = 0
+        self, seal: Seal | None, sender: int, session: int = 0, scene: int = 0
     ) -> None:
         self.session = session
         self.scene = scene
-        self.sequence = 0
+        self.sequence = self.ahead = 0
         self._seal = seal
         self._sender = sender
         self._buffer = memoryview(bytearray(MOST))
@@ -42,7 +44,7 @@ class Outbox:
         return self._buffer[HEADER.size : MOST - SEAL]
 
     def seal(self, kind: Kind, size: int) -> memoryview:
-        """The message whose payload was written; good until the next one is.
+        """The message whose payload was written; good until the next one is written.
 
         Args:
             kind: What it is.
@@ -61,10 +63,11 @@ class Outbox:
             self.scene,
             self._sender,
             self.sequence,
-            time.monotonic_ns(),
+            time.monotonic_ns() + self.ahead,
         )
         message = self._buffer[:length]
-        self._seal.put(message)
+        if self._seal is not None:
+            self._seal.put(message)
         return message
 
     def message(self, kind: Kind, payload: bytes = b"") -> memoryview:

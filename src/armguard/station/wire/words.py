@@ -18,10 +18,12 @@ class Cause(IntEnum):
     FAULT = 12
     SHUTDOWN = 13
     WAITING = 14
+    RESTARTED = 15
     NOT_CONNECTED = 100
     SERVICE_SILENT = 101
     NO_ANSWER = 102
     SERVICE_GONE = 103
+    NOT_YOURS = 104
 
     @property
     def stops(self) -> bool:
@@ -44,10 +46,13 @@ CAUSE_SENTENCES: dict[Cause, str] = {
     Cause.FAULT: "something went wrong in the service; its log tells what",
     Cause.SHUTDOWN: "the service shuts down",
     Cause.WAITING: "not every robot has sent a state yet",
+    Cause.RESTARTED: "the service was restarted after a crash; the commander has to "
+    "engage",
     Cause.NOT_CONNECTED: "not connected to a service",
     Cause.SERVICE_SILENT: "the service is silent",
     Cause.NO_ANSWER: "the service lives, and has sent no command in time",
     Cause.SERVICE_GONE: "the service has said good-bye",
+    Cause.NOT_YOURS: "another controller sends the states of these robots",
 }
 
 # Calls of the guard that change what robots may do: for the commander.

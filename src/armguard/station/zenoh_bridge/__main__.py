@@ -6,8 +6,8 @@ import signal
 import sys
 from pathlib import Path
 
+from armguard.entry import run_program
 from armguard.errors import ArmguardError
-from armguard.station.wire import read_key
 from armguard.station.zenoh_bridge.bridge import Bridge
 from armguard.station.zenoh_bridge.settings import LISTEN, BridgeSettings
 
@@ -19,14 +19,11 @@ def main() -> int:
     )
     parser.add_argument("--port", type=int, required=True, help="of the service")
     parser.add_argument("--host", default="127.0.0.1", help="of the service")
-    parser.add_argument("--key-file", type=Path, help="the service's key")
+    parser.add_argument("--key-file", type=Path, help="the service's keys")
     parser.add_argument("--listen", action="append", help=f"endpoint, else {LISTEN}")
     parser.add_argument("--connect", action="append", help="endpoint, of a router say")
     parser.add_argument("--prefix", default="armguard", help="keys begin with it")
     parser.add_argument("--name", default="guard", help="follows the prefix")
-    parser.add_argument(
-        "--sensor", action="store_true", help="anybody may place and remove objects"
-    )
     parser.add_argument(
         "--companion", action="store_true", help="end when the service is gone"
     )
@@ -40,12 +37,11 @@ def main() -> int:
         settings = BridgeSettings(
             port=options.port,
             host=options.host,
-            key=b"" if options.key_file is None else read_key(options.key_file),
+            keys=options.key_file,
             listen=tuple(options.listen or [LISTEN]),
             connect=tuple(options.connect or []),
             prefix=options.prefix,
             name=options.name,
-            sensor=options.sensor,
             companion=options.companion,
         )
         bridge = Bridge(settings, timeout=options.wait)
@@ -61,4 +57,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_program(main, "zenoh bridge:")

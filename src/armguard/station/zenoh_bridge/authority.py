@@ -1,24 +1,23 @@
-"""Who commands among those that come by Zenoh, and whose state counts."""
+"""Sessions over Zenoh: which commands, which measures a robot, and their numbers."""
 
-import secrets
 from collections.abc import Iterable
-from hmac import compare_digest
-from typing import Any
 
-from armguard.station.zenoh_bridge.schema import DroppedError, State
+from armguard.station.zenoh_bridge.schema import DroppedError
+from armguard.station.zenoh_bridge.seal import Sender
 
-# Senders of states that are remembered.
-MOST_SENDERS = 256
+# Sessions whose sequences are remembered.
+MOST_SESSIONS = 1024
 
 
 class Authority:
-    """The token of the one who commands.
+    """The session that commands.
 
-    The service knows only the bridge. So the bridge keeps its own token, and takes
-    its holder's silence for what it is: the bridge itself is never silent.
+    The service knows only the bridge, which is never silent. So the bridge keeps which
+    session has the command, and when it heard of it.
 
     Attributes:
-        name: What the holder calls himself; "" for nobody.
+        name: Name of the commander; "" if there is none.
+        holder: The commander; None if there is none.
 
     Args:
         watchdog: After that much silence the command is lost [s].
@@ -26,83 +25,90 @@ class Authority:
 
     def __init__(self, watchdog: float) -> None:
         self.name = ""
-        self._token = ""
+        self.holder: Sender | None = None
         self._watchdog = watchdog
         self._heard = 0.0
-        self._sequence: int | None = None
 
-    def grant(self, name: str, now: float) -> str:
-        """Somebody has the command from now on; his token."""
-        self.name, self._token = name, secrets.token_hex(16)
-        self._heard, self._sequence = now, None
-        return self._token
+    def grant(self, sender: Sender, name: str, now: float) -> None:
+        """Give a session the command."""
+        self.holder, self.name, self._heard = sender, name, now
 
     def lose(self) -> None:
-        """Nobody has it any more."""
-        self.name = self._token = ""
+        """Take the command from its holder."""
+        self.holder, self.name = None, ""
 
     def silent(self, now: float) -> bool:
-        """Whether its holder has been silent for too long."""
-        return bool(self._token) and now - self._heard > self._watchdog
+        """Whether the commander has been silent for too long."""
+        return self.holder is not None and now - self._heard > self._watchdog
 
-    def check(self, message: dict[str, Any], now: float) -> None:
-        """Take note of a message of the holder.
+    def check(self, sender: Sender, now: float) -> None:
+        """Note a message that only the commander may send.
 
         Raises:
-            DroppedError: It is not his.
+            DroppedError: The sender is not the commander.
         """
-        shown = message.get("token")
-        if not self._token:
-            raise DroppedError("not_commander", "nobody commands; claim the command")
-        if not isinstance(shown, str) or not compare_digest(
-            shown.encode(), self._token.encode()
-        ):
-            raise DroppedError("not_commander", "another token than the commander's")
+        if self.holder is None:
+            raise DroppedError(
+                "not_commander", "no session commands; call 'claim' first"
+            )
+        if sender != self.holder:
+            raise DroppedError("not_commander", f"'{self.name}' has the command")
         self._heard = now
-
-    def in_order(self, sequence: int) -> None:
-        """Take note of the number of a wish.
-
-        Raises:
-            DroppedError: It is not higher than the last one.
-        """
-        if self._sequence is not None and sequence <= self._sequence:
-            raise DroppedError("out_of_order", f"{sequence} after {self._sequence}")
-        self._sequence = sequence
 
 
 class Controllers:
-    """Who measures which robot.
+    """Which session measures which robot.
 
     Args:
         robots: All robots.
-        watchdog: After that much silence another one may [s].
+        watchdog: After that much silence another session may [s].
     """
 
     def __init__(self, robots: Iterable[str], watchdog: float) -> None:
         self._watchdog = watchdog
-        self._sender = dict.fromkeys(robots, "")
+        self._sender: dict[str, Sender | None] = dict.fromkeys(robots)
         self._heard = dict.fromkeys(robots, 0.0)
-        self._sequence: dict[str, int] = {}
 
-    def check(self, state: State, now: float) -> None:
-        """Take note of a state.
+    def check(self, sender: Sender, robots: Iterable[str], now: float) -> None:
+        """Note a state of robots.
 
         Raises:
-            DroppedError: Another controller has one of its robots, or it is old.
+            DroppedError: Another session measures one of them.
         """
-        sender = state.sender
-        for robot in state.robots:
-            other = self._sender[robot]
+        for robot in robots:
             alive = now - self._heard[robot] <= self._watchdog
-            if other not in ("", sender) and alive:
-                raise DroppedError("second_controller", f"'{robot}' has '{other}'")
-        last = self._sequence.get(sender)
-        if last is not None and state.sequence <= last:
-            raise DroppedError("out_of_order", f"{state.sequence} after {last}")
-        if last is None and len(self._sequence) >= MOST_SENDERS:
-            kept = set(self._sender.values())
-            self._sequence = {k: v for k, v in self._sequence.items() if k in kept}
-        self._sequence[sender] = state.sequence
-        for robot in state.robots:
+            if alive and self._sender[robot] not in (None, sender):
+                raise DroppedError(
+                    "second_controller", f"another session measures '{robot}'"
+                )
+        for robot in robots:
             self._sender[robot], self._heard[robot] = sender, now
+
+
+class Sequences:
+    """The last number of each sender and kind of message: none is taken twice.
+
+    Args:
+        keep: Age from which on messages are refused anyway [s].
+    """
+
+    def __init__(self, keep: float) -> None:
+        self._keep = keep
+        # In the order in which they were heard.
+        self._last: dict[tuple[Sender, str], tuple[int, float]] = {}
+
+    def check(self, sender: Sender, kind: str, sequence: int, now: float) -> None:
+        """Note the number of a message.
+
+        Raises:
+            DroppedError: It is not higher than the last one, or too many others send.
+        """
+        last, _ = self._last.pop((sender, kind), (-1, 0.0))
+        if sequence > last and len(self._last) >= MOST_SESSIONS:
+            oldest = next(iter(self._last))
+            if now - self._last[oldest][1] <= self._keep:
+                raise DroppedError("overrun", f"{MOST_SESSIONS} sessions send already")
+            del self._last[oldest]
+        self._last[sender, kind] = max(last, sequence), now
+        if sequence <= last:
+            raise DroppedError("out_of_order", f"{sequence} after {last}")

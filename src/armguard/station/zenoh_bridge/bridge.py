@@ -1,6 +1,7 @@
 """The bridge: a client of the service on one side, a Zenoh session on the other."""
 
 import json
+import math
 import select
 import socket
 import time
@@ -16,10 +17,16 @@ from armguard.errors import ArmguardError
 from armguard.station.client import Answer, Client
 from armguard.station.client.stop import stop_answer
 from armguard.station.errors import RefusedError, StationError
+from armguard.station.service.calls import NEEDS
 from armguard.station.service.complaints import Complaints
-from armguard.station.wire import Cause
-from armguard.station.wire.words import OF_ALL, OF_SENSORS
-from armguard.station.zenoh_bridge.authority import Authority, Controllers
+from armguard.station.wire import Cause, Keys, Role
+from armguard.station.wire.keys import found_keys
+from armguard.station.zenoh_bridge.authority import (
+    Authority,
+    Controllers,
+    Sequences,
+)
+from armguard.station.zenoh_bridge.message import MOST, Message, message_of
 from armguard.station.zenoh_bridge.schema import (
     DroppedError,
     Joints,
@@ -27,7 +34,18 @@ from armguard.station.zenoh_bridge.schema import (
     read,
     verdict_of,
 )
-from armguard.station.zenoh_bridge.settings import BridgeSettings, open_session
+from armguard.station.zenoh_bridge.seal import (
+    BRIDGE,
+    MAC,
+    NANO,
+    NOTHING,
+    ROLES,
+    Mark,
+    Sealer,
+    check,
+    mark_of,
+)
+from armguard.station.zenoh_bridge.settings import TOLD, BridgeSettings, open_session
 
 # Messages that wait to be handled; older ones are given up.
 WAITING = 1024
@@ -37,6 +55,9 @@ VERDICTS = 0.04
 
 # How long a call may take [s].
 CALL = 5.0
+
+# How old a state or a call may be when it is handled, or by how much ahead [s].
+LATE = 1.0
 
 # How often a service that is away is asked whether it is there again, and how long it
 # gets to answer [s].
@@ -72,18 +93,11 @@ class Bridge:
     def __init__(self, settings: BridgeSettings, timeout: float = 3.0) -> None:
         self._settings = settings
         self.counts: Counter[str] = Counter()
-        self._client = Client(
-            settings.port,
-            settings.host,
-            settings.key,
-            settings.watchdog,
-            name="zenoh",
-            sensor=settings.sensor,
-        )
-        self._client.connect(timeout)
-        self._adopt()
+        self._clients: dict[Role, Client] = {}
+        self._keys: Keys = {}
+        self._connect(timeout)
         self._complaints = Complaints()
-        self._inbox: deque[tuple[str, Any]] = deque(maxlen=WAITING)
+        self._inbox: deque[Message] = deque(maxlen=WAITING)
         self._woken, self._wake = socket.socketpair()
         self._woken.setblocking(False)
         self._wake.setblocking(False)
@@ -92,11 +106,11 @@ class Bridge:
         try:
             self._session: Any = open_session(settings)
         except BaseException:
-            self._client.close()
+            self._leave()
             raise
         root = settings.root
         self._out = {name: self._publisher(name) for name in TOLD}
-        self._takes: dict[str, Callable[[dict[str, Any]], None]] = {
+        self._takes: dict[str, Callable[[Mark, dict[str, Any]], None]] = {
             "state": self._take_state,
             "wish/velocities": self._take_velocities,
             "wish/positions": self._take_positions,
@@ -124,12 +138,16 @@ class Bridge:
             self._handle()
             while (answer := self._client.receive()) is not None:
                 self._tell(answer)
+            for client in self._clients.values():
+                # The service sends commands to one of them only.
+                if client.connected and client is not self._client:
+                    client.receive()
             now = time.monotonic()
             if now < beat:
                 continue
             beat = max(beat + self._settings.heartbeat, now)
             latest = self._latest()
-            if latest.cycle < 0:
+            if latest.cycle < 0 and latest.cause is not Cause.NOT_YOURS:
                 self._tell(latest)
             self._watch_commander(now)
             self._beat(latest)
@@ -146,7 +164,7 @@ class Bridge:
 
     def close(self) -> None:
         """A last stop for everybody, and everything closed."""
-        self._client.close()
+        self._leave()
         with suppress(zenoh.ZError):
             self._tell(self._latest())
             self._beat(self._latest())
@@ -156,8 +174,34 @@ class Bridge:
         self._woken.close()
         self._wake.close()
 
-    def _adopt(self) -> None:
-        """Take over what a service tells about itself."""
+    def _connect(self, timeout: float) -> None:
+        """Connect to a service, under the keys that it has now.
+
+        Args:
+            timeout: How long to wait for it [s].
+
+        Raises:
+            StationError: The key file has no keys, or no service answers.
+        """
+        settings = self._settings
+        keys, _ = found_keys(settings.keys, settings.port)
+        # States are sent, and commands received, by the client of this role.
+        main = Role.COMMAND if Role.COMMAND in keys else max(keys)
+        clients = {
+            role: Client(
+                settings.port,
+                settings.host,
+                settings.watchdog,
+                role=role,
+                keys=keys,
+                name=f"zenoh {role.word}",
+                every=1 if role is main else 0,
+            )
+            for role in keys
+        }
+        clients[main].connect(timeout)
+        self._leave()
+        self._clients, self._client = clients, clients[main]
         self._welcome = welcome = self._client.welcome
         # Where robots were told to be last; nothing is known of that yet.
         self._position = np.full(len(welcome.names), np.nan)
@@ -165,7 +209,29 @@ class Bridge:
         self._joints = Joints(welcome)
         self._authority = Authority(watchdogs["commander"])
         self._controllers = Controllers(welcome.robots, watchdogs["controller"])
-        self._asked: dict[int, tuple[str, int]] = {}
+        self._asked: dict[int, Mark] = {}
+        if keys != self._keys:
+            # A service that was only silent has the same keys: the session goes on.
+            self._keys = keys
+            self._sealer = Sealer(BRIDGE, [keys.get(role, b"") for role in ROLES])
+            self._sequences = Sequences(2.0 * LATE)
+        self._ages = {"wish": watchdogs["wish"], "stop": math.inf}
+
+    def _client_of(self, role: Role) -> Client:
+        """The client whose rights are those of a role.
+
+        Raises:
+            NoServiceError: The service does not answer.
+        """
+        client = self._clients[role]
+        if not client.connected:
+            client.connect(CALL)
+        return client
+
+    def _leave(self) -> None:
+        """Say good-bye to the service."""
+        for client in self._clients.values():
+            client.close()
 
     def _latest(self) -> Answer:
         """The newest answer, or a stop of the robots there are."""
@@ -180,8 +246,7 @@ class Bridge:
     def _knock(self) -> None:
         """See whether a service is there again."""
         with suppress(StationError):
-            self._client.connect(KNOCK)
-            self._adopt()
+            self._connect(KNOCK)
 
     def _publisher(self, name: str) -> Any:
         """Where something is told: at once, and given up rather than waited for."""
@@ -195,21 +260,22 @@ class Bridge:
 
     def _hears(self, name: str) -> Callable[[Any], None]:
         """What Zenoh calls with a sample of a key, on a thread of its own."""
+        expression = f"{self._settings.root}/{name}"
 
         def hear(sample: Any) -> None:
-            self._put(name, sample.payload.to_bytes())
+            self._put(message_of(name, expression, sample))
 
         return hear
 
     def _asked_for(self, query: Any) -> None:
         """What Zenoh calls with a query, on a thread of its own."""
-        self._put("call", query)
+        self._put(message_of("call", str(query.key_expr), query, query))
 
-    def _put(self, name: str, thing: Any) -> None:
-        """Let the one thread handle something."""
+    def _put(self, message: Message) -> None:
+        """Let the one thread handle a message."""
         if len(self._inbox) == WAITING:
             self.counts["dropped_overrun"] += 1
-        self._inbox.append((name, thing))
+        self._inbox.append(message)
         with suppress(OSError):
             self._wake.send(b"!")
 
@@ -226,13 +292,16 @@ class Bridge:
 
     def _handle(self) -> None:
         """Handle what came by Zenoh; nothing of it may end the bridge."""
-        while self._inbox:
-            name, thing = self._inbox.popleft()
+        # Those that come meanwhile wait until the heartbeats were looked at.
+        for _ in range(len(self._inbox)):
+            message = self._inbox.popleft()
+            name = message.name
             if name == "call":
-                self._answer(thing)
+                self._answer(message)
                 continue
             try:
-                self._takes[name](read(thing))
+                mark = self._open(message)
+                self._takes[name](mark, read(message.payload))
                 self.counts[f"accepted_{name}"] += 1
             except DroppedError as error:
                 self._drop(error.cause, f"{name}: {error}")
@@ -241,57 +310,113 @@ class Bridge:
             except Exception as error:
                 self._drop("fault", f"{name}: {type(error).__name__}: {error}")
 
+    def _open(self, message: Message) -> Mark:
+        """Check the seal of a message, its age and its number.
+
+        Raises:
+            DroppedError: It is not sealed by a key, is late, or was here before.
+        """
+        if message.size > MOST:
+            raise DroppedError(
+                "oversized", f"{message.size} bytes; {MOST} are the most"
+            )
+        mark = mark_of(message.attachment, 1)
+        if mark.sender.role not in self._keys:
+            raise DroppedError(
+                "seal", f"the bridge has no key for role {mark.sender.role}"
+            )
+        key = self._keys[Role(mark.sender.role)]
+        check(message.attachment, 0, key, message.expression, message.payload)
+        kind = message.kind
+        if message.call == "clock":
+            # Its reply tells the sender the session and the time, which it lacks.
+            return mark
+        if kind != "stop" and mark.about != self._sealer.sender.session:
+            raise DroppedError(
+                "session", "the bridge began a new session; connect to it again"
+            )
+        age = self._client.clock() - mark.stamp * NANO
+        limit = self._ages.get(kind, LATE)
+        if not abs(age) <= limit:
+            raise DroppedError("late", f"sent {age:.3f} s ago; {limit} s is the limit")
+        self._sequences.check(mark.sender, kind, mark.sequence, time.monotonic())
+        return mark
+
     def _drop(self, cause: str, sentence: str) -> None:
         """Count a message that is dropped, and say so now and then."""
         self.counts[f"dropped_{cause}"] += 1
         self._complaints.name(cause, sentence, time.monotonic_ns())
 
-    def _take_state(self, message: dict[str, Any]) -> None:
-        """Somebody measured joints."""
+    def _take_state(self, mark: Mark, message: dict[str, Any]) -> None:
+        """A controller measured joints."""
+        self._need(mark, "a state")
         state = self._joints.state(message)
-        self._controllers.check(state, time.monotonic())
+        self._controllers.check(mark.sender, state.robots, time.monotonic())
+        stamp = mark.stamp * NANO if state.stamp is None else state.stamp
         number = self._client.send_state(
-            state.q, state.velocity, state.stamp, robots=state.robots
+            state.q, state.velocity, stamp, robots=state.robots
         )
-        self._asked[number] = state.sender, state.sequence
+        self._asked[number] = mark
         if len(self._asked) > ASKED:
             del self._asked[next(iter(self._asked))]
 
-    def _check_wish(self, message: dict[str, Any]) -> None:
-        """Whether a wish is the commander's, and new."""
-        self._authority.check(message, time.monotonic())
-        sequence = message.get("sequence")
-        if isinstance(sequence, bool) or not isinstance(sequence, int):
-            raise DroppedError("payload", "'sequence' must be a whole number")
-        self._authority.in_order(sequence)
+    def _need(self, mark: Mark, what: str) -> None:
+        """Check that a sender has the key for commanding.
 
-    def _take_velocities(self, message: dict[str, Any]) -> None:
-        """The commander wants joint velocities."""
-        self._check_wish(message)
-        self._client.send_velocities(self._joints.wish(message, "velocities"))
+        Raises:
+            DroppedError: It has another one.
+        """
+        if mark.sender.role < Role.COMMAND:
+            word = Role(mark.sender.role).word
+            raise DroppedError(
+                "role", f"{what} needs the key for 'command'; this one is for '{word}'"
+            )
 
-    def _take_positions(self, message: dict[str, Any]) -> None:
-        """The commander wants joint positions."""
-        self._check_wish(message)
-        self._client.send_positions(self._joints.wish(message, "positions"))
+    def _commander(self, mark: Mark, what: str) -> Client:
+        """The client that sends what the commander asks for.
 
-    def _take_twists(self, message: dict[str, Any]) -> None:
-        """The commander wants velocities of tools."""
-        self._check_wish(message)
-        self._client.send_twists(self._joints.twists(message))
+        Raises:
+            DroppedError: The sender is not the commander.
+        """
+        self._need(mark, what)
+        self._authority.check(mark.sender, time.monotonic())
+        return self._clients[Role(mark.sender.role)]
 
-    def _take_stop(self, message: dict[str, Any]) -> None:
-        """Somebody orders a stop, which everybody may."""
+    def _take_velocities(self, mark: Mark, message: dict[str, Any]) -> None:
+        """The commander desires joint velocities."""
+        client = self._commander(mark, "a desired velocity")
+        client.send_velocities(self._joints.wish(message, "velocities"))
+
+    def _take_positions(self, mark: Mark, message: dict[str, Any]) -> None:
+        """The commander desires joint positions."""
+        client = self._commander(mark, "a desired position")
+        client.send_positions(self._joints.wish(message, "positions"))
+
+    def _take_twists(self, mark: Mark, message: dict[str, Any]) -> None:
+        """The commander desires velocities of tools."""
+        client = self._commander(mark, "a desired twist")
+        client.send_twists(self._joints.twists(message))
+
+    def _take_stop(self, mark: Mark, message: dict[str, Any]) -> None:
+        """Any role may order a stop."""
         self._client.stop()
 
-    def _answer(self, query: Any) -> None:
+    def _answer(self, message: Message) -> None:
         """Answer a query: what was called for, done or refused."""
-        key = str(query.key_expr)
-        call = key.rpartition("/")[2]
+        call, query = message.call, message.query
+        key, encoding = message.expression, zenoh.Encoding.APPLICATION_JSON
         try:
-            payload = query.payload
-            message = {} if payload is None else read(payload.to_bytes())
-            reply = {"ok": True, "result": self._do(call, message)}
+            mark = self._open(message)
+        except DroppedError as error:
+            self._drop(error.cause, f"call {call}: {error}")
+            reply = {"ok": False, "error": error.cause, "sentence": str(error)}
+            # Not sealed: it would vouch for an answer to a message of anybody.
+            with suppress(zenoh.ZError), query:
+                query.reply_err(json.dumps(reply), encoding=encoding)
+            return
+        try:
+            result = self._do(call, mark, read(message.payload))
+            reply = {"ok": True, "result": result}
             self.counts["accepted_call"] += 1
         except DroppedError as error:
             self._drop(error.cause, f"call {call}: {error}")
@@ -304,74 +429,82 @@ class Bridge:
             kind = type(error).__name__
             self._drop("fault", f"call {call}: {kind}: {error}")
             reply = {"ok": False, "error": kind, "sentence": str(error)}
+        payload = json.dumps(reply).encode()
+        seal = self._seal(key, payload, message.attachment[-MAC:])
         with suppress(zenoh.ZError), query:
-            encoding = zenoh.Encoding.APPLICATION_JSON
-            query.reply(key, json.dumps(reply), encoding=encoding)
+            query.reply(key, payload, encoding=encoding, attachment=seal)
 
-    def _do(self, call: str, message: dict[str, Any]) -> Any:
-        """What a call gives back."""
-        now = time.monotonic()
+    def _do(self, call: str, mark: Mark, message: dict[str, Any]) -> Any:
+        """Do what is called for; the result."""
         if call == "welcome":
             return dict(self._client.welcome.text)
         if call == "clock":
             clock = self._client.clock
             return {"time": clock(), "bound": clock.bound}
         if call == "claim":
-            return self._claim(message, now)
+            return self._claim(mark, message)
         if call == "give_back":
-            self._authority.check(message, now)
-            self._client.give_back()
+            self._commander(mark, f"'{call}'").give_back()
             self._authority.lose()
             return None
-        free = OF_ALL + (OF_SENSORS if self._settings.sensor else ())
-        if call not in free:
-            self._authority.check(message, now)
+        if NEEDS.get(call, Role.OBSERVE) >= Role.COMMAND:
+            self._commander(mark, f"'{call}'")
         arguments = message.get("arguments", {})
         if not isinstance(arguments, dict) or "timeout" in arguments:
             raise DroppedError("payload", "'arguments' must be an object")
-        return self._client.call(call, timeout=CALL, **arguments)
+        # The service judges what this role may do.
+        client = self._client_of(Role(mark.sender.role))
+        return client.call(call, timeout=CALL, **arguments)
 
-    def _claim(self, message: dict[str, Any], now: float) -> dict[str, Any]:
-        """Somebody wants to command."""
+    def _claim(self, mark: Mark, message: dict[str, Any]) -> dict[str, Any]:
+        """Give the sender the command, if it may have it."""
+        self._need(mark, "'claim'")
         name, force = message.get("name"), message.get("force", False)
         if not isinstance(name, str) or not name or not isinstance(force, bool):
             raise DroppedError("payload", "'name' must be a word, 'force' a boolean")
+        if force and mark.sender.role < Role.ADMINISTER:
+            raise RefusedError("to claim with force needs the key for 'administer'")
         holder = self._authority.name
         if holder and not force:
             raise RefusedError(
                 f"'{holder}' has the command; wait until it is given back, or claim it "
                 "with force"
             )
-        self._client.claim(force)
-        return {
-            "token": self._authority.grant(name, now),
-            "watchdogs": dict(self._client.welcome.watchdogs),
-        }
+        self._client_of(Role(mark.sender.role)).claim(force)
+        self._authority.grant(mark.sender, name, time.monotonic())
+        return {"watchdogs": dict(self._welcome.watchdogs)}
 
     def _watch_commander(self, now: float) -> None:
         """Who is silent for too long does not command any more."""
-        if not self._authority.name:
+        holder = self._authority.holder
+        if holder is None:
             return
-        taken = not self._client.commands
-        if taken or self._authority.silent(now):
+        client = self._clients[Role(holder.role)]
+        if not client.commands or self._authority.silent(now):
             self.counts["commander_lost"] += 1
-            if not taken:
-                self._client.give_back()
+            client.give_back()
             self._authority.lose()
 
     def _tell(self, answer: Answer) -> None:
         """Tell what robots are told, and what was judged if that is news."""
         self._position = answer.position
-        began_by = None
-        if answer.began[0] == self._client.sender:
-            began_by = self._asked.get(answer.began[1])
-        self._publish("command", command_of(answer, began_by))
+        self._publish("command", command_of(answer, self._source))
         now = time.monotonic()
         levels = tuple(row.level for row in answer.numbers)
         shown = answer.cause, answer.reason_number, answer.level_number, levels
         if shown != self._shown or now - self._told > VERDICTS:
             self._shown, self._told = shown, now
             self._publish("verdict", verdict_of(answer))
+
+    def _source(self, sender: int, sequence: int) -> dict[str, Any] | None:
+        """Who sent a state over Zenoh; None if it came another way, or long ago.
+
+        Args:
+            sender: Its sender, as the service knows it.
+            sequence: Its number there.
+        """
+        mark = self._asked.get(sequence) if sender == self._client.sender else None
+        return mark and {"sender": mark.sender.name, "sequence": mark.sequence}
 
     def _beat(self, latest: Answer) -> None:
         """Say that the bridge lives, and whether the service does."""
@@ -388,10 +521,13 @@ class Bridge:
         )
 
     def _publish(self, name: str, message: dict[str, Any]) -> None:
-        """Tell something to whoever listens."""
-        self._out[name].put(json.dumps(message, allow_nan=False))
+        """Publish a message under one of the bridge's own keys."""
+        payload = json.dumps(message, allow_nan=False).encode()
+        seal = self._seal(f"{self._settings.root}/{name}", payload)
+        self._out[name].put(payload, attachment=seal)
         self.counts[f"told_{name}"] += 1
 
-
-# What is told.
-TOLD = ("command", "verdict", "heartbeat")
+    def _seal(self, key: str, payload: bytes, about: bytes = NOTHING) -> bytes:
+        """The seal of a message that is sent now."""
+        stamp = int(self._client.clock() / NANO)
+        return self._sealer.seal(key, payload, stamp, about)

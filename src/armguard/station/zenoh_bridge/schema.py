@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from armguard.station.client import Answer, Welcome
 
 Floats = NDArray[np.float64]
-
-# A longer message is dropped unread [bytes].
-MOST = 64 * 1024
 
 
 class DroppedError(ValueError):
@@ -29,15 +26,13 @@ class DroppedError(ValueError):
 
 
 def read(payload: bytes) -> dict[str, Any]:
-    """The object in a message.
+    """The object in a payload; an empty one if that has no bytes.
 
     Raises:
-        DroppedError: There is none.
+        DroppedError: It has something else.
     """
-    if len(payload) > MOST:
-        raise DroppedError("oversized", f"{len(payload)} bytes; {MOST} are the most")
     try:
-        found = json.loads(payload, parse_constant=no_number)
+        found = json.loads(payload or b"{}", parse_constant=no_number)
     except (ValueError, RecursionError) as error:
         if isinstance(error, DroppedError):
             raise
@@ -78,8 +73,6 @@ class Joints:
             velocity = vector_in(message, "velocities", len(order))[order]
         stamp = message.get("stamp")
         return State(
-            word_in(message, "sender"),
-            whole_in(message, "sequence"),
             robots,
             q,
             velocity,
@@ -141,16 +134,12 @@ class State(NamedTuple):
     """What a controller measured.
 
     Attributes:
-        sender: What it calls itself.
-        sequence: Its number of the state.
         robots: Of which robots.
         q: Their positions in the service's order [rad or m].
         velocity: Their velocities, None if there are none.
         stamp: When, on the service's clock; None for now [s].
     """
 
-    sender: str
-    sequence: int
     robots: tuple[str, ...]
     q: Floats
     velocity: Floats | None
@@ -186,33 +175,23 @@ def number_of(field: str, value: Any) -> float:
     return found
 
 
-def word_in(message: Mapping[str, Any], field: str) -> str:
-    """A word that is not empty."""
-    found = message.get(field)
-    if not isinstance(found, str) or not 0 < len(found) <= 64:
-        raise DroppedError("payload", f"'{field}' must be 1 to 64 characters")
-    return found
-
-
-def whole_in(message: Mapping[str, Any], field: str) -> int:
-    """A whole number."""
-    found = message.get(field)
-    if isinstance(found, bool) or not isinstance(found, int):
-        raise DroppedError("payload", f"'{field}' must be a whole number")
-    return found
-
-
-def command_of(answer: Answer, began_by: tuple[str, int] | None) -> dict[str, Any]:
+def command_of(
+    answer: Answer, source: Callable[[int, int], dict[str, Any] | None]
+) -> dict[str, Any]:
     """What robots are told.
 
     Args:
         answer: What the service, or the client in its place, told.
-        began_by: Sender and number of the state that began the cycle.
+        source: The sender and number over Zenoh of a state, from those at the service.
     """
     return {
         "cycle": answer.cycle,
         "time": answer.time,
-        "began_by": began_by and {"sender": began_by[0], "sequence": began_by[1]},
+        "began_by": source(*answer.began),
+        "states": {
+            name: source(row.sender, row.sequence)
+            for name, row in zip(answer.welcome.robots, answer.numbers, strict=True)
+        },
         "names": list(answer.welcome.names),
         "velocities": [finite(v) for v in answer.velocity.tolist()],
         # A service that has seen no state yet does not know where joints are.
@@ -251,6 +230,10 @@ def verdict_of(answer: Answer) -> dict[str, Any]:
         "speed_scale": {name: finite(x) for name, x in answer.speed_scale.items()},
         "blocked": {name: why.name for name, why in answer.blocked.items()},
         "stopped_by": {name: why.name for name, why in answer.stopped_by.items()},
+        "held": {
+            name: {"cause": one.cause, "remedy": one.remedy, "since": finite(one.since)}
+            for name, one in answer.held.items()
+        },
         "ages": {name: finite(age) for name, age in answer.ages.items()},
     }
 

@@ -3,6 +3,8 @@
 import json
 from dataclasses import dataclass
 from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
 
 import zenoh
 
@@ -18,6 +20,11 @@ LOCAL_KINDS = ("unixsock-stream", "unixpipe", "shm")
 SPECIAL = frozenset("*$?#/")
 
 
+# What the bridge publishes, and what it takes.
+TOLD = ("command", "verdict", "heartbeat")
+TAKEN = ("state", "wish/velocities", "wish/positions", "wish/twists", "stop")
+
+
 class BridgeError(StationError, RuntimeError):
     """The bridge cannot start."""
 
@@ -29,12 +36,11 @@ class BridgeSettings:
     Attributes:
         port: Port of the service.
         host: Its address.
-        key: Its key; empty for the public word.
+        keys: File with its keys; if None the one it has written itself.
         listen: Endpoints Zenoh listens on; on this machine only.
         connect: Endpoints it connects to, a router's for instance; on this machine.
         prefix: What all keys begin with.
         name: What follows it, to tell one service from another.
-        sensor: Whether anybody may tell where objects are, without commanding.
         watchdog: After that much silence of the service it is told as a stop [s].
         heartbeat: Time between two heartbeats [s].
         companion: Whether to end when the service is gone; else another one is waited
@@ -43,12 +49,11 @@ class BridgeSettings:
 
     port: int
     host: str = "127.0.0.1"
-    key: bytes = b""
+    keys: Path | None = None
     listen: tuple[str, ...] = (LISTEN,)
     connect: tuple[str, ...] = ()
     prefix: str = "armguard"
     name: str = "guard"
-    sensor: bool = False
     watchdog: float = 0.1
     heartbeat: float = 0.04
     companion: bool = False
@@ -57,8 +62,8 @@ class BridgeSettings:
         for endpoint in (*self.listen, *self.connect):
             if not on_this_machine(endpoint):
                 raise BridgeError(
-                    f"endpoint '{endpoint}' leaves this machine, where everybody could "
-                    "command; use 127.0.0.1, and a router that you secure to reach it"
+                    f"endpoint '{endpoint}' leaves this machine; use 127.0.0.1, and a "
+                    "router on this machine to reach it from others"
                 )
         for part in (*self.prefix.split("/"), self.name):
             if not part or SPECIAL & set(part):
@@ -87,11 +92,52 @@ def on_this_machine(endpoint: str) -> bool:
         return False
 
 
-def open_session(settings: BridgeSettings) -> zenoh.Session:
-    """A Zenoh session that nobody outside this machine can reach.
+def access_control(root: str) -> dict[str, Any]:
+    """Zenoh's rules for what others may do through a session, whatever their mode.
 
-    What Zenoh does by itself would listen on every interface and join a multicast
-    group; all of that is off.
+    What no rule allows is denied, so that the bridge carries its own keys only, and
+    each of them in one direction: the session passes on no `command` of another one,
+    and no other one receives what commanders send.
+
+    Args:
+        root: What the keys of the bridge begin with.
+    """
+    told = [f"{root}/{name}" for name in TOLD]
+    taken = [f"{root}/{name}" for name in TAKEN]
+    calls = [f"{root}/call/*"]
+    rules = [
+        {
+            "id": f"{flow} {' '.join(messages)}",
+            "permission": "allow",
+            "flows": [flow],
+            "messages": messages,
+            "key_exprs": keys,
+        }
+        for flow, messages, keys in (
+            ("ingress", ["put"], taken),
+            ("ingress", ["query"], calls),
+            # Others may ask for every key; they receive those that `told` lists.
+            ("ingress", ["declare_subscriber"], ["**"]),
+            ("egress", ["put"], told),
+            ("egress", ["reply", "declare_queryable"], calls),
+            ("egress", ["declare_subscriber"], taken),
+        )
+    ]
+    everybody = {"id": "all"}
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [everybody],
+        "policies": [{"rules": [rule["id"] for rule in rules], "subjects": ["all"]}],
+    }
+
+
+def open_session(settings: BridgeSettings) -> zenoh.Session:
+    """A Zenoh session that is reached from this machine only, for the bridge's keys.
+
+    Zenoh's own defaults listen on every interface, join a multicast group, and allow
+    every session everything; all of that is off.
 
     Raises:
         BridgeError: An endpoint is taken, or nobody is there to connect to.
@@ -106,6 +152,7 @@ def open_session(settings: BridgeSettings) -> zenoh.Session:
         ("scouting/gossip/enabled", False),
         # A session that is killed would leave files in shared memory behind.
         ("transport/shared_memory/enabled", False),
+        ("access_control", access_control(settings.root)),
     ):
         config.insert_json5(key, json.dumps(value))
     try:

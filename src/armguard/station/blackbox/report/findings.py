@@ -1,89 +1,83 @@
-"""All that a report tells of a recording, as numbers and names."""
+"""All contents of a report, as numbers and names."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
 
+from armguard.guard.layout import REASON
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Names, names_of
 from armguard.scene.compile import compile_scene
+from armguard.station.blackbox.plausible import believed
 from armguard.station.blackbox.recording import Recording
-from armguard.station.blackbox.report.block import blocks
-from armguard.station.blackbox.report.clock import on_one_clock
 from armguard.station.blackbox.report.closest import Closest, ClosestPairs
-from armguard.station.blackbox.report.distribution import Distribution, distribution
-from armguard.station.blackbox.report.halts import CauseCount, Halt, Halts, by_cause
-from armguard.station.blackbox.report.model import ModelFacts, model_facts
-from armguard.station.blackbox.report.near_misses import (
+from armguard.station.blackbox.report.cycles import (
+    Distribution,
+    Series,
+    block_of,
+    distribution,
+    joined,
+    on_one_clock,
+    row_type,
+)
+from armguard.station.blackbox.report.incidents import (
+    CauseCount,
     Closeness,
+    Halt,
+    Halts,
     NearMiss,
     NearMisses,
+    Sense,
+    by_cause,
+    plain,
 )
-from armguard.station.blackbox.report.series import Series, SeriesMaker
-from armguard.station.blackbox.report.spoken import Sense
+from armguard.station.blackbox.report.model import ModelFacts, model_facts
 from armguard.station.frames import Frame, Kind
 
-# Calls that change who may touch what.
-CONTRACTS = ("grasp", "release", "allow")
+# Cycles of a block.
+BLOCK = 2048
+
+# Reasons as verdicts hold them.
+KNOWN = frozenset(float(reason) for reason in Reason)
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
-    """Something that was done to the guard, or told.
+class Event:
+    """A call or a note between two cycles."""
 
-    Attributes:
-        at: When, on the monotonic clock [s].
-        kind: Call, checkpoint or note.
-        text: Its name and arguments.
-    """
-
-    at: float
+    at: float  # on the monotonic clock [s]
     kind: Kind
-    text: Mapping[str, Any]
+    text: Mapping[str, Any]  # its name and arguments
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What a recording holds.
+    """The contents of a recording."""
 
-    Attributes:
-        source: Name of the file.
-        info: What the recording says of itself: version, hashes, settings.
-        robots: Names of the robots; empty where all modes are "fixed".
-        everyone: Names of all robots of the scene.
-        begin: When the first cycle was judged, on the monotonic clock [s].
-        wall: The same on the wall clock [s since 1970]; NaN without a cycle.
-        series: Every cycle.
-        halts: Where slows and stops began.
-        near_misses: Spans in which it was close.
-        closeness: What counted as that.
-        closest: Pairs that were near, nearest first.
-        whole: Cycles whose near pairs are all recorded.
-        events: What was done between cycles.
-        problems: What the file lacks, each a sentence.
-        model: What it was judged with; None if the scene is not known.
-        sensing: Declared delay of each robot's measurements; NaN without figures [s].
-    """
-
-    source: str
-    info: Mapping[str, Any]
-    robots: tuple[str, ...]
-    everyone: tuple[str, ...]
-    begin: float
-    wall: float
-    series: Series
-    halts: Sequence[Halt]
+    source: str  # name of the file
+    info: Mapping[str, Any]  # metadata: version, hashes, settings
+    robots: tuple[str, ...]  # names; none where all modes are "fixed"
+    everyone: tuple[str, ...]  # names of all robots of the scene
+    begin: float  # time of the first cycle, on the monotonic clock [s]
+    wall: float  # the same on the wall clock [s since 1970]; NaN without a cycle
+    series: Series  # every cycle
+    halts: Sequence[Halt]  # beginnings of slows and stops
     near_misses: Sequence[NearMiss]
-    closeness: Closeness
-    closest: Sequence[Closest]
-    whole: int
-    events: Sequence[Happening]
-    problems: Sequence[str]
-    model: ModelFacts | None
-    sensing: tuple[float, ...]
+    closeness: Closeness  # limits of a near miss
+    closest: Sequence[Closest]  # pairs that were near, nearest first
+    events: Sequence[Event]
+    problems: Sequence[str]  # deficiencies of the file, one sentence each
+    model: ModelFacts | None  # None if the scene is not known
+    sensing: tuple[float, ...]  # declared delay of each robot; NaN without figures [s]
+
+    @property
+    def whole(self) -> int:
+        """Number of cycles whose near pairs are all recorded."""
+        return int(self.series.whole.sum())
 
     @property
     def stops(self) -> list[Halt]:
@@ -91,12 +85,12 @@ class Findings:
         return [halt for halt in self.halts if halt.stopped]
 
     def stops_that_were(self, sense: Sense) -> list[Halt]:
-        """Stops by what they were good for."""
+        """Stops of one class."""
         return [halt for halt in self.stops if halt.told.sense is sense]
 
     @property
     def causes(self) -> list[CauseCount]:
-        """Slows and stops by what made them."""
+        """Slows and stops by cause."""
         return by_cause(list(self.halts))
 
     @property
@@ -111,42 +105,47 @@ class Findings:
 
     @property
     def deadline(self) -> float:
-        """Time in which a message is to be answered [s]."""
+        """Time from a message to the end of its cycle that is allowed [s]."""
         late = 0.0 if self.model is None else self.model.late
         return self.series.period + late
 
     @property
     def misses(self) -> int:
-        """Cycles that took longer, from their message on where that is known."""
+        """Cycles that took longer, from their message where its time is known."""
         took = np.fmax(self.series.answer, self.series.cycle_time)
         return int((took > self.deadline).sum())
 
     @property
     def reasons(self) -> Counter[Reason]:
-        """Cycles of each reason."""
-        numbers, counts = np.unique(self.series.reason, return_counts=True)
-        return Counter(
-            {
-                Reason(int(number)): int(count)
-                for number, count in zip(numbers, counts, strict=True)
-            }
-        )
+        """Number of cycles of each reason."""
+        found = zip(*np.unique(self.series.reason, return_counts=True), strict=True)
+        return Counter({Reason(int(reason)): int(n) for reason, n in found})
 
     @property
     def faults(self) -> int:
-        """Cycles whose input could not be believed."""
+        """Cycles with implausible input."""
         return int((self.series.reason >= Reason.NOT_FINITE).sum())
 
+    @property
+    def time_at(self) -> list[tuple[str, dict[Level, float]]]:
+        """Time at each level: of all robots together, then of each [s]."""
+        series = self.series
+        own = zip(self.robots, series.levels.T, strict=True)
+        return [
+            ("all together", series.time_at(series.level)),
+            *((name, series.time_at(levels)) for name, levels in own),
+        ]
+
     def ages(self) -> dict[str, Distribution | None]:
-        """How old the measurements of each robot were [s]."""
-        return {
-            name: distribution(self.series.ages[:, r])
-            for r, name in enumerate(self.robots)
-        }
+        """Ages of the measurements of each robot [s]."""
+        own = zip(self.robots, self.series.ages.T, strict=True)
+        return {name: distribution(ages) for name, ages in own}
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers and strings; the cycles in short."""
-        series, begin = self.series, self.begin
+        """All findings as plain values; of the cycles only sums."""
+        series, begin, halts = self.series, self.begin, self.halts
+        (_, together), *own = self.time_at
+        gaps = [(float(series.t[k]), float(series.t[k + 1])) for k in series.gaps]
         return {
             "source": self.source,
             "info": dict(self.info),
@@ -155,58 +154,31 @@ class Findings:
             "judged": series.judged,
             "cycles": len(series.t),
             "cycles_missing": series.missing,
-            "gaps": [
-                {"t": series.time_of(k), "length": float(series.t[k + 1] - series.t[k])}
-                for k in series.gaps.tolist()
-            ],
-            "time_at": words_of(series.time_at(series.level)),
-            "time_at_by_robot": {
-                name: words_of(series.time_at(series.levels[:, r]))
-                for r, name in enumerate(self.robots)
-            },
-            "cycles_by_reason": {
-                reason.name: count for reason, count in self.reasons.items()
-            },
+            "gaps": [{"t": start, "length": end - start} for start, end in gaps],
+            "time_at": plain(together),
+            "time_at_by_robot": plain(dict(own)),
+            "cycles_by_reason": plain(self.reasons),
             "faults": self.faults,
             "stops": [halt.to_dict(begin) for halt in self.stops],
-            "slows": [halt.to_dict(begin) for halt in self.halts if not halt.stopped],
-            "stops_by_sense": {
-                sense.value: len(self.stops_that_were(sense)) for sense in Sense
-            },
-            "causes": [count.to_dict() for count in self.causes],
+            "slows": [halt.to_dict(begin) for halt in halts if not halt.stopped],
+            "stops_by_sense": {s.value: len(self.stops_that_were(s)) for s in Sense},
+            "causes": [plain(cause) for cause in self.causes],
             "near_misses": [miss.to_dict(begin) for miss in self.near_misses],
-            "closeness": asdict(self.closeness),
-            "closest": [
-                {**asdict(pair), "at": pair.at - begin} for pair in self.closest
-            ],
+            "closeness": plain(self.closeness),
+            "closest": [plain(pair) | {"at": pair.at - begin} for pair in self.closest],
             "cycles_with_all_near_pairs": self.whole,
-            "cycle_time": told(distribution(series.cycle_time)),
-            "answer_time": told(distribution(series.answer)),
+            "cycle_time": plain(distribution(series.cycle_time)),
+            "answer_time": plain(distribution(series.answer)),
             "deadline": self.deadline,
             "deadline_misses": self.misses,
-            "ages": {name: told(ages) for name, ages in self.ages().items()},
+            "ages": plain(self.ages()),
             "events": [
                 {"t": event.at - begin, "kind": event.kind.name, **event.text}
                 for event in self.events
             ],
             "problems": list(self.problems),
-            "model": None if self.model is None else self.model.to_dict(),
+            "model": plain(self.model),
         }
-
-
-def is_news(event: Happening) -> bool:
-    """Whether an event is more than what every recording writes again and again."""
-    return event.kind is not Kind.CHECKPOINT and event.text.get("note") != "scene"
-
-
-def told(numbers: Distribution | None) -> dict[str, float] | None:
-    """A distribution by name."""
-    return None if numbers is None else numbers.to_dict()
-
-
-def words_of(times: Mapping[Level, float]) -> dict[str, float]:
-    """Times by the names of levels."""
-    return {level.name: time for level, time in times.items()}
 
 
 def gather(
@@ -224,37 +196,54 @@ def gather(
 
     Args:
         frames: Frames in their order.
-        names: Names of the scene they were judged in.
+        names: Names of the scene of their verdicts.
         source: Name of the file.
-        info: What the recording says of itself.
-        problems: What the file lacks; looked at when all frames are read.
-        model: What it was judged with.
-        closeness: What counts as a near miss.
-        progress: Called with the number of cycles that were read since the last call.
+        info: Metadata of the recording.
+        problems: Deficiencies of the file; read after all frames.
+        model: The model.
+        closeness: Limits of a near miss.
+        progress: Called with the number of cycles read since the last call.
     """
     tables = names.tables
     if tables is None:
         raise ValueError("names without tables know no robots")
     closeness = closeness or Closeness()
-    series = SeriesMaker(len(names.robots), tables.period)
     halts, closest = Halts(names), ClosestPairs(names)
     near = NearMisses(names, closeness)
-    events: list[Happening] = []
-    foreign = unknown = whole = 0
-    begin = wall = float("nan")
+    rows = [np.empty(0, row_type(len(names.robots)))]
+    cycles: list[Frame] = []
+    events: list[Event] = []
+    foreign = unknown = 0
+    begin = wall = nan
     breaks: list[str] = []
-    for block in blocks(on_one_clock(frames, breaks), names):
-        if block.frames and begin != begin:
-            begin, wall = block.frames[0].monotonic, block.frames[0].wall
-        for part in (series, halts, closest, near):
+
+    def take_block() -> None:
+        block = block_of(cycles, names)
+        rows.append(block.rows.astype(rows[0].dtype))
+        for part in (halts, closest, near):
             part.add(block)
-        # Not as frames: those of scenes and checkpoints bring them with them.
-        events += [Happening(e.monotonic, e.kind, e.text) for e in block.events]
-        foreign += block.foreign
-        unknown += block.unknown
-        whole += int(block.whole.sum())
         if progress is not None:
-            progress(len(block.frames))
+            progress(len(cycles))
+        cycles.clear()
+
+    for frame in on_one_clock(frames, breaks):
+        if frame.kind is not Kind.CYCLE:
+            # Every recording repeats its scene and checkpoints: they are no news. Of
+            # other frames the text alone is kept, since data can be large.
+            if frame.kind is not Kind.CHECKPOINT and frame.text.get("note") != "scene":
+                events.append(Event(frame.monotonic, frame.kind, frame.text))
+        elif len(frame.q) != len(names.joints) or len(frame.verdict) < names.first_row:
+            foreign += 1
+        elif frame.verdict[REASON] not in KNOWN:
+            unknown += 1
+        else:
+            if isnan(begin):
+                begin, wall = frame.monotonic, frame.wall
+            cycles.append(frame)
+            if len(cycles) == BLOCK:
+                take_block()
+    if cycles:
+        take_block()
     lacks = [*problems, *breaks]
     if foreign:
         lacks.append(f"left out, since not of the scene in the file: {foreign} cycles")
@@ -263,28 +252,25 @@ def gather(
             f"left out, since this version does not know their reasons: {unknown} "
             "cycles; a newer one does"
         )
-    if begin != begin:
+    if isnan(begin):
         lacks.append("there is no cycle in it")
+    figures = [robot.stopping for robot in tables.robots]
     return Findings(
         source=source,
         info=dict(info or {}),
         robots=tuple(names.robots),
-        everyone=tuple(part.name for part in tables.robots),
+        everyone=tuple(robot.name for robot in tables.robots),
         begin=begin,
         wall=wall,
-        series=series.series(),
-        halts=halts.halts(),
+        series=Series(joined(rows), tables.period),
+        halts=sorted(halts.found, key=lambda halt: halt.cycle),
         near_misses=near.near_misses(),
         closeness=closeness,
         closest=closest.pairs(),
-        whole=whole,
-        events=[event for event in events if is_news(event)],
+        events=events,
         problems=lacks,
         model=model,
-        sensing=tuple(
-            float("nan") if part.stopping is None else part.stopping.sensing
-            for part in tables.robots
-        ),
+        sensing=tuple(nan if own is None else own.sensing for own in figures),
     )
 
 
@@ -295,49 +281,44 @@ def findings_of(
     prove_seconds: float = 0.0,
     progress: Callable[[int], None] | None = None,
 ) -> Findings:
-    """All that a recording holds, in the scene that is in it.
+    """All contents of a recording, in the scene that it holds.
 
     Args:
         recording: The recording.
-        closeness: What counts as a near miss.
+        closeness: Limits of a near miss.
         prove_seconds: Time for proofs that are not kept on this machine [s].
         progress: See `gather`.
 
     Raises:
-        RecordingError: There is no scene in it.
+        RecordingError: It has no scene, or content that no recorder writes.
     """
-    recording, others = of_one_scene(recording)
-    scene = recording.scene()
-    first, *more = [path.name for path in recording.paths]
-    if others:
-        recording.note(
-            f"left out, since of another scene than {first}: {', '.join(others)}"
+    with believed(recording.paths[0]):
+        recording, others = of_one_scene(recording)
+        scene = recording.scene()
+        first, *more = [path.name for path in recording.paths]
+        if others:
+            recording.note(
+                f"left out, since of another scene than {first}: {', '.join(others)}"
+            )
+        return gather(
+            recording.frames(),
+            names_of(compile_scene(scene)),
+            source=first if not more else f"{first} and {len(more)} more",
+            info=recording.info,
+            problems=recording.problems,
+            model=model_facts(scene, prove_seconds),
+            closeness=closeness,
+            progress=progress,
         )
-    return gather(
-        recording.frames(),
-        names_of(compile_scene(scene)),
-        source=first if not more else f"{first} and {len(more)} more",
-        info=recording.info,
-        problems=recording.problems,
-        model=model_facts(scene, prove_seconds),
-        closeness=closeness,
-        progress=progress,
-    )
 
 
 def of_one_scene(recording: Recording) -> tuple[Recording, list[str]]:
-    """The files of a recording made in the scene of the first, and names of others.
+    """The files of a recording with the scene of the first, and names of the others.
 
-    A service whose settings are changed goes on with another recording: its verdicts
-    say something else.
+    A service with changed settings writes another recording, since its verdicts change.
     """
-    first, *more = [Recording([path]) for path in recording.paths]
-    own = [first.paths[0]]
-    others = []
-    for other in more:
-        same = other.info.get("archive") == first.info.get("archive")
-        if same or not other.info:
-            own.append(other.paths[0])
-        else:
-            others.append(other.paths[0].name)
+    files = [(path, Recording([path]).info) for path in recording.paths]
+    archive = files[0][1].get("archive")
+    own = [path for path, info in files if not info or info.get("archive") == archive]
+    others = [path.name for path in recording.paths if path not in own]
     return (Recording(own), others) if others else (recording, [])

@@ -1,7 +1,7 @@
-"""What a recording was judged with: the scene, its fits, figures, claims and hashes."""
+"""The model of a recording: the scene, its fits, stopping figures, claims, hashes."""
 
 from collections import Counter
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from hashlib import sha256
 
 from armguard.errors import ArmguardError
@@ -13,97 +13,54 @@ from armguard.robot.stopping import ASSUMPTION, StoppingFigures
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.scene import Scene, SceneRobot
 
-# What is no figure of `StoppingFigures`, but belongs to them.
-BESIDE = ("tables", "sources", "joints")
+# Fields of `StoppingFigures` that are not figures.
+NOT_FIGURES = {"tables", "sources", "joints"}
 
 
 @dataclass(frozen=True, slots=True)
 class RobotFacts:
-    """A robot, as the guard knew it.
-
-    Attributes:
-        name: Its name.
-        mode: How the distance it keeps is made.
-        response: What it does about what is near.
-        joints: How many it has.
-        links: Links with geometry.
-        primitives: Primitives around them.
-        contained: Links whose exact shapes are proven to lie in their primitives.
-        overreach: How far the primitives of any link reach beyond it at most [m].
-        worst_link: That link.
-        figures: Stopping figures it has.
-        assumed: Of these, the ones that are assumptions.
-        fingerprint: Hash of the geometry, files and shapes of all its links; "" if its
-            files are not on this machine.
-    """
+    """A robot of the model."""
 
     name: str
-    mode: str
-    response: str
+    mode: str  # how its separation is computed
+    response: str  # to near pairs
     joints: int
-    links: int
-    primitives: int
-    contained: int
-    overreach: float
-    worst_link: str
-    figures: int
-    assumed: int
-    fingerprint: str
+    links: int  # with geometry
+    primitives: int  # around them
+    contained: int  # links that are proven to lie in their primitives
+    overreach: float  # greatest reach of primitives beyond their link [m]
+    worst_link: str  # that link
+    figures: int  # stopping figures
+    assumed: int  # of these, assumptions
+    fingerprint: str  # see `fingerprint`
 
 
 @dataclass(frozen=True, slots=True)
 class Claims:
-    """Pairs of a robot's links that somebody says need no check.
-
-    Attributes:
-        count: How many.
-        by_status: What proofs made of them, see `armguard.prove.audit`.
-        contradicted: Those that are belied by a proof.
-        known: Whether proofs could be looked for.
-    """
+    """Claims that two links of a robot need no check."""
 
     count: int
-    by_status: dict[str, int]
-    contradicted: tuple[str, ...]
-    known: bool
+    by_status: dict[str, int]  # results of the proofs, see `armguard.prove.audit`
+    contradicted: tuple[str, ...]  # claims that a proof contradicts
+    known: bool  # whether proofs could be looked up
 
 
 @dataclass(frozen=True, slots=True)
 class ModelFacts:
-    """What a recording was judged with.
-
-    Attributes:
-        robots: The robots.
-        objects: How many objects the scene has.
-        period: Time from one cycle to the next [s].
-        late: How much later one may come [s].
-        buffer: The scene's buffer [m].
-        margin: Signed distance up to which pairs are reported [m].
-        allowed: Allowed pairs by who says so.
-        claims: Of these, the ones that can be proven or belied.
-    """
+    """The model of a recording."""
 
     robots: tuple[RobotFacts, ...]
     objects: int
-    period: float
-    late: float
-    buffer: float
-    margin: float
-    allowed: dict[str, int]
-    claims: Claims
-
-    def to_dict(self) -> dict[str, object]:
-        """The same as plain numbers and strings."""
-        return asdict(self)
+    period: float  # from one cycle to the next [s]
+    late: float  # by which a cycle may be late [s]
+    buffer: float  # largest one of the scene [m]
+    margin: float  # signed distance up to which pairs are reported [m]
+    allowed: dict[str, int]  # number of allowed pairs of each source
+    claims: Claims  # of these, the ones that can be proven or contradicted
 
 
 def model_facts(scene: Scene, prove_seconds: float = 0.0) -> ModelFacts:
-    """What a scene says of itself.
-
-    Args:
-        scene: The scene.
-        prove_seconds: Time for proofs that are not kept on this machine [s].
-    """
+    """The model of a scene; proofs that are not kept here get so much time [s]."""
     return ModelFacts(
         robots=tuple(robot_facts(robot) for robot in scene.robots.values()),
         objects=len(scene.objects),
@@ -117,10 +74,11 @@ def model_facts(scene: Scene, prove_seconds: float = 0.0) -> ModelFacts:
 
 
 def robot_facts(robot: SceneRobot) -> RobotFacts:
-    """What the guard knew of a robot."""
-    fits = robot.fits
+    """A robot of the model."""
+    fits, stopping = robot.fits, robot.stopping
     worst = max(fits, key=lambda link: fits[link].overreach, default="")
-    figures, assumed = counted(robot.stopping)
+    figures = {field.name for field in fields(StoppingFigures)} - NOT_FIGURES
+    sources = {} if stopping is None else stopping.sources
     return RobotFacts(
         name=robot.name,
         mode=robot.mode,
@@ -131,28 +89,18 @@ def robot_facts(robot: SceneRobot) -> RobotFacts:
         contained=sum(fit.contained for fit in fits.values()),
         overreach=fits[worst].overreach if worst else 0.0,
         worst_link=worst,
-        figures=figures,
-        assumed=assumed,
+        figures=0 if stopping is None else len(figures),
+        assumed=sum(ASSUMPTION in sources.get(name, "") for name in figures),
         fingerprint=fingerprint(robot),
     )
 
 
-def counted(figures: StoppingFigures | None) -> tuple[int, int]:
-    """Stopping figures of a robot, and how many of them are assumptions."""
-    if figures is None:
-        return 0, 0
-    names = [field.name for field in fields(figures) if field.name not in BESIDE]
-    assumed = [n for n in names if ASSUMPTION in figures.sources.get(n, "")]
-    return len(names), len(assumed)
-
-
 def fingerprint(robot: SceneRobot) -> str:
-    """Hash of all links of a robot: geometry, mesh files, shapes; "" without files."""
-    table = kinematic_table(robot.model)
-    digest = sha256()
+    """Hash of all links: geometry, mesh files, shapes; "" without the files."""
+    T_body_link, digest = kinematic_table(robot.model).T_body_link, sha256()
     try:
         for link, fit in robot.fits.items():
-            T = table.T_body_link[link]
+            T = T_body_link[link]
             digest.update(link_print(robot.model.links[link], fit, T).encode())
     except OSError:
         return ""
@@ -160,12 +108,12 @@ def fingerprint(robot: SceneRobot) -> str:
 
 
 def claim_facts(scene: Scene, seconds: float) -> Claims:
-    """Claims of a scene, and what proofs make of them."""
+    """Claims of a scene and the results of proofs."""
     count = sum(len(rows) for rows in claims(scene).values())
     try:
         audits = audit_scene(scene, budget=Budget(seconds=seconds))
     except (OSError, ArmguardError):
-        # A proof goes by the files of the robot, which may be on another machine.
+        # A proof needs the robot's files, which may be on another machine.
         return Claims(count, {}, (), known=False)
     by_status = Counter(audit.status for audit in audits)
     return Claims(

@@ -1,39 +1,35 @@
-"""The page: one file of HTML that asks nobody for anything."""
+"""The page: one file of HTML that loads nothing."""
 
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
-import plotly.graph_objects as go
-from plotly.io import to_html
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from plotly.io.json import to_json_plotly
 from plotly.offline import get_plotlyjs
 
-from armguard.station.blackbox.report import figures, sections, sections_of_record
+from armguard.guard.levels import SENTENCES, Level
+from armguard.station.blackbox.plausible import believed
+from armguard.station.blackbox.report import plots
+from armguard.station.blackbox.report.cycles import Distribution, distribution
 from armguard.station.blackbox.report.findings import Findings
-from armguard.station.blackbox.report.sentences import (
-    NOT,
-    more_left,
-    summary,
-    when,
-)
-from armguard.station.blackbox.report.spoken import Sense
-from armguard.station.blackbox.report.style import CSS
-from armguard.station.blackbox.report.tables import level_key, paragraph, section
-from armguard.station.blackbox.report.words import (
+from armguard.station.blackbox.report.formatting import (
+    NOTHING,
+    clock,
+    count,
     duration,
     millimetres,
-    safe,
     share,
     short_time,
 )
+from armguard.station.blackbox.report.incidents import Sense
+from armguard.station.blackbox.report.sentences import advice, summary
 from armguard.station.errors import StationError
 
-# Whatever a name in the recording holds: the page may fetch nothing from anywhere.
-POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; font-src data:; base-uri 'none'; form-action 'none'"
-)
-
-CONFIG = {"displaylogo": False, "responsive": True, "displayModeBar": "hover"}
-
+# Sections of the page, and their links at its top.
 PLACES = (
     ("what", "What this is"),
     ("levels", "Levels"),
@@ -50,76 +46,42 @@ PLACES = (
     ("file", "File"),
 )
 
+# Near misses with a plot; the JSON has all.
+MOST_DRAWN = 60
+
+# Calls that change which pairs may touch.
+CONTRACTS = ("grasp", "release", "allow")
+
+# Entries of the metadata that have another place on the page.
+SHOWN = ("names", "robots", "bodies", "note", "period", "archive")
+
+# Letters of a call's arguments.
+MOST_LETTERS = 160
+
 
 def page(findings: Findings) -> str:
-    """A recording as one page.
-
-    Args:
-        findings: What it holds.
-    """
-    title = f"armguard report: {findings.source}"
-    parts = [
-        f"<h1>{safe(findings.source)}</h1>",
-        paragraph(f"armguard report · recorded {when(findings)}", "faint"),
-        paragraph(summary(findings), "summary"),
-        tiles(findings),
-        paragraph(NOT, "small faint"),
-        "<nav>"
-        + " ".join(f'<a href="#{name}">{word}</a>' for name, word in PLACES)
-        + "</nav>",
-        sections_of_record.what(findings),
-    ]
-    if len(findings.series.t):
-        parts += [
-            sections.levels(
-                findings,
-                plot(figures.level_bars(findings), "plot-levels"),
-                plot(figures.levels_over_time(findings), "plot-history"),
-            ),
-            section(
-                "timeline",
-                "Time line",
-                paragraph(
-                    "The worst of each instant: no peak is left out, however long the "
-                    "recording. Drag to look closer, double-click to go back.",
-                    "faint small",
-                ),
-                level_key(),
-                plot(figures.time_line(findings), "plot-timeline"),
-            ),
-            sections.near_misses(findings),
-            sections.stops(findings),
-            sections.closest(findings),
-            section(
-                "slack",
-                "How much was left",
-                paragraph(
-                    "For how long how much was left until a stop had to be ordered.",
-                    "faint small",
-                ),
-                plot(figures.slack_histogram(findings), "plot-slack"),
-                paragraph(more_left(findings), "small"),
-            ),
-            sections_of_record.times(
-                findings, plot(figures.time_histogram(findings), "plot-times")
-            ),
-            sections_of_record.ages(findings),
-            sections.contracts(findings),
-        ]
-    parts += [
-        sections_of_record.model(findings.model, findings.info),
-        sections.events(findings),
-        sections_of_record.file(findings),
-    ]
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<link rel="icon" href="data:,">'
-        f"<title>{safe(title)}</title><style>{CSS}</style>"
-        f"<script>{get_plotlyjs()}</script></head><body><main>"
-        + "\n".join(parts)
-        + "</main></body></html>\n"
+    """The page of a recording."""
+    series, drawn = findings.series, findings.near_misses[:MOST_DRAWN]
+    figures = plots.plots(findings, drawn) if len(series.t) else {}
+    # Without stopping figures a robot has a declared delay of NaN, but no age.
+    ages = zip(series.ages.T, findings.sensing, strict=False)
+    return TEMPLATES.get_template("page.html.j2").render(
+        f=findings,
+        series=series,
+        model=findings.model,
+        places=PLACES,
+        summary=summary(findings),
+        advice=advice(findings),
+        drawn=drawn,
+        calls=[e for e in findings.events if e.text.get("call") in CONTRACTS],
+        others=[e for e in findings.events if e.text.get("call") not in CONTRACTS],
+        figures=figures,
+        figures_json=to_json_plotly(figures),
+        plotlyjs=get_plotlyjs(),
+        moving=series.held[series.level < Level.STOP].sum(),
+        far=series.held[~(series.slack < plots.LOOKED)].sum(),
+        alone=series.held[np.isinf(series.clearance)].sum(),
+        older=[int((age > late * (1.0 + 1e-6)).sum()) for age, late in ages],
     )
 
 
@@ -127,65 +89,78 @@ def write_page(findings: Findings, path: Path) -> None:
     """Write the page into a file.
 
     Raises:
-        StationError: It cannot be written.
+        StationError: It cannot be written, or the findings have content that no
+            recorder writes.
     """
     try:
-        path.write_text(page(findings), encoding="utf-8")
+        with believed(findings.source):
+            text = page(findings)
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise StationError(
             f"{path}: the page cannot be written: {error.strerror}"
         ) from error
 
 
-def tiles(findings: Findings) -> str:
-    """The figures one looks for first."""
-    series = findings.series
-    stops, early = findings.stops, findings.stops_that_were(Sense.NEEDLESS)
-    nearest = findings.free[0].distance if findings.free else None
-    times = series.cycle_time
-    worst = float(times.max()) if len(times) else None
-    rows = [
-        (duration(series.duration), "recorded", False),
-        (f"{len(stops)}", f"stops, {len(early)} needless", bool(stops)),
-        (f"{len(findings.near_misses)}", "near misses", bool(findings.near_misses)),
-        (
-            millimetres(nearest),
-            "least distance",
-            nearest is not None and nearest <= 0.0,
-        ),
-        (short_time(worst), "longest cycle", False),
-        (
-            f"{findings.misses:,}",
-            f"deadline misses, {share(findings.misses, len(series.t))}",
-            bool(findings.misses),
-        ),
-        (
-            f"{findings.faults:,}",
-            "cycles without credible input",
-            bool(findings.faults),
-        ),
-    ]
-    return (
-        '<div class="tiles">'
-        + "".join(
-            f'<div class="tile{" bad" if bad else ""}"><b>{safe(value)}</b>'
-            f"<span>{safe(word)}</span></div>"
-            for value, word, bad in rows
-        )
-        + "</div>"
-    )
+def recorded(wall: float) -> str:
+    """A time of the wall clock [s since 1970] in words."""
+    if not isfinite(wall):
+        return "at a time that is not known"
+    return f"{datetime.fromtimestamp(wall, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def plot(figure: go.Figure | None, name: str) -> str:
-    """A figure as a piece of the page; nothing if there is none."""
-    if figure is None:
-        return ""
-    text: str = to_html(
-        figure,
-        include_plotlyjs=False,
-        full_html=False,
-        div_id=name,
-        config=CONFIG,
-        default_height=f"{figure.layout.height}px",
+def tails(numbers: Distribution | None) -> list[str]:
+    """Median, tails and greatest of times [s]."""
+    if numbers is None:
+        return [NOTHING] * 4
+    times = numbers.p50, numbers.p99, numbers.p999, numbers.most
+    return [short_time(time) for time in times]
+
+
+def flat(settings: Mapping[str, object], lead: str = "") -> list[tuple[str, object]]:
+    """Nested settings as rows, each with its path."""
+    rows: list[tuple[str, object]] = []
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            rows += flat(value, f"{lead}{name}.")
+        else:
+            rows.append((f"{lead}{name}", value))
+    return rows
+
+
+def arguments(text: Mapping[str, Any]) -> str:
+    """Arguments of a call in one line of a table."""
+    line = ", ".join(
+        f"{name} {shortened(value)}"
+        for name, value in text.items()
+        if name not in ("call", "note") and value is not None
     )
-    return f'<div class="plot">{text}</div>'
+    return line if len(line) <= MOST_LETTERS else line[: MOST_LETTERS - 1] + "…"
+
+
+def shortened(value: object) -> str:
+    """An argument with four digits."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return f"[{', '.join(shortened(item) for item in value)}]"
+    return str(value)
+
+
+TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).with_name("templates")),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+TEMPLATES.filters |= {
+    function.__name__: function
+    for function in (
+        *(clock, duration, millimetres, short_time, share, distribution),
+        *(recorded, tails, flat, arguments),
+    )
+}
+TEMPLATES.filters["thousands"] = "{:,}".format
+TEMPLATES.globals |= {"NOTHING": NOTHING, "SHOWN": SHOWN, "SENTENCES": SENTENCES}
+TEMPLATES.globals |= {"Level": Level, "Sense": Sense, "look": plots, "count": count}

@@ -10,6 +10,7 @@ from armguard.station.frames import Frame
 from armguard.station.view.drawing.frames import Floats, quaternion
 from armguard.station.view.driving.driver import Driver
 from armguard.station.view.driving.wishes import tool_frame
+from armguard.station.view.scene_port import page_of
 
 # A handle that nobody holds is put back to its tool when it is this far off.
 ASIDE = 2e-3
@@ -32,7 +33,6 @@ class Handles:
     ) -> None:
         self._server, self._tables, self._driver = server, tables, driver
         self._handles: dict[str, Any] = {}
-        self._dragged: set[str] = set()
 
     @property
     def shown(self) -> bool:
@@ -51,17 +51,12 @@ class Handles:
             self._driver.lead_tool(name, None)
             handle.remove()
         self._handles.clear()
-        self._dragged.clear()
-
-    def let_go(self) -> None:
-        """Nobody holds a handle any more."""
-        self._dragged.clear()
 
     def move(self, frame: Frame) -> None:
         """Keep the handles that nobody holds at their tools."""
         for part in self._tables.robots:
             handle = self._handles.get(part.name)
-            if handle is None or part.name in self._dragged:
+            if handle is None or self._driver.leads_tool(part.name):
                 continue
             T = tool_frame(self._tables, part, frame.poses)
             q = quaternion(T[:3, :3])
@@ -79,11 +74,10 @@ class Handles:
         @handle.on_update
         async def _(event: viser.TransformControlsEvent) -> None:
             if event.phase == "end":
-                self._dragged.discard(name)
                 self._driver.lead_tool(name, None)
                 return
-            self._dragged.add(name)
-            self._driver.lead_tool(name, frame_of(event.target))
+            page = page_of(self._server, event.client_id)
+            self._driver.lead_tool(name, frame_of(event.target), page)
 
         return handle
 

@@ -104,7 +104,7 @@ class NearPairs:
         pair has nothing left.
         """
         i, j = self._index[pair.primitive_a], self._index[pair.primitive_b]
-        need = max(pair.primitive_distance - pair.clearance, STEP)
+        need = max(pair.needed, STEP)
         moving = [k for k in (i, j) if k < self._tables.moving_count]
         return [(k, need / len(moving)) for k in moving]
 

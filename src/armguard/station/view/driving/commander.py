@@ -8,6 +8,7 @@ from typing import Any
 from armguard.errors import ArmguardError
 from armguard.station.client import Client, Welcome
 from armguard.station.view.driving.wishes import Wish
+from armguard.station.wire.keys import Role
 from armguard.station.wire.words import Cause
 
 # A call that is not answered for so long is given up; wishes wait meanwhile [s].
@@ -27,15 +28,24 @@ class Commander:
     """Has the command or not, and says why something was refused.
 
     Attributes:
+        role: What the client may do.
         cause: What the service, or its silence, has to say beside the guard's reason.
+        changed: Whether objects were placed or removed within the last second.
+        taken: Whether another client has the command.
 
     Args:
         client: The client, connected; nobody else may use it from now on.
+        role: What it may do.
         complain: Called with the sentence of whatever was refused.
     """
 
-    def __init__(self, client: Client, complain: Callable[[str], None]) -> None:
+    def __init__(
+        self, client: Client, role: Role, complain: Callable[[str], None]
+    ) -> None:
+        self.role = role
+        self.changed = self.taken = False
         self._client, self._complain = client, complain
+        self._refusal: tuple[str, str] | None = None
         self._lock = threading.Lock()
         self._commands = False
         self._claimed = -float("inf")
@@ -80,28 +90,48 @@ class Commander:
             # Only the service knows who commands; its silence says nothing of that.
             said = latest.cycle >= 0 and time.monotonic() - self._claimed > FRESH
             other = latest.commander != self._client.sender
+            self.changed = latest.objects_changed
+            self.taken = bool(latest.commander) and other
             lost = self._commands and said and other
+            refusal, known = self._client.refusal, self._refusal
+            self._refusal = refusal
             self._commands = self._commands and not lost
         if lost:
             self._complain(
                 "the command is gone: somebody took it, or the service heard nothing "
                 "of this page for too long"
             )
+        if refusal is not None and refusal != known:
+            self._complain(refusal[1])
 
     def claim(self, force: bool = False) -> bool:
         """Take the command; whether that was granted."""
         if force:
-            granted = self._try(lambda: self._client.claim(force=True))
+            granted = self._try(
+                lambda: self._client.claim(force=True, timeout=PATIENCE)
+            )
         else:
             try:
                 with self._lock:
-                    self._client.claim()
+                    self._client.claim(timeout=PATIENCE)
                 granted = True
             except ArmguardError:
                 granted = False
         self._claimed = time.monotonic()
         self._commands = granted
         return granted
+
+    def engage(self) -> None:
+        """Let all robots go on that wait for a person.
+
+        That is for the commander: another one loses the command for that long, if this
+        client may take it.
+        """
+        commands = self._commands
+        if commands or self.claim() or self.claim(force=True):
+            self.call("engage")
+            if not commands:
+                self.give_back()
 
     def give_back(self) -> None:
         """Give the command back."""

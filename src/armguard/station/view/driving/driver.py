@@ -15,6 +15,7 @@ from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
 from armguard.station.view.driving.commander import Commander
 from armguard.station.view.driving.jog import Jog
+from armguard.station.view.driving.pulses import HELD, LEFT, Pulses
 from armguard.station.view.driving.wishes import (
     ANGULAR,
     LINEAR,
@@ -45,10 +46,14 @@ class Hands(Protocol):
 class Driver:
     """What the operator asks for: handles before keys before sliders before the tele.
 
+    A handle leads while its page says that it is held; sliders and the tele-driver lead
+    while a page says that it lives, and end when none has for some seconds.
+
     Attributes:
         chosen: Place of the robot that keys lead.
         share: Share of the greatest speeds that is asked for at most [-].
         tele: Who drives where nobody else does; None for nobody.
+        pulses: What pages say of themselves.
 
     Args:
         tables: The scene.
@@ -69,9 +74,11 @@ class Driver:
         self.share = 0.5
         self.tele: Hands | None = None
         self.jog = Jog(stopped, self._choose)
+        self.pulses = Pulses()
         self._targets = np.full(len(tables.q_names), np.nan)
         self._ramp: Floats | None = None
-        self._handles: dict[str, Floats] = {}
+        self._slider_page = ""
+        self._handles: dict[str, tuple[Floats, str]] = {}
         self._fastest = top_speeds(tables)
         self._names = names_of(tables)
         self._began = time.monotonic()
@@ -88,20 +95,39 @@ class Driver:
         if self._thread.is_alive():
             self._thread.join(timeout=1.0)
 
-    def lead_joint(self, joint: int, target: float) -> None:
-        """Lead a joint to a position [rad or m]."""
-        self._targets[joint] = target
+    def lead_joint(self, joint: int, target: float, page: str) -> None:
+        """Lead a joint to a position [rad or m], for a page."""
+        self._targets[joint], self._slider_page = target, page
 
     def leads(self, joint: int) -> bool:
         """Whether a joint is being led to a position."""
         return bool(np.isfinite(self._targets[joint]))
 
-    def lead_tool(self, robot: str, T: Floats | None) -> None:
-        """Lead a robot's tool to a frame, shape (4, 4); None to let go of it."""
+    def lead_tool(self, robot: str, T: Floats | None, page: str = "") -> None:
+        """Lead a robot's tool to a frame, shape (4, 4), for the page that holds it.
+
+        Args:
+            robot: The robot.
+            T: The frame; None to let go of the tool.
+            page: The page; that it says so counts as its pulse.
+        """
         if T is None:
             self._handles.pop(robot, None)
         else:
-            self._handles[robot] = T
+            self.pulses.hear(page, held=True)
+            self._handles[robot] = T, page
+
+    def leads_tool(self, robot: str) -> bool:
+        """Whether a robot's tool is being led."""
+        return robot in self._handles
+
+    def gone(self, page: str) -> None:
+        """A page was closed; with the last one all ends that was asked for."""
+        self.pulses.gone(page)
+        self.jog.let_go()
+        if self.pulses.silence() > LEFT:
+            self.let_go()
+            self.tele = None
 
     def let_go(self) -> None:
         """Ask for nothing any more."""
@@ -113,6 +139,7 @@ class Driver:
         """What is asked for, where the arms are as a cycle had them."""
         still = np.zeros(len(self._targets))
         self._drop_targets(frame)
+        self._drop_unattended()
         parts = {part.name: part for part in self.tables.robots}
         if self._handles:
             return Wish(
@@ -121,7 +148,7 @@ class Driver:
                     name: twist_towards(
                         tool_frame(self.tables, parts[name], frame.poses), T, self.share
                     )
-                    for name, T in tuple(self._handles.items())
+                    for name, (T, _) in tuple(self._handles.items())
                 },
             )
         direction = self.jog.direction
@@ -129,13 +156,13 @@ class Driver:
             fastest = self.share * np.repeat([LINEAR, ANGULAR], 3)
             name = self.tables.robots[self.chosen].name
             return Wish(still, twists={name: direction * fastest})
-        if np.isfinite(self._targets).any():
+        if self.pulses.silence(self._slider_page) <= HELD and self._led.any():
             step = self.share * self._fastest * PERIOD
             last = frame.q if self._ramp is None else self._ramp
             self._ramp = ramped(last, self._targets, frame.q, step)
             return Wish(still, positions=self._ramp)
         self._ramp = None
-        if self.tele is not None:
+        if self.tele is not None and self.pulses.silence() <= HELD:
             return self._asked_by(self.tele, frame)
         return Wish(still)
 
@@ -160,6 +187,22 @@ class Driver:
                 there[part.first_joint : part.first_joint + part.joint_count] = True
         self._targets[there] = np.nan
 
+    @property
+    def _led(self) -> NDArray[np.bool_]:
+        """Which joints are led to a position, shape (n,)."""
+        led: NDArray[np.bool_] = np.isfinite(self._targets)
+        return led
+
+    def _drop_unattended(self) -> None:
+        """Forget what belongs to a page that says no more of itself."""
+        for robot, (_, page) in tuple(self._handles.items()):
+            if not self.pulses.holds(page):
+                self._handles.pop(robot, None)
+        if self._led.any() and self.pulses.silence(self._slider_page) > LEFT:
+            self._targets[:] = np.nan
+        if self.tele is not None and self.pulses.silence() > LEFT:
+            self.tele = None
+
     def _choose(self, robot: int | None) -> None:
         count = len(self.tables.robots)
         if robot is None:
@@ -175,5 +218,6 @@ class Driver:
                 continue
             wish = self.wish(frame)
             for robot in wish.engaged:
-                self._commander.call("engage", name=robot)
+                # What a person ordered to stop waits for a person.
+                self._commander.call("engage", name=robot, ordered=False)
             self._commander.send(wish)

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from armguard.station.view.driving.pulses import HELD
 
-# Keys that are not told again for so long are not held any more [s].
-HELD = 0.25
+Floats = NDArray[np.float64]
 
 # What a key asks for: forward, left, up; roll, pitch, yaw; in the world's axes.
 KEYS: dict[str, tuple[int, float]] = {
@@ -27,6 +26,9 @@ KEYS: dict[str, tuple[int, float]] = {
     "KeyJ": (5, 1.0),
     "KeyL": (5, -1.0),
 }
+
+# Keys that choose a robot, the first one first.
+DIGITS = tuple(f"Digit{k}" for k in range(1, 10))
 
 KEYS_SENTENCE = (
     "**W A S D** forward, left, back, right · **R F** up, down · **U O** roll · "
@@ -64,19 +66,20 @@ class Jog:
         self._keys: frozenset[str] = frozenset()
         self._pad = np.zeros(6)
         self._buttons: tuple[bool, ...] = ()
-        self._told = -np.inf
+        self._keys_told = self._pad_told = -np.inf
 
     def hear(self, said: Mapping[str, Any]) -> None:
         """Take what a page says about keys and gamepads."""
-        self._told = self._clock()
         if said["type"] == "keys":
+            self._keys_told = self._clock()
             held = said.get("held", ())
             new = frozenset(key for key in held if isinstance(key, str))
             for key in new - self._keys:
-                if key.startswith("Digit"):
-                    self._choose(int(key[-1]) - 1)
+                if key in DIGITS:
+                    self._choose(DIGITS.index(key))
             self._keys = new
         elif said["type"] == "pad":
+            self._pad_told = self._clock()
             self._hear_pad(numbers(said.get("axes")), numbers(said.get("buttons")))
 
     def let_go(self) -> None:
@@ -86,8 +89,12 @@ class Jog:
     @property
     def direction(self) -> Floats:
         """What is asked for, each part in [-1, 1]: linear and angular, shape (6,)."""
-        if self._clock() - self._told > HELD:
-            self.let_go()
+        # One page's pad says nothing of another page's keys.
+        now = self._clock()
+        if now - self._keys_told > HELD:
+            self._keys = frozenset()
+        if now - self._pad_told > HELD:
+            self._pad = np.zeros(6)
         wanted = self._pad.copy()
         for key in self._keys:
             if key in KEYS:

@@ -1,7 +1,7 @@
 """Objects that somebody at the page moves, and how to take that back."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,10 +47,19 @@ class Editor:
         tables: The scene.
         placements: Where objects stand, as frames tell.
         call: Calls the service; whether it was done.
+        changeable: Names of the objects that the page may change.
     """
 
-    def __init__(self, tables: SceneTables, placements: Placements, call: Call) -> None:
+    def __init__(
+        self,
+        tables: SceneTables,
+        placements: Placements,
+        call: Call,
+        *,
+        changeable: Collection[str],
+    ) -> None:
         self._tables, self._placements, self._call = tables, placements, call
+        self._changeable = changeable
         self.spare = tuple(
             name
             for name, thing in tables.standing.items()
@@ -69,12 +78,12 @@ class Editor:
 
     @property
     def movable(self) -> tuple[str, ...]:
-        """Objects that stand somewhere, and are attached to nothing."""
+        """Objects that stand somewhere, are attached to nothing, and may be changed."""
         standing = self._tables.standing
         return tuple(
             name
             for name, T in self._placements.poses.items()
-            if T is not None and standing[name].body < 0
+            if T is not None and standing[name].body < 0 and name in self._changeable
         )
 
     def state(self, name: str) -> State | None:

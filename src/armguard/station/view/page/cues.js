@@ -76,7 +76,7 @@ const take = (message) => {
   const before = state;
   state = message;
   heard = performance.now();
-  const levels = (one) => [one.level, ...one.robots.map((robot) => robot.level)].join();
+  const levels = (one) => [one.level, one.name, one.changed, ...one.robots.map((robot) => robot.level)].join();
   const changed = before === null || levels(before) !== levels(message);
   light();
   sound(changed);
@@ -91,7 +91,7 @@ const take = (message) => {
 };
 
 const connect = () => {
-  channel = new WebSocket(`ws://${location.host}/station`);
+  channel = new WebSocket(`ws://${location.host}/station${location.search}`);
   channel.onmessage = (event) => {
     const message = JSON.parse(event.data);
     if (message.type === "state") take(message);

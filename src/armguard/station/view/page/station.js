@@ -4,6 +4,7 @@
 (() => {
   const SILENCE = 0.5; // without news for so long the page is grey [s]
   const REPEAT = 50; // keys that are held and gamepads are told again after this [ms]
+  const PULSE = 100; // that this page lives is told again after this [ms]
   const make = (tag, id, parent) => {
     const made = document.createElement(tag);
     if (id) made.id = id;
@@ -20,9 +21,14 @@
   const told = make("div", "told", bar);
   const why = make("div", "why", told);
   const slack = make("div", "slack", told);
+  const role = make("div", "role", told);
+  const recorder = make("div", "recorder", told);
   const robots = make("div", "robots", bar);
   const sound = make("button", "sound", bar);
   sound.textContent = "Sound: off";
+  const engage = make("button", "engage", bar);
+  engage.textContent = "Engage all";
+  engage.hidden = true;
   const stop = make("button", "stop", bar);
   stop.textContent = "STOP";
   stop.title = "stops all arms (space)";
@@ -46,6 +52,11 @@
   };
 
   let state = null; // the newest message
+  let may = null; // what this page may do
+  const showEngage = () => {
+    engage.hidden = !(state?.held && !state.recorded && may?.engage);
+    engage.title = may?.taken ? "takes the command for that from the client that has it" : "";
+  };
   let heard = -Infinity; // when it came, on this page's clock [s]
   const now = () => performance.now() / 1000;
 
@@ -60,7 +71,9 @@
     light.classList.toggle("urgent", message.level >= 30);
     document.documentElement.style.setProperty("--level", message.colour);
     document.documentElement.style.setProperty("--ink", message.ink);
-    why.textContent = message.remark ? `${message.remark} (${message.why})` : message.why;
+    const said = message.remark ? `${message.remark} (${message.why})` : message.why;
+    why.textContent = message.changed ? `${message.changed}; ${said}` : said;
+    showEngage();
     for (const robot of message.robots) {
       const own = card(robot.name);
       own.box.style.setProperty("--own", robot.colour);
@@ -90,7 +103,7 @@
   // ------------------------------------------------------- what does not wait for us
   // The light, the sounds and the channel have threads of their own, see cues.js; this
   // one is kept busy by the drawing.
-  const cues = new Worker("cues.js");
+  const cues = new Worker(`cues.js?page=${window.stationPage}`);
   const over = make("canvas", null, light);
   const sized = () => {
     const scale = window.devicePixelRatio || 1;
@@ -131,6 +144,7 @@
 
   // ------------------------------------------------------------------- what is said
   const say = (message) => cues.postMessage({ type: "say", message });
+  engage.onclick = () => { say({ type: "engage" }); engage.blur(); };
   stop.onclick = () => { say({ type: "stop" }); stop.blur(); };
 
   let driving = false; // whether the view wants keys at all
@@ -171,11 +185,30 @@
     }
   };
 
+  // A page that is stuck says nothing here, whatever its other threads do: what it asked
+  // for ends then.
+  const down = new Set(); // pointers that are held down
+  const pulse = () => { if (!document.hidden) say({ type: "pulse", held: down.size > 0 }); };
+  window.addEventListener("pointerdown", (event) => { down.add(event.pointerId); pulse(); }, true);
+  for (const kind of ["pointerup", "pointercancel"]) {
+    window.addEventListener(kind, (event) => { if (down.delete(event.pointerId)) pulse(); }, true);
+  }
+  // A release can go unheard, such as one beside a menu of the browser.
+  window.addEventListener("pointermove", (event) => {
+    if (event.buttons === 0 && down.delete(event.pointerId)) pulse();
+  }, true);
+  window.addEventListener("blur", () => { down.clear(); pulse(); });
+
   cues.onmessage = ({ data }) => {
     if (data.type === "state") {
       cues.postMessage({ type: "seen" });
       show(data);
-    } else if (data.type === "turned") note(window.stationTurns, [data.cycle, data.at]);
+    } else if (data.type === "may") {
+      may = data;
+      role.textContent = may.engage ? "" : `this page may ${may.role}, and stop`;
+      showEngage();
+    } else if (data.type === "recorder") recorder.textContent = data.said;
+    else if (data.type === "turned") note(window.stationTurns, [data.cycle, data.at]);
     else if (data.type === "driving") {
       driving = data.on;
       bar.dataset.driving = String(driving);
@@ -188,6 +221,7 @@
     document.body.append(veil);
     setInterval(refresh, 50);
     setInterval(tellPads, REPEAT);
+    setInterval(pulse, PULSE);
   };
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin);
   else begin();

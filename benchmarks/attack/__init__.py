@@ -1,0 +1,1 @@
+"""Attacks on a station from outside, each against real processes."""

@@ -1,0 +1,40 @@
+"""`armguard keys`: write the keys of a service to a file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armguard.cli.console import say
+from armguard.errors import ArmguardError
+
+
+def keys(
+    file: Annotated[Path, typer.Argument(help="File to write, readable by you alone.")],
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", help="Copy keys from this file; else they are new."),
+    ] = None,
+    role: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this role: observe, sense, command or administer."),
+    ] = None,
+) -> None:
+    """Write a key for each role, for `serve --key-file` and its clients.
+
+    With --from and --role it writes the part that one client needs.
+    """
+    from armguard.station.wire.keys import Role, key_of, new_keys, read_keys, write_keys
+
+    words = {one.word: one for one in Role}
+    for word in role or ():
+        if word not in words:
+            raise ArmguardError(
+                f"there is no role '{word}'; roles are {', '.join(words)}"
+            )
+    if file.exists():
+        raise ArmguardError(f"{file} exists; remove it first, or choose another name")
+    found = new_keys() if source is None else read_keys(source)
+    chosen = [words[word] for word in role] if role else list(found)
+    write_keys(file, {one: key_of(one, found, str(source)) for one in chosen})
+    say(f"{file}: keys for {', '.join(one.word for one in chosen)}")

@@ -1,0 +1,107 @@
+"""Velocities beside positions: do they tell of the same motion?
+
+Between two samples a joint moves at the measured velocities of both, give or take: the
+declared error of each; what the joint can speed up by in between, and again in half a
+period, since controllers often stamp a velocity half a cycle off its position. A joint
+may stop as hard as it likes. So every way between two samples has bounds, and so has
+their sum over any time; positions are off by no more than an error at either end.
+`AHEAD_SUM` and `BEHIND_SUM` are the largest excess over all times that end now. Within
+the declared figures neither exceeds its limit, so there is no false alarm.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.levels import Reason
+from armguard.guard.settling import hardest_stop, swing_speed
+from armguard.guard.watch import (
+    AHEAD_NEXT,
+    AHEAD_SUM,
+    BEHIND_NEXT,
+    BEHIND_SUM,
+    BRAKING,
+    EARLIER,
+    HAS_VELOCITY,
+    LATEST,
+    LOST,
+    PERIOD,
+    STOPPING,
+    Watch,
+)
+from armguard.kernel import kernel
+from armguard.motion.figures import (
+    ACCELERATION,
+    POSITION_ERROR,
+    VELOCITY,
+    VELOCITY_ERROR,
+)
+from armguard.motion.state import Motion
+
+Floats = NDArray[np.float64]
+
+OK = int(Reason.OK)
+STATE_FROZEN = int(Reason.STATE_FROZEN)
+STATE_DISAGREES = int(Reason.STATE_DISAGREES)
+
+# What stamps may be rounded by [s], and round-off of a way or speed [rad], [rad/s].
+STAMP_GRAIN = 1e-6
+GRAIN = 1e-7
+
+
+@kernel
+def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
+    """Reason why a new sample of a joint contradicts the ones before; OK if none.
+
+    Args:
+        j: The joint.
+        r: Its robot.
+        position: Its new position.
+        v: Watch; what the sums become if the sample is believed is written.
+        m: Motion.
+    """
+    sums, figures = v.agreement[j], m.joint_figures[j]
+    sums[AHEAD_NEXT] = sums[BEHIND_NEXT] = 0.0
+    before, speed = sums[LATEST], v.velocity[j]
+    time = v.stamps[r] - v.last_stamp[r]
+    known = v.given[HAS_VELOCITY] != 0.0 and v.sample_count[r] > 0 and before == before
+    if not (known and time > 0.0):
+        return OK
+    period, error = v.pace[PERIOD], figures[VELOCITY_ERROR]
+    phase = v.phase[r]
+    stops = phase == STOPPING or phase == BRAKING or phase == LOST
+    swing = swing_speed(m.robot_figures[r], figures) if stops else 0.0
+    gain = 0.5 * figures[ACCELERATION] * (time + period)
+    faster = max(speed - max(before, 0.0), min(before, 0.0) - speed)
+    if stops and not faster <= 2.0 * (gain + error) + swing + GRAIN:
+        # No drive that stops speeds up like that: one of the two is wrong.
+        return STATE_DISAGREES
+    off = (error + swing + gain) * time
+    way = position - v.sample_q[j, 0]
+    ahead = max(sums[AHEAD_SUM], 0.0) + way - max(before, speed) * time - off
+    behind = max(sums[BEHIND_SUM], 0.0) + min(before, speed) * time - way - off
+    # A stop takes a velocity half a period off away from its position.
+    limit = 0.25 * hardest_stop(figures) * period * period + GRAIN
+    limit += 2.0 * (figures[POSITION_ERROR] + figures[VELOCITY] * STAMP_GRAIN)
+    if not max(ahead, behind) <= limit:
+        return STATE_FROZEN if way == 0.0 else STATE_DISAGREES
+    sums[AHEAD_NEXT], sums[BEHIND_NEXT] = ahead, behind
+    return OK
+
+
+@kernel
+def fits_its_stamp(j: int, r: int, position: float, v: Watch) -> bool:
+    """Whether a sample with the stamp of the last one is the last one."""
+    if v.sample_count[r] == 0 or v.stamps[r] != v.last_stamp[r]:
+        return True
+    before = v.agreement[j, LATEST]
+    same = v.given[HAS_VELOCITY] == 0.0 or before != before or v.velocity[j] == before
+    return bool(same and position == v.sample_q[j, 0])
+
+
+@kernel
+def keep_agreement(j: int, v: Watch) -> None:
+    """Take over the sums and the velocity of a joint whose sample is believed."""
+    sums = v.agreement[j]
+    sums[AHEAD_SUM], sums[BEHIND_SUM] = sums[AHEAD_NEXT], sums[BEHIND_NEXT]
+    sums[EARLIER] = sums[LATEST]
+    sums[LATEST] = v.velocity[j] if v.given[HAS_VELOCITY] != 0.0 else np.nan

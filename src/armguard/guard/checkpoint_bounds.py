@@ -1,0 +1,372 @@
+"""What the numbers of a checkpoint may be: a checkpoint is input, and may be anybody's.
+
+Compiled code uses whole numbers of these arrays as places, counts and flags, and looks
+at no bounds. So each of them has a rule here; a test fails where one has none. Numbers
+that are measured or computed may be anything: kernels have an answer to all of them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.place import place_row
+from armguard.geometry.pose import ORTHOGONAL_TOLERANCE
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.guard import grips as at
+from armguard.guard.checkpoint import ADDRESSES, CheckpointError
+from armguard.guard.levels import Level, Reason
+from armguard.guard.watch import FORCED, GIVES_UP, HISTORY, RECOVERING
+from armguard.index import BruteForce, Octree
+from armguard.index.octree_state import DEPTH_LIMIT
+from armguard.scene.tables import SceneTables
+
+Arrays = Mapping[str, NDArray[Any]]
+Floats = NDArray[np.float64]
+
+# How often anything is counted at most: a year of cycles at 10 kHz is less.
+MOST_COUNTED = 1 << 40
+
+# Nothing is farther away, or larger [m].
+FARTHEST = 1e9
+
+# Kinds of which a row says no frame.
+FRAMELESS = (ShapeKind.SPHERE, ShapeKind.CAPSULE, ShapeKind.TRIANGLE)
+
+# How far what a robot moves may be from where its body carries it [m].
+PLACED = 1e-6
+
+MOST_REASON = max(Reason)
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """Whole numbers between two bounds.
+
+    Attributes:
+        least: The least.
+        most: The greatest, or what of the scene is counted: a place in it.
+        columns: Columns it is about; all if None.
+    """
+
+    least: int
+    most: int | str
+    columns: Sequence[int] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Own:
+    """What the scene, and who holds what, says: the guard knows it itself.
+
+    Attributes:
+        columns: Columns it is about; all if None.
+    """
+
+    columns: Sequence[int] | None = None
+
+
+Rules = Mapping[str, Sequence[Whole | Own]]
+
+# What is counted, and its greatest number; a column of them where rows differ.
+Greatest = Mapping[str, int | NDArray[np.int64]]
+
+FLAG = Whole(0, 1)
+
+BOUNDS: Rules = {
+    "tables.parent": [Own()],
+    "tables.checked": [Own()],
+    "tables.robot_of_primitive": [Own()],
+    "motion.joints": [Own()],
+    "motion.length": [Own()],
+    "motion.shared": [Own()],
+    "watch.last": [Whole(0, MOST_REASON, (FORCED,))],
+    "watch.sample_count": [Whole(0, HISTORY)],
+    "watch.phase": [Whole(0, RECOVERING)],
+    "watch.must": [FLAG],
+    "watch.cause": [Whole(0, MOST_REASON)],
+    "watch.rested": [Whole(0, MOST_COUNTED)],
+    "watch.lagged": [Whole(0, MOST_COUNTED)],
+    "watch.level": [Whole(0, max(Level))],
+    "watch.disproved": [FLAG],
+    "watch.held": [FLAG],
+    "watch.sent_count": [Whole(0, MOST_COUNTED)],
+    "watch.relieved": [FLAG],
+    "watch.recover": [Whole(0, GIVES_UP)],
+    "watch.evades": [FLAG],
+    "watch.evaded": [Whole(0, "sets of robots")],
+    "watch.yields": [FLAG],
+    "watch.may_stand": [Own()],
+    "watch.doubt": [Whole(0, MOST_REASON)],
+    "workspace.planes": [Whole(0, "pairs of primitives")],
+    "grips.may": [FLAG],
+    "grips.grippers": [
+        Own(
+            (
+                *(at.ROBOT, at.BODY, at.FIRST_FINGER, at.END_FINGER),
+                *(at.FIRST_MEMBER, at.END_MEMBER, at.SLOT, at.BOX, at.HOLDS),
+            )
+        ),
+        Whole(at.AUTO, at.DETAILED, (at.MODEL,)),
+        Whole(0, 1, (at.COARSE_NOW,)),
+        Whole(-1, "objects", (at.MEANT, at.SPENT_ON)),
+    ],
+    "grips.objects": [
+        Own((at.FIRST, at.END, at.OBJECT_BODY, at.GROUP, at.HOLDER, at.SECOND))
+    ],
+    "grips.contracts": [
+        Whole(at.NONE, at.DORMANT, (at.STATE,)),
+        Whole(0, at.ASKED, (at.KIND,)),
+        Whole(0, "primitives", (at.FIRST_A, at.FIRST_B)),
+        Whole(0, "ends of primitives", (at.END_A, at.END_B)),
+        Whole(0, "groups", (at.GROUP_A, at.GROUP_B)),
+        Whole(0, 1, (at.RELIED,)),
+        Whole(at.NOWHERE, "bodies", (at.REGION,)),
+        Whole(-1, "grippers", (at.GRIPPER,)),
+    ],
+}  # fmt: skip
+
+
+def greatest_of(tables: SceneTables) -> Greatest:
+    """The greatest place in all that a rule may count."""
+    count = len(tables.kinds)
+    return {
+        "sets of robots": (1 << len(tables.robots)) - 1,
+        "pairs of primitives": count << 31 | count,
+        "objects": len(tables.holds.objects) - 1,
+        "primitives": count - 1,
+        "ends of primitives": count,
+        "groups": len(tables.holds.rules) - 1,
+        "bodies": len(tables.parent) - 1,
+        "grippers": max(len(tables.holds.grippers) - 1, 0),
+    }
+
+
+def check_bounds(found: Arrays, own: Arrays, rules: Rules, greatest: Greatest) -> None:
+    """Refuse whole numbers that cannot be what they are said to be.
+
+    Args:
+        found: Arrays of a checkpoint, by name.
+        own: What the guard itself knows they are, where it does.
+        rules: What they may be.
+        greatest: See `greatest_of`.
+
+    Raises:
+        CheckpointError: One of them is something else.
+    """
+    for name, array in found.items():
+        for rule in rules.get(name, ()):
+            columns = slice(None) if rule.columns is None else list(rule.columns)
+            numbers = array[..., columns]
+            if isinstance(rule, Own):
+                refuse_where(
+                    numbers != own[name][..., columns], name, numbers, "another number"
+                )
+                continue
+            most = rule.most if isinstance(rule.most, int) else greatest[rule.most]
+            whole = (numbers >= rule.least) & (numbers <= most)
+            whole &= numbers == np.floor(numbers)
+            wanted = f"a whole number from {rule.least} to {np.max(most)}"
+            refuse_where(~whole, name, numbers, wanted)
+
+
+def refuse_where(
+    wrong: NDArray[np.bool_], name: str, numbers: NDArray[Any], wanted: str
+) -> None:
+    """Refuse a checkpoint by the first number that is wrong.
+
+    Raises:
+        CheckpointError: There is one.
+    """
+    if wrong.any():
+        value = numbers[wrong][0]
+        raise CheckpointError(
+            f"a checkpoint has {value} in '{name}'; in this scene it would be {wanted}"
+        )
+
+
+def check_contracts(contracts: Floats, tables: SceneTables) -> None:
+    """Refuse contracts between what is no body.
+
+    Raises:
+        CheckpointError: There is one.
+    """
+    bodies = {
+        (*place, tables.holds.group_of[name])
+        for name, place in tables.holds.places.items()
+    }
+    for row in contracts[contracts[:, at.STATE] != at.NONE]:
+        for columns in (
+            [at.FIRST_A, at.END_A, at.GROUP_A],
+            [at.FIRST_B, at.END_B, at.GROUP_B],
+        ):
+            if tuple(row[columns].tolist()) not in bodies or not row[at.KIND]:
+                raise CheckpointError(
+                    "a checkpoint has a contract in 'grips.contracts' between "
+                    "primitives that are no body of this scene"
+                )
+
+
+def check_poses(name: str, rows: Floats) -> None:
+    """Refuse poses that are no rigid transforms.
+
+    Args:
+        name: Where they are.
+        rows: Their upper three rows, shape (k, 12).
+
+    Raises:
+        CheckpointError: One is none.
+    """
+    T = rows.reshape(-1, 3, 4)
+    with np.errstate(all="ignore"):
+        R = T[:, :, :3]
+        skew = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2), initial=0)
+        rigid = (skew <= ORTHOGONAL_TOLERANCE) & (np.linalg.det(R) > 0.0)
+    rigid &= np.isfinite(rows).all(axis=1)
+    if not rigid.all():
+        raise CheckpointError(
+            f"a checkpoint has a pose in '{name}' that is no rigid transform"
+        )
+
+
+def check_about(
+    about: Mapping[str, Any], tables: SceneTables
+) -> tuple[float, list[str], dict[str, list[str]]]:
+    """What a checkpoint says beside its numbers: stamp, objects that moved, holders.
+
+    Raises:
+        CheckpointError: It is not said, or not of this scene.
+    """
+    stamp: Any = about.get("last_stamp")
+    changed: Any = about.get("changed")
+    holders: Any = about.get("holders")
+    grippers = {part.name for part in tables.holds.grippers}
+    sound = type(stamp) is float and type(changed) is list and type(holders) is dict
+    sound = sound and all(
+        type(name) is str and name in tables.standing for name in changed
+    )
+    sound = sound and len(set(changed)) == len(changed)
+    sound = sound and all(
+        name in tables.holds.objects
+        and type(robots) is list
+        and len(robots) in (1, 2)
+        and all(type(robot) is str and robot in grippers for robot in robots)
+        and len(set(robots)) == len(robots)
+        for name, robots in holders.items()
+    )
+    if not sound:
+        raise CheckpointError(
+            "a checkpoint names objects or grippers that are none of this scene"
+        )
+    return stamp, changed, holders
+
+
+def check_whereabouts(
+    found: Arrays,
+    places: NDArray[np.int64],
+    holders: Mapping[str, Sequence[str]],
+    index: Octree | BruteForce,
+    tables: SceneTables,
+) -> None:
+    """Refuse primitives that are not where their bodies are, or of sizes not theirs.
+
+    Args:
+        found: Arrays of the checkpoint, with those of `whereabouts`.
+        places: The primitives these are about.
+        holders: Who holds what.
+        index: The index of the guard.
+        tables: The scene.
+
+    Raises:
+        CheckpointError: Something is not as it can be.
+    """
+    there = np.zeros(len(tables.kinds), dtype=np.uint8)
+    refuse_where(found["there"] > 1, "there", found["there"], "0 or 1")
+    there[places] = found["there"]
+    moving = tables.moving_count
+    free = np.zeros(len(there), dtype=np.bool_)
+    for thing in tables.standing.values():
+        own = slice(thing.first, thing.first + thing.count)
+        free[own] = True
+        if there[own].any() and not there[own].all():
+            raise CheckpointError("in a checkpoint a part of an object is there alone")
+    for name in holders:
+        free[slice(*tables.holds.places[name])] = False
+    wanted = np.ones(len(there), dtype=np.uint8)
+    for part, row in zip(tables.holds.grippers, found["grips.grippers"], strict=True):
+        if part.coarse is None:
+            coarse = 0
+            refuse_where(
+                row[[at.COARSE_NOW]] != 0, "grips.grippers", row[[at.COARSE_NOW]], "0"
+            )
+        else:
+            coarse = int(row[at.COARSE_NOW])
+            wanted[slice(*tables.holds.places[part.coarse])] = coarse
+        for member in part.members:
+            wanted[slice(*tables.holds.places[member])] = 1 - coarse
+    wrong = (there != wanted) & ~free
+    refuse_where(wrong[:moving], "there", there[:moving], "the other")
+    rows = found["rows"]
+    if not np.isfinite(rows).all() or not (np.abs(rows) <= FARTHEST).all():
+        raise CheckpointError(
+            f"a checkpoint has an object that is more than {FARTHEST:g} m away"
+        )
+    row = np.zeros(ROW_WIDTH)
+    poses = found["workspace.T_world"]
+    for place, told in zip(places.tolist(), rows, strict=True):
+        kind = int(tables.kinds[place])
+        leads = np.array(ADDRESSES.get(ShapeKind(kind), ()), dtype=np.int64)
+        if place < moving:
+            place_row(kind, tables.local_rows[place], poses[tables.bodies[place]], row)
+            row[leads] = 0.0
+            placed = (np.abs(row - told) <= PLACED).all()
+        else:
+            placed = is_row(kind, told, leads)
+        if not placed:
+            raise CheckpointError(
+                f"a checkpoint has '{tables.labels[place]}' where it cannot be, or of "
+                "another size"
+            )
+    if isinstance(index, Octree):
+        check_cube(found["cube"], index)
+
+
+def is_row(kind: int, row: Floats, leads: NDArray[np.int64]) -> bool:
+    """Whether an object can have a row: sizes that are none less than 0, and a frame.
+
+    Args:
+        kind: ShapeKind.
+        row: The row.
+        leads: Places in it that lead to memory, which are left out.
+    """
+    if not row[0] >= 0.0 or row[leads].any():
+        return False
+    if kind == ShapeKind.HALF_SPACE:
+        return bool(abs(np.linalg.norm(row[4:7]) - 1.0) <= ORTHOGONAL_TOLERANCE)
+    if kind in FRAMELESS:
+        return True
+    R = row[7:16].reshape(3, 3)
+    skew = np.abs(R.T @ R - np.eye(3)).max()
+    return bool((row[4:7] >= 0.0).all() and skew <= ORTHOGONAL_TOLERANCE)
+
+
+def check_cube(cube: Floats, index: Octree) -> None:
+    """Refuse a root cube that this index could not have grown to.
+
+    Raises:
+        CheckpointError: It is none.
+    """
+    edges, own = cube[3:6] - cube[:3], float(index.high[0] - index.low[0])
+    with np.errstate(all="ignore"):
+        times = np.log2(edges / own)
+    sound = np.isfinite(cube).all() and np.isfinite(times).all()
+    if not (
+        sound
+        and (np.abs(times - np.round(times[0])) <= PLACED).all()
+        and (np.abs(cube[:6]) <= FARTHEST).all()
+        and 0 <= cube[6] <= DEPTH_LIMIT
+        and cube[6] == np.floor(cube[6])
+    ):
+        raise CheckpointError("a checkpoint has an index of another cube than its own")

@@ -1,0 +1,235 @@
+"""Arrays that a kernel is handed all together, as one typed pointer.
+
+A `NamedTuple` of arrays is a table: each field says of what kind its array is. Handing
+forty arrays to compiled code costs more than the whole cycle. So the addresses of a
+table's arrays are written down once, in a `Ledger`, and kernels are handed the address
+of that; in a kernel `opener(Table)` makes a table of it again, and a field is loaded
+where it is named. The guard that owns a ledger owns the arrays too and never lets them
+go.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
+
+import numba
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba.core import cgutils, types
+from numba.core.datamodel.models import OpaqueModel
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    register_model,
+)
+from numba.np.arrayobj import make_array, populate_array
+from numpy.typing import NDArray
+
+from armguard.address import pointer
+
+# Kinds of arrays: their numbers, and 1 or 2 dimensions.
+Vector = Annotated[NDArray[np.float64], 1]
+Matrix = Annotated[NDArray[np.float64], 2]
+IntVector = Annotated[NDArray[np.int32], 1]
+IntMatrix = Annotated[NDArray[np.int32], 2]
+LongVector = Annotated[NDArray[np.int64], 1]
+LongMatrix = Annotated[NDArray[np.int64], 2]
+ByteVector = Annotated[NDArray[np.uint8], 1]
+ByteMatrix = Annotated[NDArray[np.uint8], 2]
+
+# Numbers kept of each array: address, rows, columns (1 for a vector).
+LINE = 3
+
+Table = TypeVar("Table", bound=tuple[Any, ...])
+
+
+def array_types(table: type) -> Iterator[tuple[str, Any]]:
+    """Name and Numba type of each field, a table within it as the tuple it is."""
+    for name, hint in get_type_hints(table, include_extras=True).items():
+        if get_args(hint):
+            array, dimensions = get_args(hint)
+            dtype = numba.from_dtype(np.dtype(get_args(get_args(array)[1])[0]))
+            yield name, types.Array(dtype, dimensions, "C")
+        else:
+            parts = [kind for _, kind in array_types(hint)]
+            yield name, types.containers.BaseTuple.from_types(parts, pyclass=hint)
+
+
+def arrays_of(table: tuple[Any, ...]) -> Iterator[NDArray[Any]]:
+    """The arrays of a table one after another, those of tables within it as well.
+
+    Raises:
+        TypeError: An array is not of the kind its field has, or not contiguous.
+    """
+    for (name, kind), value in zip(array_types(type(table)), table, strict=True):
+        if isinstance(value, tuple):
+            yield from arrays_of(value)
+            continue
+        if numba.from_dtype(value.dtype) != kind.dtype or value.ndim != kind.ndim:
+            raise TypeError(
+                f"{type(table).__name__}.{name} is an array of {value.ndim} "
+                f"dimensions of {value.dtype}, not {kind}"
+            )
+        yield value
+
+
+class Ledger:
+    """Where the arrays of a table are; they must stay there.
+
+    Attributes:
+        arrays: The arrays, kept alive.
+        lines: Their addresses and shapes, shape (k · LINE,).
+
+    Args:
+        table: The table.
+
+    Raises:
+        TypeError: An array is not of the kind its field has, or not contiguous.
+    """
+
+    def __init__(self, table: tuple[Any, ...]) -> None:
+        self.arrays = list(arrays_of(table))
+        self.lines = np.zeros(len(self.arrays) * LINE, dtype=np.int64)
+        for k, array in enumerate(self.arrays):
+            self.put(k, array)
+
+    def put(self, k: int, array: NDArray[Any]) -> None:
+        """Lead to another array in place of array k.
+
+        Raises:
+            TypeError: It is not contiguous.
+        """
+        if not array.flags.carray:
+            raise TypeError(f"array {k} of a ledger is not contiguous")
+        self.arrays[k] = array
+        columns = array.shape[1] if array.ndim == 2 else 1
+        self.lines[k * LINE :][:LINE] = array.ctypes.data, array.shape[0], columns
+
+
+class TableType(types.Type):
+    """A table in compiled code: the address of its ledger's lines.
+
+    Attributes:
+        table: The class.
+        places: Type and ordinal of the first array of each field.
+    """
+
+    def __init__(self, table: type) -> None:
+        self.table = table
+        self.places: dict[str, tuple[Any, int]] = {}
+        first = 0
+        for name, kind in array_types(table):
+            self.places[name] = kind, first
+            first += len(kind) if isinstance(kind, types.containers.BaseTuple) else 1
+        super().__init__(name=f"Table({table.__module__}.{table.__qualname__})")
+
+
+register_model(TableType)(OpaqueModel)
+
+
+@infer_getattr
+class TableFields(AttributeTemplate):  # type: ignore[misc]
+    """Types of the fields of tables."""
+
+    key = TableType
+
+    def generic_resolve(self, table: TableType, name: str) -> Any:
+        """The type of a field; None if there is none."""
+        return table.places.get(name, (None, 0))[0]
+
+
+@lower_getattr_generic(TableType)  # type: ignore[untyped-decorator]
+def load_field(
+    context: Any, builder: Any, table: TableType, value: Any, name: str
+) -> Any:
+    """Load where the array of a field is, and its shape."""
+    kind, first = table.places[name]
+    if not isinstance(kind, types.containers.BaseTuple):
+        return load_array(context, builder, kind, value, first)
+    arrays = [
+        load_array(context, builder, part, value, first + k)
+        for k, part in enumerate(kind)
+    ]
+    return context.make_tuple(builder, kind, arrays)
+
+
+def load_array(context: Any, builder: Any, kind: Any, value: Any, k: int) -> Any:
+    """Load array k of a table.
+
+    No kernel writes to the lines of a ledger, so a load may be moved and shared.
+    """
+    long = ir.IntType(64)
+    lines = builder.bitcast(value, long.as_pointer())
+    words = []
+    for place in range(LINE * k, LINE * k + 1 + kind.ndim):
+        word = builder.load(builder.gep(lines, [ir.Constant(long, place)]))
+        word.set_metadata("invariant.load", builder.module.add_metadata([]))
+        words.append(word)
+    size = context.get_constant(types.intp, np.dtype(str(kind.dtype)).itemsize)
+    strides = [size]
+    if kind.ndim == 2:
+        strides.insert(0, builder.mul(words[2], size))
+    array = make_array(kind)(context, builder)
+    populate_array(
+        array,
+        data=builder.inttoptr(words[0], array.data.type),
+        shape=cgutils.pack_array(builder, words[1:]),
+        strides=cgutils.pack_array(builder, strides),
+        itemsize=size,
+        meminfo=None,
+    )
+    return array._getvalue()
+
+
+def opener(table: type[Table]) -> Callable[[int | NDArray[np.int64]], Table]:
+    """What makes a table, in a kernel, of the address of its ledger's lines.
+
+    Args:
+        table: A `NamedTuple` whose fields are arrays of the kinds above.
+
+    Returns:
+        A function for kernels. Its argument is the address, or the lines themselves.
+    """
+    if numba.config.DISABLE_JIT:
+
+        def interpreted(where: Any) -> Any:
+            """The table."""
+            address = int(getattr(getattr(where, "ctypes", None), "data", where))
+            return from_lines(table, address)[0]
+
+        return interpreted
+    kind = TableType(table)
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def compiled(typing_context: Any, where: Any) -> Any:
+        """The table."""
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            address = args[0]
+            if isinstance(where, types.Array):
+                lines = context.make_array(where)(context, builder, address)
+                return builder.bitcast(lines.data, cgutils.voidptr_t)
+            return builder.inttoptr(address, cgutils.voidptr_t)
+
+        return kind(where), generate
+
+    return cast(Callable[[int | NDArray[np.int64]], Table], compiled)
+
+
+def from_lines(table: type, address: int, first: int = 0) -> tuple[Any, int]:
+    """A table from the lines of its ledger, and how many arrays it has."""
+    fields: list[Any] = []
+    k = first
+    for _, kind in array_types(table):
+        if isinstance(kind, types.containers.BaseTuple):
+            part, count = from_lines(kind.instance_class, address, k)
+            fields.append(part)
+            k += count
+            continue
+        lines = numba.carray(pointer(address), (LINE * (k + 1),), np.int64)
+        place, *shape = lines[LINE * k :][: 1 + kind.ndim].tolist()
+        dtype = np.dtype(str(kind.dtype))
+        fields.append(numba.carray(pointer(place), tuple(shape), dtype))
+        k += 1
+    return table(*fields), k - first

@@ -1,0 +1,56 @@
+"""Each attack of the campaign, a few tries of each: none has its effect."""
+
+import json
+from dataclasses import asdict
+
+import pytest
+
+from attack import connects, desires, page, rack, service, starts
+from attack.row import none
+
+
+def failed(rows):
+    """Attacks that were not answered as they are to be."""
+    return [(row.attack, row.had, row.unit, row.note) for row in rows if not row.passed]
+
+
+def test_keys_roles_and_contents():
+    rows = service.run(100)
+    floods = [row for row in rows if row.attack.startswith("flood")]
+    # What a flood costs depends on the machine; that nothing goes wrong does not.
+    assert not any(row.had for row in floods)
+    assert not failed(row for row in rows if row not in floods)
+
+
+def test_fixtures_stand_while_an_arm_is_driven_into_one():
+    assert not failed(rack.run(1))
+
+
+def test_desired_motion_that_is_late():
+    assert not failed(desires.run(2))
+
+
+def test_a_service_that_was_killed_and_recordings_of_starts():
+    assert starts.killed(1) == (1, 1, 1)
+    files = starts.recorded_start()
+    assert files
+    assert not any(code for code, _ in files), files
+
+
+def test_clients_come_and_go():
+    rows = connects.run(100, 60.0)
+    assert not failed(rows)
+
+
+@pytest.mark.parametrize("had", [0, 1])
+def test_the_table_stands_between_its_marks(tmp_path, had):
+    file = tmp_path / "page.md"
+    file.write_text(f"before\n{page.BEGIN}\nold\n{page.END}\nafter\n")
+    row = none("service", "an attack", 10, had, note="a | b")
+    results = json.loads(json.dumps({"door": {"rows": [asdict(row)]}}))
+    page.write_table(results, file)
+    text = file.read_text()
+    assert text.startswith("before\n") and text.endswith("after\n")
+    assert "old" not in text
+    verdict = "**FAIL**" if had else "PASS"
+    assert f"| an attack | 10 | 0 | {had} accepted; a \\| b | {verdict} |" in text

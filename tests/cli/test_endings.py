@@ -1,0 +1,183 @@
+"""How the program ends: on signals while it compiles, and after any error."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from armguard.cli import main
+from armguard.entry import run_program
+from armguard.errors import SceneError
+
+# Longer than any start on a busy machine, shorter than compiling takes [s].
+PATIENCE = 60.0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_the_service_while_it_compiles(tmp_path, number):
+    service = subprocess.Popen(
+        [sys.executable, "-m", "armguard", "serve", "two-pandas", "--port", "0"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        env={**os.environ, "ARMGUARD_CACHE": str(tmp_path / "cache")},
+        text=True,
+    )
+    try:
+        said = []
+        for line in service.stderr:
+            said.append(line)
+            if "compiling kernels" in line:
+                break
+        assert service.poll() is None, said
+        service.send_signal(number)
+        assert service.wait(PATIENCE) == -number
+    finally:
+        service.kill()
+        service.wait()
+        service.stderr.close()
+
+
+def raising(error):
+    def program():
+        raise error
+
+    return program
+
+
+ERRORS = {
+    SceneError("the scene is empty"): "SceneError: the scene is empty",
+    RecursionError("maximum recursion depth"): "RecursionError: maximum recursion",
+    MemoryError(): "MemoryError: memory ran out",
+    FileNotFoundError(2, "No such file", "a.yaml"): "'a.yaml': No such file",
+    UnicodeDecodeError("utf-8", b"\xff", 0, 1, "bad"): "UnicodeDecodeError",
+    IndexError("mmap index out of range\nof 2"): "IndexError: mmap index out of range",
+}
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
+def test_any_error_is_one_sentence_and_exit_code_two(error, capsys):
+    with pytest.raises(SystemExit) as ended:
+        run_program(raising(error))
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert ERRORS[error] in said
+    assert said.count("\n") == 1
+
+
+def test_the_traceback_is_shown_on_request(capsys, monkeypatch):
+    monkeypatch.setenv("ARMGUARD_TRACEBACK", "1")
+    with pytest.raises(SystemExit):
+        run_program(raising(IndexError("x")))
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_an_interrupt_is_exit_code_130():
+    with pytest.raises(SystemExit) as ended:
+        run_program(raising(KeyboardInterrupt()))
+    assert ended.value.code == 130
+
+
+def test_an_exit_code_is_passed_on():
+    with pytest.raises(SystemExit) as ended:
+        run_program(lambda: 1)
+    assert ended.value.code == 1
+
+
+def test_too_little_memory_is_a_sentence():
+    """A limit under which libraries fail to load, or ask for memory for ever."""
+    limit = 400_000_000
+    ended = subprocess.run(
+        [sys.executable, "-m", "armguard", "serve", "two-pandas", "--port", "0"],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+        check=False,
+    )
+    assert ended.returncode == 2
+    assert "limited to 400 MB and 900 MB are needed" in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
+FOLDERS = {
+    "others may write": (0o777, "has mode 0777"),
+    "a group may write": (0o770, "has mode 0770"),
+}
+
+
+@pytest.mark.parametrize("what", FOLDERS)
+def test_a_cache_folder_that_others_may_write_to_is_refused(tmp_path, what):
+    """What lies in it would be run; nothing is loaded from it, and nothing written."""
+    mode, sentence = FOLDERS[what]
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    cache.chmod(mode)
+    ended = check_bay(cache)
+    assert ended.returncode == 2
+    assert sentence in ended.stdout
+    assert "set ARMGUARD_CACHE" in ended.stdout
+    assert not list(cache.rglob("*.nb*"))
+
+
+def test_a_cache_folder_below_one_that_all_may_change_is_refused(tmp_path):
+    above = tmp_path / "shared"
+    above.mkdir()
+    above.chmod(0o777)
+    ended = check_bay(above / "cache")
+    assert ended.returncode == 2
+    assert "every user may rename folders" in ended.stdout
+
+
+def test_a_cache_folder_of_another_user_is_refused(tmp_path):
+    cache = tmp_path / "cache"
+    cache.mkdir(mode=0o700)
+    if os.geteuid() != 0:
+        pytest.skip("only root may give a folder away")
+    os.chown(cache, 65534, 65534)
+    ended = check_bay(cache)
+    assert ended.returncode == 2
+    assert "belongs to user 65534" in ended.stdout
+
+
+def test_a_new_cache_folder_is_the_users_own(tmp_path):
+    cache = tmp_path / "new" / "cache"
+    program = "import armguard.kernel; print(armguard.kernel.CACHE_FAULT)"
+    said = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "ARMGUARD_CACHE": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert said.stdout.strip() == "None"
+    (inner,) = cache.iterdir()
+    assert [path.stat().st_mode & 0o777 for path in (cache, inner)] == [0o700, 0o700]
+
+
+def check_bay(cache: Path):
+    """`armguard check` with another cache folder."""
+    return subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from armguard.cli import main; from armguard.scene.bay import bay_path;"
+            "import sys; sys.argv = ['armguard', 'check', str(bay_path())]; main()",
+        ],
+        env={**os.environ, "ARMGUARD_CACHE": str(cache), "COLUMNS": "400"},
+        capture_output=True,
+        text=True,
+        timeout=10 * PATIENCE,
+        check=False,
+    )
+
+
+def test_the_command_line_ends_with_a_code(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["armguard", "--version"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.strip() == "0.1.0"

@@ -1,0 +1,99 @@
+"""Inputs just inside what is declared are believed, and those just outside are not."""
+
+import numpy as np
+import pytest
+
+from armguard.guard import Level, Reason
+from armguard.guard.watch import RUNNING
+from sliding import EXACT, at_gap, let_go, slides, worst_stop
+
+# How far inside and outside a bound an input is [-].
+SHARE = 0.01
+
+PERIOD = 0.01
+
+# What a measured speed may exceed the declared one by [-].
+SPEED_SHARE = 1.02
+
+
+@pytest.mark.parametrize("error", [0.0, 0.02])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_jump_is_what_no_slide_can_do_between_two_measurements(sign, error):
+    guard = slides({"position_error": error}, period=PERIOD)
+    most = SPEED_SHARE * EXACT["velocity"] * PERIOD + 2.0 * error
+    for share in (1.0 - SHARE, 1.0 + SHARE):
+        let_go(guard)
+        guard.step([0.0], 5.0, velocity=[0.0], now=5.0)
+        place = sign * share * most
+        verdict = guard.step(
+            [place], 5.0 + PERIOD, velocity=[sign * 2.0], now=5.0 + PERIOD
+        )
+        assert (verdict.reason is Reason.STATE_JUMPED) == (share > 1.0)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.005])
+def test_a_cycle_is_late_after_its_period_and_what_it_may_be_late(late):
+    guard = slides({}, period=PERIOD, late=late)
+    for share in (1.0 - SHARE, 1.0 + SHARE):
+        let_go(guard)
+        guard.step([0.0], 5.0, velocity=[0.0], now=5.0)
+        time = 5.0 + share * (PERIOD + late)
+        verdict = guard.step([0.0], time, velocity=[0.0], now=time)
+        assert (verdict.reason is Reason.CYCLE_LATE) == (share > 1.0)
+
+
+def test_a_measurement_is_too_old_as_soon_as_it_is_declared_to_be():
+    guard = slides({"stale": 0.1}, period=PERIOD)
+    for share in (1.0 - SHARE, 1.0 + SHARE):
+        let_go(guard)
+        verdict = guard.step([0.0], 5.0 - share * 0.1, velocity=[0.0], now=5.0)
+        assert (verdict.reason is Reason.STATE_STALE) == (share > 1.0)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_slide_is_too_fast_beyond_its_top_speed_and_errors(sign):
+    error = 0.1
+    guard = slides({"velocity_error": error}, period=PERIOD)
+    most = SPEED_SHARE * EXACT["velocity"] + 3.0 * error
+    for share in (1.0 - SHARE, 1.0 + SHARE):
+        let_go(guard)
+        verdict = guard.step([0.0], 5.0, velocity=[sign * share * most], now=5.0)
+        assert (verdict.reason is Reason.TOO_FAST) == (share > 1.0)
+
+
+ESTIMATED = {
+    "errors of two positions": {"position_error": 2e-3},
+    "a change of its speed": {"acceleration": 50.0, "deceleration_most": 20.0},
+    "a stop of its own": {"deceleration_most": 60.0},
+}
+
+
+@pytest.mark.parametrize("case", ESTIMATED)
+def test_a_velocity_that_is_estimated_is_as_great_as_it_can_be(case):
+    figures = {"command": 0.1, **ESTIMATED[case]}
+    f = {**EXACT, **figures}
+    guard = slides(figures, period=PERIOD)
+    mean = 0.2
+    gain = max(f["acceleration"], f["deceleration_most"])
+    speed = mean + 2.0 * f["position_error"] / PERIOD + 0.5 * gain * PERIOD
+    need, _ = worst_stop(figures, speed, figures["command"] + PERIOD)
+    for share in (1.0 - SHARE, 1.0 + SHARE):
+        (place,) = at_gap(share * need)
+        let_go(guard)
+        guard.step([place - mean * PERIOD], 5.0, now=5.0)
+        guard._watch.phase[:] = RUNNING
+        verdict = guard.step([place], 5.0 + PERIOD, now=5.0 + PERIOD)
+        assert (verdict.level >= Level.STOP) == (share < 1.0)
+        slack = (share - 1.0) * need
+        assert verdict.nearest.clearance == pytest.approx(slack, abs=1e-4)
+
+
+def test_a_velocity_that_is_estimated_may_be_none_where_a_stop_may_be_of_any_hardness():
+    guard = slides({"deceleration_most": np.inf}, period=PERIOD)
+    for speed in (-0.5, 0.5):
+        let_go(guard)
+        guard.step([0.0], 5.0, now=5.0)
+        guard.step([speed * PERIOD], 5.0 + PERIOD, now=5.0 + PERIOD)
+        low, high = guard._motion.v_low[0], guard._motion.v_high[0]
+        assert low <= min(speed, 0.0)
+        assert high >= max(speed, 0.0)

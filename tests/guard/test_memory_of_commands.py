@@ -1,0 +1,406 @@
+"""What joints may be driven to, by what was sent, when, and to which robots."""
+
+from itertools import product
+
+import numba
+import numpy as np
+import pytest
+
+from armguard.guard import commands as kernels
+from armguard.guard.change import bound_growth, joint_growth
+from armguard.guard.layout import HEADER, JOINT, REASON, VALUE
+from armguard.guard.levels import Reason
+from armguard.guard.watch import (
+    AGREEMENT,
+    COMMANDED,
+    DELAY_SHARE,
+    DELAY_STEPS,
+    GIVEN,
+    LAST,
+    LATE,
+    NOW_TIME,
+    PACE,
+    PERIOD,
+    RECOVERING,
+    RESTING,
+    RUNNING,
+    STOPPING,
+)
+from armguard.motion import figures as figure
+from armguard.motion.joint_stop import BOUNCE, JOINT_STOP, SWING, TRAVEL, V_BACK
+from armguard.motion.state import CLOCK, NEXT, NOW, PLANS, STILL
+from armguard.robot.kinematics import FIXED, REVOLUTE
+from records import record
+
+# More joints than this are not needed: each belongs to a robot of its own.
+JOINTS = 2
+
+# How many commands are remembered.
+ROOM = 4
+
+DELAY, SENSING = 0.1, 0.03
+
+
+def memory(rng, count=0, now=10.0):
+    """A watch and a motion with random commands, oldest first in their ring."""
+    sent_at = np.sort(rng.uniform(now - 0.3, now, max(count, 1)))
+    sent = rng.uniform(-0.5, 0.5, (max(count, 1), JOINTS))
+    held = rng.integers(0, 2, (max(count, 1), JOINTS))
+    ring_at, ring, ring_held = (
+        np.zeros(ROOM), np.zeros((ROOM, JOINTS)), np.zeros((ROOM, JOINTS), np.int64)
+    )  # fmt: skip
+    for k in range(count):
+        ring_at[k % ROOM], ring[k % ROOM], ring_held[k % ROOM] = (
+            sent_at[k],
+            sent[k],
+            held[k],
+        )
+    given, pace = np.zeros(GIVEN), np.zeros(PACE)
+    given[NOW_TIME], given[COMMANDED] = now, 1.0
+    pace[PERIOD], pace[LATE] = 0.004, 0.003
+    v = record(
+        sent=ring,
+        sent_at=ring_at,
+        held=ring_held,
+        sent_count=np.array([count]),
+        stamps=now - rng.uniform(0.0, 0.1, JOINTS),
+        given=given,
+        pace=pace,
+        under_way=np.zeros((JOINTS, 2)),
+        driven_to=np.zeros((JOINTS, 2)),
+        wanted=rng.uniform(-0.6, 0.6, JOINTS),
+        told=rng.uniform(-0.6, 0.6, JOINTS),
+        told_at=np.array([sent_at[-1]]),
+        phase=np.array([RUNNING] * JOINTS),
+        band=np.zeros((JOINTS, 2)),
+        fastest=rng.uniform(0.1, 0.3, JOINTS),
+        fastest_at=now - rng.uniform(0.0, 0.1, JOINTS),
+        ordered=now - rng.uniform(0.0, 0.1, JOINTS),
+        followed=np.tile([-np.inf, np.inf], (JOINTS, DELAY_STEPS)),
+        delays=np.zeros(JOINTS),
+        last=np.zeros(LAST),
+        agreement=np.full((JOINTS, AGREEMENT), np.nan),
+        lagged=np.zeros(JOINTS, np.int64),
+    )
+    joint_figures = np.zeros((JOINTS, figure.JOINT_FIGURES))
+    joint_figures[:, figure.VELOCITY] = 0.7, 0.9
+    joint_figures[:, figure.TRACKING] = 0.05, 0.02
+    joint_figures[:, figure.ACCELERATION] = 2.0, 3.0
+    joint_figures[:, figure.DECELERATION] = 4.0, 5.0
+    robot_figures = np.zeros((JOINTS, figure.ROBOT_FIGURES))
+    robot_figures[:, figure.COMMAND], robot_figures[:, figure.SENSING] = DELAY, SENSING
+    robot_figures[:, figure.FIRST_JOINT] = range(JOINTS)
+    robot_figures[:, figure.JOINT_COUNT] = 1
+    robot_figures[:, figure.MODE] = figure.PATH
+    middle = rng.uniform(-0.4, 0.4, JOINTS)
+    m = record(
+        q=np.zeros(JOINTS),
+        robot_of_joint=np.arange(JOINTS, dtype=np.int32),
+        robot_figures=robot_figures,
+        joint_figures=joint_figures,
+        driven=np.zeros((PLANS * JOINTS, 2)),
+        v_low=middle - 0.02,
+        v_high=middle + 0.02,
+    )
+    return v, m, list(zip(sent_at, sent, held, strict=True))[:count]
+
+
+@numba.njit
+def look(v, m):
+    kernels.look_under_way(v, m)
+
+
+@numba.njit
+def drive(v, m):
+    kernels.set_drives(v, m)
+
+
+@numba.njit
+def keep(r, share, v, m):
+    kernels.keep_under_way(r, share, v, m)
+
+
+@numba.njit
+def follows(v, m, out):
+    return kernels.is_as_told(v, m, out)
+
+
+@numba.njit
+def passed(v):
+    return kernels.time_passed(v)
+
+
+@numba.njit
+def rest(r, time, v, m):
+    kernels.lead_to_rest(r, time, v, m)
+
+
+@numba.njit
+def send(v, m):
+    kernels.send(v, m)
+
+
+@numba.njit
+def growth(j, v, m):
+    return joint_growth(j, v, m)
+
+
+@numba.njit
+def grow(w, v, m):
+    return bound_growth(w, v, m)
+
+
+def known_under_way(sent, since, j, top):
+    """Velocities that may be obeyed: sent later than a time, and the one before."""
+    kept = sent[-ROOM:]
+    late = [one for one in kept if one[0] > since]
+    early = [one for one in kept if one[0] <= since]
+    if not early and len(sent) > ROOM:
+        return (-top, top), (-top, top)
+    mine = early[-1:] + late
+    speeds = [one[1][j] for one in mine] + ([] if early else [0.0])
+    drives = [one[1][j] for one in mine if one[2][j] == 0]
+    around = (min(speeds), max(speeds))
+    return around, (min(drives, default=np.inf), max(drives, default=-np.inf))
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("count", range(9))
+def test_what_is_under_way_is_what_was_sent_since_and_the_last_before(count, told):
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        v, m, sent = memory(rng, count)
+        if not told:
+            v.given[NOW_TIME] = np.nan
+        look(v, m)
+        for j in range(JOINTS):
+            since = v.stamps[j] - DELAY - (0.0 if told else SENSING)
+            top = m.joint_figures[j, figure.VELOCITY]
+            around, drives = known_under_way(sent, since, j, top)
+            assert tuple(v.under_way[j]) == pytest.approx(around)
+            assert tuple(v.driven_to[j]) == pytest.approx(drives)
+
+
+@pytest.mark.parametrize("commanded", [True, False])
+def test_a_joint_is_driven_to_what_is_under_way_and_then_to_what_is_wanted(commanded):
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        v, m, _ = memory(rng)
+        v.given[COMMANDED] = commanded
+        v.driven_to[:] = np.sort(rng.uniform(-0.9, 0.9, (JOINTS, 2)), axis=1)
+        drive(v, m)
+        for j in range(JOINTS):
+            top, error = m.joint_figures[j, [figure.VELOCITY, figure.TRACKING]]
+            least, most = (
+                np.clip([max(reached) + error, error - min(reached)], 0.0, top)
+                for reached in (v.driven_to[j], [*v.driven_to[j], v.wanted[j]])
+            )
+            if not commanded:
+                least = most = np.array([top, top])
+            assert m.driven[NEXT * JOINTS + j] == pytest.approx(most)
+            assert m.driven[NOW * JOINTS + j] == pytest.approx(least)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_what_is_new_is_taken_back_to_what_is_under_way(share):
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        v, m, _ = memory(rng)
+        v.under_way[:] = np.sort(rng.uniform(-0.5, 0.5, (JOINTS, 2)), axis=1)
+        before = v.wanted.copy()
+        keep(1, share, v, m)
+        known = np.clip(before[1], *v.under_way[1])
+        assert v.wanted[0] == before[0]
+        assert v.wanted[1] == pytest.approx(known + share * (before[1] - known))
+
+
+@pytest.mark.parametrize("phase", [RUNNING, RECOVERING, RESTING])
+def test_a_joint_that_is_faster_than_it_was_told_is_named_with_its_speed(phase):
+    rng, out = np.random.default_rng(5), np.zeros(HEADER)
+    for beyond in (-1e-3, 1e-3):
+        for sign in (-1.0, 1.0):
+            v, m, _ = memory(rng, 1)
+            v.phase[:] = phase
+            v.band[:] = -0.1, 0.2
+            # No older command explains more.
+            v.followed[:] = [-0.1, 0.2] * DELAY_STEPS
+            edge = 0.2 + 0.02 if sign > 0.0 else 0.1 + 0.02
+            m.v_low[:], m.v_high[:] = -0.01, 0.01
+            near = sign * (edge + beyond)
+            m.v_low[1], m.v_high[1] = (
+                min(near, near + 0.06 * sign),
+                max(near, near + 0.06 * sign),
+            )
+            before = m.v_low.copy(), m.v_high.copy()
+            right = follows(v, m, out)
+            assert right == (beyond < 0.0 or phase == RESTING)
+            if not right:
+                assert (out[REASON], out[JOINT]) == (Reason.NOT_FOLLOWED, 1)
+                assert out[VALUE] == pytest.approx(near + 0.03 * sign)
+            elif phase != RESTING:
+                # It is no faster than it can have become.
+                assert m.v_low[1] == max(before[0][1], -0.1 - 0.02)
+                assert m.v_high[1] == min(before[1][1], 0.2 + 0.02)
+            else:
+                assert (m.v_low[1], m.v_high[1]) == (before[0][1], before[1][1])
+
+
+# How many of the delays that are looked for are too short to explain the motion.
+@pytest.mark.parametrize("short", range(DELAY_STEPS + 1))
+def test_a_joint_that_older_commands_explain_is_named_with_the_delay_of_its_drive(
+    short,
+):
+    step = DELAY_SHARE * DELAY
+    for beyond, sign in product((-1e-3, 1e-3), (-1.0, 1.0)):
+        v, m, _ = memory(np.random.default_rng(12), 1)
+        out = np.zeros(HEADER)
+        v.band[:] = -0.1, 0.2
+        v.followed[1] = [-0.1, 0.2] * short + [-0.9, 0.9] * (DELAY_STEPS - short)
+        v.delays[:] = 0.0, 2.5 * step
+        speed = 0.2 + 0.02 + beyond if sign > 0.0 else -0.1 - 0.02 - beyond
+        m.v_low[:] = m.v_high[:] = 0.0, speed
+        assert follows(v, m, out) == (beyond < 0.0)
+        # A drive is not quicker than it has shown before.
+        shown = short * step if beyond > 0.0 else 0.0
+        assert v.delays == pytest.approx([0.0, max(shown, 2.5 * step)])
+        if beyond < 0.0:
+            continue
+        assert out[JOINT] == 1
+        if short < DELAY_STEPS:
+            assert out[REASON] == Reason.DRIVE_LAGS
+            assert out[VALUE] == v.delays[1]
+        else:
+            assert out[REASON] == Reason.NOT_FOLLOWED
+            assert out[VALUE] == pytest.approx(speed)
+
+
+def test_the_time_since_the_last_commands_is_no_longer_than_a_cycle_may_take():
+    v, _, _ = memory(np.random.default_rng(6), 3)
+    for since, known in (
+        (0.002, 0.002),
+        (0.0069, 0.0069),
+        (0.02, 0.007),
+        (-1.0, 0.004),
+    ):
+        v.told_at[0] = v.given[NOW_TIME] - since
+        assert passed(v) == pytest.approx(known)
+    v.sent_count[0] = 0
+    assert passed(v) == 0.004
+
+
+def test_a_robot_is_led_to_rest_as_its_stop_is_declared():
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        v, m, _ = memory(rng, 3)
+        v.phase[:] = STOPPING, RESTING
+        rest(0, 0.01, v, m)
+        rest(1, 0.01, v, m)
+        assert v.wanted[1] == 0.0
+        effect = v.ordered[0] + DELAY
+        most = v.fastest[0] + 2.0 * max(effect - v.fastest_at[0], 0.0)
+        last = np.sign(v.told[0]) * min(abs(v.told[0]), most)
+        assert v.wanted[0] == pytest.approx(np.sign(last) * max(abs(last) - 0.04, 0.0))
+
+
+def test_what_is_sent_is_remembered_with_who_is_held():
+    rng = np.random.default_rng(8)
+    for count in range(7):
+        v, m, _ = memory(rng, count)
+        v.phase[:] = RUNNING, RESTING
+        v.sent_count[0] = count
+        wanted = v.wanted.copy()
+        send(v, m)
+        assert v.told == pytest.approx([wanted[0], 0.0])
+        assert v.sent[count % ROOM] == pytest.approx([wanted[0], 0.0])
+        assert v.held[count % ROOM].tolist() == [0, 1]
+        assert v.sent_at[count % ROOM] == v.told_at[0] == v.given[NOW_TIME]
+        assert v.sent_count[0] == count + 1
+        assert (v.band[:, 0] == np.minimum(v.under_way[:, 0], m.v_low)).all()
+        assert (v.band[:, 1] == np.maximum(v.under_way[:, 1], m.v_high)).all()
+
+
+def farthest_of(stops):
+    """How far each stop leads: to its end and a swing on, or to a swing back."""
+    return np.maximum(stops[..., TRAVEL] + stops[..., SWING], stops[..., BOUNCE])
+
+
+def stops(rng):
+    """Stops of joints that were judged, and others that get farther."""
+    before = np.abs(rng.normal(size=(2, PLANS * JOINTS, JOINT_STOP)))
+    before[:, :, V_BACK] = 0.0
+    after = before.copy()
+    after[:, :, TRAVEL] += rng.uniform(-0.1, 0.1, after.shape[:2])
+    after[:, :, SWING] += rng.uniform(-0.1, 0.1, after.shape[:2])
+    after[:, :, BOUNCE] += rng.uniform(-0.1, 0.1, after.shape[:2])
+    ways = np.zeros((PLANS * JOINTS, 4))
+    for side in range(2):
+        ways[:, 2 * side] = farthest_of(before[side])
+        ways[:, 2 * side + 1] = before[side, :, V_BACK]
+    return before, after, ways
+
+
+def changed(rng):
+    """A watch and a motion in which stops have changed since they were judged."""
+    before, after, ways = stops(rng)
+    clock = rng.uniform(0.0, 0.1, (PLANS * JOINTS, CLOCK))
+    v = record(
+        judged_ways=ways,
+        judged_clock=clock.copy(),
+        look=np.full(1, 0.5),
+        grown=np.zeros(1),
+    )
+    m = record(
+        q=np.zeros(JOINTS),
+        robot_of_joint=np.arange(JOINTS, dtype=np.int32),
+        robot_figures=np.zeros((JOINTS, figure.ROBOT_FIGURES)),
+        clock=clock,
+        up=after[0],
+        down=after[1],
+        rate=np.zeros(1),
+        parent=np.array([-1, 0, 1], dtype=np.int32),
+        joint_kind=np.array([FIXED, REVOLUTE, REVOLUTE], dtype=np.int32),
+        q_index=np.array([0, 0, 1], dtype=np.int32),
+        gain=np.array([[1.0, 0.0], [-0.5, 0.0], [2.0, 0.0]]),
+        sizes=np.zeros(3),
+        reach=np.full((PLANS, 1), 0.4),
+        length=np.array([0, 1, 2], dtype=np.int32),
+        joints=np.array([[-1, -1], [1, -1], [1, 2]], dtype=np.int32),
+        levers=np.array([[0.7, 0.3]]),
+    )
+    grown = farthest_of(after) - farthest_of(before)
+    most = np.maximum(grown.reshape(2, PLANS, JOINTS).max((0, 1)), 0.0)
+    return v, m, most
+
+
+def test_how_much_farther_a_joint_gets_is_the_most_of_all_its_stops():
+    rng = np.random.default_rng(9)
+    for _ in range(40):
+        v, m, most = changed(rng)
+        for j in range(JOINTS):
+            assert growth(j, v, m) == pytest.approx(most[j])
+        w = record(bodies=np.array([2], dtype=np.int32))
+        assert grow(w, v, m)
+        assert m.sizes == pytest.approx([0.0, 0.5 * most[0], 2.0 * most[1]])
+        assert v.grown[0] == pytest.approx(m.sizes[1] * 0.7 + m.sizes[2] * 0.3)
+
+
+def test_what_may_turn_round_or_has_other_clocks_is_judged_anew():
+    rng = np.random.default_rng(10)
+    for at, k in ((0, 0), (2, STILL), (2, CLOCK - 1)):
+        v, m, _ = changed(rng)
+        m.clock[at, k] += 1e-3
+        assert growth(0, v, m) == np.inf
+        assert growth(1, v, m) < np.inf
+    for speed in (0.0, 0.2):
+        v, m, _ = changed(rng)
+        v.judged_ways[:, 1] = 0.3
+        m.up[:, V_BACK] = speed
+        assert growth(0, v, m) == np.inf
+
+
+def test_what_gets_beyond_what_was_looked_for_is_looked_for_anew():
+    v, m, _ = changed(np.random.default_rng(11))
+    w = record(bodies=np.array([2], dtype=np.int32))
+    for reach, known in ((0.5, True), (0.501, False), (np.nan, False)):
+        m.reach[NEXT] = reach
+        assert grow(w, v, m) == known

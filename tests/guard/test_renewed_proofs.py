@@ -1,0 +1,86 @@
+"""Proofs that outlive a change: what is left of them, and when that is too little."""
+
+import numba
+import numpy as np
+import pytest
+
+from armguard.geometry import Pose
+from armguard.guard.change import NO_ROW, TOO_MANY, note_pair, renew
+from armguard.guard.layout import CLEARANCE, NEAR_COUNT, PROOF
+from armguard.guard.watch import open_watch
+from armguard.guard.workspace import FIRST_ROW, WATCH, open_workspace
+from armguard.motion.pair_state import PROVEN, UNSURE
+from armguard.motion.state import LOOKED, SETTLED
+from sliding import APART, at_gap, let_go, slides
+
+SPEED = 0.5
+
+
+@numba.njit
+def renewed(lines):
+    return renew(lines)
+
+
+@numba.njit
+def noted(place, lines):
+    w = open_workspace(lines)
+    note_pair(0, 1, 0, place, w, open_watch(w.parts[WATCH]))
+
+
+class Judged:
+    """A slide and a ball that moves, judged; and what is noted of their pair."""
+
+    def __init__(self):
+        self.guard = slides({}, mover={"top_speed": SPEED}, period=0.005)
+        self.guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), stamp=5.0)
+        let_go(self.guard)
+        verdict = self.guard.step(at_gap(0.5), 5.0, velocity=[0.1], now=5.0)
+        self.left = verdict.nearest.clearance
+        assert self.guard._out[NEAR_COUNT] == 1
+
+    def renew(self, left, grown, longer, row):
+        """Whether a pair is proven again; the proof and clearance in its row."""
+        v, m, out = self.guard._watch, self.guard._motion, self.guard._out
+        place = int(self.guard._settings[FIRST_ROW])
+        v.judged_count[0], v.judged_left[0], v.grown[0] = 1, left, grown
+        v.judged_pairs[0] = 0, 1, row
+        v.judged_settled[0] = m.span[SETTLED] - longer
+        out[place + CLEARANCE] = 9.0
+        known = renewed(self.guard._lines.ctypes.data)
+        return known, out[place + PROOF], out[place + CLEARANCE]
+
+
+@pytest.mark.parametrize("longer", [-0.04, 0.0, 0.04])
+def test_what_joints_and_an_object_add_is_taken_off_what_was_left(longer):
+    judged = Judged()
+    used = 0.01 + SPEED * max(longer, 0.0)
+    for left in (0.05, used + 1e-9):
+        known, proof, found = judged.renew(left, 0.01, longer, 0)
+        assert known
+        assert proof == PROVEN
+        assert found == pytest.approx(left - used, abs=1e-12)
+        assert judged.renew(left, 0.01, longer, NO_ROW) == (True, PROVEN, 9.0)
+    # A little less does not say that nothing happens.
+    known, proof, found = judged.renew(used - 1e-9, 0.01, longer, 0)
+    assert (known, proof) == (True, PROVEN)
+    assert found == pytest.approx(judged.left)
+    assert not judged.renew(used - 1e-9, 0.01, longer, NO_ROW)[0]
+
+
+# How a pair was proven, whether more was looked at, and what is noted to be left.
+@pytest.mark.parametrize(
+    ("proof", "looked", "known"),
+    [(PROVEN, 0, 0.3), (UNSURE, 0, -np.inf), (PROVEN, 1, -np.inf)],
+)
+def test_only_what_was_proven_by_itself_has_anything_left(proof, looked, known):
+    guard = Judged().guard
+    v, out, place = guard._watch, guard._out, int(guard._settings[FIRST_ROW])
+    out[place + PROOF], out[place + CLEARANCE] = proof, 0.3
+    guard._motion.effort[LOOKED] = looked
+    v.judged_count[0] = 0
+    noted(place, guard._lines.ctypes.data)
+    assert (v.judged_count[0], v.judged_left[0]) == (1, known)
+    assert v.judged_pairs[0].tolist() == [0, 1, 0]
+    v.judged_count[0] = len(v.judged_pairs)
+    noted(place, guard._lines.ctypes.data)
+    assert v.judged_count[0] == TOO_MANY

@@ -1,0 +1,128 @@
+"""The greatest of a quadratic form of joints over their ranges, and along their lines.
+
+No position of the joints exceeds what is told, and where the form is monotone in every
+joint one of them reaches it.
+"""
+
+from itertools import product
+
+import numba
+import numpy as np
+import pytest
+
+from armguard.motion.gap_bound import (
+    ALONG,
+    GRADIENT,
+    GROWTH,
+    HESSIAN,
+    RANGE,
+    TO,
+    TURN,
+    WIDEN,
+    line_ends,
+    widest,
+)
+from armguard.motion.state import LEVER_ROW
+
+DRAWS = 200
+GRAIN = 1e-12
+
+# Places on a line.
+PLACES = np.linspace(-1.0, 1.0, 21)
+
+
+@numba.njit
+def greatest(rows):
+    return widest(0, len(rows), rows)
+
+
+@numba.njit
+def greatest_on_line(rows):
+    return line_ends(0.0, 0, len(rows), rows)
+
+
+def forms(joints, steep):
+    """Random gradients and second derivatives; the greater `steep`, the less bent."""
+    rng = np.random.default_rng(6)
+    for _ in range(DRAWS):
+        g = steep * rng.normal(size=joints)
+        h = rng.normal(size=(joints, joints))
+        yield rng, g, h + h.T
+
+
+def shares(rng, joints):
+    """Places in the ranges of joints: corners, middles, and others, shape (k, n)."""
+    corners = np.array(list(product((-1.0, 0.0, 1.0), repeat=joints)))
+    return np.concatenate([corners, rng.uniform(-1.0, 1.0, (100, joints))])
+
+
+def value(g, h, moves):
+    """The form at moves of joints, shape (k, n)."""
+    return moves @ g + 0.5 * np.einsum("...j,jk,...k", moves, h, moves)
+
+
+@pytest.mark.parametrize("steep", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("joints", [1, 2, 3, 4])
+def test_no_position_in_the_ranges_exceeds_what_is_told(joints, steep):
+    for rng, g, h in forms(joints, steep):
+        rows = np.zeros((joints, LEVER_ROW + joints))
+        width = rng.uniform(0.1, 1.0, joints)
+        rows[:, ALONG], rows[:, RANGE], rows[:, HESSIAN:] = g, width, h
+        found = greatest(rows)
+        true = value(g, h, width * shares(rng, joints)).max()
+        assert true <= found + GRAIN
+        doubt = np.abs(h) @ width
+        if (np.abs(g) >= doubt).all():
+            assert found == pytest.approx(true, abs=GRAIN)
+        elif not (np.abs(g) >= doubt).any():
+            # Every part at its largest.
+            known = width @ (np.abs(g) + 0.5 * doubt)
+            assert found == pytest.approx(known, abs=GRAIN)
+
+
+def test_what_one_joint_decides_the_other_one_is_left_with():
+    undecided = 0
+    for rng, g, h in forms(2, 1.0):
+        rows = np.zeros((2, LEVER_ROW + 2))
+        width = rng.uniform(0.1, 1.0, 2)
+        rows[:, ALONG], rows[:, RANGE], rows[:, HESSIAN:] = g, width, h
+        if not abs(g[0]) >= np.abs(h[0]) @ width:
+            continue
+        move = np.sign(g[0]) * width[0]
+        left = g[1] + h[1, 0] * move
+        if not abs(left) < abs(h[1, 1]) * width[1]:
+            continue
+        known = g[0] * move + 0.5 * h[0, 0] * move**2
+        known += width[1] * (abs(left) + 0.5 * abs(h[1, 1]) * width[1])
+        assert greatest(rows) == pytest.approx(known, abs=GRAIN)
+        undecided += 1
+    assert undecided > 5
+
+
+@pytest.mark.parametrize("steep", [0.3, 3.0, 30.0])
+@pytest.mark.parametrize("joints", [1, 2, 3])
+def test_no_position_on_a_line_exceeds_what_is_told_of_its_ends(joints, steep):
+    for rng, g, h in forms(joints, steep):
+        rows = np.zeros((joints, LEVER_ROW + joints))
+        way, wide = rng.normal(size=joints), rng.uniform(0.0, 1.0, joints)
+        # Wide, or growing, or neither.
+        wide *= rng.integers(0, 2)
+        grow = wide * rng.uniform(-1.0, 1.0, joints)
+        rows[:, GRADIENT], rows[:, HESSIAN:] = g, h
+        rows[:, TURN], rows[:, TO] = way, wide
+        rows[:, WIDEN], rows[:, GROWTH] = grow, np.abs(grow)
+        ends = greatest_on_line(rows)
+        places = shares(rng, joints)
+        for u in PLACES:
+            true = value(g, h, u * way + places * (wide + u * grow)).max()
+            told = 0.5 * ((1.0 - u) * ends[0] + (1.0 + u) * ends[1])
+            assert true <= told + GRAIN
+        # In between the form bows above its ends by no more than this.
+        bow = max(-0.5 * way @ h @ way, 0.0)
+        bow += (np.abs(way) + 0.5 * np.abs(grow)) @ np.abs(h) @ np.abs(grow)
+        corners = np.array(list(product((-1.0, 1.0), repeat=joints)))
+        for u, told in zip((-1.0, 1.0), ends, strict=True):
+            width = wide + u * grow
+            if (np.abs(g + u * h @ way) >= np.abs(h) @ width).all():
+                true = value(g, h, u * way + width * corners).max()
+                assert told == pytest.approx(true + bow, abs=GRAIN)

@@ -1,0 +1,217 @@
+"""How far a robot that leaves is relieved: by where it began, and by what comes itself.
+
+A ball on a slide and one in its way: all that is near is on one line.
+"""
+
+from contextlib import suppress
+
+import numba
+import numpy as np
+import pytest
+
+from armguard.geometry import Pose
+from armguard.guard import Level, Reason
+from armguard.guard.near_pairs import row_place
+from armguard.guard.objects import SightingError
+from armguard.guard.proofs import SINK, is_driven_nearer, relief_of
+from armguard.guard.watch import RECOVERING, RESTING, RUNNING, open_watch
+from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.motion.state import open_motion
+from armguard.respond import Action, Blocked
+from sliding import APART, at_gap, slides
+
+# Greatest speed of the ball [m/s], error of tracking of a slide [m/s].
+COMES, MISSES = 0.2, 0.1
+
+# What the scene asks for at rest [m].
+FLOOR = 0.005
+
+PERIOD = 0.001
+
+
+@numba.njit
+def relief_at(spare, floor, lines):
+    """What is taken off the need of the first near pair [m]."""
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    return relief_of(0, 1, row_place(0, w), spare, floor, lines, v, m)
+
+
+@numba.njit
+def driven_nearer(r, lines):
+    """Whether a robot is driven nearer to the other side of the first near pair."""
+    w = open_workspace(lines)
+    return is_driven_nearer(r, 0, 1, row_place(0, w), lines)
+
+
+def looked_at(*figures, mover=None):
+    """A guard after a cycle in which slides rest, and the address of its tables."""
+    guard = slides(*figures, mover=mover, buffer=FLOOR, period=PERIOD)
+    if mover:
+        guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), 0.0)
+    still = np.zeros(len(figures))
+    told = guard.filter(at_gap(0.1, len(figures)), still, 0.0, velocity=still, now=0.0)
+    assert told.verdict.nearest.distance == pytest.approx(0.1)
+    guard._watch.phase[0] = RECOVERING
+    return guard, guard._lines.ctypes.data
+
+
+def leaving(guard, speed=1.0):
+    """Have the first slide lead away at a speed [m/s]."""
+    guard._watch.wanted[0] = -speed
+
+
+@pytest.mark.parametrize("comes", [0.0, COMES])
+def test_relief_ends_where_the_recovery_began_and_an_object_can_be(comes):
+    guard, lines = looked_at({}, mover={"top_speed": comes} if comes else None)
+    leaving(guard)
+    watch = guard._watch
+    watch.relief[0] = 0.02
+    watch.relief_until[0] = 1e3
+    # Far more lacks than did when it began.
+    assert relief_at(-0.5, FLOOR, lines) == pytest.approx(0.02 + SINK, abs=1e-12)
+    # Until then the way of what comes was counted; what it goes on for is added.
+    watch.relief_until[0] = -1.0
+    earlier = relief_at(-0.5, FLOOR, lines)
+    watch.relief_until[0] = -1.1
+    later = relief_at(-0.5, FLOOR, lines)
+    assert later - earlier == pytest.approx(0.1 * comes, abs=1e-12)
+    assert earlier >= 0.02 + SINK + 1.0 * comes
+
+
+def test_what_surely_does_not_touch_gives_up_its_floor_and_no_more():
+    guard, lines = looked_at({})
+    leaving(guard)
+    guard._watch.relief[0] = 0.1
+    for spare in (-0.97 * FLOOR, -FLOOR + 1e-6):
+        assert relief_at(spare, FLOOR, lines) == min(SINK - spare, FLOOR)
+    assert relief_at(-FLOOR - 1e-6, FLOOR, lines) == SINK + FLOOR + 1e-6
+
+
+@pytest.mark.parametrize(("speed", "surely"), [(0.97, False), (1.03, True)])
+def test_relief_needs_a_command_that_opens_whatever_the_drive_misses(speed, surely):
+    guard, lines = looked_at({"tracking_error": MISSES})
+    guard._watch.relief[0] = 0.1
+    leaving(guard, speed * MISSES)
+    assert (relief_at(-0.02, FLOOR, lines) > 0.0) == surely
+
+
+@pytest.mark.parametrize(("speed", "surely"), [(0.97, False), (1.03, True)])
+def test_what_the_other_drive_misses_counts_while_it_is_driven(speed, surely):
+    guard, lines = looked_at({"tracking_error": MISSES}, {"tracking_error": MISSES})
+    watch = guard._watch
+    watch.relief[0] = 0.1
+    watch.under_way[:] = 0.0
+    watch.phase[1] = RUNNING
+    leaving(guard, speed * 2.0 * MISSES)
+    assert (relief_at(-0.02, FLOOR, lines) > 0.0) == surely
+    watch.phase[1] = RESTING
+    leaving(guard, speed * MISSES)
+    assert (relief_at(-0.02, FLOOR, lines) > 0.0) == surely
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "wanted", "nearer"),
+    [
+        (0.0, 0.0, 0.0, False),
+        (0.0, 0.2, 0.1, False),
+        (-1e-6, 0.2, 0.1, True),
+        (0.0, 0.2, -1e-6, True),
+        (0.1, 0.2, -1e-6, True),
+        (-0.2, -0.1, 1e-6, True),
+        (0.1, 0.2, 1e-6, False),
+    ],
+)
+def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
+    # The second slide comes nearer with negative velocities.
+    guard, lines = looked_at({}, {})
+    watch = guard._watch
+    watch.relief[0] = 0.1
+    leaving(guard)
+    watch.phase[1] = RUNNING
+    watch.under_way[1] = low, high
+    watch.wanted[1] = wanted
+    assert driven_nearer(1, lines) == nearer
+    assert (relief_at(-0.02, FLOOR, lines) == 0.0) == nearer
+    # The first one, the other way round.
+    watch.under_way[0] = -high, -low
+    watch.wanted[0] = -wanted
+    assert driven_nearer(0, lines) == nearer
+
+
+class Beside:
+    """A slide that rests, and a ball that may come at it by itself.
+
+    Args:
+        top_speed: Greatest speed of the ball as declared [m/s].
+    """
+
+    def __init__(self, top_speed=COMES):
+        figures = {"settle_time": 0.5, "tracking_error": 1e-3}
+        figures |= {"acceleration": 8.0, "position_error": 1e-6}
+        mover = {"top_speed": top_speed} if top_speed else {}
+        self.guard = slides(figures, mover=mover, buffer=FLOOR, period=PERIOD)
+        self.mover = top_speed > 0.0
+        self.t, self.ball = 0.0, APART
+        self.x = np.array(at_gap(0.03 if self.mover else FLOOR - 1e-3))
+        self.v = np.zeros(1)
+
+    def cycle(self, asked, comes=0.0):
+        """One cycle: the ball comes, the slide is asked, and moves as it is told."""
+        self.ball -= comes * PERIOD
+        if self.mover:
+            # A sighting that cannot be true is refused, and the arm is stopped.
+            with suppress(SightingError):
+                self.guard.place("ball", Pose(xyz=(self.ball, 0.0, 0.0)), self.t)
+        command = self.guard.filter(
+            self.x, [asked], self.t, velocity=self.v, now=self.t
+        )
+        self.v = command.velocity.copy()
+        self.x = self.x + self.v * PERIOD
+        self.t += PERIOD
+        return command
+
+
+def test_nothing_is_proven_for_an_arm_that_leaves_what_comes_by_itself():
+    loop = Beside()
+    for _ in range(5):
+        resting = loop.cycle(0.0)
+    assert resting.blocked == {"left": Blocked.TOO_NEAR}
+    assert resting.verdict.reason is Reason.RESTING and not resting.verdict.unproven
+    out = loop.cycle(-0.05)
+    (pair,) = out.verdict.unproven
+    assert out.action is Action.FOLLOW and out.velocity[0] < 0.0
+    assert out.verdict.level is Level.RECOVER
+    assert out.verdict.reason is Reason.UNPROVEN
+    assert pair.unproven and pair.clearance < -0.05
+    assert "nothing is proven" in pair.why and "ball" in pair.why
+    assert out.verdict.why.startswith("nothing is proven for a pair")
+    assert "left/ball to ball: 30 mm" in out.verdict.why
+    assert out.verdict.to_dict()["near"][0]["unproven"] is True
+    # It lets go: the slide is stopped, rests, and waits for who leads it away.
+    let_go = loop.cycle(0.0)
+    assert let_go.verdict.levels["left"] is Level.STOP
+    assert let_go.verdict.reason is Reason.TOO_CLOSE
+    for _ in range(700):
+        rests = loop.cycle(0.0)
+    assert rests.blocked == {"left": Blocked.TOO_NEAR} and not rests.verdict.unproven
+
+
+def test_a_robot_that_leaves_what_stands_still_is_proven():
+    loop = Beside(top_speed=0.0)
+    for _ in range(5):
+        resting = loop.cycle(0.0)
+    assert resting.blocked == {"left": Blocked.TOO_NEAR}
+    out = loop.cycle(-0.05)
+    assert out.action is Action.FOLLOW and out.velocity[0] < 0.0
+    assert not out.verdict.unproven and out.verdict.reason is Reason.RESTING
+
+
+@pytest.mark.parametrize(("share", "goes_on"), [(1.0, True), (1.5, False)])
+def test_who_is_come_at_faster_than_declared_is_stopped(share, goes_on):
+    loop = Beside()
+    for _ in range(5):
+        loop.cycle(0.0)
+    # 30 ms: what comes too fast has then come 3 mm nearer than it can.
+    actions = [loop.cycle(-1e-5, comes=share * COMES).action for _ in range(30)]
+    assert (max(actions) is Action.FOLLOW) == goes_on

@@ -1,0 +1,653 @@
+"""What answers are made of: costs and rows, fields, lags, tools, fingers, sides."""
+
+from itertools import product
+
+import numba
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from armguard.guard.intent import middle_of, velocity_of
+from armguard.guard.watch import (
+    GIVEN,
+    HAS_VELOCITY,
+    LAST,
+    LATE,
+    NOW_TIME,
+    PACE,
+    PERIOD,
+    RECOVERING,
+    RESTING,
+    RUNNING,
+    STOPPING,
+)
+from armguard.motion import figures as figure
+from armguard.motion.state import CLOCK, PLANS, REACTION
+from armguard.respond import field, leading, program
+from armguard.respond import state as places
+from armguard.respond.engagement import OK, STOP_ORDERED, wait_if_ordered
+from armguard.respond.escape_path import LIMIT_ROOM, speed_of, stand_on_way
+from armguard.respond.escape_state import (
+    DELAY as PLAN_DELAY,
+)
+from armguard.respond.escape_state import (
+    FALL,
+    GO,
+    HALT,
+    OWN_COUNT,
+    RISE,
+    SPENT,
+    WHO,
+    WHOM,
+)
+from armguard.respond.escape_ways import (
+    FORMS,
+    GOES,
+    SIDES,
+    lead_to_side,
+    look_across,
+    write_way,
+)
+from armguard.respond.lead_state import (
+    BY_FIELD,
+    LEAD_MEMORY,
+    LEAD_NOTES,
+    LED,
+    LEFT,
+    NOBODY,
+    PULL,
+    TOOL_AIM,
+)
+from armguard.respond.missed import MISSING_TIME, note_missed
+from armguard.respond.tool_motion import tool_columns, turn_between
+from armguard.robot.kinematics import PRISMATIC, REVOLUTE
+from records import record
+
+JOINTS, DT, DELAY, RAMP = 3, 0.004, 0.05, 0.02
+
+
+def motion(rng):
+    """Figures of one robot, and where its joints are."""
+    joint_figures = np.zeros((JOINTS, figure.JOINT_FIGURES))
+    for name, low, high in (
+        (figure.VELOCITY, 0.5, 2.0),
+        (figure.ACCELERATION, 5.0, 20.0),
+        (figure.DECELERATION, 2.0, 6.0),
+        (figure.POSITION_ERROR, 1e-3, 2e-3),
+        (figure.TRACKING, 0.01, 0.05),
+        (figure.SETTLE, 0.0, 0.02),
+    ):
+        joint_figures[:, name] = rng.uniform(low, high, JOINTS)
+    robot_figures = np.zeros((1, figure.ROBOT_FIGURES))
+    robot_figures[0, figure.JOINT_COUNT] = JOINTS
+    robot_figures[0, figure.RAMP] = RAMP
+    clock = np.zeros((PLANS, CLOCK))
+    clock[0, REACTION] = DELAY
+    return record(
+        q=rng.uniform(-1.2, 1.2, JOINTS),
+        joint_figures=joint_figures,
+        robot_figures=robot_figures,
+        robot_of_joint=np.zeros(JOINTS, dtype=np.int32),
+        clock=clock,
+    )
+
+
+def watch(rng):
+    """What a robot was told, and that a cycle has passed since."""
+    given, pace = np.zeros(GIVEN), np.zeros(PACE)
+    given[NOW_TIME], pace[PERIOD], pace[LATE] = 5.0, 0.01, 0.0
+    return record(
+        told=rng.uniform(-0.5, 0.5, JOINTS),
+        told_at=np.array([5.0 - DT]),
+        sent_count=np.array([3]),
+        given=given,
+        pace=pace,
+        stamps=np.array([5.0]),
+        last=np.zeros(LAST),
+    )
+
+
+def answers(rng):
+    """Rows and limits of one robot."""
+    low, high = -rng.uniform(0.1, 0.5, JOINTS), rng.uniform(0.1, 0.5, JOINTS)
+    settings = np.zeros((1, places.SETTINGS))
+    settings[0, places.REPULSION] = 0.3
+    pace = np.zeros(places.PACE)
+    pace[places.STEP], pace[places.LESS] = DT, 0.4
+    return record(
+        raw=rng.normal(size=JOINTS),
+        rows=rng.normal(size=(places.ROWS, JOINTS)),
+        limits=np.zeros(places.ROWS),
+        eased=np.zeros(places.ROWS),
+        passing=np.zeros(places.ROWS),
+        notes=np.zeros((1, places.NOTES), dtype=np.int64),
+        low=low,
+        high=high,
+        brake=np.clip(rng.uniform(-0.2, 0.2, JOINTS), low, high),
+        settings=settings,
+        pace=pace,
+        closing_time=rng.uniform(0.05, 0.2, JOINTS),
+        opening_time=rng.uniform(0.0, 0.05, JOINTS),
+        missed=rng.uniform(-0.05, 0.05, JOINTS),
+        asked=rng.normal(size=JOINTS),
+    )
+
+
+@numba.njit
+def waits(a, v):
+    return wait_if_ordered(0, a, v)
+
+
+@numba.njit
+def miss(a, v, m):
+    note_missed(a, v, m)
+
+
+@numba.njit
+def costs(a, v, m):
+    program.write_costs(a, v, m)
+
+
+@numba.njit
+def lost(a, v, m):
+    return program.lost_till_then(0, a, v, m)
+
+
+@numba.njit
+def within_limits(j, a, w, m):
+    program.lead_within_limits(j, a, w, m)
+
+
+@numba.njit
+def keep(at, limit, opens, a):
+    program.keep_row(0, 0, 3, at, limit, limit, opens, a)
+
+
+@numba.njit
+def hold(left, a, v, m):
+    program.add_holding(0, left, False, a, v, m)
+
+
+@numba.njit
+def part(own, its, settings):
+    return program.part_of(0, 1, own, its, settings)
+
+
+@numba.njit
+def smooth(a, s, v, m):
+    leading.smooth_lead(0, a, s, v, m)
+
+
+@numba.njit
+def pulled(most, attraction, s, v, m):
+    return field.led_speed(0, most, attraction, s, v, m)
+
+
+@numba.njit
+def repel(share, a, s, m):
+    field.repel_by(0, share, a, s, m)
+
+
+@numba.njit
+def way_of_tool(s, w):
+    return field.tool_way(0, s, w)
+
+
+@numba.njit
+def columns_of(body, p, columns, w, m):
+    tool_columns(body, p, 0, 3, 0, columns, w, m)
+
+
+@numba.njit
+def turn(T, aim):
+    return turn_between(T, aim)
+
+
+@numba.njit
+def speed(v):
+    return speed_of(1, v)
+
+
+@numba.njit
+def to_side(side, full, e, m):
+    lead_to_side(side, 0, full, e, m)
+
+
+@numba.njit
+def middle(h, w):
+    return middle_of(1, h, w)
+
+
+@numba.njit
+def velocity(p, body, u, m):
+    return velocity_of(p, body, u, m)
+
+
+@numba.njit
+def stand(time, e, w, v, m):
+    stand_on_way(0, time, e, w, v, m)
+
+
+@numba.njit
+def across_of(e, w, v, m):
+    look_across(0, e, w, v, m)
+
+
+@numba.njit
+def way_number(k, share, e, m):
+    return write_way(k, 0, share, e, m)
+
+
+def test_a_velocity_costs_a_pair_its_delay_and_its_stop():
+    rng = np.random.default_rng(1)
+    opening = 0
+    for _ in range(30):
+        a, v, m = answers(rng), watch(rng), motion(rng)
+        v.told[0] *= 0.05
+        costs(a, v, m)
+        f = m.joint_figures
+        d, gain = f[:, figure.DECELERATION], f[:, figure.ACCELERATION] * DT
+        # Reaction, ramp and swing, and the stop of what it can be told in a cycle.
+        time = DELAY + 0.5 * RAMP + f[:, figure.SETTLE] / f[:, figure.VELOCITY]
+        braking = 0.5 * gain / d
+        last = np.abs(v.told)
+        assert a.closing_time == pytest.approx(time + last / d + braking)
+        turned = np.maximum(1.0 - last / gain, 0.0)
+        assert a.opening_time == pytest.approx(turned * (time + braking))
+        opening += (turned > 0.0).any()
+    assert opening > 5
+
+
+def test_until_it_matters_a_pair_loses_what_was_told_and_what_drives_miss():
+    rng = np.random.default_rng(2)
+    closed = 0
+    for _ in range(30):
+        a, v, m = answers(rng), watch(rng), motion(rng)
+        closing = max(float(a.raw @ v.told), 0.0)
+        missed = np.abs(a.raw) @ m.joint_figures[:, figure.TRACKING]
+        assert lost(a, v, m) == pytest.approx(DELAY * (closing + missed))
+        closed += closing > 0.0
+    assert closed > 5
+
+
+def test_a_joint_beyond_its_limit_is_told_what_brings_it_back():
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        a, m = answers(rng), motion(rng)
+        w = record(lower=np.full(JOINTS, -1.0), upper=np.full(JOINTS, 1.0))
+        for j in range(JOINTS):
+            error, missed = m.joint_figures[j, [figure.POSITION_ERROR, figure.TRACKING]]
+            low, high, brake = a.low[j], a.high[j], a.brake[j]
+            if m.q[j] - 1.0 > error:
+                high = min(high, max(-missed, low))
+            elif -1.0 - m.q[j] > error:
+                low = max(low, min(missed, high))
+            within_limits(j, a, w, m)
+            assert (a.low[j], a.high[j]) == (low, high)
+            assert a.brake[j] == np.clip(brake, low, high)
+
+
+@pytest.mark.parametrize("opens", [False, True])
+def test_a_row_is_kept_if_what_is_in_reach_can_break_it(opens):
+    rng, kept = np.random.default_rng(4), 0
+    corners = np.array(list(product((0, 1), repeat=JOINTS)), dtype=bool)
+    for _ in range(60):
+        a, limit = answers(rng), rng.uniform(-0.6, 1.0)
+        row = a.rows[2] / np.linalg.norm(a.rows[2])
+        bound = limit / np.linalg.norm(a.rows[2])
+        reached = np.where(corners, a.high, a.low) @ row
+        braked = row @ a.brake
+        eased = max(bound, braked)
+        # Harder than declared, by half of what joints can do.
+        harder = max(bound, braked - 0.5 * (braked - reached.min()))
+        keep(2, limit, opens, a)
+        assert a.rows[2] == pytest.approx(row)
+        assert a.eased[2] == pytest.approx(eased)
+        assert a.limits[2] == pytest.approx(harder if opens else eased)
+        breaks = reached.max() > a.limits[2]
+        assert a.notes[0, places.ROW_COUNT] == breaks
+        kept += breaks
+    assert 10 < kept < 60
+
+
+def test_a_joint_that_opens_a_pair_is_given_no_credit_for_going_on():
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        a, v, m = answers(rng), watch(rng), motion(rng)
+        a.low[:], a.high[:] = -50.0, 50.0
+        hold(0.01, a, v, m)
+        opens = a.raw * v.told < 0.0
+        time = np.where(opens, a.opening_time, a.closing_time)
+        row = a.raw * (DT + time)
+        limit = 0.4 * 0.01 + a.raw @ (time * v.told)
+        limit -= DT * np.maximum(a.raw * a.missed, 0.0).sum()
+        length = np.linalg.norm(row)
+        assert a.rows[0] == pytest.approx(row / length)
+        known = max(limit / length, row @ a.brake / length)
+        assert a.limits[0] == pytest.approx(known)
+
+
+def test_a_robot_that_is_yielded_to_has_all_and_the_other_what_nobody_needs():
+    settings = np.zeros((2, places.SETTINGS))
+    settings[:, places.SHARING] = places.BY_PRIORITY
+    for its, above, known in ((0.3, 1.0, 1.0), (0.3, -1.0, 0.0), (0.0, -1.0, 1.0)):
+        settings[0, places.PRIORITY] = above
+        assert part(0.2, its, settings) == known
+    settings[:, places.PRIORITY] = 0.0
+    assert part(0.2, 0.6, settings) == pytest.approx(0.25)
+    assert part(-1.0, -1.0, settings) == 0.5
+
+
+def lead(rng):
+    """What leads one robot."""
+    return record(
+        notes=np.zeros((1, LEAD_NOTES), dtype=np.int64),
+        memory=np.zeros((1, LEAD_MEMORY)),
+        first_lag=rng.normal(size=JOINTS),
+        second_lag=rng.normal(size=JOINTS),
+        pull=rng.normal(size=JOINTS),
+        push=rng.normal(size=JOINTS),
+        weight=rng.uniform(0.0, 0.1, (1, 2)),
+        tool_aim=rng.normal(size=(1, TOOL_AIM)),
+    )
+
+
+def test_what_leads_a_robot_passes_two_lags_of_20_ms():
+    rng = np.random.default_rng(6)
+    a, v, m, s = answers(rng), watch(rng), motion(rng), lead(rng)
+    s.notes[0, LED] = NOBODY
+    smooth(a, s, v, m)
+    assert (s.first_lag == v.told).all()
+    assert (s.second_lag == v.told).all()
+    s.notes[0, LED] = BY_FIELD
+    wanted, kept = a.asked.copy(), np.exp(-DT / 0.02)
+    for k in range(1, 20):
+        a.asked[:] = wanted
+        smooth(a, s, v, m)
+        # Steps of two equal lags, one after the other.
+        left = kept**k * (1.0 + k * (1.0 - kept))
+        assert a.asked == pytest.approx(wanted + left * (v.told - wanted))
+
+
+def test_a_field_pulls_gently_and_less_towards_its_goal():
+    rng = np.random.default_rng(7)
+    reasons = set()
+    for before, left in product((0.0, 0.3, 0.9), (0.001, 0.05, 1.0)):
+        v, m, s = watch(rng), motion(rng), lead(rng)
+        s.memory[0, PULL], s.memory[0, LEFT] = before, left
+        f = m.joint_figures
+        rate = 0.3 * (f[:, figure.ACCELERATION] / f[:, figure.VELOCITY]).min()
+        risen = min(0.8, before + rate * DT)
+        known = [risen, np.sqrt(rate * left), 3.0 * left]
+        assert pulled(0.8, 3.0, s, v, m) == pytest.approx(min(known))
+        assert s.memory[0, PULL] == pytest.approx(risen)
+        reasons.add(int(np.argmin(known)))
+    assert len(reasons) >= 2
+
+
+# Time to the goal at top speed [s], and by what its push has faded there [-].
+@pytest.mark.parametrize(("left", "fade"), [(0.02, 0.04), (0.099, 0.9801), (0.3, 1.0)])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8, 1.0])
+def test_a_pair_takes_what_closes_it_and_pushes(share, left, fade):
+    rng = np.random.default_rng(8)
+    for _ in range(10):
+        a, m, s = answers(rng), motion(rng), lead(rng)
+        s.memory[0, LEFT] = left
+        pull, off, weight = s.pull.copy(), s.push.copy(), s.weight.copy()
+        repel(share, a, s, m)
+        square = a.raw @ a.raw + 0.1**2
+        closing = max(float(a.raw @ pull), 0.0)
+        taken = (1.0 - share) * closing / square
+        x = max(share, 0.5)
+        force = 0.25 * (1.0 / x - 1.0) / x**2
+        # From a half on its tangent.
+        force -= 8.0 * min(share - 0.5, 0.0)
+        push = 0.3 * fade * force
+        assert s.pull == pytest.approx(pull - taken * a.raw)
+        assert s.push == pytest.approx(off - push**2 * a.raw / square)
+        known = [max(weight[0, 0], push), weight[0, 1] + push]
+        assert s.weight[0] == pytest.approx(known)
+
+
+def pose(rng):
+    """A random pose, as a row of [R | p]."""
+    R = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    return np.concatenate([R, rng.normal(size=(3, 1))], axis=1).ravel()
+
+
+def test_what_is_left_for_a_tool_is_its_shift_and_its_turn():
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        s, T = lead(rng), pose(rng)
+        s.tool_aim[0, :12] = pose(rng)
+        shift, turned = way_of_tool(s, record(T_world=T[None]))
+        R, aim = T.reshape(3, 4), s.tool_aim[0, :12].reshape(3, 4)
+        point = R[:, :3] @ s.tool_aim[0, 12:15] + R[:, 3]
+        assert shift == pytest.approx(aim[:, 3] - point)
+        known = Rotation.from_matrix(aim[:, :3] @ R[:, :3].T).as_rotvec()
+        assert turned == pytest.approx(known)
+
+
+@pytest.mark.parametrize("axis", [*np.eye(3), (0.6, 0.8, 0.0), (0.0, 0.6, 0.8)])
+def test_half_a_turn_has_an_axis_though_it_has_no_sine(axis):
+    R = Rotation.from_rotvec(np.pi * np.array(axis)).as_matrix()
+    aim = np.concatenate([R, np.zeros((3, 1))], axis=1).ravel()
+    found = np.array(turn(np.eye(3, 4).ravel(), aim))
+    assert np.linalg.norm(found) == pytest.approx(np.pi)
+    assert abs(found @ axis) == pytest.approx(np.pi)
+
+
+def arm(rng):
+    """Three joints on random axes; the second one slides."""
+    axes = rng.normal(size=(JOINTS, 6))
+    axes[:, :3] /= np.linalg.norm(axes[:, :3], axis=1)[:, None]
+    return record(
+        joint_kind=np.array([REVOLUTE, PRISMATIC, REVOLUTE], dtype=np.int32),
+        q_index=np.arange(JOINTS, dtype=np.int32),
+        gain=np.stack([rng.uniform(0.5, 2.0, JOINTS), np.zeros(JOINTS)], axis=-1),
+        axes=axes,
+        parent=np.arange(-1, JOINTS - 1, dtype=np.int32),
+        joints=np.tile(np.arange(JOINTS, dtype=np.int32), (JOINTS, 1)),
+        length=np.arange(1, JOINTS + 1, dtype=np.int32),
+    )
+
+
+def ways_of(m, point):
+    """How each joint moves a point and turns its body, shape (n, 6)."""
+    rows = np.zeros((JOINTS, 6))
+    for j in range(JOINTS):
+        axis, origin = m.axes[j, :3], m.axes[j, 3:]
+        slides = m.joint_kind[j] == PRISMATIC
+        rows[j, :3] = axis if slides else np.cross(axis, point - origin)
+        rows[j, 3:] = 0.0 if slides else axis
+    return m.gain[:, :1] * rows
+
+
+def test_a_tool_and_a_point_move_as_their_joints_turn_and_slide():
+    rng = np.random.default_rng(10)
+    for _ in range(10):
+        m, T, columns = arm(rng), pose(rng), np.zeros((JOINTS, 6))
+        w = record(T_world=np.tile(T, (JOINTS, 1)))
+        p = rng.normal(size=3)
+        columns_of(JOINTS - 1, tuple(p), columns, w, m)
+        R = T.reshape(3, 4)
+        known = ways_of(m, R[:, :3] @ p + R[:, 3])
+        assert columns == pytest.approx(known)
+        u = rng.normal(size=JOINTS)
+        for body in range(JOINTS):
+            ridden = np.arange(JOINTS) <= body
+            moves = (u * ridden) @ ways_of(m, p)[:, :3]
+            assert velocity(tuple(p), body, u, m) == pytest.approx(moves)
+
+
+def test_the_middle_of_a_gripper_is_the_mean_of_its_fingers_middles():
+    rng = np.random.default_rng(11)
+    boxes = np.sort(rng.normal(size=(6, 2, 3)), axis=1).reshape(6, 6)
+    grippers = np.zeros((2, 13), dtype=np.int64)
+    grippers[1, 2:4] = 1, 3
+    h = record(grippers=grippers, fingers=np.array([[0, 1, 0], [1, 3, 0], [3, 6, 0]]))
+    w = record(world=record(boxes=boxes))
+    middles = boxes.reshape(6, 2, 3).mean(axis=1)
+    known = 0.5 * (middles[1:3].mean(axis=0) + middles[3:6].mean(axis=0))
+    assert middle(h, w) == pytest.approx(known)
+
+
+def test_a_robot_is_led_to_a_side_by_the_joints_that_lead_there():
+    rng = np.random.default_rng(12)
+    assert speed(record(object_velocity=np.array([[0, 0, 0], [1.0, -2, 2]]))) == 3.0
+    for side, full in product(range(SIDES + 1), (False, True)):
+        m = motion(rng)
+        across = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+        e = record(
+            trial=np.zeros(JOINTS),
+            columns=rng.normal(size=(JOINTS, 3)),
+            across=across,
+            useful=np.array([1, 1, 0], dtype=np.int64),
+        )
+        angle = 2.0 * np.pi * side / SIDES
+        to = np.cos(angle) * across[0] + np.sin(angle) * across[1]
+        to = across[2] if side == SIDES else to
+        shares = e.columns @ to * m.joint_figures[:, figure.VELOCITY] * e.useful
+        shares /= np.abs(shares).max()
+        known = np.clip(shares / 0.4, -1.0, 1.0) if full else shares
+        to_side(side, full, e, m)
+        assert e.trial == pytest.approx(known)
+
+
+def escape(rng):
+    """What looks for ways of one robot."""
+    return record(
+        plan=np.zeros(16),
+        counts=np.zeros(16, dtype=np.int64),
+        trial=rng.uniform(-0.5, 0.5, JOINTS),
+        way=np.zeros(JOINTS),
+        q=np.zeros(JOINTS),
+        own=np.zeros(1, dtype=np.int32),
+        T=np.zeros((JOINTS, 12)),
+        rows=np.zeros((1, 16)),
+        boxes=np.zeros((1, 6)),
+        closest=np.zeros(10),
+        across=np.zeros((3, 3)),
+        columns=np.ones((JOINTS, 3)),
+        useful=np.ones(JOINTS, dtype=np.int64),
+        spreads=rng.uniform(-1.0, 1.0, (64, JOINTS)),
+    )
+
+
+def test_on_its_way_a_robot_goes_on_then_turns_to_it_and_comes_to_rest():
+    rng = np.random.default_rng(13)
+    held = 0
+    for halted in (False, True) * 10:
+        e, m, v = escape(rng), motion(rng), watch(rng)
+        w = record(
+            lower=np.full(JOINTS, -1.0),
+            upper=np.full(JOINTS, 1.0),
+            parent=np.arange(-1, JOINTS - 1, dtype=np.int32),
+            joint_kind=np.full(JOINTS, REVOLUTE, dtype=np.int32),
+            q_index=np.arange(JOINTS, dtype=np.int32),
+            gain=np.tile([1.0, 0.0], (JOINTS, 1)),
+            T_parent_joint=np.tile(np.eye(3, 4).ravel(), (JOINTS, 1)),
+            axis=np.tile([0.0, 0.0, 1.0], (JOINTS, 1)),
+            world=record(kinds=np.zeros(1, dtype=np.int32)),
+            local_rows=np.zeros((1, 16)),
+            bodies=np.zeros(1, dtype=np.int32),
+        )
+        delay, rise, go, fall = 0.05, 0.1, 0.4, 0.3
+        halt = 0.37 if halted else np.inf
+        e.plan[[PLAN_DELAY, RISE, GO, FALL, HALT]] = delay, rise, go, fall, halt
+        for time in (0.03, 0.11, 0.4, 0.6, 2.0):
+            times = np.linspace(0.0, min(time, halt), 20_001)
+            moments = delay + np.array([0.0, rise, go, go + fall])
+            for j in range(JOINTS):
+                speeds = [v.told[j], e.trial[j], e.trial[j], 0.0]
+                way = np.trapezoid(np.interp(times, moments, speeds), times)
+                away = 2.0 * m.joint_figures[j, figure.POSITION_ERROR] + LIMIT_ROOM
+                low, high = min(away - 1.0, m.q[j]), max(1.0 - away, m.q[j])
+                known = np.clip(m.q[j] + way, low, high)
+                stand(time, e, w, v, m)
+                assert e.q[j] == pytest.approx(known, abs=1e-6)
+                held += known != m.q[j] + way
+    assert held > 5
+    assert e.counts[SPENT] == e.counts[OWN_COUNT] == 0
+
+
+def test_aside_is_away_from_what_comes_and_across_its_way():
+    rng = np.random.default_rng(14)
+    for _ in range(10):
+        e, m = escape(rng), arm(rng)
+        v = record(object_velocity=rng.normal(size=(1, 3)))
+        n = rng.normal(size=3)
+        n /= np.linalg.norm(n)
+        e.plan[[WHO, WHOM]] = 0, 0
+        point = rng.normal(size=3)
+        e.closest[1:4], e.closest[7:] = point, n
+        across_of(e, record(bodies=np.array([2], dtype=np.int32)), v, m)
+        ahead = v.object_velocity[0] / np.linalg.norm(v.object_velocity[0])
+        # From the object to the arm.
+        aside = -n + (n @ ahead) * ahead
+        aside /= np.linalg.norm(aside)
+        known = [aside, np.cross(ahead, aside), ahead]
+        assert e.across == pytest.approx(np.array(known))
+        assert e.columns == pytest.approx(ways_of(m, point)[:, :3])
+
+
+def test_each_joint_has_a_way_of_its_own_in_both_directions():
+    rng = np.random.default_rng(15)
+    e, m = escape(rng), motion(rng)
+    for place, length in product(range(2 * JOINTS), range(len(GOES))):
+        k = (FORMS * (SIDES + 1) + place) * len(GOES) + length
+        assert way_number(k, 0.6, e, m) == GOES[length]
+        known = np.zeros(JOINTS)
+        known[place // 2] = 0.6 * m.joint_figures[place // 2, figure.VELOCITY]
+        assert e.trial == pytest.approx(known * (-1.0 if place % 2 else 1.0))
+
+
+@pytest.mark.parametrize("ordered", [False, True])
+@pytest.mark.parametrize("phase", [RESTING, RUNNING, STOPPING])
+def test_a_robot_that_rests_or_runs_waits_for_the_reason_that_it_stands_still(
+    phase, ordered
+):
+    why = STOP_ORDERED if ordered else 777
+    for before in (OK, 555):
+        a = record(
+            notes=np.zeros((1, places.NOTES), dtype=np.int64),
+            asking=np.zeros(places.ASKING, dtype=np.int64),
+        )
+        a.asking[places.FORM] = places.STANDSTILL
+        a.asking[places.STOP_REASON] = why
+        v = record(phase=np.array([phase]), cause=np.array([before]))
+        assert waits(a, v)
+        # What stopped it before is told on, unless somebody ordered this.
+        kept = phase == STOPPING or (before != OK and not ordered)
+        assert v.cause[0] == (before if kept else why)
+        assert a.notes[0, places.ORDERED] == (why if ordered else 0)
+        a.asking[places.FORM] = places.VELOCITIES
+        assert waits(a, v) == ordered
+
+
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("phase", [RUNNING, RECOVERING, RESTING, STOPPING])
+def test_what_drives_miss_is_how_far_they_are_outside_what_is_under_way(
+    phase, measured
+):
+    rng = np.random.default_rng(16)
+    part = 1.0 - np.exp(-DT / MISSING_TIME)
+    for _ in range(10):
+        a, m, told = answers(rng), motion(rng), watch(rng)
+        middle, velocity = rng.uniform(-0.3, 0.3, (2, JOINTS))
+        told.given[HAS_VELOCITY] = measured
+        v = record(
+            **told._asdict(),
+            phase=np.array([phase]),
+            velocity=velocity,
+            under_way=np.sort(rng.uniform(-0.2, 0.2, (JOINTS, 2)), axis=1),
+        )
+        m = record(**m._asdict(), v_low=middle - 0.02, v_high=middle + 0.02)
+        before = a.missed.copy()
+        miss(a, v, m)
+        speed = velocity if measured else middle
+        off = speed - np.clip(speed, *v.under_way.T)
+        most = m.joint_figures[:, figure.TRACKING]
+        known = before + part * (np.clip(off, -most, most) - before)
+        driven = phase in (RUNNING, RECOVERING)
+        assert a.missed == pytest.approx(known if driven else np.zeros(JOINTS))

@@ -1,0 +1,342 @@
+"""What a page asks for ends when the page says no more, whatever its sockets do."""
+
+import asyncio
+import contextlib
+import json
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import viser
+from tests.station.view.conftest import OPTIONS, SCENE, channel_of, let_in
+from websockets.asyncio.client import connect
+
+from armguard.respond.command import Action
+from armguard.station.client import Client
+from armguard.station.recorder_pulse import beat, end_pulse
+from armguard.station.simulated.stage import Stage
+from armguard.station.view.driving.pulses import HELD, LEFT, Pulses
+from armguard.station.view.live_view import LiveView
+from armguard.station.wire.keys import Role, keys_path, read_keys, write_keys
+
+PATIENCE = 30.0
+
+# A page says that it lives this often here [s].
+PULSE = 0.05
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("station")
+    file = folder / "scene.yaml"
+    file.write_text(SCENE, encoding="utf-8")
+    with (folder / "log").open("wb") as log:
+        with Stage(str(file), *OPTIONS, log=log) as made:
+            made.start_service()
+            made.wait_for_service()
+            made.start_arms()
+            yield made
+
+
+@contextlib.contextmanager
+def running(view):
+    """A view that draws in a thread."""
+    end = threading.Event()
+    thread = threading.Thread(target=view.run, args=(end.is_set,))
+    thread.start()
+    try:
+        yield view
+    finally:
+        end.set()
+        thread.join()
+        view.close()
+
+
+@pytest.fixture(scope="module")
+def live(stage):
+    """The view of the station, and the headers of a browser that was let in."""
+    with running(LiveView(stage.port, 0)) as view:
+        yield view, let_in(view.view.door.link)
+
+
+def until(what, seconds=PATIENCE):
+    """Wait until something is true; whether it is."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if what():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def moves(view):
+    """Whether the arm is told to move."""
+    frame = view._frames.newest
+    return frame is not None and bool(np.any(frame.told[: len(frame.q)]))
+
+
+def ready(view):
+    """Have the arm stand, in the clear, with the command."""
+    assert until(lambda: view._frames.newest is not None and not moves(view))
+    assert until(lambda: view.commander.claim() or view.commander.claim(force=True))
+    assert until(lambda: view.commander.call("engage"))
+    assert until(lambda: not view.view.world.judged(view._frames.newest).command.held)
+
+
+def scene_of(view, page):
+    """Address of viser's socket, for a page of some name."""
+    return f"ws://127.0.0.1:{view.view.server.get_port()}/?page={page}"
+
+
+async def greet(view, browser):
+    """A page's channel, and its socket of viser's, that were both opened."""
+    channel = connect(
+        channel_of(view.view.door.link), additional_headers=browser, max_queue=None
+    )
+    scene = connect(
+        scene_of(view, "one"),
+        additional_headers=browser,
+        subprotocols=[f"viser-v{viser.__version__}"],
+        # Nobody reads what it is told to draw.
+        max_queue=None,
+    )
+    return channel, scene
+
+
+def drag(view):
+    """A message that drags the left arm's handle up."""
+    handle = view._drive.handles._handles["left"]
+    x, y, z = (float(v) for v in handle.position)
+    return msgspec.msgpack.encode(
+        {
+            "type": "TransformControlsUpdateMessage",
+            "name": "/handles/left",
+            "wxyz": [float(v) for v in handle.wxyz],
+            "position": [x, y, z + 0.3],
+        }
+    )
+
+
+async def pulse(channel, seconds, held):
+    """Say that a page lives, for some time."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        await channel.send(json.dumps({"type": "pulse", "held": held}))
+        await asyncio.sleep(PULSE)
+
+
+@pytest.mark.parametrize("held", [None, False], ids=["silent", "released"])
+def test_one_message_of_a_drag_moves_no_longer_than_a_key(live, held):
+    view, browser = live
+    ready(view)
+    view._drive.handles.show(True)
+    assert until(lambda: np.any(view._drive.handles._handles["left"].position))
+
+    async def act():
+        channel, scene = await greet(view, browser)
+        async with channel as channel, scene as scene:
+            if held is None:
+                # Both sockets stay open, and the page says nothing.
+                await scene.send(drag(view))
+                await asyncio.sleep(2.0)
+            else:
+                await scene.send(drag(view))
+                await pulse(channel, 2.0, held)
+            return moves(view), view.driver.leads_tool("left")
+
+    assert asyncio.run(act()) == (False, False)
+    view._drive.handles.show(False)
+
+
+def test_a_drag_leads_while_its_pointer_is_down_and_ends_when_the_page_freezes(live):
+    view, browser = live
+    ready(view)
+    view._drive.handles.show(True)
+    assert until(lambda: np.any(view._drive.handles._handles["left"].position))
+
+    async def act():
+        channel, scene = await greet(view, browser)
+        async with channel as channel, scene as scene:
+            await scene.send(drag(view))
+            await pulse(channel, 1.0, held=True)
+            led = view.driver.leads_tool("left")
+            await asyncio.sleep(2.0)
+            return led, view.driver.leads_tool("left"), moves(view)
+
+    assert asyncio.run(act()) == (True, False, False)
+    view._drive.handles.show(False)
+
+
+def test_the_tele_driver_rests_without_a_pulse_and_ends_with_the_last_page(live):
+    view, browser = live
+
+    class Hands:
+        def drive(self, t, q, blocked):
+            return np.full_like(q, 0.05), []
+
+    async def act():
+        channel, _ = await greet(view, browser)
+        async with channel as channel:
+            await pulse(channel, 0.3, held=False)
+            view.driver.tele = Hands()
+            await pulse(channel, 1.0, held=False)
+            frame = view._frames.newest
+            drove = view.driver.wish(frame).velocities.any()
+            await asyncio.sleep(2 * HELD)
+            frozen = view.driver.wish(view._frames.newest).velocities.any()
+            there = view.driver.tele is not None
+            await pulse(channel, 0.3, held=False)
+        return drove, frozen, there
+
+    ready(view)
+    assert asyncio.run(act()) == (True, False, True)
+    assert until(lambda: view.driver.tele is None, 1.0)
+
+
+def test_silence_ends_what_was_asked_for():
+    now = 0.0
+    pulses = Pulses(lambda: now)
+    pulses.hear("a", held=True)
+    pulses.hear("b", held=False)
+    assert pulses.holds("a") and not pulses.holds("b")
+    now = HELD + 0.01
+    assert not pulses.holds("a")
+    assert pulses.silence("a") == pulses.silence() == now
+    pulses.hear("b", held=True)
+    # Another page's hand holds nothing of this one.
+    assert not pulses.holds("a")
+    pulses.gone("b")
+    assert pulses.silence("b") > LEFT
+    pulses.gone("a")
+    assert pulses.silence() > LEFT
+
+
+async def told(view, browser, what):
+    """The first state that a page is told of which something is true."""
+    channel = connect(channel_of(view.view.door.link), additional_headers=browser)
+    async with channel as page, asyncio.timeout(PATIENCE):
+        while True:
+            message = json.loads(await page.recv())
+            if message["type"] == "state" and what(message):
+                return message
+
+
+def test_a_stop_by_a_person_is_named_and_engaged_from_the_page(live):
+    view, browser = live
+    ready(view)
+    asyncio.run(told(view, browser, lambda message: not message["held"]))
+    with Client(view.commander._client.port, role=Role.OBSERVE, name="person") as one:
+        one.connect()
+        one.stop()
+    message = asyncio.run(told(view, browser, lambda message: message["held"]))
+    assert message["name"] == message["word"] == "HELD"
+    assert message["why"].startswith("STOPPED BY A PERSON, since ")
+    assert "press Engage all" in message["why"]
+    assert [robot["word"] for robot in message["robots"]] == ["held"]
+    # The tele-driver leaves it to a person.
+    view.driver.tele = Engaging()
+
+    async def press():
+        channel, _ = await greet(view, browser)
+        async with channel as page:
+            await pulse(page, 0.5, held=False)
+            held = view.view.world.judged(view._frames.newest).command.held
+            await page.send(json.dumps({"type": "engage"}))
+            return held
+
+    assert asyncio.run(press())
+    view.driver.tele = None
+    message = asyncio.run(told(view, browser, lambda message: not message["held"]))
+    assert "STOPPED" not in message["why"]
+
+
+class Engaging:
+    """Hands that engage whatever waits."""
+
+    def drive(self, t, q, blocked):
+        return np.zeros_like(q), ["left"]
+
+
+def test_an_engagement_from_the_page_leaves_the_command_where_it_was(live, stage):
+    view, _ = live
+    view.commander.give_back()
+    with Client(stage.port, name="other") as other:
+        other.connect()
+        other.claim()
+        other.stop()
+        assert until(lambda: other.latest.action is Action.HOLD)
+        view.commander.engage()
+        assert until(lambda: other.latest.action is not Action.HOLD)
+        other.claim()
+
+
+@pytest.mark.parametrize("role", [Role.OBSERVE, Role.SENSE, Role.COMMAND])
+def test_a_page_may_what_its_key_may_and_always_stop(stage, tmp_path, role):
+    keys = {
+        each: key
+        for each, key in read_keys(keys_path(stage.port)).items()
+        if each <= role
+    }
+    file = tmp_path / "keys"
+    write_keys(file, keys)
+    with running(LiveView(stage.port, 0, keys=file)) as view:
+        assert (view._drive is not None) == (role >= Role.COMMAND)
+        assert (view._edit is not None) == (role >= Role.SENSE)
+        assert view._editor.movable == ()
+        if role < Role.COMMAND:
+            assert not view.commander.claim()
+        assert until(lambda: view._may.get("role") == role.word)
+        assert view._may["engage"] == (role >= Role.COMMAND)
+        before = view._frames.newest.cycle
+        view._heard("one", {"type": "stop"})
+
+        def held():
+            frame = view._frames.newest
+            return frame.cycle > before and view.view.world.judged(frame).command.held
+
+        assert until(held)
+
+
+def test_a_recorder_that_falls_silent_is_shown(live):
+    view, browser = live
+    ring = Path(view._welcome.ring)
+
+    async def said(what):
+        channel = connect(channel_of(view.view.door.link), additional_headers=browser)
+        async with channel as page, asyncio.timeout(PATIENCE):
+            while True:
+                message = json.loads(await page.recv())
+                if message["type"] == "recorder" and bool(message["said"]) == what:
+                    return message["said"]
+
+    beat(ring)
+    assert asyncio.run(said(True)).startswith("NOT RECORDING since ")
+    end_pulse(ring)
+    assert asyncio.run(said(False)) == ""
+
+
+def test_a_companion_takes_the_service_s_key_file(stage, tmp_path):
+    file = tmp_path / "keys"
+    write_keys(file, read_keys(keys_path(stage.port)))
+    module = (sys.executable, "-m", "armguard.station.view", "--page-port", "0")
+    at = ("--service", str(stage.port))
+    with subprocess.Popen(
+        [*module, *at, "--key-file", str(file)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        line = process.stdout.readline()
+        process.terminate()
+    assert "?token=" in line
+    refused = subprocess.run(
+        [*module, *at, "--key-file", str(tmp_path / "none")],
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert refused.returncode == 2
+    assert "KeyFileError" in refused.stderr and "Traceback" not in refused.stderr
