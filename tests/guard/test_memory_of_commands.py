@@ -12,10 +12,12 @@ from armguard.guard.layout import HEADER, JOINT, REASON, VALUE
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     AGREEMENT,
+    BACKWARDS,
     COMMANDED,
     DELAY_SHARE,
     DELAY_STEPS,
     GIVEN,
+    JUDGED_WAY,
     LAST,
     LATE,
     NOW_TIME,
@@ -23,11 +25,21 @@ from armguard.guard.watch import (
     PERIOD,
     RECOVERING,
     RESTING,
+    RESTS,
     RUNNING,
+    SETTLES,
     STOPPING,
+    WAY,
 )
 from armguard.motion import figures as figure
-from armguard.motion.joint_stop import BOUNCE, JOINT_STOP, SWING, TRAVEL, V_BACK
+from armguard.motion.joint_stop import (
+    BOUNCE,
+    JOINT_STOP,
+    SETTLED,
+    SWING,
+    TRAVEL,
+    V_BACK,
+)
 from armguard.motion.state import CLOCK, NEXT, NOW, PLANS, STILL
 from armguard.robot.kinematics import FIXED, REVOLUTE
 from records import record
@@ -332,10 +344,12 @@ def stops(rng):
     after[:, :, TRAVEL] += rng.uniform(-0.1, 0.1, after.shape[:2])
     after[:, :, SWING] += rng.uniform(-0.1, 0.1, after.shape[:2])
     after[:, :, BOUNCE] += rng.uniform(-0.1, 0.1, after.shape[:2])
-    ways = np.zeros((PLANS * JOINTS, 4))
+    ways = np.zeros((2 * PLANS * JOINTS, JUDGED_WAY))
     for side in range(2):
-        ways[:, 2 * side] = farthest_of(before[side])
-        ways[:, 2 * side + 1] = before[side, :, V_BACK]
+        ways[side::2, WAY] = farthest_of(before[side])
+        ways[side::2, BACKWARDS] = before[side, :, V_BACK]
+        ways[side::2, SETTLES] = before[side, :, SETTLED]
+        ways[side::2, RESTS] = before[side, :, TRAVEL]
     return before, after, ways
 
 
@@ -384,6 +398,19 @@ def test_how_much_farther_a_joint_gets_is_the_most_of_all_its_stops():
         assert v.grown[0] == pytest.approx(m.sizes[1] * 0.7 + m.sizes[2] * 0.3)
 
 
+def test_a_stop_that_settles_later_may_swing_where_the_joint_rested_before():
+    rng = np.random.default_rng(12)
+    for _ in range(40):
+        for later in (-1e-6, 1e-6):
+            v, m, most = changed(rng)
+            m.up[:, SETTLED] += later
+            rested = v.judged_ways[::2, RESTS].reshape(PLANS, JOINTS)
+            swings = farthest_of(m.up).reshape(PLANS, JOINTS) - rested
+            expected = np.maximum(most, swings.max(0)) if later > 0.0 else most
+            for j in range(JOINTS):
+                assert growth(j, v, m) == pytest.approx(expected[j])
+
+
 def test_what_may_turn_round_or_has_other_clocks_is_judged_anew():
     rng = np.random.default_rng(10)
     for at, k in ((0, 0), (2, STILL), (2, CLOCK - 1)):
@@ -393,7 +420,7 @@ def test_what_may_turn_round_or_has_other_clocks_is_judged_anew():
         assert growth(1, v, m) < np.inf
     for speed in (0.0, 0.2):
         v, m, _ = changed(rng)
-        v.judged_ways[:, 1] = 0.3
+        v.judged_ways[:, BACKWARDS] = 0.3
         m.up[:, V_BACK] = speed
         assert growth(0, v, m) == np.inf
 

@@ -7,7 +7,8 @@ levers. A pair that has more than that left is proven again by this sum; others 
 judged anew.
 
 A joint is never farther ahead than at the end: what drives it to a greater velocity
-leaves it faster at every time, as long as the stop takes effect at the same time.
+leaves it faster at every time, as long as the stop takes effect at the same time. A
+stop that settles later than before may swing at times at which the joint rested before.
 """
 
 from math import inf
@@ -23,10 +24,19 @@ from armguard.guard.layout import (
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import decide, row_place
 from armguard.guard.proofs import judge_motion, object_speed
-from armguard.guard.watch import COMMANDED, Watch, open_watch
+from armguard.guard.watch import (
+    BACKWARDS,
+    COMMANDED,
+    RESTS,
+    SETTLES,
+    WAY,
+    Watch,
+    open_watch,
+)
 from armguard.guard.workspace import JUDGE, MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.motion.joint_stop import V_BACK, whole_way
+from armguard.motion.joint_stop import SETTLED as SETTLES_AT
+from armguard.motion.joint_stop import V_BACK, farthest, whole_way
 from armguard.motion.pair_state import PROVEN
 from armguard.motion.state import (
     CLOCK,
@@ -60,8 +70,9 @@ def begin_notes(v: Watch, m: Motion) -> None:
     for at in range(PLANS * n):
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
-            v.judged_ways[at, 2 * side] = whole_way(stop)
-            v.judged_ways[at, 2 * side + 1] = stop[V_BACK]
+            way = v.judged_ways[2 * at + side]
+            way[WAY], way[BACKWARDS] = whole_way(stop), stop[V_BACK]
+            way[SETTLES], way[RESTS] = stop[SETTLES_AT], farthest(inf, stop)
     for at in range(v.judged_clock.shape[0]):
         for k in range(CLOCK):
             v.judged_clock[at, k] = m.clock[at, k]
@@ -148,10 +159,13 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
         at = plan * n + j
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
-            if v.judged_ways[at, 2 * side + 1] != stop[V_BACK]:
+            way = v.judged_ways[2 * at + side]
+            if way[BACKWARDS] != stop[V_BACK]:
                 # It may go on where it could only go back.
                 return inf
-            growth = max(growth, whole_way(stop) - v.judged_ways[at, 2 * side])
+            later = stop[SETTLES_AT] > way[SETTLES]
+            least = min(way[WAY], way[RESTS]) if later else way[WAY]
+            growth = max(growth, whole_way(stop) - least)
     return float(growth)
 
 

@@ -92,6 +92,13 @@ AHEAD_NEXT = 4  # the same two, if the sample of this cycle is believed
 BEHIND_NEXT = 5
 AGREEMENT = 6
 
+# What was known of a joint's stop in one direction, see `Watch.judged_ways`.
+WAY = 0  # whole way, settling included [rad]
+BACKWARDS = 1  # speed if it only gets back [rad/s]
+SETTLES = 2  # time until it has settled [s]
+RESTS = 3  # way at rest, once it has settled [rad]
+JUDGED_WAY = 4
+
 # Samples kept of each joint, from which velocities are estimated.
 HISTORY = 16
 
@@ -163,8 +170,8 @@ class Watch(NamedTuple):
         judged_pairs: Pairs judged in this cycle, and their rows or -1, shape (k, 3).
         judged_left: What each of them had left; -inf where that says little, (k,) [m].
         judged_count: How many; -1 if there were too many, shape (1,).
-        judged_ways: How far each joint could get then, and its speed if only back, in
-            its positive and its negative direction, shape (PLANS · n, 4).
+        judged_ways: Each joint's stop then, in its positive and its negative direction,
+            shape (2 · PLANS · n, JUDGED_WAY).
         judged_clock: Clocks of the stops then, shape (PLANS · r, CLOCK).
         judged_settled: When everything had settled then, shape (1,) [s].
         grown: How much farther each primitive may get since, shape (m,) [m].
@@ -338,7 +345,7 @@ def watch_of(tables: SceneTables) -> Watch:
         judged_pairs=np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
         judged_left=np.zeros(JUDGED_ROOM),
         judged_count=np.zeros(1, dtype=np.int64),
-        judged_ways=np.zeros((PLANS * n, 4)),
+        judged_ways=np.zeros((2 * PLANS * n, JUDGED_WAY)),
         judged_clock=np.zeros((PLANS * robots, CLOCK)),
         judged_settled=np.zeros(1),
         grown=np.zeros(m),

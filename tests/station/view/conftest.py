@@ -34,11 +34,15 @@ FLAGS = [
 # graphics card, and lets everybody else go first [s].
 PATIENCE = 120.0
 
+# Levels that only a reset ends.
+BRAKED = ("BRAKE", "HARDWARE_STOP")
+
 # A small page is drawn sooner.
 VIEWPORT = {"width": 900, "height": 640}
 
 # An arm, a post in its way, a crate it may not reach, and a box held ready. The period
-# is long and may be late: a browser that draws without a graphics card takes its time.
+# is long and may be late, and so may the arm's stop: a browser that draws without a
+# graphics card takes its time.
 SCENE = f"""\
 robots:
   left:
@@ -129,7 +133,7 @@ class Station:
         stopped and the command may be gone, as it is to be.
         """
         self.take()
-        if self.light() in ("BRAKE", "HARDWARE_STOP"):
+        if self.light() in BRAKED:
             self.button("Reset after a brake").click()
         elif self.light() != "CLEAR":
             self.button("Engage all").click()
@@ -143,6 +147,8 @@ class Station:
         def stands() -> bool:
             if self.light() not in ("CLEAR", "None"):
                 self.take()
+                if self.light() in BRAKED:
+                    self.button("Reset after a brake").click()
                 self.button("Engage all").click()
             return self.light() == "CLEAR"
 
