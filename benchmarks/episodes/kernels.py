@@ -56,8 +56,9 @@ def note() -> str:
     """What the mark in the tables of a page means."""
     return (
         "Rows marked * were measured with other kernels than "
-        f"{kernels_of()[:8]}, the guard's when this page was written. Kernels *a = b in "
-        "50*: episodes were run with b; 50 of them, run again with a, are the same."
+        f"{kernels_of()[:8]}, the guard's when this page was written. Kernels "
+        "*a = b in 50*: some episodes were run with b; 50 of them, run again with a, "
+        "are the same."
     )
 
 
