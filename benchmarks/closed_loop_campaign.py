@@ -3,7 +3,7 @@
 make closed-loop                                         all of it, hours; it resumes
 make closed-loop ARGS="--episodes 500 --scene bay"       some of it
 make closed-loop ARGS="--first 500 --episodes 500"       a chunk of it
-make closed-loop ARGS="--scene bay --again 20"           known episodes, compared
+make closed-loop ARGS="--scene bay --again 50"           known episodes, compared
 make closed-loop ARGS="--plant torque --scene bay --mode path"   torque limits, MuJoCo
 make closed-loop ARGS="--swing both --scene bay"         joints swing back as well
 make closed-loop ARGS="--zero command"                   contacts must appear

@@ -166,6 +166,32 @@ def test_known_episodes_are_run_again_and_compared(toy):
     assert run(other, 0, again=6) == 1
 
 
+def test_a_row_is_carried_over_where_enough_of_its_episodes_are_the_same(
+    toy, monkeypatch
+):
+    monkeypatch.setattr(campaigns, "COMPARED", 4)
+    monkeypatch.setattr(records, "kernels_of", lambda: "old")
+    run(toy("1")[1], 6)
+    monkeypatch.setattr(records, "kernels_of", lambda: "new")
+    _, other = toy("2", work=lambda seed: {**episode(seed), "least": 1.0})
+    assert run(other, 0, again=6) == 1
+    _, same = toy("2")
+    assert run(same, 0, again=3) == 0
+    assert same.records.version_of("toy") == "toy 1"
+    assert run(same, 0, again=4) == 0
+    found = same.records.kinds["toy"]
+    assert (found["version"], found["kernels"]) == ("toy 2", "new")
+    assert found["carried"] == [{"kernels": "old", "compared": 4}]
+    assert list(same.records.digests("toy")) == list(range(6))
+    # More are added to it, and what it was carried over from is kept.
+    asked, more = toy("2")
+    run(more, 8)
+    assert asked == [6, 7]
+    found = more.records.kinds["toy"]
+    assert found["carried"] == [{"kernels": "old", "compared": 4}]
+    assert kernels.told(found) == "new = old in 4 *"
+
+
 def test_episodes_are_shown_and_nothing_is_written(toy, capsys):
     _, campaign = toy()
     assert run(campaign, 0, show=True, first=3, episodes=1) == 1

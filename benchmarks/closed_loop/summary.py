@@ -126,7 +126,10 @@ def digest(episode: Figures) -> Digest:
     outcome = "contact" if episode["contact"] is not None else ""
     if not outcome and is_below_floor(episode):
         outcome = "below the floor"
-    counts = {"met_at_rest_as_well": int(episode.get("met_at_rest", 0))}
+    counts = {
+        "met_at_rest_as_well": int(episode.get("met_at_rest", 0)),
+        "joint_way": round(episode["joint_way"], 4),
+    }
     return Digest(episode["seed"], outcome, 1e3 * episode["least"], counts)
 
 

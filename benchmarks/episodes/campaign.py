@@ -24,6 +24,9 @@ Episode = dict[str, Any]
 # [s].
 PATIENCE = 900.0
 
+# So many episodes of an earlier version are to be the same before all of them count.
+COMPARED = 50
+
 
 class LeftOut(Exception):
     """An episode that tells nothing: its message is the reason it is counted by."""
@@ -108,14 +111,22 @@ class Campaign:
         return figures["episodes"] > 0 and self.is_broken(figures)
 
     def again(self, kind: str, chosen: argparse.Namespace) -> bool:
-        """Run some of the known episodes again; whether other than this came of any."""
-        known = list(self.records.digests(kind).values())
+        """Run some of the known episodes again; whether the outcome of any differs.
+
+        Where enough of another version were run and all are the same, the whole row
+        counts as one of today's version, and names how many were compared.
+        """
+        records = self.records
+        version = records.version_of(kind)
+        known = list(records.digests(kind, version).values())
         some = known[:: max(len(known) // chosen.again, 1)][: chosen.again]
         seeds = [digest.seed for digest in some]
         found = map(self.digest_of, self.run(kind, seeds, processes=chosen.processes))
-        # Counts may be of what is never the same twice, such as times.
-        differ = [e.seed for e, k in zip(found, some, strict=True) if e[:3] != k[:3]]
+        differ = [e.seed for e, k in zip(found, some, strict=True) if e != k]
         print(f"{kind}: {len(some)} episodes again, {len(differ)} differ: {differ}")
+        if len(some) >= COMPARED and not differ and version != self.version(kind):
+            records.carry(kind, len(some))
+            say(f"{kind}: its {len(known)} episodes count for today's kernels")
         return bool(differ)
 
     def figures_of(self, kind: str, episodes: list[Episode]) -> Figures:
@@ -217,7 +228,12 @@ def parser_of(says: str | None, count: int) -> argparse.ArgumentParser:
     parser.add_argument("--seconds", type=float, help="bound for each kind [s]")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--show", action="store_true", help="episodes, no results")
-    parser.add_argument("--again", type=int, default=0, help="known episodes, compared")
+    parser.add_argument(
+        "--again",
+        type=int,
+        default=0,
+        help="known, compared: 50 or more carry a row over",
+    )
     parser.add_argument("--page", action="store_true", help="from what is known")
     return parser
 

@@ -47,6 +47,8 @@ def told(run: Mapping[str, Any]) -> str:
     """A cell of a table: the kernels of a row, marked where they are not today's."""
     kernels = str(run.get("kernels", UNKNOWN))
     text = kernels if kernels == UNKNOWN else kernels[:8]
+    for earlier in reversed(run.get("carried", ())):
+        text += f" = {earlier['kernels'][:8]} in {earlier['compared']}"
     return text if is_todays(run) else f"{text} *"
 
 
@@ -54,7 +56,9 @@ def note() -> str:
     """What the mark in the tables of a page means."""
     return (
         "Rows marked * were measured with other kernels than "
-        f"{kernels_of()[:8]}, the guard's when this page was written."
+        f"{kernels_of()[:8]}, the guard's when this page was written. Kernels "
+        "*a = b in 50*: some episodes were run with b; 50 of them, run again with a, "
+        "are the same."
     )
 
 

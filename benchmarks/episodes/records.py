@@ -5,7 +5,8 @@ each of its episodes: a line of text for each batch, so that a longer run adds l
 a difference of two versions can be read. A row has episodes of one version only: what
 was run with other kernels, or another plant, operator or judge, are episodes of
 something else. A row of another version is kept beside the new one until that one has
-as many episodes.
+as many episodes. It is carried over to today's version where a sample of its episodes,
+run again, is the same.
 """
 
 import fcntl
@@ -152,6 +153,32 @@ class Records:
             if (line["row"], line["version"]) == wanted:
                 found |= {digest.seed: digest for digest in digests_of(line)}
         return dict(sorted(found.items()))
+
+    def version_of(self, kind: str) -> str | None:
+        """What the known episodes of a kind were run with; None if there are none."""
+        return self.kinds.get(kind, {}).get("version")
+
+    def carry(self, kind: str, compared: int) -> None:
+        """Count the episodes of a kind as ones of today's version.
+
+        Args:
+            kind: Which.
+            compared: How many were run again and are the same.
+        """
+        with self._alone():
+            self.kinds = read(self.path)
+            figures = self.kinds[kind]
+            marks = {"version": self.of(kind), "kernels": kernels_of()}
+            lines = [
+                {**line, **marks}
+                if (line["row"], line["version"]) == (kind, figures["version"])
+                else line
+                for line in self._lines()
+            ]
+            earlier = {"kernels": figures["kernels"], "compared": compared}
+            figures |= {**marks, "carried": [*figures.get("carried", []), earlier]}
+            replace(self.episodes, "".join(map(packed, lines)))
+            replace(self.path, json.dumps(self.kinds, indent=1) + "\n")
 
     @contextmanager
     def _alone(self) -> Iterator[None]:

@@ -160,6 +160,7 @@ def test_what_fitted_primitives_reach_too_far_does_not_count_as_depth(arm):
     guard = arm.guard
     body = guard.tables.holds.objects["cup"].body
     x, y, _ = arm.pose(body)[:3, 3]
+    assert arm.go(x, y, UP, 0.2)
     guard.allow(HAND, "cup", until=1e9)
     for finger in FINGERS:
         guard.allow(finger, "cup", until=1e9)
