@@ -35,6 +35,18 @@ def call(x):
 
 CALL = "import calls; print(calls.call(1.5))"
 
+# Calls, without being a kernel, one that calls a separate one.
+WRAP = """
+import numba
+from calls import inlined
+
+@numba.njit
+def wrapped(x):
+    return inlined(x)
+
+print(wrapped(1.5))
+"""
+
 MISSES = """
 for one in calls.call, calls.twice.dispatcher, calls.four_times.dispatcher:
     print(sum(one.stats.cache_hits.values()), sum(one.stats.cache_misses.values()))
@@ -92,6 +104,12 @@ def test_callers_that_were_kept_find_what_they_call_in_another_process(tmp_path)
         assert made.stdout == "13.0\n" + expected, made.stderr
 
 
+def test_so_does_code_that_is_no_kernel(tmp_path):
+    for _ in range(2):
+        made = run(tmp_path, WRAP)
+        assert made.stdout == "6.0\n", made.stderr
+
+
 def test_interpreted_they_are_functions(tmp_path):
     assert run(tmp_path, CALL, NUMBA_DISABLE_JIT="1").stdout == "13.0\n"
 
@@ -139,9 +157,8 @@ def test_code_that_is_no_kernel_links_what_it_calls():
 
 def test_an_empty_cell_ends_the_process_with_a_sentence(tmp_path):
     forgets = "import armguard.kernel as k\nk.link = lambda kernel: None\n"
-    for _ in range(2):
-        run(tmp_path, CALL)
-        made = run(tmp_path, forgets + CALL)
+    run(tmp_path, CALL)
+    made = run(tmp_path, forgets + CALL)
     assert made.returncode < 0
     assert "called before it was linked" in made.stderr
 

@@ -13,7 +13,7 @@ from numba.core import config
 from numba.core.registry import CPUDispatcher
 
 from armguard.errors import ArmguardError
-from armguard.separate import SeparateKernel, link
+from armguard.separate import SeparateKernel, link, link_missing
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -183,12 +183,19 @@ class EntryDispatcher(CPUDispatcher):  # type: ignore[misc]
 
     def compile(self, signature: Any) -> Any:
         """Compile, or load, it and all separate kernels that it may call."""
-        link(self)
+        if not self.overloads:
+            link(self)
         return super().compile(signature)
 
 
 class InnerDispatcher(CPUDispatcher):  # type: ignore[misc]
     """A kernel without an entry for Python; Numba would jump to address 0."""
+
+    def compile(self, signature: Any) -> Any:
+        """Compile, or load, it, also for code that is no kernel."""
+        if not self.overloads:
+            link_missing(self)
+        return super().compile(signature)
 
     def __call__(self, *_arguments: Any, **_names: Any) -> None:
         """Say so.

@@ -11,12 +11,15 @@ kernel.
 import ctypes
 import os
 from collections.abc import Callable
+from functools import update_wrapper
 from inspect import getclosurevars
 from typing import Any, get_type_hints
 
 from llvmlite import binding, ir  # type: ignore[import-untyped]
 from numba.core import types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
+from numba.core.types.misc import unliteral
 from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import as_numba_type, lower_builtin
 
@@ -49,10 +52,10 @@ class SeparateKernel:
     """
 
     def __init__(self, dispatcher: Any) -> None:
-        function = dispatcher.py_func
+        self.py_func = function = dispatcher.py_func
+        update_wrapper(self, function)
         hints = get_type_hints(function)
         returned = as_numba_type(hints.pop("return"))
-        self.py_func = function
         self.dispatcher = dispatcher
         self.signature = returned(*map(as_numba_type, hints.values()))
         self.symbol = f"{function.__module__}.{function.__qualname__}"
@@ -83,7 +86,7 @@ class SeparateKernel:
         self.dispatcher.compile(arguments)
         made = self.dispatcher.overloads[arguments]
         # A constant has a type of its own, and is laid out as its number.
-        returned = types.unliteral(made.signature.return_type)
+        returned = unliteral(made.signature.return_type)
         if returned != self.signature.return_type:
             raise TypeError(
                 f"kernel '{self.symbol}' returns {returned}; its "
@@ -106,7 +109,7 @@ class SeparateKernel:
                 if any(map(would_be_cut, args, wanted)):
                     return None
                 if not kernel.linked:
-                    link(kernel)
+                    link_missing(kernel)
                 return super().apply(args, kws)
 
         return Template
@@ -141,12 +144,24 @@ def link(kernel: Callable[..., Any], last_first: bool = False) -> None:
         last_first: Whether to begin with those that are called last, for one of two
             processes that share the work: they meet in the middle.
     """
-    reached = kernels_from(kernel)
-    separate = [one for one in reached if isinstance(one, SeparateKernel)]
+    separate = [k for k in kernels_from(kernel) if isinstance(k, SeparateKernel)]
     for one in separate:
         one.linked = True
-    for one in reversed(separate) if last_first else separate:
-        one.compile()
+    try:
+        for one in reversed(separate) if last_first else separate:
+            one.compile()
+    except BaseException:
+        for one in separate:
+            one.linked = False
+        raise
+
+
+def link_missing(kernel: Any) -> None:
+    """Link what a kernel may call, but for what is being linked at this moment."""
+    with global_compiler_lock:
+        for one in kernels_from(kernel):
+            if isinstance(one, SeparateKernel) and not one.linked:
+                link(one)
 
 
 def kernels_from(kernel: Any) -> list[Any]:
