@@ -48,7 +48,7 @@ class SeparateKernel:
 
     Args:
         dispatcher: See above. All parameters and what is returned are annotated with
-            numbers, tables or tuples of them.
+            numbers or tuples of them.
     """
 
     def __init__(self, dispatcher: Any) -> None:
