@@ -1,10 +1,8 @@
-"""Memory and code by address: numbers and kernels elsewhere, scratch on the stack.
+"""Memory and foreign code by address: numbers elsewhere, scratch on the stack.
 
 Handing an array to compiled code costs more than many a kernel does. So what a kernel
 needs beyond its arguments it finds through an address, and what it needs only while it
-runs lies on its stack. A kernel that calls another takes that one's code into its own
-and has all of it optimised again, and so does whoever calls it; large ones are
-therefore called by address, which makes the first start twice as fast.
+runs lies on its stack.
 """
 
 # `carray` has no types that mypy could see.
@@ -33,27 +31,6 @@ if numba.config.DISABLE_JIT:
         """Room for this many float64, as something `carray` takes."""
         RECENT.append(np.zeros(count))
         return ctypes.c_void_p(RECENT[-1].ctypes.data)
-
-    KERNELS: list[Any] = []
-
-    def kernel_address(kernel: Any, count: int) -> int:
-        """Address of a kernel that takes so many int64."""
-        KERNELS.append(kernel)
-        return len(KERNELS) - 1
-
-    def call_for_nothing(address: int, arguments: tuple[int, ...]) -> None:
-        """Call a kernel that returns nothing by its address."""
-        KERNELS[address](*arguments)
-
-    def call_for_count(address: int, arguments: tuple[int, ...]) -> int:
-        """Call a kernel that returns an int by its address."""
-        count: int = KERNELS[address](*arguments)
-        return count
-
-    def call_for_proof(address: int, arguments: tuple[int, ...]) -> tuple[int, float]:
-        """Call a kernel that returns an int and a float by its address."""
-        found: tuple[int, float] = KERNELS[address](*arguments)
-        return found
 
     def call_support(
         function: int, parameters: int, x: float, y: float, z: float
@@ -103,49 +80,6 @@ else:
             return builder.bitcast(place, cgutils.voidptr_t)
 
         return types.voidptr(count), generate
-
-    def kernel_address(kernel: Any, count: int) -> int:
-        """Address of a kernel that takes so many int64; compiled, or loaded, for it."""
-        signature = (types.int64,) * count
-        kernel.compile(signature)
-        made = kernel.overloads[signature]
-        return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
-
-    def caller(returned: Any) -> Any:
-        """What calls a kernel that returns this type by its address."""
-
-        @intrinsic  # type: ignore[untyped-decorator]
-        def call(typing_context: Any, address: Any, arguments: Any) -> Any:
-            """Call a kernel by its address, with a tuple of int64."""
-
-            def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-                convention, count = context.call_conv, len(signature.args[1])
-                kinds = (types.int64,) * count
-                function = builder.inttoptr(
-                    args[0], convention.get_function_type(returned, kinds).as_pointer()
-                )
-                values = [
-                    context.cast(
-                        builder,
-                        builder.extract_value(args[1], k),
-                        signature.args[1][k],
-                        types.int64,
-                    )
-                    for k in range(count)
-                ]
-                # Kernels raise nothing: there is no status to look at.
-                _, result = convention.call_function(
-                    builder, function, returned, kinds, values
-                )
-                return result
-
-            return returned(types.int64, arguments), generate
-
-        return call
-
-    call_for_nothing = caller(types.none)
-    call_for_count = caller(types.int64)
-    call_for_proof = caller(types.containers.Tuple((types.int64, types.float64)))
 
     @intrinsic  # type: ignore[untyped-decorator]
     def call_c(typing_context: Any, address: Any, arguments: Any) -> Any:

@@ -13,6 +13,7 @@ from numba.core import config
 from numba.core.registry import CPUDispatcher
 
 from armguard.errors import ArmguardError
+from armguard.separate import SeparateKernel, link, link_missing
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -54,8 +55,9 @@ def kernel_digest() -> str:
     sources = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}
     holders = [path for path, source in sources.items() if b"@kernel" in source]
     used = {path for holder in holders for path in sources_of(sources[holder])}
-    # What compiles a field of a table is imported where tables are declared.
-    used.add(PACKAGE / "table.py")
+    # What compiles a field of a table is imported where tables are declared, and what
+    # compiles a call of a separate kernel below.
+    used.update((PACKAGE / "table.py", PACKAGE / "separate.py"))
     for path in sorted(used.intersection(sources).union(holders)):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(sources[path])
@@ -137,7 +139,7 @@ def kernel(function: Kernel) -> Kernel: ...
 
 @overload
 def kernel(
-    *, inline: bool = True, entry: bool = False
+    *, inline: bool = True, entry: bool = False, separate: bool = False
 ) -> Callable[[Kernel], Kernel]: ...
 
 
@@ -146,6 +148,7 @@ def kernel(
     *,
     inline: bool = True,
     entry: bool = False,
+    separate: bool = False,
 ) -> Callable[..., Any]:
     """Compile a function with the options every kernel shares.
 
@@ -162,18 +165,37 @@ def kernel(
             out of it, for the sake of compile time.
         entry: Whether Python calls it. Unpacking Python's objects is a function of its
             own, and two in three kernels never need it: a quarter of compile time.
+        separate: Whether it stays an object of its own, see `SeparateKernel`; for large
+            kernels, above all where several call them.
     """
     if function is not None:
         return compiled(function, inline, entry)
 
     def decorate(wrapped: Callable[..., Any]) -> Callable[..., Any]:
-        return compiled(wrapped, inline, entry)
+        made = compiled(wrapped, inline and not separate, entry)
+        return SeparateKernel(made) if separate and made is not wrapped else made
 
     return decorate
 
 
+class EntryDispatcher(CPUDispatcher):  # type: ignore[misc]
+    """A kernel that Python calls."""
+
+    def compile(self, signature: Any) -> Any:
+        """Compile, or load, it and all separate kernels that it may call."""
+        if not self.overloads:
+            link(self)
+        return super().compile(signature)
+
+
 class InnerDispatcher(CPUDispatcher):  # type: ignore[misc]
     """A kernel without an entry for Python; Numba would jump to address 0."""
+
+    def compile(self, signature: Any) -> Any:
+        """Compile, or load, it, also for code that is no kernel."""
+        if not self.overloads:
+            link_missing(self)
+        return super().compile(signature)
 
     def __call__(self, *_arguments: Any, **_names: Any) -> None:
         """Say so.
@@ -202,8 +224,8 @@ def compiled(
             no_cpython_wrapper=not entry,
             no_cfunc_wrapper=True,
         )(function)
-        if not (entry or config.DISABLE_JIT):
-            jitted.__class__ = InnerDispatcher
+        if not config.DISABLE_JIT:
+            jitted.__class__ = EntryDispatcher if entry else InnerDispatcher
         return jitted
     finally:
         config.CACHE_DIR = previous

@@ -8,6 +8,7 @@ from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason, Region
 from armguard.guard import grips as at
 from armguard.guard.levels import SENTENCES
+from armguard.guard.workspace import CONTRACTS, INTENTS
 from armguard.scene import Gripper, Scene
 from armguard.scene.settings import IndexSettings
 from grippers import (
@@ -369,15 +370,11 @@ def test_contracts_cost_nothing_where_there_is_no_gripper():
     scene.add_robot(gantry(), name="arm", stopping=FIGURES)
     add_table(scene)
     guard = guard_of_home(scene)
-    addresses = guard._addresses
-    from armguard.guard.workspace import INTENT, JUDGE, JUDGE_ALL, PROVE, PROVE_ALL
-
-    assert addresses[PROVE] == addresses[PROVE_ALL]
-    assert addresses[JUDGE] == addresses[JUDGE_ALL]
-    assert addresses[INTENT] < 0
+    settings = guard._settings
+    assert settings[CONTRACTS] == settings[INTENTS] == 0
     Loop(guard).push(np.zeros(5), 2)
     guard.allow("arm/left", "table", until=1.0)
-    assert addresses[PROVE] != addresses[PROVE_ALL]
+    assert settings[CONTRACTS] == settings[INTENTS] == 1
 
 
 def test_the_reason_has_its_sentence():

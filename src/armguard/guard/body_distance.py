@@ -5,10 +5,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import stack
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.refine import measure_parts
-from armguard.guard.workspace import MEASURE, SELF, open_workspace
+from armguard.guard.workspace import SELF, open_workspace
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,7 @@ def body_distance(
     out[0] = np.inf
     for i in range(first_a, end_a):
         for j in range(first_b, end_b):
-            measure_by(w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], found)
+            measure(kinds[i], rows[i], kinds[j], rows[j], found)
             if not found[0] >= out[0]:
                 out[:] = found
     if w.exact_of[first_a, 1] == 0 and w.exact_of[first_b, 1] == 0:

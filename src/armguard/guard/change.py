@@ -13,7 +13,7 @@ stop that settles later than before may swing at times at which the joint rested
 
 from math import inf
 
-from armguard.address import call_for_nothing
+from armguard.guard.demands import judge_motion
 from armguard.guard.layout import (
     CLEARANCE,
     NEAR_COUNT,
@@ -23,7 +23,7 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import decide, row_place
-from armguard.guard.proofs import judge_motion, object_speed
+from armguard.guard.proofs import object_speed
 from armguard.guard.watch import (
     BACKWARDS,
     COMMANDED,
@@ -33,7 +33,7 @@ from armguard.guard.watch import (
     Watch,
     open_watch,
 )
-from armguard.guard.workspace import JUDGE, MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import SETTLED as SETTLES_AT
 from armguard.motion.joint_stop import V_BACK, farthest, whole_way
@@ -95,17 +95,19 @@ def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> N
     v.judged_count[0] = k + 1
 
 
-@kernel(inline=False)
-def judge_change(lines: int) -> None:
-    """Judge all pairs for stops that changed since they were judged in this cycle.
+@kernel(separate=True)
+def proves_change(lines: int) -> bool:
+    """Prove all pairs for stops that changed since they were judged in this cycle.
 
     Args:
         lines: Address of the ledger of a workspace; the stops are planned already.
+
+    Returns:
+        Whether that says everything; if not, all pairs have to be judged anew.
     """
     w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    if not (is_known(w, v) and bound_growth(w, v, m) and renew(lines)):
-        call_for_nothing(w.parts[JUDGE], (lines,))
+    return bool(is_known(w, v) and bound_growth(w, v, m) and renew(lines))
 
 
 @kernel
@@ -169,7 +171,7 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
     return float(growth)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def renew(lines: int) -> bool:
     """Prove the noted pairs again.
 

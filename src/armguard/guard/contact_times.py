@@ -43,7 +43,7 @@ from armguard.motion.state import AGE, FREE, GRID, Motion, open_motion
 NONE = -1
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def write_contact_times(lines: int) -> None:
     """Write when each near pair, and each robot, can touch anything at the soonest.
 

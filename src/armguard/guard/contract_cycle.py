@@ -2,7 +2,6 @@
 
 from math import inf
 
-from armguard.address import call_for_nothing
 from armguard.guard.contracts import close_contract
 from armguard.guard.gripper_model import choose_models
 from armguard.guard.grips import (
@@ -20,17 +19,17 @@ from armguard.guard.grips import (
     Grips,
     open_grips,
 )
+from armguard.guard.intent import read_intents
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
+from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.observe import now_of
 from armguard.guard.watch import COMMANDED, Watch, open_watch
 from armguard.guard.workspace import (
+    CONTRACTS,
     GRIPS,
-    INTENT,
-    JUDGE_ALL,
+    INTENTS,
     MOTION,
-    NOWHERE,
-    SELF,
     WATCH,
     open_workspace,
 )
@@ -40,7 +39,20 @@ from armguard.motion.state import SEGMENT, open_motion
 CAPACITY = int(Reason.CAPACITY)
 
 
-@kernel(inline=False)
+@kernel
+def judge_all(lines: int) -> None:
+    """Judge every pair.
+
+    Args:
+        lines: Address of the ledger of the workspace.
+    """
+    if open_workspace(lines).settings[CONTRACTS] != 0:
+        judge_with_contracts(lines)
+    else:
+        judge_motions(lines)
+
+
+@kernel(separate=True)
 def judge_with_contracts(lines: int) -> None:
     """Judge every pair; before, choose the grippers' models, then end what is over.
 
@@ -51,20 +63,20 @@ def judge_with_contracts(lines: int) -> None:
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     h = open_grips(w.parts[GRIPS])
     if m.span[SEGMENT] != 0.0:
-        call_for_nothing(w.parts[JUDGE_ALL], (w.parts[SELF],))
+        judge_motions(lines)
         return
     for k in range(h.contracts.shape[0]):
         h.contracts[k, NEAREST], h.contracts[k, RELIED] = inf, 0.0
     choose_models(lines)
-    call_for_nothing(w.parts[JUDGE_ALL], (w.parts[SELF],))
+    judge_motions(lines)
     if w.out[REASON] == CAPACITY:
         # Not all pairs were met: nobody knows which contracts are needed.
         return
     end_contracts(h, v)
-    if v.given[COMMANDED] == 0.0 and w.parts[INTENT] != NOWHERE:
+    if v.given[COMMANDED] == 0.0 and w.settings[INTENTS] != 0:
         for q in range(h.velocity.shape[0]):
             h.velocity[q] = 0.5 * (m.v_low[q] + m.v_high[q])
-        call_for_nothing(w.parts[INTENT], (h.velocity.ctypes.data, w.parts[SELF]))
+        read_intents(h.velocity.ctypes.data, lines)
 
 
 @kernel

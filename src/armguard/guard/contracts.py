@@ -17,8 +17,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_proof, stack
-from armguard.geometry.pairs import measure_by
+from armguard.address import stack
+from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import dot
 from armguard.geometry.witness import WITNESS_WIDTH
@@ -51,14 +51,13 @@ from armguard.guard.grips import (
     open_grips,
 )
 from armguard.guard.layout import BUFFER, OUTER, WITNESS
-from armguard.guard.proofs import object_speed, robot_of, time_since
+from armguard.guard.proofs import object_speed, prove_pair, robot_of, time_since
 from armguard.guard.refine import exact_row, refine_pair
 from armguard.guard.watch import COMMANDED, RECOVERING, Watch, open_watch
 from armguard.guard.workspace import (
+    CONTRACTS,
     GRIPS,
-    MEASURE,
     MOTION,
-    PROVE_ALL,
     WATCH,
     Workspace,
     open_workspace,
@@ -112,7 +111,17 @@ PLENTY = 0.02
 GRAIN = 1e-9
 
 
-@kernel(inline=False)
+@kernel
+def prove(
+    i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
+) -> tuple[int, float]:
+    """Prove that a pair keeps what it must; see `prove_with_contract`."""
+    if open_workspace(lines).settings[CONTRACTS] != 0:
+        return prove_with_contract(i, j, plan_i, plan_j, place, lines)
+    return prove_pair(i, j, plan_i, plan_j, place, lines)
+
+
+@kernel(separate=True)
 def prove_with_contract(
     i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
 ) -> tuple[int, float]:
@@ -132,16 +141,15 @@ def prove_with_contract(
     w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     h = open_grips(w.parts[GRIPS])
-    pair = (i, j, plan_i, plan_j, place, lines)
     if h.may[w.groups[i], w.groups[j]] == 0 or m.span[SEGMENT] != 0.0:
-        return call_for_proof(w.parts[PROVE_ALL], pair)
+        return prove_pair(i, j, plan_i, plan_j, place, lines)
     k = contract_of(i, j, h)
     if k < 0:
-        return call_for_proof(w.parts[PROVE_ALL], pair)
+        return prove_pair(i, j, plan_i, plan_j, place, lines)
     c = h.contracts[k]
     if c[STATE] == DORMANT:
         note_nearest(i, place, c, w.out)
-        return call_for_proof(w.parts[PROVE_ALL], pair)
+        return prove_pair(i, j, plan_i, plan_j, place, lines)
     # What its contract asks for has to be looked at whenever commands change.
     m.effort[LOOKED] = 1
     refine_pair(i, j, place, lines)
@@ -176,7 +184,7 @@ def prove_with_contract(
     if robot_j >= 0 and robot_j != robot_i:
         before_j, deficit_j = v.relieved[robot_j], v.deficit[robot_j]
         v.relieved[robot_j] = 0
-    proof, left = call_for_proof(w.parts[PROVE_ALL], pair)
+    proof, left = prove_pair(i, j, plan_i, plan_j, place, lines)
     eased = v.relieved[robot_i] != 0 or (robot_j >= 0 and v.relieved[robot_j] != 0)
     needs = proof != PROVEN or eased
     if needs:
@@ -275,7 +283,7 @@ def back(x: float, y: float, z: float, T: Floats) -> tuple[float, float, float]:
     )
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def least_gap(
     i: int, j: int, plan_i: int, plan_j: int, place: int, need: float, lines: int
 ) -> float:
@@ -313,7 +321,7 @@ def least_gap(
         for b in range(max(w.exact_of[j, 1], 1)):
             pair[SIDE + KIND] = describe_side(j, b, SIDE, rows[1], pair, w, m)
             kind_a, kind_b = int(pair[KIND]), int(pair[SIDE + KIND])
-            measure_by(w.parts[MEASURE], kind_a, rows[0], kind_b, rows[1], witness)
+            measure(kind_a, rows[0], kind_b, rows[1], witness)
             n = (witness[7], witness[8], witness[9])
             gap = path_gap(pair.ctypes.data, n, w.parts[MOTION])
             if not gap >= least:

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_nothing, pointer
+from armguard.address import pointer
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
 from armguard.guard.layout import (
@@ -28,7 +28,6 @@ from armguard.guard.reindex import update_index
 from armguard.guard.workspace import (
     FIRST_ROW,
     MOVING_COUNT,
-    REBUILD,
     SELF,
     Workspace,
     open_workspace,
@@ -64,7 +63,7 @@ def run_cycle(q: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     if not positions_are_finite(q, w.lower, out):
         return rows
-    call_for_nothing(w.parts[REBUILD], (q.ctypes.data, 1, w.parts[SELF]))
+    rebuild_world(q.ctypes.data, 1, w.parts[SELF])
     judge_pairs(w)
     report_limits(q, w.lower, w.upper, out)
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
@@ -84,7 +83,7 @@ def clear_header(w: Workspace) -> int:
     return int(rows)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def rebuild_world(positions: int, indexed: int, lines: int) -> None:
     """Poses, primitives in the world and index, from joint angles alone.
 

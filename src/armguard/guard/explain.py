@@ -50,7 +50,7 @@ from armguard.motion.stop_path import error_of
 Floats = NDArray[np.float64]
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def write_envelopes(lines: int) -> None:
     """Write what the envelope adds to the need of every near pair.
 

@@ -9,8 +9,8 @@ longer, the robot is stopped, which the last cycle has proven to be in time.
 import numba
 import numpy as np
 
-from armguard.address import call_for_nothing, pointer
-from armguard.guard.change import judge_change
+from armguard.address import pointer
+from armguard.guard.change import proves_change
 from armguard.guard.commands import (
     hold_still,
     is_new,
@@ -18,13 +18,14 @@ from armguard.guard.commands import (
     send,
     set_drives,
 )
+from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cycle import clear_header
-from armguard.guard.guarded_cycle import judge_input
+from armguard.guard.demands import demand_stop
+from armguard.guard.guarded_cycle import conclude, judge_input, refuse
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.observe import now_of
-from armguard.guard.proofs import demand_stop
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     AT_REST,
@@ -38,14 +39,7 @@ from armguard.guard.watch import (
     Watch,
     open_watch,
 )
-from armguard.guard.workspace import (
-    CONCLUDE,
-    MOTION,
-    REFUSE,
-    SELF,
-    WATCH,
-    open_workspace,
-)
+from armguard.guard.workspace import MOTION, SELF, WATCH, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import (
     NEXT,
@@ -64,7 +58,7 @@ TOO_CLOSE = int(Reason.TOO_CLOSE)
 SHARES = (0.5, 0.25, 0.0)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def open_cycle(positions: int, count: int, lines: int) -> int:
     """First half: judge every pair for what is measured and what is under way.
 
@@ -88,12 +82,12 @@ def open_cycle(positions: int, count: int, lines: int) -> int:
         return 0
     report_measured_limits(q, w, v, m)
     if w.out[REASON] == OUT_OF_LIMITS:
-        call_for_nothing(w.parts[REFUSE], (w.parts[SELF],))
+        refuse(w.parts[SELF])
         return 0
     return 1
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def close_cycle(judged: int, lines: int) -> None:
     """Second half: prove what is wanted, or less of it; order stops; send.
 
@@ -111,7 +105,7 @@ def close_cycle(judged: int, lines: int) -> None:
         for r in range(v.recover.shape[0]):
             if v.recover[r] == GIVES_UP:
                 demand_stop(r, TOO_CLOSE, v)
-        call_for_nothing(w.parts[CONCLUDE], (w.parts[SELF],))
+        conclude(w.parts[SELF])
     send(v, m)
 
 
@@ -134,7 +128,7 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
             recover[r] = 0
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def prove_wanted(lines: int) -> None:
     """Prove what is wanted, taking it back until that succeeds."""
     w = open_workspace(lines)
@@ -182,7 +176,7 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
     return found
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def judge_again(lines: int) -> None:
     """Judge all pairs for what is wanted now."""
     w = open_workspace(lines)
@@ -196,7 +190,8 @@ def judge_again(lines: int) -> None:
     plan_stops(NOW, w.parts[MOTION])
     for plan in range(2):
         bound_reaches(plan, w.bodies.ctypes.data, w.parts[MOTION])
-    judge_change(lines)
+    if not proves_change(lines):
+        judge_all(lines)
 
 
 @kernel

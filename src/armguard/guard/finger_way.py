@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import stack
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, scaled
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.grips import END, FIRST, Grips
 from armguard.guard.near_pairs import boxes_apart
-from armguard.guard.workspace import MEASURE, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -79,7 +79,7 @@ def meets(
         x, y, z = scaled(gone, way)
         T[3], T[7], T[11] = x, y, z
         place_row(kinds[i], rows[i], T, row)
-        measure_by(w.parts[MEASURE], kinds[i], row, kinds[j], rows[j], witness)
+        measure(kinds[i], row, kinds[j], rows[j], witness)
         if not witness[0] > GRAZE:
             return True
         gone += witness[0]

@@ -40,7 +40,7 @@ from armguard.motion.state import open_motion
 FAR_AGAIN = 1.5
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def choose_models(lines: int) -> None:
     """Let the model that is asked for stand for each gripper, or the one that will do.
 

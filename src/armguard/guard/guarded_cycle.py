@@ -8,11 +8,16 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_nothing, pointer
+from armguard.address import pointer
 from armguard.guard.commands import is_as_told, look_under_way, set_drives
 from armguard.guard.contact_times import write_contact_times
+from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cues import write_cues
-from armguard.guard.cycle import clear_header, positions_are_finite
+from armguard.guard.cycle import (
+    clear_header,
+    positions_are_finite,
+    rebuild_world,
+)
 from armguard.guard.explain import explain_nearest, write_envelopes
 from armguard.guard.grade import grade_robots
 from armguard.guard.hanging import nothing_hangs
@@ -30,13 +35,8 @@ from armguard.guard.stops import (
 )
 from armguard.guard.watch import COMMANDED, FORCED, JUDGED, Watch, open_watch
 from armguard.guard.workspace import (
-    CONCLUDE,
-    JUDGE,
     MOTION,
-    REBUILD,
-    REFUSE,
     SELF,
-    TAKE,
     WATCH,
     Workspace,
     open_workspace,
@@ -76,10 +76,10 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     if not judge_input(q, w):
         return rows
-    call_for_nothing(parts[CONCLUDE], (parts[SELF],))
+    conclude(parts[SELF])
     report_measured_limits(q, w, v, m)
     if out[REASON] == OUT_OF_LIMITS:
-        call_for_nothing(parts[REFUSE], (parts[SELF],))
+        refuse(parts[SELF])
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
 
 
@@ -91,11 +91,11 @@ def judge_input(q: Floats, w: Workspace) -> bool:
         Whether the input could be judged; if not, every robot is stopped.
     """
     parts = w.parts
-    call_for_nothing(parts[TAKE], (q.ctypes.data, q.shape[0], parts[SELF]))
+    take_input(q.ctypes.data, q.shape[0], parts[SELF])
     return bool(open_watch(parts[WATCH]).given[JUDGED] != 0.0)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def take_input(positions: int, count: int, lines: int) -> None:
     """Judge every pair, or stop everything for an input that cannot be believed.
 
@@ -115,28 +115,28 @@ def take_input(positions: int, count: int, lines: int) -> None:
     if not positions_are_finite(q, w.lower, out):
         out[ROBOT], right = -1.0, False
     if not right:
-        call_for_nothing(parts[REFUSE], (parts[SELF],))
+        refuse(parts[SELF])
         return
     if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
-        call_for_nothing(parts[REFUSE], (parts[SELF],))
+        refuse(parts[SELF])
         return
     if v.given[COMMANDED] != 0.0 and not (
         is_as_told(v, m, out) and nothing_hangs(q, v, m, out)
     ):
-        call_for_nothing(parts[REFUSE], (parts[SELF],))
+        refuse(parts[SELF])
         return
     v.given[JUDGED] = 1.0
     begin(parts[WATCH], parts[MOTION])
     # Every pair is measured: one that stands still may need another distance now.
     w.memory[FORCE] = 1
-    call_for_nothing(parts[REBUILD], (q.ctypes.data, asks_index(w), parts[SELF]))
+    rebuild_world(q.ctypes.data, asks_index(w), parts[SELF])
     write_axes(w.T_world.ctypes.data, parts[MOTION])
     for plan in range(2):
         bound_reaches(plan, w.bodies.ctypes.data, parts[MOTION])
-    call_for_nothing(parts[JUDGE], (parts[SELF],))
+    judge_all(parts[SELF])
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def begin(watch: int, motion: int) -> None:
     """Follow the stops under way and plan those that may come."""
     v, m = open_watch(watch), open_motion(motion)
@@ -160,7 +160,7 @@ def forget_demands(v: Watch, m: Motion) -> None:
     m.effort[TESTS] = 0
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def conclude(lines: int) -> None:
     """Order what must be ordered, grade the robots, explain the nearest pair."""
     w = open_workspace(lines)
@@ -176,7 +176,7 @@ def conclude(lines: int) -> None:
     write_cues(w, v, m)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def refuse(lines: int) -> None:
     """Stop everything for an input that cannot be believed."""
     w = open_workspace(lines)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
@@ -80,7 +80,6 @@ from armguard.guard.observe import now_of
 from armguard.guard.watch import Watch, open_watch
 from armguard.guard.workspace import (
     GRIPS,
-    MEASURE,
     MOTION,
     WATCH,
     Workspace,
@@ -116,7 +115,7 @@ STANDS = 1e-4
 TOWARDS = 0.5
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def read_intents(velocities: int, lines: int) -> None:
     """Open and end contracts by intent, of every gripper and of what is held.
 
@@ -259,9 +258,7 @@ def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> f
             for j in range(int(thing[FIRST]), int(thing[END])):
                 if boxes_apart(w.world.boxes, i, j, within):
                     continue
-                measure_by(
-                    w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], witness
-                )
+                measure(kinds[i], rows[i], kinds[j], rows[j], witness)
                 least = min(least, witness[0])
     return float(least)
 
@@ -272,8 +269,7 @@ def row_distance(row: Floats, first: int, end: int, w: Workspace) -> float:
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     least = inf
     for j in range(first, end):
-        measure_by(
-            w.parts[MEASURE],
+        measure(
             CAPSULE,
             row,
             w.world.kinds[j],

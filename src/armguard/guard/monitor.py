@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.address import kernel_address
 from armguard.errors import (
     HomeContactError,
     SceneError,
@@ -45,9 +44,7 @@ from armguard.guard.checkpoint_bounds import (
 )
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.contract import Contract, Region
-from armguard.guard.contract_cycle import judge_with_contracts
-from armguard.guard.contracts import prove_with_contract
-from armguard.guard.cycle import rebuild_world, run_cycle
+from armguard.guard.cycle import run_cycle
 from armguard.guard.given import (
     described,
     kind_of,
@@ -56,17 +53,10 @@ from armguard.guard.given import (
     real_or_none,
 )
 from armguard.guard.grips import grips_of
-from armguard.guard.guarded_cycle import (
-    conclude,
-    refuse,
-    run_guarded_cycle,
-    take_input,
-)
+from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
-from armguard.guard.intent import read_intents
 from armguard.guard.levels import Level, Reason
 from armguard.guard.memory import FORCE, KEPT_COUNT, MEMORY
-from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.objects import (
     Sighting,
     SightingError,
@@ -81,7 +71,6 @@ from armguard.guard.objects import (
 )
 from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
-from armguard.guard.proofs import prove_pair
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.segment import run_segment
 from armguard.guard.self_test import SelfTestLine, SelfTestReport
@@ -104,26 +93,17 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import (
     BRUTE_FORCE,
-    CONCLUDE,
+    CONTRACTS,
     FIRST_ROW,
     GRIPS,
     INDEX_KIND,
-    INTENT,
-    JUDGE,
-    JUDGE_ALL,
-    MEASURE,
+    INTENTS,
     MOTION,
     MOVING_COUNT,
-    NOWHERE,
     OCTREE,
     PARTS,
-    PROVE,
-    PROVE_ALL,
-    REBUILD,
-    REFUSE,
     SELF,
     SETTINGS,
-    TAKE,
     WATCH,
     Workspace,
 )
@@ -663,8 +643,6 @@ class Monitor:
 
     def _judge_line(self, start: Floats, end: Floats) -> Verdict:
         """Verdict on a straight line of joint positions as a whole."""
-        if self._addresses[JUDGE] == NOWHERE:
-            self._address_proofs()
         swapped = self._detail()
         used = run_segment(
             np.ascontiguousarray(start), np.ascontiguousarray(end), self._lines
@@ -846,7 +824,6 @@ class Monitor:
                 take_out(self.index, thing)
         self._shape = (len(tables.q_names),)
         self._memory[FORCE] = 1
-        guarded = self._guarded
         first_row = first_row_of(tables)
         self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
         self._nowhere = np.zeros(0)
@@ -859,7 +836,7 @@ class Monitor:
         settings[FIRST_ROW] = first_row
         self._motion = motion_of(tables, self._budget)
         self._parts = Ledger(self._motion), Ledger(self._watch)
-        self._addresses = np.full(PARTS, NOWHERE, dtype=np.int64)
+        self._addresses = np.zeros(PARTS, dtype=np.int64)
         for k, ledger in zip((MOTION, WATCH), self._parts, strict=True):
             self._addresses[k] = ledger.lines.ctypes.data
         self._grips = grips_of(tables)
@@ -869,10 +846,7 @@ class Monitor:
             tables, self._watch, self._motion, self.index, T_world, self._grips
         )
         self._holding.show_detailed()
-        self._addresses[MEASURE] = self._motion.calls[0]
-        self._addresses[REBUILD] = kernel_address(rebuild_world, 3)
-        if guarded:
-            self._address_proofs()
+        self._expect_contracts()
         settings[MOVING_COUNT] = tables.moving_count
         brute_force = tables.index.kind == "brute_force"
         settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
@@ -918,28 +892,10 @@ class Monitor:
         self._holding.warm_up(self._lines)
         self._names = names_of(snapshot(tables), self._watch.disproved)
 
-    def _address_proofs(self) -> None:
-        """Compile, or load, what judges motions, and tell the loop where it lies."""
-        self._addresses[PROVE_ALL] = kernel_address(prove_pair, 6)
-        self._addresses[JUDGE_ALL] = kernel_address(judge_motions, 1)
-        # Compiled in any case: a contract is no time to compile.
-        self._for_contracts = (
-            kernel_address(prove_with_contract, 6),
-            kernel_address(judge_with_contracts, 1),
-            kernel_address(read_intents, 2),
-        )
-        self._address_contracts()
-        self._addresses[CONCLUDE] = kernel_address(conclude, 1)
-        self._addresses[REFUSE] = kernel_address(refuse, 1)
-        self._addresses[TAKE] = kernel_address(take_input, 3)
-
-    def _address_contracts(self) -> None:
-        """Tell the loop to look at contracts where there may be any, and only there."""
-        at = self._addresses
-        if len(self._grips.grippers) or self._grips.may.any():
-            at[PROVE], at[JUDGE], at[INTENT] = self._for_contracts
-        else:
-            at[PROVE], at[JUDGE], at[INTENT] = at[PROVE_ALL], at[JUDGE_ALL], NOWHERE
+    def _expect_contracts(self) -> None:
+        """Have the loop look at contracts where there may be any, and only there."""
+        may_be = len(self._grips.grippers) > 0 or self._grips.may.any()
+        self._settings[CONTRACTS] = self._settings[INTENTS] = may_be
 
     def _transact(self, change: Callable[[], None]) -> None:
         """Change who holds or may touch what, all at once.
@@ -966,8 +922,7 @@ class Monitor:
             self._parts[1].put(Watch._fields.index(name), table)
         self._workspace.look[0] = largest_standing_need(tables, self._watch)
         self._names = replace(self._names, tables=snapshot(tables))
-        if self._addresses[JUDGE] != NOWHERE:
-            self._address_contracts()
+        self._expect_contracts()
         self._world_changed()
 
     def _detail(self) -> list[int]:

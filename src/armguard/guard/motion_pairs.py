@@ -2,8 +2,9 @@
 
 from math import inf
 
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.guard.change import NO_ROW, begin_notes, note_pair
+from armguard.guard.demands import judge_motion
 from armguard.guard.layout import (
     CLEARANCE,
     NEAR_COUNT,
@@ -28,7 +29,6 @@ from armguard.guard.near_pairs import (
 from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.proofs import (
     LOOK_AHEAD,
-    judge_motion,
     look_distance,
     object_speed,
     standing_need,
@@ -47,7 +47,6 @@ from armguard.guard.watch import (
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     INDEX_KIND,
-    MEASURE,
     MOTION,
     MOVING_COUNT,
     WATCH,
@@ -73,7 +72,7 @@ def asks_index(w: Workspace) -> int:
     return int(w.groups.shape[0] > FEW and w.settings[INDEX_KIND] != BRUTE_FORCE)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def judge_motions(lines: int) -> None:
     """Measure every pair that may matter to a stop, prove it, and write what is near.
 
@@ -94,7 +93,7 @@ def judge_motions(lines: int) -> None:
     decide(count, w)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def go_through_pairs(lines: int) -> int:
     """Judge every pair of a small scene.
 
@@ -123,7 +122,7 @@ def go_through_pairs(lines: int) -> int:
     return count
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def look_for_pairs(lines: int) -> int:
     """Judge the pairs that the index finds, or all of them.
 
@@ -155,7 +154,7 @@ def look_for_pairs(lines: int) -> int:
     return count
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
     """Measure a pair and prove it, if it may matter; write its row, if it is near.
 
@@ -180,7 +179,7 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
         return count
     place = row_place(count, w)
     witness = out[place + WITNESS : place + NEAR_WIDTH]
-    measure_by(w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], witness)
+    measure(kinds[i], rows[i], kinds[j], rows[j], witness)
     if witness[0] > look:
         remember_plane(i, j, w, witness)
         return count

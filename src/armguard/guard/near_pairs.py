@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.guard.layout import (
     BUFFER,
     CLEARANCE,
@@ -35,7 +35,6 @@ from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
     INDEX_KIND,
-    MEASURE,
     MOVING_COUNT,
     SELF,
     WATCH,
@@ -114,7 +113,7 @@ def judge_pairs(w: Workspace) -> None:
                 continue
             place = row_place(count, w)
             witness = out[place + WITNESS : place + NEAR_WIDTH]
-            measure_by(w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], witness)
+            measure(kinds[i], rows[i], kinds[j], rows[j], witness)
             if witness[0] > margin:
                 remember_plane(i, j, w, witness)
                 continue

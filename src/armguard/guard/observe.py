@@ -70,7 +70,7 @@ TIME_GRAIN = 1e-6
 SPEED_SHARE = 0.02
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def observe(positions: int, answer: int, watch: int, motion: int) -> bool:
     """Take over stamps, positions and velocities, or say what is wrong with them.
 
@@ -124,7 +124,7 @@ def untold_time(v: Watch, m: Motion) -> float:
     return float(least) if least < inf else 0.0
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def clocks_are_right(answer: int, watch: int, motion: int) -> bool:
     """Whether all stamps and the time of the cycle can be true.
 

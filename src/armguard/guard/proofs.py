@@ -1,9 +1,4 @@
-"""What a pair needs until its robots rest, and which of them must stop for it.
-
-Every cycle proves that a stop ordered in the next one touches nothing. A pair for which
-that cannot be proven any longer has been proven in the last cycle for a stop that is
-ordered now. If it is enough that one of two robots stops now, the other may go on.
-"""
+"""What a pair needs until its robots rest, and whether it keeps that."""
 
 from math import inf
 
@@ -11,17 +6,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_proof, pointer, stack
+from armguard.address import pointer, stack
 from armguard.geometry.vec3 import dot
 from armguard.guard.layout import (
-    BUFFER,
-    CLEARANCE,
     ENVELOPE,
-    PROOF,
-    TIME_LEFT,
     WITNESS,
 )
-from armguard.guard.levels import Reason
 from armguard.guard.observe import now_of
 from armguard.guard.pair_row import pair_row
 from armguard.guard.watch import (
@@ -37,7 +27,6 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import (
     MOTION,
-    PROVE,
     WATCH,
     Workspace,
     open_workspace,
@@ -45,7 +34,6 @@ from armguard.guard.workspace import (
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     FIRST_JOINT,
-    FIXED,
     JOINT_COUNT,
     MODE,
     SENSING,
@@ -62,10 +50,8 @@ from armguard.motion.pair_proof import (
     span_gap,
 )
 from armguard.motion.pair_state import (
-    ALLOWED,
     BODY,
     DRIFT,
-    EXCEEDED,
     KIND,
     LEVERS,
     LOCAL,
@@ -84,7 +70,6 @@ from armguard.motion.state import (
     BUDGET,
     LOOKED,
     NEXT,
-    NOW,
     SEGMENT,
     SETTLED,
     STILL,
@@ -94,14 +79,6 @@ from armguard.motion.state import (
 )
 
 Floats = NDArray[np.float64]
-
-TOO_CLOSE = int(Reason.TOO_CLOSE)
-NO_PROOF = int(Reason.NO_PROOF)
-BUDGET_SPENT = int(Reason.BUDGET_SPENT)
-CONTRACT_EXCEEDED = int(Reason.CONTRACT_EXCEEDED)
-
-# A robot whose part of a closing speed is smaller than this has no part in it [-].
-OWN_SHARE = 0.25
 
 # What the bounds of the path of an arm that leaves what is too near may add to it [m].
 SINK = 1e-3
@@ -234,90 +211,7 @@ def look_distance(i: int, v: Watch, m: Motion) -> float:
     return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.pace[SLOW_TIME])
 
 
-@kernel(inline=False)
-def judge_motion(i: int, j: int, place: int, lines: int) -> None:
-    """Write what a measured pair has left beyond what it needs, and how long.
-
-    Args:
-        i: Lower primitive.
-        j: Higher primitive.
-        place: Where the pair's row starts; its witness is written already.
-        lines: Address of the ledger; robots that must stop are marked.
-    """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    out = w.out
-    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    plan_i = plan_j = NEXT
-    m.effort[LOOKED] = 0
-    prove = w.parts[PROVE]
-    out[place + ENVELOPE] = OF_WITNESS
-    proof, spare = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
-    judged = out[place + ENVELOPE]
-    out[place + CLEARANCE] = spare
-    out[place + PROOF] = proof
-    if proof == ALLOWED:
-        return
-    closing = closing_speed(i, j, w, v, m)
-    left = 0.0
-    if spare > 0.0:
-        speed = closing
-        if not (coarse(i, v, m) or coarse(j, v, m)):
-            speed = min(closing, rate_along_normal(i, j, place, w, v, m))
-        left = spare / speed if speed > 0.0 else inf
-    out[place + TIME_LEFT] = left
-    # It is short for those who come nearer: a parked robot is not in a hurry.
-    for side in range(2):
-        k, r = (i, robot_i) if side == 0 else (j, robot_j)
-        if r >= 0 and not left >= v.time_left[r]:
-            if robot_j < 0 or robot_i == robot_j or m.rate[k] >= OWN_SHARE * closing:
-                v.time_left[r] = left
-    if proof == PROVEN or proof == UNPROVEN:
-        return
-    cause = TOO_CLOSE if proof == NEEDED else NO_PROOF
-    if proof == SPENT:
-        cause = BUDGET_SPENT
-    if proof == EXCEEDED:
-        cause = CONTRACT_EXCEEDED
-    if robot_j < 0 or robot_j == robot_i:
-        demand_stop(robot_i, cause, v)
-        return
-    fixed_i = m.robot_figures[robot_i, MODE] == FIXED
-    fixed_j = m.robot_figures[robot_j, MODE] == FIXED
-    if fixed_i or fixed_j:
-        # A fixed robot stops when its buffer is broken; the other one has to prove.
-        broken = not out[place + WITNESS] >= out[place + BUFFER]
-        if broken or not fixed_i:
-            demand_stop(robot_i, cause, v)
-        if broken or not fixed_j:
-            demand_stop(robot_j, cause, v)
-        return
-    one, other = robot_i, robot_j
-    if m.rate[j] > m.rate[i]:
-        one, other = robot_j, robot_i
-    for attempt in range(2):
-        # First the one that moves faster, then the other one alone.
-        stopped = one if attempt == 0 else other
-        plan_i = NOW if stopped == robot_i else NEXT
-        plan_j = NOW if stopped == robot_j else NEXT
-        found = call_for_proof(prove, (i, j, plan_i, plan_j, place, lines))
-        out[place + ENVELOPE] = judged
-        if found[0] == PROVEN or found[0] == ALLOWED:
-            demand_stop(stopped, cause, v)
-            return
-    demand_stop(one, cause, v)
-    demand_stop(other, cause, v)
-
-
-@kernel
-def demand_stop(r: int, cause: int, v: Watch) -> None:
-    """A robot must stop, or stay where it rests."""
-    if v.must[r] == 0:
-        v.must[r] = 1
-        v.cause[r] = cause
-
-
-@kernel(inline=False)
+@kernel(separate=True)
 def prove_pair(
     i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
 ) -> tuple[int, float]:
@@ -354,7 +248,7 @@ def prove_pair(
     return (proof, spare)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def prove_need(
     i: int,
     j: int,
@@ -534,7 +428,7 @@ def relief_of(
     return float(min(relief, floor) if spare + floor >= 0.0 else relief)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
     """Whether what a robot is told opens a pair, wherever in its error each joint is.
 
@@ -562,7 +456,7 @@ def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
     return closing < 0.0
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def is_driven_nearer(r: int, i: int, j: int, place: int, lines: int) -> bool:
     """Whether anything a robot is or was told, and may do yet, closes a pair.
 
@@ -616,7 +510,7 @@ def describe_pair(
     pair[DRIFT] = drift
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def look_at_exact(i: int, j: int, pair: int, lines: int) -> float:
     """What the exact shapes of both sides surely have left, looked at once [m].
 
@@ -643,7 +537,7 @@ def look_at_exact(i: int, j: int, pair: int, lines: int) -> float:
     return least
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def prove_exact(i: int, j: int, pair: int, lines: int) -> tuple[int, float]:
     """The same for the exact shapes of both sides: each pair of them has to hold.
 

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.layout import EXACT, PAIRS_REFINED, WITNESS
 from armguard.guard.memory import CYCLE
-from armguard.guard.workspace import MEASURE, Workspace, open_workspace
+from armguard.guard.workspace import Workspace, open_workspace
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -31,7 +31,7 @@ MEMO_WIDTH = 3
 MEMO_SIZE = 512
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def refine_pair(i: int, j: int, place: int, lines: int) -> None:
     """Replace a row's witness by that of the exact shapes, if they are farther apart.
 
@@ -74,7 +74,7 @@ def refine_pair(i: int, j: int, place: int, lines: int) -> None:
             out[place + WITNESS + k] = found[k]
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def measure_parts(i: int, j: int, answer: int, lines: int) -> None:
     """Witness row of the nearest two exact shapes of two primitives' links.
 
@@ -94,7 +94,7 @@ def measure_parts(i: int, j: int, answer: int, lines: int) -> None:
         kind_a = exact_row(i, m, w, row_a)
         for n in range(max(w.exact_of[j, 1], 1)):
             kind_b = exact_row(j, n, w, row_b)
-            measure_by(w.parts[MEASURE], kind_a, row_a, kind_b, row_b, witness)
+            measure(kind_a, row_a, kind_b, row_b, witness)
             if not witness[0] >= nearest[0]:
                 for k in range(WITNESS_WIDTH):
                     nearest[k] = witness[k]

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_nothing
-from armguard.guard.cycle import clear_header
+from armguard.guard.contract_cycle import judge_all
+from armguard.guard.cycle import clear_header, rebuild_world
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, SPANS_TESTED
 from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
-from armguard.guard.workspace import JUDGE, MOTION, REBUILD, SELF, open_workspace
+from armguard.guard.workspace import MOTION, SELF, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, SEGMENT, TESTS, open_motion
 from armguard.motion.stop_path import bound_reaches, plan_segment, write_axes
@@ -35,11 +35,11 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     plan_segment(start.ctypes.data, end.ctypes.data, motion)
     w.memory[FORCE] = 1
-    call_for_nothing(w.parts[REBUILD], (m.q.ctypes.data, asks_index(w), w.parts[SELF]))
+    rebuild_world(m.q.ctypes.data, asks_index(w), w.parts[SELF])
     write_axes(w.T_world.ctypes.data, motion)
     bound_reaches(NEXT, w.bodies.ctypes.data, motion)
     bound_reaches(1 - NEXT, w.bodies.ctypes.data, motion)
-    call_for_nothing(w.parts[JUDGE], (w.parts[SELF],))
+    judge_all(w.parts[SELF])
     w.out[SPANS_TESTED] = m.effort[TESTS]
     m.span[SEGMENT] = 0.0
     w.memory[FORCE] = 1

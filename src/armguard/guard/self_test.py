@@ -15,7 +15,7 @@ from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.guard.walk import Walk, late_cycle
 from armguard.guard.watch import SLOW_TIME_DEFAULT
-from armguard.guard.workspace import INTENT, NOWHERE
+from armguard.guard.workspace import INTENTS
 
 if TYPE_CHECKING:
     from armguard.guard.monitor import Monitor
@@ -74,9 +74,9 @@ def self_test(guard: "Monitor") -> SelfTestReport:
     watch = guard._watch
     before = {name: array.copy() for name, array in watch._asdict().items()}
     # What is led up to something does not mean to touch it.
-    grips, intent = guard._grips, guard._addresses[INTENT]
+    grips, intents = guard._grips, guard._settings[INTENTS]
     contracts, may = grips.contracts.copy(), grips.may.copy()
-    guard._addresses[INTENT] = NOWHERE
+    guard._settings[INTENTS] = 0
     if len(watch.seen_at):
         watch.seen_at[watch.movers] = SEEN
     try:
@@ -86,7 +86,7 @@ def self_test(guard: "Monitor") -> SelfTestReport:
         for name, array in before.items():
             getattr(watch, name)[:] = array
         grips.contracts[:], grips.may[:] = contracts, may
-        guard._addresses[INTENT] = intent
+        guard._settings[INTENTS] = intents
     return SelfTestReport(lines)
 
 

@@ -62,7 +62,7 @@ class Workspace(NamedTuple):
         normals: Their normals, shape (n, 3).
         look: More than any pair must keep for other reasons than motion, (1,) [m].
         look_box: Scratch for a box, shape (6,).
-        parts: Addresses of ledgers and of kernels, see MOTION, shape (PARTS,).
+        parts: Addresses of ledgers, see MOTION, shape (PARTS,).
         world: Primitives in the world.
         octree: State of the octree.
     """
@@ -109,32 +109,16 @@ class Workspace(NamedTuple):
 MOVING_COUNT = 0
 INDEX_KIND = 1
 FIRST_ROW = 2  # where the rows of the answer start
-SETTINGS = 3
-
-# Address in `Workspace.parts` of what is not there.
-NOWHERE = -1
+CONTRACTS = 3  # 1 where contracts may be in force
+INTENTS = 4  # 1 where contracts by intent are opened
+SETTINGS = 5
 
 # Places in `Workspace.parts`.
 MOTION = 0
 WATCH = 1
 SELF = 2  # the ledger of the workspace itself
-MEASURE = 3  # `measure_at`
-REBUILD = 4  # `rebuild_world`
-JUDGE = 5  # `judge_motions`
-PROVE = 6  # `prove_pair`
-TAKE = 7  # `take_input`
-CONCLUDE = 8  # `conclude`
-REFUSE = 9  # `refuse`
-CLOSE = 10  # `close_cycle`
-ADD_PAIRS = 11  # what adds near pairs to the programs of a response
-GRIPS = 12  # ledger of contracts and grippers
-JUDGE_ALL = 13  # `judge_motions`, where `JUDGE` is `judge_with_contracts`
-PROVE_ALL = 14  # `prove_pair`, where `PROVE` is `prove_with_contract`
-INTENT = 15  # `read_intents`
-OPEN = 16  # `open_cycle`
-RESPOND = 17  # what turns what is asked for into what is to be proven
-FINISH = 18  # what proves that and writes what robots are told
-PARTS = 19
+GRIPS = 3  # ledger of contracts and grippers
+PARTS = 4
 
 # Kinds of index.
 OCTREE = 0

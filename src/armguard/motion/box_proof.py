@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, scaled
 from armguard.geometry.witness import WITNESS_WIDTH
@@ -37,7 +37,6 @@ from armguard.motion.pair_state import (
 from armguard.motion.state import (
     BOX_LEVELS,
     BUDGET,
-    MEASURE,
     NODES,
     TESTS,
     Motion,
@@ -57,7 +56,7 @@ NOTHING = -1
 LINE = -2
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def prove_by_boxes(
     node: int, pair: int, wanted: float, motion: int
 ) -> tuple[int, float]:
@@ -120,7 +119,7 @@ def halve(box: int, along: int, nearer: float, m: Motion) -> None:
         m.box_place[box + 1, along] += nearer * half
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def box_gap(
     box: int, node: int, pair: int, wanted: float, motion: int
 ) -> tuple[float, float, int, float]:
@@ -138,7 +137,7 @@ def box_gap(
     address = rows.ctypes.data
     middle_position(node, box, pair, address, motion)
     kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
-    measure_by(m.calls[MEASURE], kind_a, rows[0], kind_b, rows[1], witness)
+    measure(kind_a, rows[0], kind_b, rows[1], witness)
     distance = witness[0]
     if not distance >= 0.0:
         return (distance, distance, NOTHING, 1.0)
@@ -157,7 +156,7 @@ def box_gap(
     return (distance, gap, along, nearer)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def gap_along(
     node: int, box: int, pair: int, rows: int, n: Vec3, motion: int
 ) -> tuple[float, float, float]:

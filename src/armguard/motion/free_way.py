@@ -36,7 +36,7 @@ def time_after(t: float) -> int:
     return k
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def bound_free_way(k: int, motion: int) -> None:
     """Bound where each body's joint may be until a time of the grid, from its stamp on.
 

@@ -476,7 +476,7 @@ def curvature(
     return total / 6.0
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def range_reach(
     kind: int,
     row: int,
@@ -514,7 +514,7 @@ def range_reach(
     return float(reach + curvature(chain, first, count, own, m.joint_kind, sizes))
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def line_reach(
     kind: int,
     row: int,

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, add, cross, dot, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
 from armguard.motion.pair_state import BODY, KIND, LOCAL, PAIR, PLAN, SHARED, SIDE
-from armguard.motion.state import MEASURE, NODES, WHOLE, Motion, open_motion
+from armguard.motion.state import NODES, WHOLE, Motion, open_motion
 from armguard.motion.stop_path import write_axis
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
 
@@ -44,7 +44,7 @@ SWEEPS = 6
 NO_MOVE = 1e-18
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def nearest_position(
     node: int, box: int, pair: int, rows: int, witness: int, motion: int
 ) -> tuple[float, Vec3]:
@@ -78,11 +78,11 @@ def nearest_position(
             count += 1
     place_pair(pair, there.ctypes.data, motion)
     kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
-    measure_by(m.calls[MEASURE], kind_a, there[0], kind_b, there[1], found)
+    measure(kind_a, there[0], kind_b, there[1], found)
     return (found[0], (found[7], found[8], found[9]))
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def middle_position(node: int, box: int, pair: int, rows: int, motion: int) -> None:
     """Place a pair in the middle of a box, and write the axes of all joints there.
 

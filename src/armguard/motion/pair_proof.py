@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, scaled
@@ -39,7 +39,6 @@ from armguard.motion.pair_state import (
 from armguard.motion.state import (
     BUDGET,
     HORIZON,
-    MEASURE,
     NODE_LEVELS,
     NODES,
     SEGMENT,
@@ -75,7 +74,7 @@ def shared_joints(body_a: int, body_b: int, m: Motion) -> int:
     return int(m.shared[body_a, body_b])
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def path_gap(pair: int, n: Vec3, motion: int) -> float:
     """Least distance of a pair on the whole stop path, bounded from where it is [m].
 
@@ -102,7 +101,7 @@ def path_gap(pair: int, n: Vec3, motion: int) -> float:
     return gap
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def prove_by_spans(pair: int, known: float, motion: int) -> tuple[int, float]:
     """Prove that a pair keeps a distance on the stop path, span by span.
 
@@ -188,7 +187,7 @@ def is_wide(node: int, pair: int, m: Motion) -> bool:
     return wide > WIDE * line
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def span_gap(node: int, pair: int, motion: int) -> Vec3:
     """Distance in the middle of a span, and its least over it [m].
 
@@ -215,7 +214,7 @@ def span_gap(node: int, pair: int, motion: int) -> Vec3:
         T = m.node_T[(plan * NODES + node) * m.parent.shape[0] + body]
         place_row(int(p[at + KIND]), local, T, rows[side])
     kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
-    measure_by(m.calls[MEASURE], kind_a, rows[0], kind_b, rows[1], witness)
+    measure(kind_a, rows[0], kind_b, rows[1], witness)
     if not witness[0] >= 0.0:
         return (witness[0], witness[0], 0.0)
     n = (witness[7], witness[8], witness[9])

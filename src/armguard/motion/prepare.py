@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import kernel_address
-from armguard.geometry.pairs import measure_at
 from armguard.motion import figures as place
 from armguard.motion.chains import (
     Chains,
@@ -106,7 +104,6 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         sizes=np.zeros(b),
         corner_T=np.zeros((b, 12)),
         columns=np.zeros((2 * depth, COLUMN)),
-        calls=np.array([kernel_address(measure_at, 5)]),
         lever_rows=np.zeros((depth, LEVER_ROW + depth)),
         swings=np.zeros((len(tables.q_names), SWINGS_WIDTH)),
     )

@@ -54,10 +54,6 @@ STAMP = 2  # of the nodes that were made for this cycle
 LOOKED = 3  # 1 where more than its own primitives were asked about a pair
 EFFORT = 4
 
-# Places in `Motion.calls`: addresses of kernels.
-MEASURE = 0  # `measure_at`
-CALLS = 1
-
 # Boxes of joint positions that wait while one is divided; and the one that is a whole
 # span.
 BOX_LEVELS = 24
@@ -131,7 +127,6 @@ class Motion(NamedTuple):
         sizes: Scratch for the greatest move of each body's joint, shape (b,).
         corner_T: Scratch for poses at a corner of a span, shape (b, 12).
         columns: Scratch for how joints move a pair, see `nearest`, (2 · depth, COLUMN).
-        calls: See MEASURE, shape (CALLS,).
         lever_rows: Scratch for one side, shape (depth, LEVER_ROW + depth).
         swings: What a stop under way may swing, and where it may lead each joint; see
             OF_STOP, shape (n, SWINGS_WIDTH) [rad].
@@ -190,7 +185,6 @@ class Motion(NamedTuple):
     sizes: Vector
     corner_T: Matrix
     columns: Matrix
-    calls: LongVector
     lever_rows: Matrix
     swings: Matrix
 

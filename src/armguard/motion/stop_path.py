@@ -67,7 +67,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def plan_stops(plan: int, motion: int) -> None:
     """Predict the stop of every joint, and bound how far it gets in all.
 
@@ -167,7 +167,7 @@ def error_of(j: int, m: Motion) -> float:
     return 0.0 if still else float(m.joint_figures[j, POSITION_ERROR])
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def write_axes(poses: int, motion: int) -> None:
     """Write the axes of all joints where they were measured.
 
@@ -181,7 +181,7 @@ def write_axes(poses: int, motion: int) -> None:
         write_axis(T_world[b], m.axis[b], m.axes[b])
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def plan_segment(start: int, end: int, motion: int) -> None:
     """Take a straight line of joint positions for the path of both plans.
 
@@ -223,7 +223,7 @@ def measured_speeds(m: Motion) -> None:
                 m.speed[b] = abs(m.gain[b, 0]) * fastest
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def bound_reaches(plan: int, bodies: int, motion: int) -> None:
     """Bound the way and the speed of every moving primitive's points.
 
@@ -253,7 +253,7 @@ def write_axis(T: Floats, axis: Floats, out: Floats) -> None:
         out[r + 3] = T[4 * r + 3]
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def make_node(plan: int, node: int, motion: int) -> None:
     """Write a span of the stop path, unless that was done in this cycle.
 

@@ -12,14 +12,13 @@ from typing import Any
 import numba
 import numpy as np
 
-from armguard.address import kernel_address
 from armguard.geometry import Capsule, Pose, Sphere
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.index.small_tree import compile_octree
-from armguard.respond.guard import PARTS_OF_CYCLE, Guard
+from armguard.respond.guard import Guard
 from armguard.respond.whole_cycle import (
     begin_filtered_cycle,
     end_filtered_cycle,
@@ -29,6 +28,7 @@ from armguard.robot.model import CollisionElement, Joint, JointKind, Link, Robot
 from armguard.robot.stopping import stopping_figures
 from armguard.scene.scene import Scene
 from armguard.scene.settings import Mode
+from armguard.separate import link
 
 # Of prctl(2): the signal this process gets when its parent ends.
 PR_SET_PDEATHSIG = 1
@@ -75,10 +75,9 @@ def compile_cycle(mode: Mode) -> None:
         guard.check_path([guard.home, guard.home])
 
 
-def compile_filter() -> None:
-    """Compile what a filtered cycle has beside the others."""
-    for kernel, count in PARTS_OF_CYCLE.values():
-        kernel_address(kernel, count)
+def compile_filter(last_first: bool) -> None:
+    """Compile the filtered cycle and all that it calls, see `link`."""
+    link(run_filtered_cycle, last_first)
     lines, numbers = numba.int64[::1], numba.float64[::1]
     wish = (numbers, numba.int64, numbers, lines, lines)
     entries: tuple[tuple[Any, tuple[Any, ...]], ...] = (
@@ -91,18 +90,19 @@ def compile_filter() -> None:
 
 
 def compile_here(guarded: bool) -> None:
-    """The part of a guard that starts: distances, fixed buffers, and the filter."""
+    """The part of a guard that starts: distances, fixed buffers, half of the filter."""
     row, out = np.zeros(ROW_WIDTH), np.zeros(WITNESS_WIDTH)
     measure(int(ShapeKind.SPHERE), row, int(ShapeKind.SPHERE), row, out)
     compile_cycle("fixed")
     if guarded:
-        compile_filter()
+        compile_filter(last_first=True)
 
 
 def compile_there(guarded: bool) -> None:
-    """The part of the other process: the octree, and the prediction of stops."""
+    """The part of the other process: the octree, half of the filter, paths."""
     compile_octree()
     if guarded:
+        compile_filter(last_first=False)
         compile_cycle("path")
 
 

@@ -48,9 +48,9 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
     """Compile here and in another process, unless all is kept.
 
     Numba compiles one kernel at a time. Two processes share the cache on disk: what the
-    other one has compiled is loaded when this one comes to it. Here go the distances,
-    the cycle with fixed buffers and the filter, there the octree and the prediction of
-    stops.
+    other one has compiled is loaded when this one comes to it. Here go the distances
+    and the cycle with fixed buffers, there the octree; the filter and the prediction of
+    stops are begun at both ends.
 
     Args:
         progress: Told before, since it takes a minute or more.

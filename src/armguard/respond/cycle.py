@@ -6,8 +6,9 @@ solved -> (proof) -> what is told, and what is held.
 
 from math import inf, isfinite, nan, sqrt
 
-from armguard.address import call_for_nothing
 from armguard.guard.commands import time_passed
+from armguard.guard.filtered_cycle import close_cycle
+from armguard.guard.intent import read_intents
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
@@ -24,12 +25,9 @@ from armguard.guard.watch import (
     open_watch,
 )
 from armguard.guard.workspace import (
-    ADD_PAIRS,
-    CLOSE,
     FIRST_ROW,
-    INTENT,
+    INTENTS,
     MOTION,
-    NOWHERE,
     SELF,
     WATCH,
     Workspace,
@@ -55,6 +53,7 @@ from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
 from armguard.respond.program import (
     BY_ROWS,
+    add_pairs,
     breaks_rows,
     frame_limits,
     retreats,
@@ -101,7 +100,7 @@ GENTLE = 0.5
 LEAD_TIME = 0.1
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def respond(response: int, lines: int) -> int:
     """Turn what is asked for into a target that is to be proven.
 
@@ -123,14 +122,14 @@ def respond(response: int, lines: int) -> int:
     take_asked(a, v, m)
     lead_robots(response, w.parts[SELF])
     s = open_lead(a.lead)
-    if w.parts[INTENT] != NOWHERE:
-        call_for_nothing(w.parts[INTENT], (a.asked.ctypes.data, w.parts[SELF]))
+    if w.settings[INTENTS] != 0:
+        read_intents(a.asked.ctypes.data, w.parts[SELF])
     look_for_threats(response, w.parts[SELF])
     for r in range(a.notes.shape[0]):
         follows = follow_lead(r, engage(r, a, v, m), a, s, v)
         frame_limits(r, follows, a, w, v, m)
     keep_grips(a, w, m)
-    call_for_nothing(w.parts[ADD_PAIRS], (response, w.parts[SELF]))
+    add_pairs(response, w.parts[SELF])
     open_programs = 0
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
@@ -187,7 +186,7 @@ def speed_to(way: float, deceleration: float, period: float) -> float:
     return float(min(way / period, speed))
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def finish(judged: int, unsolved: int, response: int, lines: int) -> int:
     """Prove the target, order stops, and write what the robots are told.
 
@@ -210,7 +209,7 @@ def finish(judged: int, unsolved: int, response: int, lines: int) -> int:
             settle_target(r, (unsolved >> r) & 1, a, w, v, m)
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
-    call_for_nothing(w.parts[CLOSE], (judged, w.parts[SELF]))
+    close_cycle(judged, w.parts[SELF])
     if judged == 0:
         # Nobody asked what was wanted; a stop may be over before the next who does.
         for r in range(a.notes.shape[0]):

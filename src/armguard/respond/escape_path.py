@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.bounds import row_bounds
-from armguard.geometry.pairs import measure_by
+from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.guard.memory import TOKEN
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.proofs import robot_of, standing_need, time_since
 from armguard.guard.watch import Watch, open_watch
-from armguard.guard.workspace import MEASURE, MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
@@ -92,7 +92,7 @@ ASKING = 4
 LIMIT_ROOM = 2e-3
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def judge_way(
     r: int, go: float, bound: float, looks: int, response: int, lines: int
 ) -> float:
@@ -254,8 +254,7 @@ def gap_to_comers(time: float, e: Escape, w: Workspace, v: Watch, m: Motion) -> 
             need = comer_need(i, j, w, v, m)
             if box_gap(e.boxes[i], w.world.boxes[j], e.shift) - need >= least:
                 continue
-            measure_by(
-                w.parts[MEASURE],
+            measure(
                 w.world.kinds[i],
                 e.rows[i],
                 w.world.kinds[j],
@@ -385,9 +384,9 @@ def meets(
         if e.boxes[i, k] - box[k + 3] > need or box[k] - e.boxes[i, k + 3] > need:
             return False
     kinds, rows = w.world.kinds, w.world.rows
-    measure_by(w.parts[MEASURE], kinds[i], e.rows[i], kinds[j], row, e.witness)
+    measure(kinds[i], e.rows[i], kinds[j], row, e.witness)
     gap = e.witness[0]
     if not gap < need:
         return False
-    measure_by(w.parts[MEASURE], kinds[i], rows[i], kinds[j], rows[j], e.witness)
+    measure(kinds[i], rows[i], kinds[j], rows[j], e.witness)
     return bool(gap < e.witness[0] - GRAZES)

@@ -115,7 +115,7 @@ BEST = 2  # the best one for now, which is not good
 LINGERS = 0.1
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def look_for_threats(response: int, lines: int) -> None:
     """Find robots that something comes at, and ask for a way that leads off.
 

@@ -8,29 +8,24 @@ from typing import Any, Literal, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.address import kernel_address
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
 from armguard.guard import layout
 from armguard.guard.checkpoint import chosen
 from armguard.guard.checkpoint_bounds import Greatest, Rules
-from armguard.guard.filtered_cycle import close_cycle, open_cycle
 from armguard.guard.given import is_mapping, kind_of, real_or_none
 from armguard.guard.levels import Reason
 from armguard.guard.monitor import FLOAT64, OTHER_THREAD, Monitor
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
-from armguard.guard.workspace import ADD_PAIRS, CLOSE, FINISH, OPEN, RESPOND
 from armguard.respond.asked import as_vector, named_vector, reason_of_stop
 from armguard.respond.command import Blocked, Command
 from armguard.respond.compiling import compile_ahead
-from armguard.respond.cycle import finish, respond
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import Standing
 from armguard.respond.escape_state import escape_of
 from armguard.respond.goals import engage_lead, find_retreat, set_goal
 from armguard.respond.lead_state import lead_of
-from armguard.respond.program import add_pairs
 from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
 from armguard.respond.remembered import more_of
 from armguard.respond.self_test import filter_line
@@ -64,16 +59,6 @@ from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
-
-# What a filtered cycle calls by address, by its place: kernels, and how many arguments
-# each takes.
-PARTS_OF_CYCLE: Mapping[int, tuple[Any, int]] = {
-    CLOSE: (close_cycle, 2),
-    ADD_PAIRS: (add_pairs, 2),
-    OPEN: (open_cycle, 3),
-    RESPOND: (respond, 2),
-    FINISH: (finish, 4),
-}
 
 
 class Guard(Monitor):
@@ -568,8 +553,6 @@ class Guard(Monitor):
                     f"robot '{part.name}' has the mode 'fixed', which predicts no "
                     "stops; to filter commands it needs 'path' or 'speed'"
                 )
-        for place, (kernel, count) in PARTS_OF_CYCLE.items():
-            self._addresses[place] = kernel_address(kernel, count)
         self._lead = lead_of(self.tables)
         self._lead_ledger = Ledger(self._lead)
         self._escape = escape_of(self.tables)

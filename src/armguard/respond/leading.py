@@ -86,7 +86,7 @@ WAY_BLOCKED = int(Blocked.WAY_BLOCKED)
 LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def lead_robots(response: int, lines: int) -> None:
     """Ask in the place of operators whose robots are led.
 
@@ -204,7 +204,7 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     return True
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def note_leads(judged: int, response: int, lines: int) -> None:
     """After the proof: remember where robots are, and say how those that are led fare.
 

@@ -63,7 +63,7 @@ def anybody_leaves(a: Response) -> bool:
     return False
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def note_ways_out(response: int, lines: int) -> None:
     """Note which way joints lead out of what is too near to robots that are to leave.
 

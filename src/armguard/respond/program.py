@@ -130,7 +130,7 @@ LIMIT_SPARE = 1e-3
 GRAIN = 1e-9
 
 
-@kernel(inline=False)
+@kernel(separate=True)
 def add_pairs(response: int, lines: int) -> None:
     """Add every near pair to the programs of its robots; note who leads away.
 

@@ -29,7 +29,7 @@ from armguard.guard.grips import (
 from armguard.guard.intent import TOWARDS, velocity_of
 from armguard.guard.proofs import robot_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import GRIPS, INTENT, NOWHERE, Workspace
+from armguard.guard.workspace import GRIPS, INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import NEXT, REACTION, Motion
@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 @kernel(inline=False)
 def comes_to_anything(w: Workspace) -> bool:
     """Whether a contract is in force; else no pair need be asked for its own."""
-    if w.parts[INTENT] == NOWHERE:
+    if w.settings[INTENTS] == 0:
         return False
     h = open_grips(w.parts[GRIPS])
     for k in range(h.contracts.shape[0]):

@@ -9,10 +9,11 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_count
+from armguard.guard.filtered_cycle import open_cycle
 from armguard.guard.levels import Reason
-from armguard.guard.workspace import FINISH, OPEN, RESPOND, SELF, open_workspace
+from armguard.guard.workspace import SELF, open_workspace
 from armguard.kernel import kernel
+from armguard.respond.cycle import finish, respond
 from armguard.respond.state import (
     FORM,
     POSITIONS,
@@ -69,10 +70,10 @@ def begin_filtered_cycle(
     """
     a, w = open_response(response), open_workspace(lines)
     address = w.parts[SELF]
-    if call_for_count(w.parts[OPEN], (q.ctypes.data, q.shape[0], address)) == 0:
+    if open_cycle(q.ctypes.data, q.shape[0], address) == 0:
         return NOT_JUDGED
     take_wish(form, wish, a)
-    return int(call_for_count(w.parts[RESPOND], (response.ctypes.data, address)))
+    return respond(response.ctypes.data, address)
 
 
 @kernel(inline=False, entry=True)
@@ -89,11 +90,10 @@ def end_filtered_cycle(q: Floats, unsolved: int, response: Longs, lines: Longs) 
     w = open_workspace(lines)
     judged = 0 if unsolved == NOT_JUDGED else 1
     open_programs = 0 if judged == 0 else unsolved
-    arguments = (judged, open_programs, response.ctypes.data, w.parts[SELF])
-    used = call_for_count(w.parts[FINISH], arguments)
+    used = finish(judged, open_programs, response.ctypes.data, w.parts[SELF])
     if judged == 0:
         tell_what_is_said(q, open_response(response))
-    return int(used)
+    return used
 
 
 @kernel

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_for_nothing, pointer
+from armguard.address import pointer
 from armguard.geometry.pairs.box_box import box_box
 from armguard.geometry.pairs.capsule_box import capsule_box
 from armguard.geometry.pairs.capsule_capsule import capsule_capsule
@@ -58,34 +58,14 @@ def measure(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
         b: Its row, shape (16,); world [m].
         out: Witness row, shape (10,), overwritten.
     """
-    # Whatever whole number a kind comes as, one kernel is compiled; `int` keeps its
-    # width.
-    one, other = int(np.int64(kind_a)), int(np.int64(kind_b))
-    if one > other:
-        measure_at(other, b.ctypes.data, one, a.ctypes.data, out.ctypes.data)
+    if kind_a > kind_b:
+        measure_at(kind_b, b.ctypes.data, kind_a, a.ctypes.data, out.ctypes.data)
         turn_witness(out)
     else:
-        measure_at(one, a.ctypes.data, other, b.ctypes.data, out.ctypes.data)
+        measure_at(kind_a, a.ctypes.data, kind_b, b.ctypes.data, out.ctypes.data)
 
 
-@kernel
-def measure_by(
-    address: int, kind_a: int, a: Row, kind_b: int, b: Row, out: Row
-) -> None:
-    """The same, for kernels that know `measure_at` by its address."""
-    one, other = int(kind_a), int(kind_b)
-    if one > other:
-        call_for_nothing(
-            address, (other, b.ctypes.data, one, a.ctypes.data, out.ctypes.data)
-        )
-        turn_witness(out)
-    else:
-        call_for_nothing(
-            address, (one, a.ctypes.data, other, b.ctypes.data, out.ctypes.data)
-        )
-
-
-@kernel(inline=False)
+@kernel(separate=True)
 def measure_at(kind_a: int, a: int, kind_b: int, b: int, out: int) -> None:
     """The same, for kind_a <= kind_b and arrays by their addresses.
 

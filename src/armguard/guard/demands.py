@@ -1,0 +1,122 @@
+"""Which robots must stop for a pair.
+
+Every cycle proves that a stop ordered in the next one touches nothing. A pair for which
+that cannot be proven any longer has been proven in the last cycle for a stop that is
+ordered now. If it is enough that one of two robots stops now, the other may go on.
+"""
+
+from math import inf
+
+from armguard.guard.contracts import prove
+from armguard.guard.layout import BUFFER, CLEARANCE, ENVELOPE, PROOF, TIME_LEFT, WITNESS
+from armguard.guard.levels import Reason
+from armguard.guard.proofs import (
+    OF_WITNESS,
+    closing_speed,
+    coarse,
+    rate_along_normal,
+    robot_of,
+)
+from armguard.guard.watch import Watch, open_watch
+from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.kernel import kernel
+from armguard.motion.figures import FIXED, MODE
+from armguard.motion.pair_state import (
+    ALLOWED,
+    EXCEEDED,
+    NEEDED,
+    PROVEN,
+    SPENT,
+    UNPROVEN,
+)
+from armguard.motion.state import LOOKED, NEXT, NOW, open_motion
+
+TOO_CLOSE = int(Reason.TOO_CLOSE)
+NO_PROOF = int(Reason.NO_PROOF)
+BUDGET_SPENT = int(Reason.BUDGET_SPENT)
+CONTRACT_EXCEEDED = int(Reason.CONTRACT_EXCEEDED)
+
+# A robot whose part of a closing speed is smaller than this has no part in it [-].
+OWN_SHARE = 0.25
+
+
+@kernel(separate=True)
+def judge_motion(i: int, j: int, place: int, lines: int) -> None:
+    """Write what a measured pair has left beyond what it needs, and how long.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        place: Where the pair's row starts; its witness is written already.
+        lines: Address of the ledger; robots that must stop are marked.
+    """
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    out = w.out
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+    plan_i = plan_j = NEXT
+    m.effort[LOOKED] = 0
+    out[place + ENVELOPE] = OF_WITNESS
+    proof, spare = prove(i, j, plan_i, plan_j, place, lines)
+    judged = out[place + ENVELOPE]
+    out[place + CLEARANCE] = spare
+    out[place + PROOF] = proof
+    if proof == ALLOWED:
+        return
+    closing = closing_speed(i, j, w, v, m)
+    left = 0.0
+    if spare > 0.0:
+        speed = closing
+        if not (coarse(i, v, m) or coarse(j, v, m)):
+            speed = min(closing, rate_along_normal(i, j, place, w, v, m))
+        left = spare / speed if speed > 0.0 else inf
+    out[place + TIME_LEFT] = left
+    # It is short for those who come nearer: a parked robot is not in a hurry.
+    for side in range(2):
+        k, r = (i, robot_i) if side == 0 else (j, robot_j)
+        if r >= 0 and not left >= v.time_left[r]:
+            if robot_j < 0 or robot_i == robot_j or m.rate[k] >= OWN_SHARE * closing:
+                v.time_left[r] = left
+    if proof == PROVEN or proof == UNPROVEN:
+        return
+    cause = TOO_CLOSE if proof == NEEDED else NO_PROOF
+    if proof == SPENT:
+        cause = BUDGET_SPENT
+    if proof == EXCEEDED:
+        cause = CONTRACT_EXCEEDED
+    if robot_j < 0 or robot_j == robot_i:
+        demand_stop(robot_i, cause, v)
+        return
+    fixed_i = m.robot_figures[robot_i, MODE] == FIXED
+    fixed_j = m.robot_figures[robot_j, MODE] == FIXED
+    if fixed_i or fixed_j:
+        # A fixed robot stops when its buffer is broken; the other one has to prove.
+        broken = not out[place + WITNESS] >= out[place + BUFFER]
+        if broken or not fixed_i:
+            demand_stop(robot_i, cause, v)
+        if broken or not fixed_j:
+            demand_stop(robot_j, cause, v)
+        return
+    one, other = robot_i, robot_j
+    if m.rate[j] > m.rate[i]:
+        one, other = robot_j, robot_i
+    for attempt in range(2):
+        # First the one that moves faster, then the other one alone.
+        stopped = one if attempt == 0 else other
+        plan_i = NOW if stopped == robot_i else NEXT
+        plan_j = NOW if stopped == robot_j else NEXT
+        found = prove(i, j, plan_i, plan_j, place, lines)
+        out[place + ENVELOPE] = judged
+        if found[0] == PROVEN or found[0] == ALLOWED:
+            demand_stop(stopped, cause, v)
+            return
+    demand_stop(one, cause, v)
+    demand_stop(other, cause, v)
+
+
+@kernel
+def demand_stop(r: int, cause: int, v: Watch) -> None:
+    """A robot must stop, or stay where it rests."""
+    if v.must[r] == 0:
+        v.must[r] = 1
+        v.cause[r] = cause

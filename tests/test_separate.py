@@ -1,0 +1,174 @@
+"""Separate kernels: called by name, compiled once, reached from any process."""
+
+import os
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+
+from armguard import separate
+from armguard.address import pointer
+from armguard.kernel import kernel
+from armguard.separate import SeparateKernel
+
+MODULE = """
+from armguard.kernel import kernel
+
+@kernel(separate=True)
+def twice(x: float) -> tuple[int, float]:
+    return 7, 2.0 * x
+
+@kernel(separate=True)
+def four_times(x: float) -> float:
+    return twice(twice(x)[1])[1]
+
+@kernel
+def inlined(x):
+    return four_times(x)
+
+@kernel(entry=True)
+def call(x):
+    return inlined(x) + twice(x)[0]
+"""
+
+CALL = "import calls; print(calls.call(1.5))"
+
+# Calls, without being a kernel, one that calls a separate one.
+WRAP = """
+import numba
+from calls import inlined
+
+@numba.njit
+def wrapped(x):
+    return inlined(x)
+
+print(wrapped(1.5))
+"""
+
+MISSES = """
+for one in calls.call, calls.twice.dispatcher, calls.four_times.dispatcher:
+    print(sum(one.stats.cache_hits.values()), sum(one.stats.cache_misses.values()))
+"""
+
+
+@kernel(separate=True)
+def half_of(number: int) -> float:
+    return 0.5 * number
+
+
+@kernel(separate=True)
+def write(place: int) -> None:
+    numba.carray(pointer(place), (2,), np.float64)[1] = half_of(3)
+
+
+@kernel(separate=True)
+def is_odd(number: int) -> bool:
+    return number % 2 == 1
+
+
+@kernel(entry=True)
+def use(array):
+    write(array.ctypes.data)
+    return half_of(array.shape[0]) if is_odd(array.shape[0]) else -1.0
+
+
+def run(folder, program, **environment):
+    (folder / "calls.py").write_text(MODULE)
+    path = ":".join([str(folder), *sys.path])
+    return subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={
+            **os.environ,
+            "PYTHONPATH": path,
+            "ARMGUARD_CACHE": str(folder / "cache"),
+            **environment,
+        },
+    )
+
+
+def test_a_kernel_calls_separate_ones_by_their_names():
+    array = np.zeros(5)
+    assert use(array) == 2.5
+    assert array[1] == 1.5
+    assert use(np.zeros(4)) == -1.0
+
+
+def test_callers_that_were_kept_find_what_they_call_in_another_process(tmp_path):
+    for expected in ("0 1\n" * 3, "1 0\n" * 3):
+        made = run(tmp_path, CALL + MISSES)
+        assert made.stdout == "13.0\n" + expected, made.stderr
+
+
+def test_so_does_code_that_is_no_kernel(tmp_path):
+    for _ in range(2):
+        made = run(tmp_path, WRAP)
+        assert made.stdout == "6.0\n", made.stderr
+
+
+def test_interpreted_they_are_functions(tmp_path):
+    assert run(tmp_path, CALL, NUMBA_DISABLE_JIT="1").stdout == "13.0\n"
+
+
+def test_only_kernels_call_one():
+    with pytest.raises(TypeError, match="half_of"):
+        half_of(3)
+
+
+def test_arguments_must_be_what_it_declares():
+    @numba.njit
+    def two():
+        return half_of(1, 2)
+
+    @numba.njit
+    def fraction():
+        return half_of(1.5)
+
+    for wrong in two, fraction:
+        with pytest.raises(numba.TypingError):
+            wrong()
+
+
+def test_what_it_returns_must_be_what_it_declares():
+    @kernel(separate=True)
+    def wrong(number: int) -> int:
+        return 0.5 * number
+
+    with pytest.raises(TypeError, match="returns float64; its annotation says int64"):
+        separate.link(wrong)
+
+
+def test_code_that_is_no_kernel_links_what_it_calls():
+    @kernel(separate=True)
+    def fresh(number: int) -> int:
+        return number + 1
+
+    @numba.njit
+    def other():
+        return fresh(1)
+
+    assert not fresh.linked
+    assert other() == 2
+
+
+def test_an_empty_cell_ends_the_process_with_a_sentence(tmp_path):
+    forgets = "import armguard.kernel as k\nk.link = lambda kernel: None\n"
+    run(tmp_path, CALL)
+    made = run(tmp_path, forgets + CALL)
+    assert made.returncode < 0
+    assert "called before it was linked" in made.stderr
+
+
+def test_every_separate_kernel_can_be_reached_from_one_that_python_calls():
+    from armguard.respond.whole_cycle import run_filtered_cycle
+
+    names = {
+        one.py_func.__name__
+        for one in separate.kernels_from(run_filtered_cycle)
+        if isinstance(one, SeparateKernel)
+    }
+    assert {"measure_at", "rebuild_world", "prove_pair", "read_intents"} <= names
