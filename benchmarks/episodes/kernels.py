@@ -2,12 +2,9 @@
 
 from collections.abc import Mapping
 from functools import cache
-from hashlib import sha256
 from typing import Any
 
-import numba
-
-from armguard.kernel import PACKAGE, sources_of
+from armguard.kernel import kernel_digest
 
 # Folders of the package that decide what a guard does; stations and benchmarks have
 # kernels of their own, which change no episode.
@@ -24,18 +21,7 @@ def kernels_of(*folders: str) -> str:
     Args:
         folders: Folders of the package; those of the guard if none is named.
     """
-    chosen = folders or GUARD
-    sources = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}
-    holders = {
-        path
-        for path, source in sources.items()
-        if path.relative_to(PACKAGE).parts[0] in chosen and b"@kernel" in source
-    }
-    used = {path for holder in holders for path in sources_of(sources[holder])}
-    digest = sha256(numba.__version__.encode())
-    for path in sorted(holders | used.intersection(sources)):
-        digest.update(path.relative_to(PACKAGE).as_posix().encode() + sources[path])
-    return digest.hexdigest()[:16]
+    return kernel_digest(*(folders or GUARD))
 
 
 def is_todays(run: Mapping[str, Any]) -> bool:

@@ -43,17 +43,25 @@ def cache_home() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "armguard"
 
 
-def kernel_digest() -> str:
+def kernel_digest(*folders: str) -> str:
     """Hash of every source file that holds a kernel, or a name such a file imports.
 
     And of Numba's version. Numba's own cache looks at one file only: it does not notice
     an edit in a function called from another file (numba issue 8396), nor in a constant
     taken from one. Keying the folder on all of them does. A kernel's file imports
     constants from where they are defined, not from where they are handed on.
+
+    Args:
+        folders: Folders of the package whose kernels count; all if none is named.
     """
     digest = sha256(numba.__version__.encode())
     sources = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}
-    holders = [path for path, source in sources.items() if b"@kernel" in source]
+    holders = [
+        path
+        for path, source in sources.items()
+        if b"@kernel" in source
+        and (not folders or path.relative_to(PACKAGE).parts[0] in folders)
+    ]
     used = {path for holder in holders for path in sources_of(sources[holder])}
     # What compiles a field of a table is imported where tables are declared, and what
     # compiles a call of a separate kernel below.
