@@ -1,39 +1,35 @@
 """What may be called between two cycles, by name, with arguments in JSON."""
 
-import inspect
 import json
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import singledispatchmethod
 from typing import Any
 
-import numpy as np
+from pydantic import ValidationError
 
-from armguard.errors import UnknownNameError, did_you_mean
-from armguard.geometry.pose import Pose
-from armguard.guard.contract import Region
+from armguard.errors import ArmguardError, UnknownNameError, did_you_mean
+from armguard.station.calls import (
+    CALLS,
+    Call,
+    Configure,
+    Engage,
+    GuardCall,
+    ListObjects,
+    OrderStop,
+    Ping,
+    Place,
+    Remove,
+    Reset,
+    Why,
+)
 from armguard.station.errors import RefusedError
+from armguard.station.service.hub import Hub
+from armguard.station.service.objects import Objects
 from armguard.station.service.peers import Peer
 from armguard.station.wire.keys import Role
-
-# The role each call needs. From COMMAND on it needs the command itself as well.
-NEEDS: Mapping[str, Role] = {
-    "why": Role.OBSERVE,
-    "objects": Role.OBSERVE,
-    "stop": Role.OBSERVE,
-    "ping": Role.OBSERVE,
-    "place": Role.SENSE,
-    "remove": Role.SENSE,
-    "engage": Role.COMMAND,
-    "grasp": Role.COMMAND,
-    "release": Role.COMMAND,
-    "allow": Role.COMMAND,
-    "swap_model": Role.COMMAND,
-    "retreat": Role.COMMAND,
-    "field_goal": Role.COMMAND,
-    "reset": Role.COMMAND,
-    "configure": Role.ADMINISTER,
-}
+from armguard.station.wire.words import Cause
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +65,20 @@ class Calls:
     """Does what is called for.
 
     Args:
-        doors: What each name stands for; each is given the client that calls first.
+        hub: What all parts of the loop share.
+        order_stop: Stops all robots; given the name of the client that asked for it.
+        adopt_scene: Takes over what follows from the scene as it is now; given the
+            time, monotonic [ns].
     """
 
-    def __init__(self, doors: Mapping[str, Callable[..., Any]]) -> None:
-        self._doors = doors
+    def __init__(
+        self,
+        hub: Hub,
+        order_stop: Callable[[str], None],
+        adopt_scene: Callable[[int], None],
+    ) -> None:
+        self._hub, self._objects = hub, Objects(hub)
+        self._order_stop, self._adopt_scene = order_stop, adopt_scene
 
     def do(self, request: Request, peer: Peer, commands: bool) -> tuple[bool, bytes]:
         """Do it, if its sender may.
@@ -87,7 +92,7 @@ class Calls:
             Whether it was done, and the reply.
         """
         try:
-            result = self._answer(request, peer, commands)
+            result = self._answer(permitted(request, peer.role, commands), peer)
             return True, json.dumps({"ok": True, "result": result}).encode()
         except Exception as error:  # whatever it is, the loop goes on
             reply = {"ok": False, "error": type(error).__name__, "sentence": str(error)}
@@ -96,48 +101,105 @@ class Calls:
                 reply["reason"] = reason
             return False, json.dumps(reply).encode()
 
-    def _answer(self, request: Request, peer: Peer, commands: bool) -> Any:
-        """What a call gives back.
+    @singledispatchmethod
+    def _answer(self, call: Call, peer: Peer) -> Any:
+        """What a call gives back; one of the guard alone, nothing.
 
         Raises:
-            RefusedError: Its sender may not call it, or its arguments are others.
-            UnknownNameError: There is no such call.
+            ArmguardError: It is refused.
         """
-        call = request.call
-        door = self._doors.get(call)
-        if door is None:
-            raise UnknownNameError(
-                f"there is no call '{call}'; {did_you_mean(call, self._doors)}"
-            )
-        role = NEEDS.get(call, Role.ADMINISTER)
-        if peer.role < role:
-            raise RefusedError(
-                f"'{call}' needs the key for '{role.word}'; this client has the one "
-                f"for '{peer.role.word}'"
-            )
-        if role >= Role.COMMAND and not commands:
-            raise RefusedError(
-                f"'{call}' is for the commander; claim the command first"
-            )
-        own = partial(door, peer)
-        form = inspect.signature(own)
-        try:
-            form.bind(**request.arguments)
-        except TypeError as error:
-            raise RefusedError(f"call '{call}{form}': {error}") from None
-        return own(**request.arguments)
+        raise NotImplementedError(call.call)
+
+    @_answer.register
+    def _guard(self, call: GuardCall, peer: Peer) -> None:
+        self._hub.judge.do(call)
+
+    @_answer.register
+    def _engage(self, call: Engage, peer: Peer) -> None:
+        self._hub.judge.do(call)
+        if call.ordered:
+            self._hub.ordered = Cause.NONE
+
+    @_answer.register
+    def _reset(self, call: Reset, peer: Peer) -> None:
+        judge = self._hub.judge
+        if not judge.at_rest(self._hub.states):
+            raise RefusedError("a reset is for when every robot rests")
+        judge.do(call)
+
+    @_answer.register
+    def _place(self, call: Place, peer: Peer) -> None:
+        self._objects.place(peer, call)
+
+    @_answer.register
+    def _remove(self, call: Remove, peer: Peer) -> None:
+        self._objects.remove(peer, call)
+
+    @_answer.register
+    def _configure(self, call: Configure, peer: Peer) -> dict[str, Any]:
+        states = self._hub.states
+        changed = self._hub.judge.configure(states, call.response, call.mode)
+        self._adopt_scene(time.monotonic_ns())
+        return changed
+
+    @_answer.register
+    def _objects_placed(self, call: ListObjects, peer: Peer) -> dict[str, Any]:
+        return self._hub.judge.objects(call.first)
+
+    @_answer.register
+    def _why(self, call: Why, peer: Peer) -> dict[str, Any]:
+        return self._hub.judge.why()
+
+    @_answer.register
+    def _stop(self, call: OrderStop, peer: Peer) -> None:
+        self._order_stop(peer.name)
+
+    @_answer.register
+    def _ping(self, call: Ping, peer: Peer) -> dict[str, int]:
+        return {"cycle": self._hub.judge.guard.cycle}
+
+
+def permitted(request: Request, role: Role, commands: bool) -> Call:
+    """The call that was read, if its sender may make it.
+
+    Args:
+        request: What is called for.
+        role: Its sender's role.
+        commands: Whether its sender has the command.
+
+    Raises:
+        RefusedError: Its sender may not, or it takes other arguments.
+        UnknownNameError: There is no such call.
+        ArmguardError: An argument cannot be.
+    """
+    name = request.call
+    made = CALLS.get(name)
+    if made is None:
+        raise UnknownNameError(
+            f"there is no call '{name}'; {did_you_mean(name, CALLS)}"
+        )
+    if role < made.right:
+        raise RefusedError(
+            f"'{name}' needs the key for '{made.right.word}'; this client has the one "
+            f"for '{role.word}'"
+        )
+    if made.right >= Role.COMMAND and not commands:
+        raise RefusedError(f"'{name}' is for the commander; claim the command first")
+    try:
+        return made.model_validate(request.arguments)
+    except ValidationError as error:
+        found = error.errors(include_url=False)[0]
+        why = found.get("ctx", {}).get("error")
+        if isinstance(why, ArmguardError):
+            raise why from None
+        where = ".".join(map(str, found["loc"]))
+        takes = ", ".join(made.model_fields) or "nothing"
+        raise RefusedError(
+            f"call '{name}' takes {takes}; {where}: {found['msg']}"
+        ) from None
 
 
 def refusal(sentence: str) -> bytes:
     """The reply that says why something was not done."""
     reply = {"ok": False, "error": RefusedError.__name__, "sentence": sentence}
     return json.dumps(reply).encode()
-
-
-def region_of(value: Mapping[str, Any] | None) -> Region | None:
-    """The region of a contract, from what a message holds."""
-    if value is None:
-        return None
-    pose = Pose.from_matrix(np.array(value["pose"])) if "pose" in value else Pose()
-    x, y, z = value["half_extents"]
-    return Region(half_extents=(x, y, z), pose=pose, frame=value.get("frame"))
