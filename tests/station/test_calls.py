@@ -4,12 +4,14 @@ import inspect
 import json
 import re
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
-from armguard import Box, Guard, Pose, Region, bay_scene
+from armguard import Box, Guard, Pose, Reason, Region, Sphere, bay_scene
 from armguard.errors import ArmguardError
+from armguard.guard.objects import SightingError
 from armguard.station.blackbox.replay import do
 from armguard.station.calls import CALLS, Call, GuardCall, call_of
 from armguard.station.client.calls import Calls as Asking
@@ -223,8 +225,9 @@ def test_nobody_calls_without_the_right(name):
 
 @pytest.mark.parametrize("name", CALLS)
 def test_the_service_answers_every_call(name):
-    answer = vars(Calls)["_answer"].dispatcher.dispatch
-    assert answer(CALLS[name]) is not answer(Call)
+    calls = Calls(MagicMock(), MagicMock())
+    given = next((given for call, given, _ in EVENTS if call == name), {})
+    calls._answer(CALLS[name](**given), MagicMock(role=Role.ADMINISTER))
 
 
 @pytest.mark.parametrize(
@@ -269,16 +272,32 @@ def test_only_calls_of_the_guard_are_replayed():
         call_of({"call": "step"})
 
 
-def test_a_call_that_raises_is_not_recorded(tmp_path):
-    taped = RecordedGuard(
-        Guard(bay_scene("path"), self_test=False), RingWriter(tmp_path / "ring")
-    )
+def test_a_call_that_raises_is_recorded_only_if_it_stops_robots(tmp_path):
+    def guard_with_ball():
+        scene = bay_scene("path")
+        scene.add(Sphere(radius=0.05), name="ball", present=False, top_speed=1.0)
+        return Guard(scene, self_test=False)
+
+    def stop_of(guard):
+        return guard.filter(guard.home, still, 0.02, velocity=still).verdict.reason
+
+    taped = RecordedGuard(guard_with_ball(), RingWriter(tmp_path / "ring"))
+    still = np.zeros_like(taped.guard.home)
     for made in (CALLS["engage"](name="nobody"), CALLS["remove"](name="nothing")):
         with pytest.raises(ArmguardError):
             taped.do(made)
-    taped.do(CALLS["engage"]())
-    (row,) = RingReader(tmp_path / "ring").unread()
-    assert frame_of(row).text == {"call": "engage", "name": None, "ordered": True}
+    ball, far = CALLS["place"], {"stamp": 0.01, "pose": Pose(xyz=(-3.0, 0.0, 1.0))}
+    small = Sphere(radius=0.01)
+    taped.do(ball(name="ball", pose=Pose(xyz=(3.0, 0.0, 1.0)), stamp=0.0, shape=small))
+    with pytest.raises(SightingError):
+        taped.do(ball(name="ball", **far))
+    events = [frame_of(row) for row in RingReader(tmp_path / "ring").unread()]
+    assert [frame.text["stamp"] for frame in events] == [0.0, 0.01]
+    assert [frame.text["shape"]["radius"] for frame in events] == [0.01, 0.01]
+    again = guard_with_ball()
+    for frame in events:
+        do(again, frame)
+    assert stop_of(again) is stop_of(taped.guard) is Reason.OBJECT_JUMPED
 
 
 def test_every_call_has_its_row_in_the_docs():

@@ -25,12 +25,8 @@ Floats = NDArray[np.float64]
 CALLS: dict[str, type["Call"]] = {}
 
 
-def numbers_of(value: Any) -> Floats | None:
-    """Numbers as an array, a pose as its transform; None if there are none.
-
-    Raises:
-        ValueError: They are no numbers.
-    """
+def numbers_in(value: Any) -> Floats | None:
+    """Numbers as an array, a pose as its transform; None if there are none."""
     if isinstance(value, Pose):
         return value.matrix()
     try:
@@ -40,12 +36,7 @@ def numbers_of(value: Any) -> Floats | None:
 
 
 def shape_in(value: Any) -> Shape | None:
-    """A shape, from its kind and sizes if it is told by these; None if there is none.
-
-    Raises:
-        ShapeError: There is no such kind, or it has no such sizes.
-        ValueError: It is no shape.
-    """
+    """A shape, also from its kind and its sizes; None if there is none."""
     if isinstance(value, Mapping):
         return shape_of(value)
     if value is None or isinstance(value, Shape):
@@ -54,17 +45,7 @@ def shape_in(value: Any) -> Shape | None:
 
 
 def region_in(value: Any) -> Region | None:
-    """A region; None if there is none.
-
-    Args:
-        value: `half_extents`, `frame`, and `pose` as a transform, shape (4, 4), or as
-            `xyz` and `rpy`.
-
-    Raises:
-        GraspError: The sizes are none.
-        PoseError: The pose is none.
-        ValueError: It is no region.
-    """
+    """A region, also from its fields, its pose as a transform or as `xyz` and `rpy`."""
     if value is None or isinstance(value, Region):
         return value
     try:
@@ -89,7 +70,7 @@ def region_words(region: Region) -> dict[str, Any]:
 
 Numbers = Annotated[
     Floats | None,
-    PlainValidator(numbers_of),
+    PlainValidator(numbers_in),
     PlainSerializer(lambda value: value.tolist(), when_used="unless-none"),
 ]
 ShapeWords = Annotated[
@@ -105,7 +86,7 @@ RegionWords = Annotated[
 
 
 class Call(BaseModel):
-    """A call between two cycles; a class with a name is one that can be made.
+    """A call between two cycles; a class with a name and a right can be made.
 
     Attributes:
         call: Its name.
@@ -119,11 +100,11 @@ class Call(BaseModel):
     call: ClassVar[str]
     right: ClassVar[Role]
 
-    @classmethod
-    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, call: str = "", right: Role | None = None) -> None:
         """Register it."""
-        if "call" in vars(cls):
-            CALLS[cls.call] = cls
+        if call and right:
+            cls.call, cls.right = call, right
+            CALLS[call] = cls
 
 
 class GuardCall(Call):
@@ -143,41 +124,29 @@ class GuardCall(Call):
         return {"call": self.call, **self.model_dump()}
 
 
-class Engage(GuardCall):
+class Engage(GuardCall, call="engage", right=Role.COMMAND):
     """See `Guard.engage`."""
-
-    call = "engage"
-    right = Role.COMMAND
 
     name: str | None = None
     ordered: bool = True
 
 
-class Grasp(GuardCall):
+class Grasp(GuardCall, call="grasp", right=Role.COMMAND):
     """See `Guard.grasp`."""
 
-    call = "grasp"
-    right = Role.COMMAND
-
     robot: str
     name: str
 
 
-class Release(GuardCall):
+class Release(GuardCall, call="release", right=Role.COMMAND):
     """See `Guard.release`."""
 
-    call = "release"
-    right = Role.COMMAND
-
     robot: str
     name: str
 
 
-class Allow(GuardCall):
+class Allow(GuardCall, call="allow", right=Role.COMMAND):
     """See `Guard.allow`."""
-
-    call = "allow"
-    right = Role.COMMAND
 
     a: str
     b: str
@@ -187,49 +156,34 @@ class Allow(GuardCall):
     until: float | None = None
 
 
-class SwapModel(GuardCall):
+class SwapModel(GuardCall, call="swap_model", right=Role.COMMAND):
     """See `Guard.swap_model`."""
-
-    call = "swap_model"
-    right = Role.COMMAND
 
     robot: str
     model: str
 
 
-class Retreat(GuardCall):
+class Retreat(GuardCall, call="retreat", right=Role.COMMAND):
     """See `Guard.retreat`."""
-
-    call = "retreat"
-    right = Role.COMMAND
 
     name: str | None = None
     to: Literal["path"] | Numbers = "path"
 
 
-class FieldGoal(GuardCall):
+class FieldGoal(GuardCall, call="field_goal", right=Role.COMMAND):
     """See `Guard.field_goal`."""
-
-    call = "field_goal"
-    right = Role.COMMAND
 
     name: str
     q: Numbers = None
     pose: Numbers = None
 
 
-class Reset(GuardCall):
+class Reset(GuardCall, call="reset", right=Role.COMMAND):
     """See `Guard.reset`."""
 
-    call = "reset"
-    right = Role.COMMAND
 
-
-class Place(GuardCall):
+class Place(GuardCall, call="place", right=Role.SENSE):
     """See `Guard.place`."""
-
-    call = "place"
-    right = Role.SENSE
 
     name: str
     pose: Numbers
@@ -238,53 +192,35 @@ class Place(GuardCall):
     shape: ShapeWords = None
 
 
-class Remove(GuardCall):
+class Remove(GuardCall, call="remove", right=Role.SENSE):
     """See `Guard.remove`."""
-
-    call = "remove"
-    right = Role.SENSE
 
     name: str
 
 
-class Configure(Call):
+class Configure(Call, call="configure", right=Role.ADMINISTER):
     """Goes on with other settings of the scene, for all robots or by name."""
-
-    call = "configure"
-    right = Role.ADMINISTER
 
     response: str | dict[str, str] | None = None
     mode: str | dict[str, str] | None = None
 
 
-class Why(Call):
+class Why(Call, call="why", right=Role.OBSERVE):
     """Asks for the last cycle in words."""
 
-    call = "why"
-    right = Role.OBSERVE
 
-
-class ListObjects(Call):
+class ListObjects(Call, call="objects", right=Role.OBSERVE):
     """Asks where objects were placed since the start, after so many of them."""
-
-    call = "objects"
-    right = Role.OBSERVE
 
     first: Annotated[int, Field(ge=0)] = 0
 
 
-class OrderStop(Call):
+class OrderStop(Call, call="stop", right=Role.OBSERVE):
     """Stops all robots until they are engaged."""
 
-    call = "stop"
-    right = Role.OBSERVE
 
-
-class Ping(Call):
+class Ping(Call, call="ping", right=Role.OBSERVE):
     """Asks for the number of the next cycle."""
-
-    call = "ping"
-    right = Role.OBSERVE
 
 
 def call_of(event: Mapping[str, Any]) -> GuardCall:
@@ -295,8 +231,7 @@ def call_of(event: Mapping[str, Any]) -> GuardCall:
         ValueError: It has other arguments, or is none of the guard's.
     """
     words = dict(event)
-    made = CALLS[words.pop("call")]
-    call = made.model_validate(words)
+    call = CALLS[words.pop("call")].model_validate(words)
     if not isinstance(call, GuardCall):
-        raise ValueError(f"'{made.call}' does nothing to a guard")
+        raise ValueError(f"'{call.call}' does nothing to a guard")
     return call

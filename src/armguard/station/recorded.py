@@ -27,7 +27,7 @@ class RecordedGuard:
     """A guard that writes down what goes in and what comes out.
 
     Its cycles are the guard's own, and answer as these do. A call that raises has
-    changed nothing and is not written down.
+    changed nothing and is not written down, but for a sighting that is refused.
 
     Attributes:
         guard: The guard.

@@ -2,12 +2,10 @@
 
 import json
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import singledispatchmethod
+from collections.abc import Callable
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from armguard.errors import ArmguardError, UnknownNameError, did_you_mean
 from armguard.station.calls import (
@@ -32,8 +30,7 @@ from armguard.station.wire.keys import Role
 from armguard.station.wire.words import Cause
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(BaseModel):
     """A call that was read.
 
     Attributes:
@@ -42,23 +39,19 @@ class Request:
         arguments: Its arguments by name.
     """
 
-    number: int
+    model_config = ConfigDict(strict=True)
+
+    number: int = Field(alias="id")
     call: str
-    arguments: Mapping[str, Any]
+    arguments: dict[str, Any] = {}
 
 
 def read_call(payload: bytes) -> Request | None:
     """The call in a payload; None if it is none."""
     try:
-        found = json.loads(payload)
-        number, call = found["id"], found["call"]
-        arguments = found.get("arguments", {})
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return Request.model_validate(json.loads(payload))
+    except (ValueError, RecursionError):
         return None
-    whole = isinstance(number, int) and isinstance(call, str)
-    if not whole or not isinstance(arguments, dict):
-        return None
-    return Request(number, call, arguments)
 
 
 class Calls:
@@ -66,19 +59,13 @@ class Calls:
 
     Args:
         hub: What all parts of the loop share.
-        order_stop: Stops all robots; given the name of the client that asked for it.
         adopt_scene: Takes over what follows from the scene as it is now; given the
             time, monotonic [ns].
     """
 
-    def __init__(
-        self,
-        hub: Hub,
-        order_stop: Callable[[str], None],
-        adopt_scene: Callable[[int], None],
-    ) -> None:
+    def __init__(self, hub: Hub, adopt_scene: Callable[[int], None]) -> None:
         self._hub, self._objects = hub, Objects(hub)
-        self._order_stop, self._adopt_scene = order_stop, adopt_scene
+        self._adopt_scene = adopt_scene
 
     def do(self, request: Request, peer: Peer, commands: bool) -> tuple[bool, bytes]:
         """Do it, if its sender may.
@@ -101,62 +88,38 @@ class Calls:
                 reply["reason"] = reason
             return False, json.dumps(reply).encode()
 
-    @singledispatchmethod
     def _answer(self, call: Call, peer: Peer) -> Any:
-        """What a call gives back; one of the guard alone, nothing.
+        """What a call gives back.
 
         Raises:
             ArmguardError: It is refused.
         """
+        hub, judge = self._hub, self._hub.judge
+        match call:
+            case Place():
+                return self._objects.place(peer, call)
+            case Remove():
+                return self._objects.remove(peer, call)
+            case Reset() if not judge.at_rest(hub.states):
+                raise RefusedError("a reset is for when every robot rests")
+            case GuardCall():
+                judge.do(call)
+                if isinstance(call, Engage) and call.ordered:
+                    hub.ordered = Cause.NONE
+                return None
+            case Configure():
+                changed = judge.configure(hub.states, call.response, call.mode)
+                self._adopt_scene(time.monotonic_ns())
+                return changed
+            case ListObjects():
+                return judge.objects(call.first)
+            case Why():
+                return judge.why()
+            case OrderStop():
+                return hub.order_stop(peer.name)
+            case Ping():
+                return {"cycle": judge.guard.cycle}
         raise NotImplementedError(call.call)
-
-    @_answer.register
-    def _guard(self, call: GuardCall, peer: Peer) -> None:
-        self._hub.judge.do(call)
-
-    @_answer.register
-    def _engage(self, call: Engage, peer: Peer) -> None:
-        self._hub.judge.do(call)
-        if call.ordered:
-            self._hub.ordered = Cause.NONE
-
-    @_answer.register
-    def _reset(self, call: Reset, peer: Peer) -> None:
-        judge = self._hub.judge
-        if not judge.at_rest(self._hub.states):
-            raise RefusedError("a reset is for when every robot rests")
-        judge.do(call)
-
-    @_answer.register
-    def _place(self, call: Place, peer: Peer) -> None:
-        self._objects.place(peer, call)
-
-    @_answer.register
-    def _remove(self, call: Remove, peer: Peer) -> None:
-        self._objects.remove(peer, call)
-
-    @_answer.register
-    def _configure(self, call: Configure, peer: Peer) -> dict[str, Any]:
-        states = self._hub.states
-        changed = self._hub.judge.configure(states, call.response, call.mode)
-        self._adopt_scene(time.monotonic_ns())
-        return changed
-
-    @_answer.register
-    def _objects_placed(self, call: ListObjects, peer: Peer) -> dict[str, Any]:
-        return self._hub.judge.objects(call.first)
-
-    @_answer.register
-    def _why(self, call: Why, peer: Peer) -> dict[str, Any]:
-        return self._hub.judge.why()
-
-    @_answer.register
-    def _stop(self, call: OrderStop, peer: Peer) -> None:
-        self._order_stop(peer.name)
-
-    @_answer.register
-    def _ping(self, call: Ping, peer: Peer) -> dict[str, int]:
-        return {"cycle": self._hub.judge.guard.cycle}
 
 
 def permitted(request: Request, role: Role, commands: bool) -> Call:

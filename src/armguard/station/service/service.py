@@ -154,7 +154,7 @@ class Service:
         self._welcome = Welcome()
         self._adopt_scene()
         self._cycles = Cycles(self._hub)
-        calls = Calls(self._hub, self._order_stop, self._begin_anew)
+        calls = Calls(self._hub, self._begin_anew)
         self._reception = Reception(
             self._hub, self._cycles, calls, self._welcome, buffer
         )
@@ -257,10 +257,6 @@ class Service:
         """Write down all that the guard remembers, and when to do so again."""
         self._hub.judge.checkpoint()
         self._checkpoint = now + CHECKPOINT
-
-    def _order_stop(self, who: str) -> None:
-        """Stop all robots until the commander engages them."""
-        self._reception.order_stop(who)
 
     def _begin_anew(self, now: int) -> None:
         """The guard is a new one, of the scene as it is now."""
