@@ -128,8 +128,8 @@ def text_with(call, arguments):
     return f'{{"call": "{call}"{", " * bool(arguments)}{arguments}}}'
 
 
-class Told:
-    """In the place of a guard: what it was called with."""
+class Spy:
+    """Takes the place of a guard; keeps what it was called with."""
 
     def __init__(self):
         self.calls = []
@@ -183,7 +183,7 @@ def test_a_call_is_recorded_as_ever_and_replayed_as_it_was(call, given, text):
     made = CALLS[call](**given)
     event = text_of(made.event).decode()
     assert event == text_with(call, text)
-    first, again = Told(), Told()
+    first, again = Spy(), Spy()
     made.apply(first)
     do(again, Frame(Kind.EVENT, 0, 0.0, 0.0, text=json.loads(event)))
     ((name, arguments),) = again.calls
@@ -212,7 +212,7 @@ def test_a_client_says_it_in_words_that_the_service_reads(call, given, text):
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_nobody_calls_without_the_right(name):
+def test_no_call_is_made_without_its_right(name):
     right = CALLS[name].right
     request = read_call(Asking().write(name, {"no_such": 1}))
     for role in Role:
@@ -307,9 +307,9 @@ def test_every_call_has_its_row_in_the_docs():
         made = CALLS[name]
         assert whom.split(";")[0] == FOR[made.right], name
         words = re.findall(r"`(\w+)`", arguments)
-        told = [word for word in words if word in made.model_fields]
-        assert [*dict.fromkeys(told)] == [*made.model_fields], name
-        assert bool(told) is not arguments.startswith("none"), name
+        found = [word for word in words if word in made.model_fields]
+        assert [*dict.fromkeys(found)] == [*made.model_fields], name
+        assert bool(found) is not arguments.startswith("none"), name
     rows = rows_of("zenoh.md", "| call | payload | result |")
     own = {"clock", "welcome", "claim", "give_back"}
     assert rows.keys() - own == CALLS.keys()

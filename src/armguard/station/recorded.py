@@ -166,13 +166,13 @@ class RecordedGuard:
         return command
 
     def do(self, call: GuardCall) -> GuardCall:
-        """Make a call between two cycles; it as it was made.
+        """Make a call between two cycles, and give it back as it was made.
 
         Raises:
             ArmguardError: See `GuardCall.apply`.
         """
         if isinstance(call, Place):
-            # Told every time: a checkpoint knows where things stand, not their sizes.
+            # Every time: a checkpoint holds where objects are, not their sizes.
             shape = call.shape or self.shapes.get(call.name)
             call = call.model_copy(update={"shape": shape})
         try:
