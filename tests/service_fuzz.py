@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from armguard import Client
+from armguard.station.calls import CALLS
 from armguard.station.service.counters import CountersReader
 from armguard.station.wire import Role
 from armguard.station.wire.layout import (
@@ -41,24 +42,8 @@ WORDS = np.array([0, 1, 2, 7, 63, 2**31 - 1, 2**31, 2**32 - 1], np.uint32)
 NUMBERS = np.array(
     [0.0, -0.0, 1.0, np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324, 1e-3, 2**53]
 )
-CALLS = (
-    "engage",
-    "grasp",
-    "release",
-    "allow",
-    "swap_model",
-    "place",
-    "remove",
-    "retreat",
-    "field_goal",
-    "reset",
-    "configure",
-    "why",
-    "ping",
-    "nothing",
-    "",
-    "__init__",
-)
+# A stop that is ordered would end what is tested.
+NAMES = (*sorted(CALLS.keys() - {"stop"}), "nothing", "", "__init__")
 
 
 class Fuzzer:
@@ -150,7 +135,7 @@ class Fuzzer:
         rng = self._rng
         call = {
             "id": int(rng.integers(2**31)),
-            "call": str(rng.choice(CALLS)),
+            "call": str(rng.choice(NAMES)),
             "arguments": {
                 str(
                     rng.choice(["name", "robot", "pose", "q", "a", "b", "mode", "x"])

@@ -24,6 +24,7 @@ from armguard.geometry import Box, Hull, Pose, Sphere
 from armguard.respond import Guard
 from armguard.scene import Grasp, Gripper, Scene
 from armguard.scene.settings import ResponseSettings
+from armguard.station import calls
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.blocks import HEAD, pack_block, unpack_block
 from armguard.station.blackbox.mcap_file import McapFile
@@ -135,31 +136,34 @@ class Tape:
         self.go(0.1, z=0.16)
         self.keep()
         for k, name in enumerate(CRATES):
-            self.tape.place(name, Pose(xyz=(0.5 + 0.1 * k, -0.5, 0.2)))
-        self.tape.place("stone", Pose(xyz=(0.4, 0.5, 0.2), rpy=(0.1, 0.2, 0.3)))
-        self.tape.place("ball", Pose(xyz=(-0.6, 0.0, 0.3)), self.t,
-                        velocity=(0.5, 0.0, 0.0))  # fmt: skip
-        self.tape.place("other", Pose(xyz=(0.3, 0.1, 0.03)))
+            pose = Pose(xyz=(0.5 + 0.1 * k, -0.5, 0.2))
+            self.tape.do(calls.Place(name=name, pose=pose))
+        pose = Pose(xyz=(0.4, 0.5, 0.2), rpy=(0.1, 0.2, 0.3))
+        self.tape.do(calls.Place(name="stone", pose=pose))
+        pose = Pose(xyz=(-0.6, 0.0, 0.3))
+        self.tape.do(calls.Place(name="ball", pose=pose, stamp=self.t,
+                                 velocity=(0.5, 0.0, 0.0)))  # fmt: skip
+        self.tape.do(calls.Place(name="other", pose=Pose(xyz=(0.3, 0.1, 0.03))))
         for _ in range(30):
             self.cycle(np.zeros_like(self.q))
         self.keep()
-        self.tape.remove("ball")
-        self.tape.engage()
+        self.tape.do(calls.Remove(name="ball"))
+        self.tape.do(calls.Engage())
         self.go(0.08, z=0.1)
         self.go(0.02, open_left=0.02, open_right=0.02)
-        self.tape.grasp("arm", "block")
+        self.tape.do(calls.Grasp(robot="arm", name="block"))
         self.keep()
         self.go(0.1, z=0.14)
-        self.tape.allow("block", "other", until=self.t + 1.0)
-        self.tape.field_goal("arm", q=self.guard.home)
+        self.tape.do(calls.Allow(a="block", b="other", until=self.t + 1.0))
+        self.tape.do(calls.FieldGoal(name="arm", q=self.guard.home))
         for _ in range(40):
             self.cycle(np.zeros_like(self.q))
         self.keep()
-        self.tape.retreat("arm")
+        self.tape.do(calls.Retreat(name="arm"))
         for _ in range(20):
             self.cycle(np.zeros_like(self.q))
         self.keep()
-        self.tape.swap_model("arm", "coarse")
+        self.tape.do(calls.SwapModel(robot="arm", model="coarse"))
         self.cycle(np.zeros_like(self.q))
         self.keep()
 

@@ -8,6 +8,7 @@ from armguard import Box, Guard, Pose, Reason, Sphere, bay_scene
 from armguard.guard.verdict import Verdict, names_of
 from armguard.respond import Command
 from armguard.station.blackbox.replay import do
+from armguard.station.calls import Place, Remove
 from armguard.station.frames import Form, Kind, frame_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
@@ -35,7 +36,7 @@ def test_every_form_is_written_with_its_bits(tmp_path: Path):
         taped.filter_positions(q, q + 0.001, PERIOD, velocity=still, now=PERIOD),
         taped.filter_twists(q, {robot: np.arange(6.0) * 1e-3}, 2 * PERIOD),
     ]
-    taped.place("cart", Pose(xyz=(0.0, 0.0, 1.0)))
+    taped.do(Place(name="cart", pose=Pose(xyz=(0.0, 0.0, 1.0))))
     verdict = taped.step(q, 3 * PERIOD, velocity=still)
     why = Reason.DEADLINE_MISSED
     stop = taped.stop(q, 4 * PERIOD, velocity=still, reason=why)
@@ -98,12 +99,12 @@ def test_a_box_that_was_given_a_size_has_it_again_after_a_checkpoint(tmp_path: P
     q, still = guard.home, np.zeros(len(guard.q_names))
     x, y, z = guard.poses[-1, [3, 7, 11]].tolist()
     large = Box(half_extents=(0.05, 0.05, 0.05))
-    taped.place("spare", Pose(xyz=(x, y, z + 0.3)), shape=large)
+    taped.do(Place(name="spare", pose=Pose(xyz=(x, y, z + 0.3)), shape=large))
     for k in range(3):
         taped.filter(q, still, k * PERIOD, velocity=still)
     taped.checkpoint()
-    taped.remove("spare")
-    taped.place("spare", Pose(xyz=(x + 0.15, y, z)))
+    taped.do(Remove(name="spare"))
+    taped.do(Place(name="spare", pose=Pose(xyz=(x + 0.15, y, z))))
     for k in range(3, 9):
         taped.filter(q, still, k * PERIOD, velocity=still)
     found = [frame_of(row) for row in RingReader(tmp_path / "ring").unread()]

@@ -2,14 +2,12 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Shape
-from armguard.guard.contract import Region
 from armguard.guard.levels import Reason
 from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
@@ -18,9 +16,9 @@ from armguard.respond.asked import reason_of_stop
 from armguard.scene.archive import archive_of, hash_of
 from armguard.scene.scene import Scene
 from armguard.station import frames
+from armguard.station.calls import GuardCall, Place
 from armguard.station.frames import HEADER, Form, Kind, text_frame, words
 from armguard.station.ring import RingWriter
-from armguard.station.shape_words import words_of
 
 Floats = NDArray[np.float64]
 
@@ -28,12 +26,13 @@ Floats = NDArray[np.float64]
 class RecordedGuard:
     """A guard that writes down what goes in and what comes out.
 
-    Each of its calls is the guard's own, and answers as that does. A call that raises
-    has changed nothing and is not written down.
+    Its cycles are the guard's own, and answer as these do. A call that raises has
+    changed nothing and is not written down, but for a sighting that is refused.
 
     Attributes:
         guard: The guard.
         cycle: Number of the next cycle.
+        shapes: Shapes that objects were given since the start, by name.
 
     Args:
         guard: The guard; nobody else may call it from now on.
@@ -60,8 +59,7 @@ class RecordedGuard:
         self._robots = tuple(part.name for part in guard.tables.robots)
         self._joints = len(guard.q_names)
         self._poses = guard.poses.reshape(-1)
-        # Shapes that objects were given since the start.
-        self._shapes: dict[str, Shape | None] = {}
+        self.shapes: dict[str, Shape] = {}
         self._nowhere = np.full(self._joints, np.nan)
 
     def step(
@@ -167,124 +165,26 @@ class RecordedGuard:
         )
         return command
 
-    def place(
-        self,
-        name: str,
-        pose: Pose | ArrayLike,
-        stamp: float | None = None,
-        *,
-        velocity: ArrayLike | None = None,
-        shape: Shape | None = None,
-    ) -> None:
-        """See `Guard.place`."""
+    def do(self, call: GuardCall) -> GuardCall:
+        """Make a call between two cycles, and give it back as it was made.
+
+        Raises:
+            ArmguardError: See `GuardCall.apply`.
+        """
+        if isinstance(call, Place):
+            # Every time: a checkpoint holds where objects are, not their sizes.
+            shape = call.shape or self.shapes.get(call.name)
+            call = call.model_copy(update={"shape": shape})
         try:
-            self.guard.place(name, pose, stamp, velocity=velocity, shape=shape)
+            call.apply(self.guard)
         except SightingError:
             # It is refused when it is replayed as well, and stops robots there.
-            self._note_place(name, pose, stamp, velocity, self._shapes.get(name))
+            self.tell(Kind.EVENT, call.event)
             raise
-        # Told every time: a checkpoint knows where things stand, not their sizes.
-        shape = self._shapes[name] = shape or self._shapes.get(name)
-        self._note_place(name, pose, stamp, velocity, shape)
-
-    def _note_place(
-        self,
-        name: str,
-        pose: Pose | ArrayLike,
-        stamp: float | None,
-        velocity: ArrayLike | None,
-        shape: Shape | None,
-    ) -> None:
-        """Write down that an object was placed, or was to be."""
-        T = pose.matrix() if isinstance(pose, Pose) else np.asarray(pose)
-        moves = None if velocity is None else np.asarray(velocity).tolist()
-        self.note(
-            "place",
-            name=name,
-            pose=T.tolist(),
-            stamp=stamp,
-            velocity=moves,
-            shape=None if shape is None else words_of(shape),
-        )
-
-    def remove(self, name: str) -> None:
-        """See `Guard.remove`."""
-        self.guard.remove(name)
-        self.note("remove", name=name)
-
-    def grasp(self, robot: str, name: str) -> None:
-        """See `Guard.grasp`."""
-        self.guard.grasp(robot, name)
-        self.note("grasp", robot=robot, name=name)
-
-    def release(self, robot: str, name: str) -> None:
-        """See `Guard.release`."""
-        self.guard.release(robot, name)
-        self.note("release", robot=robot, name=name)
-
-    def allow(
-        self,
-        a: str,
-        b: str,
-        *,
-        region: Region | None = None,
-        depth: float = 0.002,
-        speed: float = 0.02,
-        until: float | None = None,
-    ) -> None:
-        """See `Guard.allow`."""
-        self.guard.allow(a, b, region=region, depth=depth, speed=speed, until=until)
-        where = None
-        if region is not None:
-            where = {
-                "half_extents": list(region.half_extents),
-                "xyz": list(region.pose.xyz),
-                "rpy": list(region.pose.rpy),
-                "frame": region.frame,
-            }
-        self.note(
-            "allow", a=a, b=b, region=where, depth=depth, speed=speed, until=until
-        )
-
-    def swap_model(self, robot: str, model: str) -> None:
-        """See `Guard.swap_model`."""
-        self.guard.swap_model(robot, model)
-        self.note("swap_model", robot=robot, model=model)
-
-    def engage(self, name: str | None = None, *, ordered: bool = True) -> None:
-        """See `Guard.engage`."""
-        self.guard.engage(name, ordered=ordered)
-        self.note("engage", name=name, ordered=ordered)
-
-    def retreat(
-        self, name: str | None = None, to: Literal["path"] | Sequence[float] = "path"
-    ) -> None:
-        """See `Guard.retreat`."""
-        self.guard.retreat(name, to)
-        where = to if isinstance(to, str) else np.asarray(to).tolist()
-        self.note("retreat", name=name, to=where)
-
-    def field_goal(
-        self,
-        name: str,
-        *,
-        q: ArrayLike | None = None,
-        pose: Pose | ArrayLike | None = None,
-    ) -> None:
-        """See `Guard.field_goal`."""
-        self.guard.field_goal(name, q=q, pose=pose)
-        T = pose.matrix() if isinstance(pose, Pose) else pose
-        self.note(
-            "field_goal",
-            name=name,
-            q=None if q is None else np.asarray(q).tolist(),
-            pose=None if T is None else np.asarray(T).tolist(),
-        )
-
-    def reset(self) -> None:
-        """See `Guard.reset`."""
-        self.guard.reset()
-        self.note("reset")
+        if isinstance(call, Place) and call.shape is not None:
+            self.shapes[call.name] = call.shape
+        self.tell(Kind.EVENT, call.event)
+        return call
 
     def describe(self, scene: Scene, about: Mapping[str, Any]) -> None:
         """Write down the scene, whole, so that a recording holds all it is about.
@@ -314,10 +214,6 @@ class RecordedGuard:
         if self._scene is not None:
             self.tell(Kind.NOTE, *self._scene)
         self.tell(Kind.CHECKPOINT, {}, self.guard.checkpoint())
-
-    def note(self, call: str, **arguments: Any) -> None:
-        """Write down a call of the guard that is no cycle."""
-        self.tell(Kind.EVENT, {"call": call, **arguments})
 
     def tell(self, kind: Kind, text: Mapping[str, Any], data: bytes = b"") -> None:
         """Write down something that is no cycle."""

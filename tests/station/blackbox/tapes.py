@@ -11,6 +11,7 @@ import numpy as np
 from armguard import Guard, bay_scene
 from armguard.geometry import Pose, Sphere
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings
+from armguard.station.calls import Engage, Place
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
 
@@ -65,7 +66,7 @@ class Tape:
         self.k += 1
         if self.k % 250 == 1:
             self.goal = self.guard.home + self.rng.uniform(-1.2, 1.2, 14)
-            self.tape.engage()
+            self.tape.do(Engage())
         if self.k % self.checkpoints == 0:
             self.tape.checkpoint()
         wish = np.clip(2.0 * (self.goal - self.q), -1.0, 1.0)
@@ -88,7 +89,7 @@ class Tape:
 
     def ball(self):
         """A ball comes and goes."""
-        self.tape.place("ball", Pose(xyz=(0.1, 0.0, 1.1)))
+        self.tape.do(Place(name="ball", pose=Pose(xyz=(0.1, 0.0, 1.1))))
 
     def close(self):
         self.ring.close()

@@ -18,6 +18,7 @@ from armguard.station.blackbox.recorder import Recorder, RecorderSettings
 from armguard.station.blackbox.recording import Recording
 from armguard.station.blackbox.replay import replay
 from armguard.station.blackbox.settings import change
+from armguard.station.calls import Engage, Remove, Reset, Retreat
 from armguard.station.errors import SettingError
 from armguard.station.frames import HEADER, Kind, frame_of
 from armguard.station.recorded import RecordedGuard
@@ -108,7 +109,7 @@ def test_every_call_and_every_wrong_input_is_the_same_again(tmp_path):
     calm()
     taped.filter(q, still, now(), velocity=still, now="never")
     calm()
-    taped.engage("left")
+    taped.do(Engage(name="left"))
     taped.filter_twists(q, {"left": np.ones(6) * 0.01}, now(), velocity=still)
     taped.filter_twists(q, {"left": "no"}, now(), velocity=still)
     taped.filter_twists(q, {"nobody": np.ones(6)}, now(), velocity=still)
@@ -118,18 +119,18 @@ def test_every_call_and_every_wrong_input_is_the_same_again(tmp_path):
     for reason in (None, "now", *ORDERED):
         taped.stop(q, now(), velocity=still, reason=reason)
         calm()
-    taped.engage(ordered=False)
+    taped.do(Engage(ordered=False))
     calm()
-    taped.engage()
+    taped.do(Engage())
     taped.stop([1.0], now(), velocity=still)
     tape.ball()
     calm()
-    taped.remove("ball")
-    taped.retreat("left")
+    taped.do(Remove(name="ball"))
+    taped.do(Retreat(name="left"))
     calm()
     taped.step(q, now(), velocity=still)
     taped.step(q, now())
-    taped.reset()
+    taped.do(Reset())
     taped.filter(np.full(14, np.nan), still, 0.1, velocity=still)
     taped.filter(q, still, 0.2, velocity=still)
     recorder = Recorder(tmp_path / "tapes", RecorderSettings())

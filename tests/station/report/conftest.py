@@ -11,6 +11,7 @@ from armguard.guard.verdict import Verdict
 from armguard.scene import Scene, bay_task
 from armguard.scene.settings import ResponseSettings
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings
+from armguard.station.calls import Engage, Place
 from armguard.station.frames import Frame, frame_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
@@ -102,12 +103,12 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Evening:
         clock[0] = BEGIN + t + (GAP if k > GAP_AT else 0.0)
         if k % 400 == 0:
             # Let go of them and lead them on, as an operator does after a stop.
-            taped.engage()
+            taped.do(Engage())
             goal = goals[k // 400 % 8] if k // 400 % 3 else guard.home
         if k == 1200:
             here = np.eye(4)
             here[:3, 3] = guard.poses.reshape(-1, 3, 4)[6, :, 3] + [0.0, 0.0, 0.14]
-            taped.place(EVIL, here)
+            taped.do(Place(name=EVIL, pose=here))
         wish = np.clip(2.0 * (goal - q), -0.8, 0.8)
         measured = np.full(14, np.nan) if k == FAULT_AT else q
         command = taped.filter(

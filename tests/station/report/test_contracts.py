@@ -7,6 +7,7 @@ import pytest
 from armguard.guard.verdict import names_of
 from armguard.respond import Guard
 from armguard.station.blackbox.report import gather, page
+from armguard.station.calls import Allow
 from armguard.station.frames import frame_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
@@ -40,7 +41,9 @@ def findings(tmp_path_factory: pytest.TempPathFactory):
     loop = Loop(taped)
     assert loop.go({"arm/z": ABOVE}, speed=0.3)
     for finger in ("left", "right"):
-        taped.allow(f"arm/{finger}", "table", depth=0.003, speed=0.01, until=1e9)
+        taped.do(
+            Allow(a=f"arm/{finger}", b="table", depth=0.003, speed=0.01, until=1e9)
+        )
     loop.push({"arm/z": -0.1}, 2500)
     frames = [frame_of(row) for row in reader.unread()]
     assert reader.lost == 0

@@ -5,6 +5,7 @@ import pytest
 
 from approach import FIGURES
 from armguard import Box, Pose, Scene
+from armguard.station.calls import Grasp, Place, Release
 from armguard.station.errors import ServiceError
 from armguard.station.ring import RingWriter
 from armguard.station.service import Service, ServiceSettings
@@ -28,12 +29,12 @@ def test_what_was_carried_stays_where_it_was_put_when_settings_change(tmp_path):
     assert loop.go({"arm/z": 0.2})
     assert loop.go({"arm/z": 0.15}, speed=0.08)
     loop.push({"arm/open_left": -0.03, "arm/open_right": -0.03}, 1500)
-    judge.guard.grasp("arm", "block")
+    judge.do(Grasp(robot="arm", name="block"))
     assert loop.go({"arm/z": 0.25}, speed=0.1)
     assert loop.go({"arm/x": 0.3})
     loop.push({"arm/z": -0.06}, 4000)
     before = judge.objects()
-    judge.release("arm", "block")
+    judge.do(Release(robot="arm", name="block"))
     told = judge.objects()["objects"]["block"]
     assert "block" not in before["objects"]
     assert told["pose"][0][3] == pytest.approx(0.3, abs=2e-3)
@@ -52,7 +53,7 @@ def test_objects_are_told_of_a_few_at_a_time(tmp_path):
         scene.add(Box(half_extents=(0.01,) * 3), name=name, present=False)
     judge, ring = judge_of(scene, tmp_path / "ring")
     for k, name in enumerate(names):
-        judge.place(name, Pose(xyz=(5.0 + k, 0.0, 0.0)).matrix())
+        judge.do(Place(name=name, pose=Pose(xyz=(5.0 + k, 0.0, 0.0))))
     first = judge.objects()
     rest = judge.objects(OBJECTS)
     assert first["count"] == rest["count"] == len(names)

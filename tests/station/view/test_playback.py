@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from armguard import Guard, bay_scene
+from armguard.station.calls import Engage
 from armguard.station.frames import Kind, frame_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
@@ -27,7 +28,7 @@ def frames(tmp_path_factory):
     for k in range(CYCLES):
         q = np.full_like(guard.home, np.nan) if k == 12 else guard.home
         taped.step(q, k * PERIOD, velocity=np.zeros_like(guard.home))
-        taped.note("engage", name=None)
+        taped.do(Engage())
     return [frame_of(row) for row in RingReader(path).unread()]
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
-from armguard.geometry.pose import Pose
-from armguard.guard.contract import Region
 from armguard.guard.levels import ORDERED, Reason
 from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
@@ -19,8 +17,8 @@ from armguard.station.blackbox.blocks import digest_of
 from armguard.station.blackbox.difference import difference
 from armguard.station.blackbox.plausible import believed
 from armguard.station.blackbox.recording import Recording
+from armguard.station.calls import call_of
 from armguard.station.frames import Form, Frame, Kind
-from armguard.station.shape_words import shape_of
 
 Floats = NDArray[np.float64]
 
@@ -294,35 +292,6 @@ def do(guard: Guard, frame: Frame) -> None:
     Raises:
         ArmguardError: The guard refuses it.
     """
-    told = dict(frame.text)
-    call = told.pop("call")
-    if call == "place":
-        # A sighting that was refused is refused again, and stops robots again.
-        with suppress(SightingError):
-            guard.place(
-                told["name"],
-                np.array(told["pose"]),
-                told["stamp"],
-                velocity=told["velocity"],
-                shape=None if told["shape"] is None else shape_of(told["shape"]),
-            )
-        return
-    if call == "allow" and told["region"] is not None:
-        where = told["region"]
-        told["region"] = Region(
-            half_extents=tuple(where["half_extents"]),
-            pose=Pose(xyz=tuple(where["xyz"]), rpy=tuple(where["rpy"])),
-            frame=where["frame"],
-        )
-    elif call == "field_goal" and told["pose"] is not None:
-        told["pose"] = np.array(told["pose"])
-    getattr(guard, CALLS[call])(**told)
-
-
-# What may be called on a guard by a recording.
-CALLS = {
-    name: name
-    for name in (
-        "remove grasp release allow swap_model engage retreat field_goal reset"
-    ).split()
-}
+    # A sighting that was refused is refused again, and stops robots again.
+    with suppress(SightingError):
+        call_of(frame.text).apply(guard)

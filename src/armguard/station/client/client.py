@@ -386,9 +386,7 @@ class Client:
         """Call something between two cycles, see docs/service.md.
 
         Args:
-            call: What: "engage", "grasp", "release", "allow", "swap_model", "place",
-                "remove", "retreat", "field_goal", "reset", "configure", "why",
-                "objects", "stop", "ping".
+            call: Its name, of `armguard.station.calls.CALLS`.
             timeout: How long to wait for the reply [s].
             arguments: Its arguments; poses as `Pose` or transforms (4, 4).
 

@@ -1,43 +1,36 @@
 """What may be called between two cycles, by name, with arguments in JSON."""
 
-import inspect
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+import time
+from collections.abc import Callable
 from typing import Any
 
-import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from armguard.errors import UnknownNameError, did_you_mean
-from armguard.geometry.pose import Pose
-from armguard.guard.contract import Region
+from armguard.errors import ArmguardError, UnknownNameError, did_you_mean
+from armguard.station.calls import (
+    CALLS,
+    Call,
+    Configure,
+    Engage,
+    GuardCall,
+    ListObjects,
+    OrderStop,
+    Ping,
+    Place,
+    Remove,
+    Reset,
+    Why,
+)
 from armguard.station.errors import RefusedError
+from armguard.station.service.hub import Hub
+from armguard.station.service.objects import Objects
 from armguard.station.service.peers import Peer
 from armguard.station.wire.keys import Role
-
-# The role each call needs. From COMMAND on it needs the command itself as well.
-NEEDS: Mapping[str, Role] = {
-    "why": Role.OBSERVE,
-    "objects": Role.OBSERVE,
-    "stop": Role.OBSERVE,
-    "ping": Role.OBSERVE,
-    "place": Role.SENSE,
-    "remove": Role.SENSE,
-    "engage": Role.COMMAND,
-    "grasp": Role.COMMAND,
-    "release": Role.COMMAND,
-    "allow": Role.COMMAND,
-    "swap_model": Role.COMMAND,
-    "retreat": Role.COMMAND,
-    "field_goal": Role.COMMAND,
-    "reset": Role.COMMAND,
-    "configure": Role.ADMINISTER,
-}
+from armguard.station.wire.words import Cause
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(BaseModel):
     """A call that was read.
 
     Attributes:
@@ -46,34 +39,33 @@ class Request:
         arguments: Its arguments by name.
     """
 
-    number: int
+    model_config = ConfigDict(strict=True)
+
+    number: int = Field(alias="id")
     call: str
-    arguments: Mapping[str, Any]
+    arguments: dict[str, Any] = {}
 
 
 def read_call(payload: bytes) -> Request | None:
     """The call in a payload; None if it is none."""
     try:
-        found = json.loads(payload)
-        number, call = found["id"], found["call"]
-        arguments = found.get("arguments", {})
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return Request.model_validate(json.loads(payload))
+    except (ValueError, RecursionError):
         return None
-    whole = isinstance(number, int) and isinstance(call, str)
-    if not whole or not isinstance(arguments, dict):
-        return None
-    return Request(number, call, arguments)
 
 
 class Calls:
     """Does what is called for.
 
     Args:
-        doors: What each name stands for; each is given the client that calls first.
+        hub: What all parts of the loop share.
+        adopt_scene: Takes over what follows from the scene as it is now; given the
+            time, monotonic [ns].
     """
 
-    def __init__(self, doors: Mapping[str, Callable[..., Any]]) -> None:
-        self._doors = doors
+    def __init__(self, hub: Hub, adopt_scene: Callable[[int], None]) -> None:
+        self._hub, self._objects = hub, Objects(hub)
+        self._adopt_scene = adopt_scene
 
     def do(self, request: Request, peer: Peer, commands: bool) -> tuple[bool, bytes]:
         """Do it, if its sender may.
@@ -87,7 +79,7 @@ class Calls:
             Whether it was done, and the reply.
         """
         try:
-            result = self._answer(request, peer, commands)
+            result = self._answer(permitted(request, peer.role, commands), peer)
             return True, json.dumps({"ok": True, "result": result}).encode()
         except Exception as error:  # whatever it is, the loop goes on
             reply = {"ok": False, "error": type(error).__name__, "sentence": str(error)}
@@ -96,48 +88,81 @@ class Calls:
                 reply["reason"] = reason
             return False, json.dumps(reply).encode()
 
-    def _answer(self, request: Request, peer: Peer, commands: bool) -> Any:
+    def _answer(self, call: Call, peer: Peer) -> Any:
         """What a call gives back.
 
         Raises:
-            RefusedError: Its sender may not call it, or its arguments are others.
-            UnknownNameError: There is no such call.
+            ArmguardError: It is refused.
         """
-        call = request.call
-        door = self._doors.get(call)
-        if door is None:
-            raise UnknownNameError(
-                f"there is no call '{call}'; {did_you_mean(call, self._doors)}"
-            )
-        role = NEEDS.get(call, Role.ADMINISTER)
-        if peer.role < role:
-            raise RefusedError(
-                f"'{call}' needs the key for '{role.word}'; this client has the one "
-                f"for '{peer.role.word}'"
-            )
-        if role >= Role.COMMAND and not commands:
-            raise RefusedError(
-                f"'{call}' is for the commander; claim the command first"
-            )
-        own = partial(door, peer)
-        form = inspect.signature(own)
-        try:
-            form.bind(**request.arguments)
-        except TypeError as error:
-            raise RefusedError(f"call '{call}{form}': {error}") from None
-        return own(**request.arguments)
+        hub, judge = self._hub, self._hub.judge
+        match call:
+            case Place():
+                return self._objects.place(peer, call)
+            case Remove():
+                return self._objects.remove(peer, call)
+            case Reset() if not judge.at_rest(hub.states):
+                raise RefusedError("a reset is for when every robot rests")
+            case GuardCall():
+                judge.do(call)
+                if isinstance(call, Engage) and call.ordered:
+                    hub.ordered = Cause.NONE
+                return None
+            case Configure():
+                changed = judge.configure(hub.states, call.response, call.mode)
+                self._adopt_scene(time.monotonic_ns())
+                return changed
+            case ListObjects():
+                return judge.objects(call.first)
+            case Why():
+                return judge.why()
+            case OrderStop():
+                return hub.order_stop(peer.name)
+            case Ping():
+                return {"cycle": judge.guard.cycle}
+        raise NotImplementedError(call.call)
+
+
+def permitted(request: Request, role: Role, commands: bool) -> Call:
+    """The call that was read, if its sender may make it.
+
+    Args:
+        request: What is called for.
+        role: Its sender's role.
+        commands: Whether its sender has the command.
+
+    Raises:
+        RefusedError: Its sender may not, or it takes other arguments.
+        UnknownNameError: There is no such call.
+        ArmguardError: An argument cannot be.
+    """
+    name = request.call
+    made = CALLS.get(name)
+    if made is None:
+        raise UnknownNameError(
+            f"there is no call '{name}'; {did_you_mean(name, CALLS)}"
+        )
+    if role < made.right:
+        raise RefusedError(
+            f"'{name}' needs the key for '{made.right.word}'; this client has the one "
+            f"for '{role.word}'"
+        )
+    if made.right >= Role.COMMAND and not commands:
+        raise RefusedError(f"'{name}' is for the commander; claim the command first")
+    try:
+        return made.model_validate(request.arguments)
+    except ValidationError as error:
+        found = error.errors(include_url=False)[0]
+        why = found.get("ctx", {}).get("error")
+        if isinstance(why, ArmguardError):
+            raise why from None
+        where = ".".join(map(str, found["loc"]))
+        takes = ", ".join(made.model_fields) or "nothing"
+        raise RefusedError(
+            f"call '{name}' takes {takes}; {where}: {found['msg']}"
+        ) from None
 
 
 def refusal(sentence: str) -> bytes:
     """The reply that says why something was not done."""
     reply = {"ok": False, "error": RefusedError.__name__, "sentence": sentence}
     return json.dumps(reply).encode()
-
-
-def region_of(value: Mapping[str, Any] | None) -> Region | None:
-    """The region of a contract, from what a message holds."""
-    if value is None:
-        return None
-    pose = Pose.from_matrix(np.array(value["pose"])) if "pose" in value else Pose()
-    x, y, z = value["half_extents"]
-    return Region(half_extents=(x, y, z), pose=pose, frame=value.get("frame"))

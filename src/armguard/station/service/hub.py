@@ -1,10 +1,11 @@
 """What all parts of the loop share."""
 
+import logging
 from dataclasses import dataclass
 
 from armguard.station.service.answers import Answers
 from armguard.station.service.complaints import Complaints
-from armguard.station.service.counters import Counters
+from armguard.station.service.counters import PLACE, Counters
 from armguard.station.service.door import Door
 from armguard.station.service.judge import Judge
 from armguard.station.service.peers import Peer, Peers
@@ -15,6 +16,10 @@ from armguard.station.service.wishes import Command, Wishes
 from armguard.station.wire.layout import REFUSAL, Kind
 from armguard.station.wire.outbox import Outbox
 from armguard.station.wire.words import Cause
+
+log = logging.getLogger("armguard.service")
+
+STOP_ORDERS = PLACE["stop_orders"]
 
 # A client is told of drops of one cause no more often than this [ns].
 REFUSE_AGAIN = 100_000_000
@@ -85,6 +90,14 @@ class Hub:
         end = REFUSAL.size + len(text)
         payload[REFUSAL.size : end] = text
         self.send(self.outbox.seal(Kind.REFUSAL, end), peer)
+
+    def order_stop(self, who: str) -> None:
+        """Stop all robots until the commander engages them."""
+        self.counters.count(STOP_ORDERS)
+        if self.ordered is not Cause.STOP_ORDERED:
+            self.ordered = Cause.STOP_ORDERED
+            self.judge.note("stop ordered", by=who)
+            log.warning("a stop was ordered by %r", who)
 
     def lose_command(self, why: str) -> None:
         """Nobody commands any more."""

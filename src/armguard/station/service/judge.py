@@ -1,19 +1,18 @@
 """The guard of the service, what it is asked in each cycle, and how it is changed."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import SceneError
-from armguard.geometry.shapes import Shape
 from armguard.guard.levels import Reason
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
 from armguard.respond.whole_cycle import NOT_JUDGED
 from armguard.scene import Scene
 from armguard.scene.tables import SceneTables
+from armguard.station.calls import GuardCall, Place, Release, Remove
 from armguard.station.desk.desk import (
     AS_WISHED,
     ASK,
@@ -36,7 +35,6 @@ from armguard.station.ring import RingWriter
 from armguard.station.service.scenes import scene_hash
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.states import States
-from armguard.station.shape_words import shape_of, words_of
 from armguard.station.wire.layout import Form
 from armguard.station.wire.words import Cause
 from armguard.table import Ledger
@@ -96,9 +94,8 @@ class Judge:
         self._file = file
         self._settings = settings
         self._ring = ring
-        # Where objects were put since the start, or that they were taken away.
-        self._moved: dict[str, dict[str, Any] | None] = {}
-        self._shapes: dict[str, Shape] = {}
+        # What put an object where it is, or took it away, since the start.
+        self._moved: dict[str, Place | Remove] = {}
         self.guard, self.hash = self._build(settings.self_test)
         tables = self.guard.guard.tables
         self._tools = tools_of(tables)
@@ -168,26 +165,17 @@ class Judge:
             return True
         return states.rest(RESTS) and not self.desk.told[: len(self.desk.q)].any()
 
-    def place(
-        self,
-        name: str,
-        pose: Any,
-        stamp: float | None = None,
-        velocity: Any = None,
-        shape: Mapping[str, Any] | None = None,
-    ) -> None:
-        """See `Guard.place`; a shape is told by its kind and its sizes."""
-        T = np.array(pose, dtype=np.float64)
-        made = self._shapes.get(name) if shape is None else shape_of(shape)
-        self.guard.place(name, T, stamp, velocity=velocity, shape=made)
-        if made is not None:
-            self._shapes[name] = made
-        self._moved[name] = {"pose": T, "stamp": stamp, "velocity": velocity}
-
-    def remove(self, name: str) -> None:
-        """See `Guard.remove`."""
-        self.guard.remove(name)
-        self._moved[name] = None
+    def do(self, call: GuardCall) -> None:
+        """Make a call of the guard, and remember where it leaves an object."""
+        done = self.guard.do(call)
+        if isinstance(done, Place | Remove):
+            self._moved[done.name] = done
+        elif isinstance(done, Release):
+            T = np.eye(4)
+            tables = self.guard.guard.tables
+            body = tables.standing[done.name].body
+            T[:3] = tables.T_parent_joint[body].reshape(3, 4)
+            self._moved[done.name] = Place(name=done.name, pose=T)
 
     def objects(self, first: int = 0) -> dict[str, Any]:
         """What was put elsewhere, given another shape or taken away since the start.
@@ -198,27 +186,13 @@ class Judge:
         Args:
             first: How many are known already: no more than some fit into a message.
         """
-        names = list(self._moved)
-        told = names[first : first + OBJECTS]
-        return {
-            "objects": {name: self._where_is(name) for name in told},
-            "count": len(names),
+        some = [*self._moved.items()][first : first + OBJECTS]
+        where = {"pose", "stamp", "shape"}
+        told = {
+            name: call.model_dump(include=where) if isinstance(call, Place) else None
+            for name, call in some
         }
-
-    def _where_is(self, name: str) -> dict[str, Any] | None:
-        put = self._moved[name]
-        if put is None:
-            return None
-        shape = words_of(self._shapes[name]) if name in self._shapes else None
-        return {"pose": put["pose"].tolist(), "stamp": put["stamp"], "shape": shape}
-
-    def release(self, robot: str, name: str) -> None:
-        """See `Guard.release`; where it stands is remembered from now on."""
-        self.guard.release(robot, name)
-        T = np.eye(4)
-        body = self.guard.guard.tables.standing[name].body
-        T[:3] = self.guard.guard.tables.T_parent_joint[body].reshape(3, 4)
-        self._moved[name] = {"pose": T, "stamp": None, "velocity": None}
+        return {"objects": told, "count": len(self._moved)}
 
     def why(self) -> dict[str, Any]:
         """The last command in words."""
@@ -286,19 +260,11 @@ class Judge:
             raise
         guard.cycle = cycle
         guard.guard.hold(self.guard.guard.ordered)
+        guard.shapes.update(self.guard.shapes)
         self.guard, self.hash, self._judged = guard, found, False
         self._tell_scene()
-        for name, put in self._moved.items():
-            if put is None:
-                guard.remove(name)
-            else:
-                guard.place(
-                    name,
-                    put["pose"],
-                    put["stamp"],
-                    velocity=put["velocity"],
-                    shape=self._shapes.get(name),
-                )
+        for call in self._moved.values():
+            guard.do(call)
         return {"scene_hash": found}
 
     def checkpoint(self) -> None:

@@ -2,10 +2,9 @@
 
 import logging
 import time
-from collections.abc import Mapping
-from typing import Any
 
 from armguard.guard.levels import Reason
+from armguard.station.calls import Place, Remove
 from armguard.station.errors import RefusedError
 from armguard.station.service.hub import Hub
 from armguard.station.service.peers import Peer
@@ -38,14 +37,14 @@ class Objects:
         objects = hub.judge.scene.objects
         self._present = {name for name, thing in objects.items() if thing.present}
 
-    def place(self, peer: Peer, name: str, more: Mapping[str, Any]) -> None:
-        """Place an object, see `Judge.place`.
+    def place(self, peer: Peer, call: Place) -> None:
+        """Place an object.
 
         Raises:
             RefusedError: The client may not.
         """
+        name, stamp, now = call.name, call.stamp, time.monotonic()
         self._check(peer, name)
-        stamp, now = more.get("stamp"), time.monotonic()
         if stamp is not None and stamp > now + AHEAD * 1e-9:
             raise RefusedError(
                 f"'{name}' was seen at {stamp:.3f} s, which is ahead of the service's "
@@ -54,28 +53,29 @@ class Objects:
             )
         if stamp is not None and stamp > now:
             # Its sender knows the clock no better; the next cycle is later than now.
-            more = {**more, "stamp": now}
+            call = call.model_copy(update={"stamp": now})
         judge = self._hub.judge
         routine = (
             self._owner.get(name) == peer.name
             and judge.scene.objects[name].top_speed > 0.0
             and name in self._present
-            and more.get("shape") is None
+            and call.shape is None
         )
-        judge.place(name, **more)
+        judge.do(call)
         self._owner[name] = peer.name
         self._present.add(name)
         if not routine:
             self._tell(peer, name, "placed")
 
-    def remove(self, peer: Peer, name: str) -> None:
+    def remove(self, peer: Peer, call: Remove) -> None:
         """Remove an object.
 
         Raises:
             RefusedError: The client may not.
         """
+        name = call.name
         self._check(peer, name)
-        self._hub.judge.remove(name)
+        self._hub.judge.do(call)
         self._owner[name] = peer.name
         self._present.discard(name)
         self._tell(peer, name, "removed")

@@ -38,8 +38,6 @@ from armguard.station.wire.layout import (
 )
 from armguard.station.wire.words import Cause
 
-log = logging.getLogger("armguard.service")
-
 RECEIVED = PLACE["received"]
 ACCEPTED = PLACE["accepted"]
 STATES = PLACE["states"]
@@ -49,7 +47,6 @@ CALLS_REFUSED = PLACE["calls_refused"]
 HELLOS = PLACE["hellos"]
 CLAIMS = PLACE["claims"]
 CLAIMS_REFUSED = PLACE["claims_refused"]
-STOP_ORDERS = PLACE["stop_orders"]
 
 # What is told of a call has to fit into a message [bytes].
 LONGEST_REPLY = MOST - HEADER.size - SEAL - REPLY.size
@@ -133,15 +130,6 @@ class Reception:
     def renew(self) -> None:
         """Answer as many HELLOs again until the next heartbeat."""
         self._hellos_left = MOST_HELLOS
-
-    def order_stop(self, who: str) -> None:
-        """Stop all robots until the commander engages them."""
-        hub = self._hub
-        hub.counters.count(STOP_ORDERS)
-        if hub.ordered is not Cause.STOP_ORDERED:
-            hub.ordered = Cause.STOP_ORDERED
-            hub.judge.note("stop ordered", by=who)
-            log.warning("a stop was ordered by %r", who)
 
     def _take_hello(
         self, peer: Peer | None, message: memoryview, address: Address, now: int
@@ -322,7 +310,7 @@ class Reception:
 
     def _take_stop(self, peer: Peer, message: memoryview, now: int) -> str:
         """Stop all robots, which every client may order."""
-        self.order_stop(peer.name)
+        self._hub.order_stop(peer.name)
         return ""
 
     def _take_bye(self, peer: Peer, message: memoryview, now: int) -> str:

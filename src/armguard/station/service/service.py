@@ -20,7 +20,6 @@ from armguard.station.service.complaints import Complaints
 from armguard.station.service.counters import PLACE, Counters, counters_path
 from armguard.station.service.cycles import NANO, Cycles
 from armguard.station.service.door import Door
-from armguard.station.service.doors import doors_of
 from armguard.station.service.hub import Hub
 from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Peers
@@ -155,9 +154,9 @@ class Service:
         self._welcome = Welcome()
         self._adopt_scene()
         self._cycles = Cycles(self._hub)
-        doors = doors_of(self._hub, self._order_stop, self._begin_anew)
+        calls = Calls(self._hub, self._begin_anew)
         self._reception = Reception(
-            self._hub, self._cycles, Calls(doors), self._welcome, buffer
+            self._hub, self._cycles, calls, self._welcome, buffer
         )
         self._checkpoint = 0
         self._heartbeat = int(settings.heartbeat * NANO)
@@ -258,10 +257,6 @@ class Service:
         """Write down all that the guard remembers, and when to do so again."""
         self._hub.judge.checkpoint()
         self._checkpoint = now + CHECKPOINT
-
-    def _order_stop(self, who: str) -> None:
-        """Stop all robots until the commander engages them."""
-        self._reception.order_stop(who)
 
     def _begin_anew(self, now: int) -> None:
         """The guard is a new one, of the scene as it is now."""

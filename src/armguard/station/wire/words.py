@@ -1,4 +1,4 @@
-"""Words of the messages: why a command is what it is, and who may call for what."""
+"""Words of the messages: why a command is what it is."""
 
 from enum import IntEnum
 
@@ -54,22 +54,3 @@ CAUSE_SENTENCES: dict[Cause, str] = {
     Cause.SERVICE_GONE: "the service has said good-bye",
     Cause.NOT_YOURS: "another controller sends the states of these robots",
 }
-
-# Calls of the guard that change what robots may do: for the commander.
-OF_COMMANDER = (
-    "engage",
-    "grasp",
-    "release",
-    "allow",
-    "swap_model",
-    "retreat",
-    "field_goal",
-    "reset",
-    "configure",
-)
-
-# Those that tell where things are: for sensors, and for the commander.
-OF_SENSORS = ("place", "remove")
-
-# Those for everybody.
-OF_ALL = ("why", "objects", "stop", "ping")

@@ -14,10 +14,10 @@ import numpy as np
 import zenoh
 
 from armguard.errors import ArmguardError
+from armguard.station.calls import CALLS
 from armguard.station.client import Answer, Client
 from armguard.station.client.stop import stop_answer
 from armguard.station.errors import RefusedError, StationError
-from armguard.station.service.calls import NEEDS
 from armguard.station.service.complaints import Complaints
 from armguard.station.wire import Cause, Keys, Role
 from armguard.station.wire.keys import found_keys
@@ -447,7 +447,7 @@ class Bridge:
             self._commander(mark, f"'{call}'").give_back()
             self._authority.lose()
             return None
-        if NEEDS.get(call, Role.OBSERVE) >= Role.COMMAND:
+        if call in CALLS and CALLS[call].right >= Role.COMMAND:
             self._commander(mark, f"'{call}'")
         arguments = message.get("arguments", {})
         if not isinstance(arguments, dict) or "timeout" in arguments:
