@@ -18,6 +18,8 @@ from armguard.guard.watch import RECOVERING, RESTING, RUNNING, open_watch
 from armguard.guard.workspace import MOTION, WATCH, open_workspace
 from armguard.motion.state import open_motion
 from armguard.respond import Action, Blocked
+from armguard.respond.leaving import lead_away
+from armguard.respond.state import ASKS, open_response
 from sliding import APART, at_gap, slides
 
 # Greatest speed of the ball [m/s], error of tracking of a slide [m/s].
@@ -137,6 +139,36 @@ def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
     watch.under_way[0] = -high, -low
     watch.wanted[0] = -wanted
     assert driven_nearer(0, lines) == nearer
+
+
+@numba.njit
+def leads_away(response, lines):
+    """Whether what the first robot is to be told leads away for certain."""
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    return lead_away(0, open_response(response), w, v, m)
+
+
+@pytest.mark.parametrize(("share", "at_once"), [(0.985, True), (1.015, False)])
+@pytest.mark.parametrize("asks", [False, True])
+def test_who_is_not_asked_leaves_only_as_slowly_as_he_can_begin_to(
+    share, at_once, asks
+):
+    """What surely leads away is a quarter more than what the drive may miss."""
+    gain = 8.0 * PERIOD
+    figures = {"acceleration": 8.0, "tracking_error": share * gain / 1.25}
+    guard = slides(figures, buffer=FLOOR, period=PERIOD)
+    still = np.zeros(1)
+    guard.filter(at_gap(0.001), still, 0.0, velocity=still, now=0.0)
+    answers = guard._response
+    guard._watch.phase[0] = RESTING
+    answers.low[0], answers.high[0], answers.target[0] = -1.0, 1.0, -0.5
+    answers.notes[0, ASKS] = asks
+    guard._watch.sent_count[0] = 0
+    found = leads_away(guard._response_lines, guard._lines.ctypes.data)
+    assert found == (at_once or asks)
+    least = -max(gain, share * gain) if found else -0.5
+    assert answers.target[0] == pytest.approx(least)
 
 
 class Beside:
