@@ -198,3 +198,35 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
         verdict = judged(guard, 0, need + left, speed, 0.0, told=True)
         assert verdict.slack.m == pytest.approx(left, abs=1e-6)
         assert verdict.slack.s == pytest.approx(left / speed, abs=1e-6)
+
+
+# Time left below which an arm is slowed, and one below which its pair is told [s].
+SLOWS, TOLD = 0.1, 1.25 * 0.1
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_beyond_the_margin_a_pair_is_told_while_it_is_nearly_short(share):
+    guard, speed = slides({}, period=PERIOD, margin=0.0), 0.8
+    need, _ = worst_stop({}, speed, PERIOD)
+    verdict = judged(guard, 0, need + share * TOLD * speed, speed, 0.0, told=True)
+    assert len(verdict.near) == (share < 1.0)
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("joints", [1, 2])
+def test_beyond_the_margin_a_pair_is_told_to_who_may_measure_it_nearer(
+    joints, filtered
+):
+    """Two errors of a position: one in what it has left, one that is to come."""
+    error = 2e-3
+    figures = [{"position_error": error}] * joints
+    guard, still = slides(*figures, period=PERIOD, margin=0.0), np.zeros(joints)
+    hidden = 2.0 * joints * error if filtered else 0.0
+    for spare in (-GRAIN, 0.98 * hidden - 1e-6, 1.02 * hidden + 1e-6):
+        let_go(guard)
+        q = at_gap(joints * error + spare, joints)
+        if filtered:
+            verdict = guard.filter(q, still, 5.0, velocity=still, now=5.0).verdict
+        else:
+            verdict = guard.step(q, 5.0, velocity=still, now=5.0)
+        assert len(verdict.near) == (spare < hidden)

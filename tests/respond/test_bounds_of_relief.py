@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.geometry import Pose
+from armguard.geometry import Pose, Sphere
 from armguard.guard import Level, Reason
 from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
@@ -17,10 +17,11 @@ from armguard.guard.proofs import SINK, is_driven_nearer, relief_of
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING, open_watch
 from armguard.guard.workspace import MOTION, WATCH, open_workspace
 from armguard.motion.state import open_motion
-from armguard.respond import Action, Blocked
+from armguard.respond import Action, Blocked, Changed, Guard
 from armguard.respond.leaving import lead_away
 from armguard.respond.state import ASKS, open_response
-from sliding import APART, at_gap, slides
+from armguard.scene import Scene
+from sliding import APART, EXACT, RADIUS, at_gap, slide, slides
 
 # Greatest speed of the ball [m/s], error of tracking of a slide [m/s].
 COMES, MISSES = 0.2, 0.1
@@ -247,3 +248,25 @@ def test_who_is_come_at_faster_than_declared_is_stopped(share, goes_on):
     # 30 ms: what comes too fast has then come 3 mm nearer than it can.
     actions = [loop.cycle(-1e-5, comes=share * COMES).action for _ in range(30)]
     assert (max(actions) is Action.FOLLOW) == goes_on
+
+
+def test_who_leaves_one_thing_slows_down_before_another_one_by_himself():
+    scene = Scene(buffer=FLOOR, margin=1.0, period=PERIOD)
+    figures = {"acceleration": 8.0, "tracking_error": 1e-3, "command": 0.02}
+    scene.add_robot(slide(), name="left", stopping={**EXACT, **figures})
+    between = 0.02
+    far = APART - 4.0 * RADIUS - (FLOOR - 2e-3) - between
+    for name, x in (("ball", APART), ("behind", far)):
+        scene.add(Sphere(radius=RADIUS), name=name, pose=Pose(xyz=(x, 0.0, 0.0)))
+    guard = Guard(scene, self_test=False)
+    x, v, fastest = np.array(at_gap(FLOOR - 2e-3)), np.zeros(1), 0.0
+    for k in range(60):
+        now = k * PERIOD
+        command = guard.filter(x, [-0.5 * (k > 4)], now, velocity=v, now=now)
+        v = command.velocity.copy()
+        x = x + v * PERIOD
+        fastest = max(fastest, -v[0])
+        assert command.verdict.level is Level.RECOVER or k > 40
+        # The proof has nothing to take back.
+        assert Changed.PROOF not in command.changed["left"]
+    assert 0.08 < fastest < 0.12
