@@ -264,3 +264,17 @@ def test_a_measured_stop_that_begins_at_once_and_lingers_is_as_declared():
             assert k > 0 or guard._watch.phase[0] == STOPPING
             q += v * PERIOD
         assert (guard._watch.disproved[0] != 0) == (share > 1.0)
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_who_moved_at_rest_may_get_as_far_as_a_table_leads_him_but_no_figure(table):
+    """By its figures this slide stops within 15 mm, by its table in a third of a s."""
+    figures = {"deceleration": 50.0, "deceleration_most": 100.0, "command": 0.01}
+    if table:
+        figures["tables"] = {"joint": MEASURED}
+    guard, speed = slides(figures, period=PERIOD), 0.8
+    for k in range(200):
+        time = 5.0 + k * PERIOD
+        guard.step([k * PERIOD * speed], time, velocity=[speed], now=time)
+        assert guard._watch.phase[0] != RESTING or k == 0
+    assert (guard._watch.disproved[0] == 0) == table
