@@ -448,3 +448,13 @@ def test_who_leaves_what_a_contract_allowed_lacks_nothing_yet(leaves):
     assert prove(guard._lines.ctypes.data) == PROVEN
     assert watch.relieved.tolist() == [1, 1]
     assert watch.deficit.tolist() == [0.0005, 0.00025]
+
+
+def test_a_path_that_is_looked_at_leaves_contracts_as_they_were():
+    guard, contract = slides_in_contract()
+    # It would be over by now.
+    contract[at.UNTIL] = -1.0
+    before = guard._grips.contracts.copy()
+    apart, touching = at_gap(0.1, 2), at_gap(-1e-3, 2)
+    assert not guard.check_path([apart, touching]).clear
+    assert (guard._grips.contracts == before).all()
