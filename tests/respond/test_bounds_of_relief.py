@@ -14,9 +14,9 @@ from armguard.guard import Level, Reason
 from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
 from armguard.guard.proofs import SINK, is_driven_nearer, relief_of
-from armguard.guard.watch import RECOVERING, RESTING, RUNNING, open_watch
+from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING, open_watch
 from armguard.guard.workspace import MOTION, WATCH, open_workspace
-from armguard.motion.state import open_motion
+from armguard.motion.state import SEGMENT, open_motion
 from armguard.respond import Action, Blocked, Changed, Guard
 from armguard.respond.leaving import lead_away
 from armguard.respond.state import ASKS, open_response
@@ -89,6 +89,17 @@ def test_what_surely_does_not_touch_gives_up_its_floor_and_no_more():
     for spare in (-0.97 * FLOOR, -FLOOR + 1e-6):
         assert relief_at(spare, FLOOR, lines) == min(SINK - spare, FLOOR)
     assert relief_at(-FLOOR - 1e-6, FLOOR, lines) == SINK + FLOOR + 1e-6
+
+
+def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
+    for commanded, segment in ((1.0, 0.0), (0.0, 0.0), (1.0, 1.0)):
+        guard, lines = looked_at({})
+        leaving(guard)
+        guard._watch.relief[0] = 0.1
+        guard._watch.given[COMMANDED] = commanded
+        guard._motion.span[SEGMENT] = segment
+        relieved = relief_at(-0.02, FLOOR, lines) > 0.0
+        assert relieved == (commanded != 0.0 and segment == 0.0)
 
 
 @pytest.mark.parametrize(("speed", "surely"), [(0.97, False), (1.03, True)])
