@@ -200,6 +200,23 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
         assert verdict.slack.s == pytest.approx(left / speed, abs=1e-6)
 
 
+@pytest.mark.parametrize("share", [0.97, 1.03])
+@pytest.mark.parametrize("slower", [0, 1])
+def test_time_is_short_for_who_has_a_quarter_of_the_closing_speed(slower, share):
+    # Together they close 1 m/s.
+    speeds = np.full(2, 1.0 - 0.25 * share)
+    speeds[slower] = 0.25 * share
+    guard, left = slides({}, {}, period=PERIOD), 0.05
+    need = sum(worst_stop({}, speed, PERIOD)[0] for speed in speeds)
+    let_go(guard)
+    velocity = speeds * [1.0, -1.0]
+    verdict = guard.step(at_gap(need + left, 2), 5.0, velocity=velocity, now=5.0)
+    slowed = [level is Level.SLOW for level in verdict.levels.values()]
+    assert slowed[1 - slower]
+    assert slowed[slower] == (share > 1.0)
+    assert verdict.slack.s == pytest.approx(left, abs=1e-6)
+
+
 # Time left below which an arm is slowed, and one below which its pair is told [s].
 SLOWS, TOLD = 0.1, 1.25 * 0.1
 

@@ -278,3 +278,19 @@ def test_who_moved_at_rest_may_get_as_far_as_a_table_leads_him_but_no_figure(tab
         guard.step([k * PERIOD * speed], time, velocity=[speed], now=time)
         assert guard._watch.phase[0] != RESTING or k == 0
     assert (guard._watch.disproved[0] == 0) == table
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_stop_under_way_is_named_as_such_but_for_who_moved_at_rest(moved):
+    guard, speed = slides({"command": 0.05}, period=PERIOD), 0.5 * moved
+    if moved:
+        known = first = Reason.MOVED_AT_REST
+    else:
+        # It was let go, and the next cycle comes too late.
+        guard.step([0.0], 5.0 - 10.0 * PERIOD, velocity=[0.0], now=5.0 - 10.0 * PERIOD)
+        known, first = Reason.STOPPING, Reason.CYCLE_LATE
+    for k in range(4):
+        time = 5.0 + k * PERIOD
+        q = [speed * k * PERIOD]
+        verdict = guard.step(q, time, velocity=[speed], now=time)
+        assert verdict.reason is (known if k else first)
