@@ -8,17 +8,22 @@ below it is stopped.
 import numpy as np
 import pytest
 
-from armguard.geometry import Pose
+from armguard.geometry import Pose, Sphere
 from armguard.guard import Level
 from armguard.guard.watch import FEW
+from armguard.respond import Guard
+from armguard.scene import Scene
 from armguard.scene.settings import IndexSettings
 from sliding import (
     APART,
+    EXACT,
     MEASURED,
+    RADIUS,
     REACH,
     UNTOLD_CYCLE,
     at_gap,
     let_go,
+    slide,
     slides,
     worst_stop,
 )
@@ -198,6 +203,22 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
         verdict = judged(guard, 0, need + left, speed, 0.0, told=True)
         assert verdict.slack.m == pytest.approx(left, abs=1e-6)
         assert verdict.slack.s == pytest.approx(left / speed, abs=1e-6)
+
+
+def test_only_the_slide_that_is_too_near_to_something_is_stopped():
+    scene = Scene(buffer=0.0, margin=1.0, period=PERIOD)
+    for name, x in (("left", 0.0), ("right", APART)):
+        base = Pose(xyz=(x, 0.0, 0.0))
+        scene.add_robot(slide(), name=name, base=base, stopping=EXACT)
+    scene.add(Sphere(radius=RADIUS), name="ball", pose=Pose(xyz=(0.5 * APART, 0, 0)))
+    guard, (near,) = Guard(scene, self_test=False), at_gap(0.5 * APART + GRAIN)
+    for which, q in (("left", [near, 0.0]), ("right", [0.0, -near])):
+        let_go(guard)
+        velocity = np.sign(q) * 0.5
+        levels = guard.step(q, 5.0, velocity=velocity, now=5.0).levels
+        assert {name for name, level in levels.items() if level >= Level.STOP} == {
+            which
+        }
 
 
 @pytest.mark.parametrize("share", [0.97, 1.03])

@@ -13,10 +13,11 @@ from armguard.geometry import Pose, Sphere
 from armguard.guard import Level, Reason
 from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
-from armguard.guard.proofs import SINK, is_driven_nearer, relief_of
+from armguard.guard.proofs import SINK, is_driven_nearer, prove_pair, relief_of
 from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING, open_watch
 from armguard.guard.workspace import MOTION, WATCH, open_workspace
-from armguard.motion.state import SEGMENT, open_motion
+from armguard.motion.pair_state import PROVEN, UNPROVEN
+from armguard.motion.state import NEXT, SEGMENT, open_motion
 from armguard.respond import Action, Blocked, Changed, Guard
 from armguard.respond.leaving import lead_away
 from armguard.respond.state import ASKS, open_response
@@ -151,6 +152,29 @@ def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
     watch.under_way[0] = -high, -low
     watch.wanted[0] = -wanted
     assert driven_nearer(0, lines) == nearer
+
+
+@numba.njit
+def proven(lines):
+    """How the first near pair is proven, and what it has left [m]."""
+    return prove_pair(0, 1, NEXT, NEXT, row_place(0, open_workspace(lines)), lines)
+
+
+@pytest.mark.parametrize("spare", [-1e-4, 1e-4])
+def test_of_what_is_evaded_no_more_is_proven_than_that_it_is_far_enough(spare):
+    """As far as it may come until the slide rests, which has two cycles of reserve."""
+    guard = slides(
+        {"settle_time": 0.5}, mover={"top_speed": COMES}, buffer=FLOOR, period=PERIOD
+    )
+    gap, still = FLOOR + COMES * (0.5 + 2.0 * PERIOD) + spare, np.zeros(1)
+    guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), 0.0)
+    guard.filter(at_gap(gap), still, 0.0, velocity=still, now=0.0)
+    watch = guard._watch
+    watch.phase[0], watch.evaded[1], watch.relieved[0] = RECOVERING, 1, 0
+    proof, left = proven(guard._lines.ctypes.data)
+    assert left == pytest.approx(spare, abs=1e-6)
+    assert proof == (PROVEN if spare > 0.0 else UNPROVEN)
+    assert watch.relieved[0] == (spare < 0.0)
 
 
 @numba.njit
