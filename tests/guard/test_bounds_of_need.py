@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from armguard.geometry import Pose, Sphere
-from armguard.guard import Level
+from armguard.guard import Level, Reason
 from armguard.guard.watch import FEW
+from armguard.motion.state import BUDGET
 from armguard.respond import Guard
 from armguard.scene import Scene
 from armguard.scene.settings import IndexSettings
@@ -203,6 +204,16 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
         verdict = judged(guard, 0, need + left, speed, 0.0, told=True)
         assert verdict.slack.m == pytest.approx(left, abs=1e-6)
         assert verdict.slack.s == pytest.approx(left / speed, abs=1e-6)
+
+
+@pytest.mark.parametrize("spare", [-GRAIN, GRAIN])
+def test_without_a_budget_levers_alone_may_prove_a_pair(spare):
+    guard, speed = slides({}, period=PERIOD), 1.0
+    guard._motion.effort[BUDGET] = 0
+    need, _ = worst_stop({}, speed, PERIOD)
+    verdict = judged(guard, 0, need + spare, speed, 0.0, told=True)
+    assert (verdict.reason is Reason.BUDGET_SPENT) == (spare < 0.0)
+    assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
 
 
 def test_only_the_slide_that_is_too_near_to_something_is_stopped():

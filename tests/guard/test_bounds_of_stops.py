@@ -3,10 +3,12 @@
 Each is tested just inside and just outside the bound that the figures give.
 """
 
+import numba
 import numpy as np
 import pytest
 
 from armguard.guard import Level, Reason
+from armguard.guard.stops import order
 from armguard.guard.watch import BRAKING, LOST, RESTING, RUNNING, STOPPING
 from sliding import (
     EXACT,
@@ -294,3 +296,25 @@ def test_a_stop_under_way_is_named_as_such_but_for_who_moved_at_rest(moved):
         q = [speed * k * PERIOD]
         verdict = guard.step(q, time, velocity=[speed], now=time)
         assert verdict.reason is (known if k else first)
+
+
+@numba.njit
+def order_brake(v, m):
+    """Order the brake of the first robot at 5 s."""
+    order(0, BRAKING, 30, 5.0, v, m)
+
+
+@pytest.mark.parametrize("speed", [-1.5, -0.4, 0.4, 1.5])
+def test_a_brake_leads_no_farther_than_its_delay_and_its_deceleration(speed):
+    brake = {"brake_delay": 0.02, "brake_deceleration": 5.0}
+    figures = {**brake, "acceleration": 20.0, "settle": 0.01, "position_error": 1e-3}
+    guard, place = slides({**figures, "velocity_error": 0.05}, period=PERIOD), 0.3
+    guard.step([place], 5.0, velocity=[speed], now=5.0)
+    order_brake(guard._watch, guard._motion)
+    for sign, bound in ((1.0, guard._watch.rest_high), (-1.0, guard._watch.rest_low)):
+        # Until the brake works it may be driven either way.
+        towards = max(sign * speed + 0.05, 0.0)
+        after = min(towards + 20.0 * 0.02, EXACT["velocity"])
+        way = after * 0.02 + 0.5 * after**2 / 5.0
+        known = place + sign * (way + 0.01 + 2e-3)
+        assert bound[0] == pytest.approx(known, abs=1e-6)
