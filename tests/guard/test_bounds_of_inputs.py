@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from armguard.geometry import Pose
 from armguard.guard import Level, Reason
 from armguard.guard.watch import RUNNING
-from sliding import EXACT, at_gap, let_go, slides, worst_stop
+from armguard.respond import Guard
+from armguard.scene import Scene
+from sliding import APART, EXACT, at_gap, let_go, slide, slides, worst_stop
 
 # How far inside and outside a bound an input is [-].
 SHARE = 0.01
@@ -135,3 +138,17 @@ def test_after_a_jump_nothing_is_known_that_a_sample_could_contradict():
         verdict = guard.step([place], now, velocity=[0.0], now=now)
         assert (verdict.reason is Reason.STATE_JUMPED) == (k == 1)
         assert verdict.reason is not Reason.STATE_DISAGREES
+
+
+@pytest.mark.parametrize("mode", ["path", "fixed"])
+def test_a_time_that_leaps_is_believed_only_if_a_robot_that_is_predicted_agrees(mode):
+    scene = Scene(buffer=0.0, margin=1.0, period=PERIOD)
+    for name, x, own in (("left", 0.0, "path"), ("right", APART, mode)):
+        base = Pose(xyz=(x, 0.0, 0.0))
+        scene.add_robot(slide(), name=name, base=base, mode=own, stopping=EXACT)
+    guard, still = Guard(scene, self_test=False), np.zeros(2)
+    guard.step(still, 5.0, velocity=still, now=5.0)
+    # The right one's stamp goes with it, the left one's does not.
+    guard.step(still, {"left": 5.01, "right": 99.0}, velocity=still, now=99.0)
+    verdict = guard.step(still, 5.02, velocity=still, now=5.02)
+    assert (verdict.reason is Reason.TIME_BACKWARDS) == (mode == "path")

@@ -237,3 +237,17 @@ def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
         states[:] = before
         read(down(0.05), guard._lines.ctypes.data)
         assert (states == (IN_FORCE if share < 1.0 else ENDING)).all()
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("speed", [-0.05, 0.05])
+def test_what_is_meant_is_read_from_what_is_asked_or_measured(speed, filtered):
+    guard = over_blocks(0.0)
+    for k in range(1, 4):
+        time, velocity = k * 1e-3, down(speed)
+        if filtered:
+            still = np.zeros(5)
+            guard.filter(guard.home, velocity, time, velocity=still, now=time)
+        else:
+            guard.step(guard.home, time, velocity=velocity, now=time)
+    assert guard._grips.grippers[0, MEANT] == (0 if speed > 0.0 else -1)
