@@ -137,6 +137,20 @@ def test_a_measured_stop_is_believed_until_its_time_whatever_it_does_till_then(s
     assert (guard._watch.disproved[0] != 0) == (share > 1.0)
 
 
+@pytest.mark.parametrize("leap", [0.0, 0.1])
+def test_stamps_that_leap_alone_do_not_make_a_liar_of_a_stop(leap):
+    """Nobody tells whether the time passed: if it did the slide should rest by now."""
+    figures = {"sensing": 0.01, "position_error": 0.05}
+    stopped = Stopped(figures, 0.5, told=False)
+    times, speeds, ways = motion_of(figures, 0.5, 0.0, stopped.effect)
+    for k in range(1, int(rest_of(times, speeds) / PERIOD)):
+        since = k * PERIOD
+        q = stopped.begin + np.interp(since, times, ways)
+        stamp = 5.0 + since + leap * (k >= 25)
+        stopped.guard.step([q], stamp, velocity=[np.interp(since, times, speeds)])
+    assert stopped.guard._watch.disproved[0] == 0
+
+
 @pytest.mark.parametrize("which", ["brake_deceleration", "brake_delay"])
 def test_a_brake_as_declared_is_believed_and_one_a_little_worse_is_not(which):
     figures = {"brake_deceleration": 5.0, "brake_delay": 0.1}

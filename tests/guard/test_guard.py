@@ -12,7 +12,7 @@ from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, bay_task
 from armguard.scene.settings import IndexSettings
 from arms import simple_arm, wall_scene
-from sliding import slide
+from sliding import RADIUS, slide
 
 
 @pytest.fixture(scope="module")
@@ -329,6 +329,21 @@ def test_a_kept_pair_is_the_measured_pair():
         anew.reset()
         assert verdict.tobytes() == anew.step(row).tobytes()
     assert kept > 0
+
+
+def test_kept_and_measured_pairs_are_in_order():
+    """One ball stands still beside another one, and a third one comes to it."""
+    scene = Scene(mode="fixed", margin=0.1)
+    for name, x in (("left", 0.0), ("right", 0.3)):
+        scene.add_robot(slide(), name=name, base=Pose(xyz=(x, 0.0, 0.0)))
+    scene.add(Sphere(radius=RADIUS), name="ball", pose=Pose(xyz=(0.0, 0.18, 0.0)))
+    guard, anew = Guard(scene), Guard(scene)
+    for place in (0.0, -0.11, -0.12):
+        anew.reset()
+        verdict = guard.step([0.0, place])
+        assert verdict.tobytes() == anew.step([0.0, place]).tobytes()
+        others = ["right/ball", "ball"] if place else ["ball"]
+        assert [pair.b for pair in verdict.near] == others
 
 
 def test_the_cycle_allocates_nothing():

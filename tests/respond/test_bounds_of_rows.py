@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from approach import FIGURES
-from armguard.geometry import Pose
+from armguard.geometry import Pose, Sphere
 from armguard.guard.layout import WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
@@ -26,7 +26,7 @@ from armguard.respond.state import (
 )
 from armguard.scene import Scene
 from arms import simple_arm
-from sliding import at_gap, slides
+from sliding import at_gap, let_go, slides
 
 PERIOD = 0.005
 
@@ -96,6 +96,8 @@ def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
         at = Pose(xyz=(x, 0.0, 0.0))
         arm = replace(model, links=links)
         scene.add_robot(arm, name=name, base=at, stopping=FIGURES)
+    # What comes last rides on the first arm.
+    scene.add(Sphere(radius=0.05), name="cup", attached_to="left/link3")
     guard = Guard(scene, self_test=False)
     w, moving = guard._workspace, guard.tables.moving_count
     q = guard.home + rng.uniform(-0.5, 0.5, 6)
@@ -108,7 +110,7 @@ def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
         return w.T_world.reshape(-1, 3, 4).copy()
 
     here = poses(q)
-    for pair in [(0, moving - 1), *rng.integers(0, moving, (20, 2))]:
+    for pair in [(40, moving - 1), *rng.integers(0, moving, (20, 2))]:
         i, j = sorted(pair)
         points = rng.normal(size=(2, 3))
         n = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
@@ -125,3 +127,18 @@ def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
                 for T, x, p in zip(moved, local, points, strict=True)
             ]
             assert row[k] == pytest.approx(n @ (ways[0] - ways[1]) / step, abs=1e-5)
+
+
+def test_what_is_asked_for_keeps_its_direction_while_the_robot_speeds_up_to_it():
+    model = simple_arm(joints=2)
+    scene = Scene(mode="path", period=PERIOD)
+    scene.add_robot(model, name="arm", stopping=FIGURES)
+    guard = Guard(scene, self_test=False)
+    let_go(guard)
+    q, v, wish = guard.home, np.zeros(2), np.array([1.0, -0.2])
+    for k in range(5):
+        now = 5.0 + k * PERIOD
+        v = guard.filter(q, wish, now, velocity=v, now=now).velocity
+        speed = (k + 1) * FIGURES["acceleration"] * PERIOD
+        assert v == pytest.approx(speed * wish)
+        q = q + v * PERIOD
