@@ -212,6 +212,7 @@ def test_without_a_budget_levers_alone_may_prove_a_pair(spare):
     guard._motion.effort[BUDGET] = 0
     need, _ = worst_stop({}, speed, PERIOD)
     verdict = judged(guard, 0, need + spare, speed, 0.0, told=True)
+    assert (verdict.level is Level.STOP) == (spare < 0.0)
     assert (verdict.reason is Reason.BUDGET_SPENT) == (spare < 0.0)
     assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
 
