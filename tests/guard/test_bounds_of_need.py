@@ -5,6 +5,8 @@ need is the worst case of that figure: a little above it the arm goes on, and a 
 below it is stopped.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from armguard.guard import Level, Reason
 from armguard.guard.watch import FEW
 from armguard.motion.state import BUDGET
 from armguard.respond import Guard
+from armguard.robot.model import Link
 from armguard.scene import Scene
 from armguard.scene.settings import IndexSettings
 from sliding import (
@@ -215,6 +218,40 @@ def test_without_a_budget_levers_alone_may_prove_a_pair(spare):
     assert (verdict.level is Level.STOP) == (spare < 0.0)
     assert (verdict.reason is Reason.BUDGET_SPENT) == (spare < 0.0)
     assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
+
+
+def slide_on_slides():
+    """Three slides on one line, each on the one before; the second has no ball."""
+    model = slide()
+    ball, joint = model.links["ball"], model.joints["joint"]
+    links, joints, above = {"base": model.links["base"]}, {}, "base"
+    for name, x, shapes in (
+        ("first", 0.0, ball.collisions),
+        ("second", 0.0, ()),
+        ("third", APART, ball.collisions),
+    ):
+        links[name] = Link(name=name, collisions=shapes)
+        place = Pose(xyz=(x, 0.0, 0.0)).matrix()
+        ends = {"name": name, "parent": above, "child": name}
+        joints[name] = replace(joint, **ends, T_parent_joint=place)
+        above = name
+    return replace(model, links=links, joints=joints)
+
+
+@pytest.mark.parametrize("spare", [-GRAIN, GRAIN])
+def test_two_links_of_one_arm_need_what_the_joints_between_them_do(spare):
+    speeds = np.array([0.9, 0.3, -0.5])
+    scene = Scene(buffer=0.0, margin=1.0, period=PERIOD)
+    scene.add_robot(slide_on_slides(), name="arm", stopping=EXACT)
+    guard = Guard(scene, self_test=False)
+    let_go(guard)
+    need = sum(worst_stop({}, abs(speed), PERIOD)[0] for speed in speeds[1:])
+    # The second and the third one both lead the third ball back to the first one.
+    speeds[1] *= -1.0
+    q = [0.0, 0.0, need + spare + 2.0 * RADIUS - APART]
+    verdict = guard.step(q, 5.0, velocity=speeds, now=5.0)
+    assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
+    assert (verdict.level is Level.STOP) == (spare < 0.0)
 
 
 def test_only_the_slide_that_is_too_near_to_something_is_stopped():
