@@ -1,5 +1,7 @@
 """Inputs just inside what is declared are believed, and those just outside are not."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -152,3 +154,17 @@ def test_a_time_that_leaps_is_believed_only_if_a_robot_that_is_predicted_agrees(
     guard.step(still, {"left": 5.01, "right": 99.0}, velocity=still, now=99.0)
     verdict = guard.step(still, 5.02, velocity=still, now=5.02)
     assert (verdict.reason is Reason.TIME_BACKWARDS) == (mode == "path")
+
+
+def test_positions_that_are_all_off_the_same_way_are_too_fast_together():
+    error = 0.05
+    guard = slides({"position_error": error}, period=PERIOD)
+    let_go(guard)
+    # Each of them for itself could be an error of two positions.
+    way = 0.99 * (SPEED_SHARE * EXACT["velocity"] * PERIOD + 2.0 * error)
+    for k in range(3):
+        now = 5.0 + k * PERIOD
+        verdict = guard.step([k * way], now, now=now)
+        assert (verdict.reason is Reason.TOO_FAST) == (k == 2)
+    said = float(re.search(r"at ([\d.]+) a second", verdict.why)[1])
+    assert said == pytest.approx(way / PERIOD, abs=0.1)
