@@ -287,21 +287,21 @@ def test_time_is_short_for_who_has_a_quarter_of_the_closing_speed(slower, share)
     assert verdict.slack.s == pytest.approx(left, abs=1e-6)
 
 
-# Time left below which an arm is slowed, and one below which its pair is told [s].
-SLOWS, TOLD = 0.1, 1.25 * 0.1
+# Time left below which an arm is slowed, and one at which its pair is reported [s].
+SLOWS, SHORT = 0.1, 1.25 * 0.1
 
 
 @pytest.mark.parametrize("share", [0.98, 1.02])
-def test_beyond_the_margin_a_pair_is_told_while_it_is_nearly_short(share):
+def test_beyond_the_margin_a_pair_is_reported_while_it_is_nearly_short(share):
     guard, speed = slides({}, period=PERIOD, margin=0.0), 0.8
     need, _ = worst_stop({}, speed, PERIOD)
-    verdict = judged(guard, 0, need + share * TOLD * speed, speed, 0.0, told=True)
+    verdict = judged(guard, 0, need + share * SHORT * speed, speed, 0.0, told=True)
     assert len(verdict.near) == (share < 1.0)
 
 
 @pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("joints", [1, 2])
-def test_beyond_the_margin_a_pair_is_told_to_who_may_measure_it_nearer(
+def test_beyond_the_margin_a_pair_is_reported_to_who_may_measure_it_nearer(
     joints, filtered
 ):
     """Two errors of a position: one in what it has left, one that is to come."""

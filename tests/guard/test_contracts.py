@@ -414,7 +414,7 @@ def slides_in_contract(gap=0.003, speed=0.1):
     ("before", "share", "kept"),
     [(1.0, 0.97, True), (1.0, 1.01, False), (0.9, 0.94, True), (0.9, 0.96, False)],
 )
-def test_what_is_told_again_may_use_all_a_contract_bears_and_what_is_new_less(
+def test_what_is_commanded_again_may_use_all_a_contract_bears_and_what_is_new_less(
     before, share, kept
 ):
     guard, _ = slides_in_contract()

@@ -253,7 +253,7 @@ def test_more_near_pairs_than_there_is_room_for_is_a_stop(monkeypatch):
         at = (0.3 + 0.08 * k, 0.12, 0.2)
         scene.add(Sphere(radius=0.03), name=f"b{k}", pose=Pose(xyz=at))
     guard = Guard(scene)
-    # Rows that are missing are not there to be kept for an arm that stands still.
+    # Rows that are missing are not there to be kept for an arm at rest.
     for _ in range(2):
         verdict = guard.step(np.zeros(1))
         assert verdict.reason is Reason.CAPACITY
@@ -332,7 +332,7 @@ def test_a_kept_pair_is_the_measured_pair():
 
 
 def test_kept_and_measured_pairs_are_in_order():
-    """One ball stands still beside another one, and a third one comes to it."""
+    """One ball rests beside another one, and a third one comes to it."""
     scene = Scene(mode="fixed", margin=0.1)
     for name, x in (("left", 0.0), ("right", 0.3)):
         scene.add_robot(slide(), name=name, base=Pose(xyz=(x, 0.0, 0.0)))

@@ -179,7 +179,7 @@ def test_of_what_is_evaded_no_more_is_proven_than_that_it_is_far_enough(spare):
 
 @numba.njit
 def leads_away(response, lines):
-    """Whether what the first robot is to be told leads away for certain."""
+    """Whether what the first robot is to be commanded leads away for certain."""
     w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     return lead_away(0, open_response(response), w, v, m)

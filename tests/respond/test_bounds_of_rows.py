@@ -133,10 +133,10 @@ def test_what_is_asked_for_keeps_its_direction_while_the_robot_speeds_up_to_it()
     scene.add_robot(model, name="arm", stopping=FIGURES)
     guard = Guard(scene, self_test=False)
     let_go(guard)
-    q, v, wish = guard.home, np.zeros(2), np.array([1.0, -0.2])
+    q, v, asked = guard.home, np.zeros(2), np.array([1.0, -0.2])
     for k in range(5):
         now = 5.0 + k * PERIOD
-        v = guard.filter(q, wish, now, velocity=v, now=now).velocity
+        v = guard.filter(q, asked, now, velocity=v, now=now).velocity
         speed = (k + 1) * FIGURES["acceleration"] * PERIOD
-        assert v == pytest.approx(speed * wish)
+        assert v == pytest.approx(speed * asked)
         q = q + v * PERIOD

@@ -341,11 +341,11 @@ FLOOR = 0.005
 TIP = 1.0 + ARM + CART
 
 
-def comes_at(guard, x, y, wish=(0.0, 0.0), velocity=(0.0, 0.0)):
+def comes_at(guard, x, y, asked=(0.0, 0.0), velocity=(0.0, 0.0)):
     """Command of an arm along x in the cycle in which a cart is seen to come down."""
     guard.place("cart", Pose(xyz=(x, y, 0.3)), 0.0, velocity=(0.0, -0.4, 0.0))
     q = np.zeros(2)
-    return guard.filter(q, np.array(wish), 0.0, velocity=np.array(velocity), now=0.0)
+    return guard.filter(q, np.array(asked), 0.0, velocity=np.array(velocity), now=0.0)
 
 
 @pytest.mark.parametrize("share", [0.985, 1.015])
@@ -360,7 +360,7 @@ def test_who_is_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
     guard = tall_cart_guard(evade_time=2.0)
     guard._escape.notes[0, EVADING] = 1
     # The operator asks for next to nothing.
-    command = comes_at(guard, TIP + FLOOR + share * 0.045, 0.3, wish=(2e-6, 0.0))
+    command = comes_at(guard, TIP + FLOOR + share * 0.045, 0.3, asked=(2e-6, 0.0))
     assert (command.blocked["arm"] is Blocked.EVADING) == (share < 1.0)
 
 
@@ -398,11 +398,11 @@ def test_nobody_evades_while_he_is_stopped(phase):
 def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
     top_speed, beset
 ):
-    """Only one of the carts could be at the arm before that stands still."""
+    """Only one of the carts could be at the arm before that rests."""
     guard = tall_cart_guard(behind=-0.14, top_speed=top_speed, evade_time=0.6)
     guard._watch.phase[0] = RUNNING
     turn = (-0.8, 0.0)
-    command = comes_at(guard, TIP + 0.06, 0.1, wish=turn, velocity=turn)
+    command = comes_at(guard, TIP + 0.06, 0.1, asked=turn, velocity=turn)
     assert command.verdict.level is Level.STOP
     # The cart is near, and comes.
     assert guard._escape.counts[COMER_COUNT] == 1

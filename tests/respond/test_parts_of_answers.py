@@ -688,7 +688,7 @@ def test_a_retreat_is_held_up_when_no_joint_goes_at_5_percent_of_what_it_asks(sh
 
 def test_what_two_pairs_have_left_of_late_is_remembered_of_each():
     rng = np.random.default_rng(18)
-    told = watch(rng)
+    v = watch(rng)
     a = record(
         spares=np.full(places.REMEMBERED, np.inf),
         spare_of=np.full((places.REMEMBERED, 2), places.NEVER, dtype=np.int64),
@@ -699,9 +699,9 @@ def test_what_two_pairs_have_left_of_late_is_remembered_of_each():
     part = 1.0 - np.exp(-DT / 0.03)
     # More is believed little by little, less at once.
     for count, more in enumerate((0.0, 0.01, -0.005), 1):
-        told.sent_count[0] = count
+        v.sent_count[0] = count
         found = [
-            spare(*pair, x, a, told) for pair, x in zip(pairs, left + more, strict=True)
+            spare(*pair, x, a, v) for pair, x in zip(pairs, left + more, strict=True)
         ]
         left = left + (part if more > 0.0 else 1.0) * more
         assert found == pytest.approx(left)
