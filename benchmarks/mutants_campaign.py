@@ -21,6 +21,7 @@ from mutants.build import build
 from mutants.page import page
 from mutants.places import Mutant
 from mutants.results import (
+    Known,
     added,
     digest_of,
     is_due,
@@ -73,10 +74,7 @@ def main() -> None:
     mutants = build(ROOT / "src" / "armguard", BUILD / "src" / "armguard", COUNT, SEED)
     # The folder was looked up before the build made it.
     importlib.invalidate_caches()
-    known = read_results(RESULTS)
-    known = {
-        one.identity: known[one.identity] for one in mutants if one.identity in known
-    }
+    known = results_of(mutants)
     tested = digest_of(test_files(chosen.tests), ROOT)
     wanted = [
         one
@@ -110,7 +108,7 @@ def main() -> None:
         """Keep and print an outcome."""
         entry = record(mutant, outcome, ROOT)
         # Another run may have kept something meanwhile.
-        known.update(read_results(RESULTS))
+        known.update(results_of(mutants))
         entry |= {"tested": tested, "limit": chosen.limit}
         before = None if chosen.again else known.get(mutant.identity)
         known[mutant.identity] = added(before, entry)
@@ -146,6 +144,14 @@ def main() -> None:
     run_tests(trial, chosen.tests)
 
 
+def results_of(mutants: Sequence[Mutant]) -> Known:
+    """What is known of these mutants."""
+    known = read_results(RESULTS)
+    return {
+        one.identity: known[one.identity] for one in mutants if one.identity in known
+    }
+
+
 def run_tests(trial: Trial, tests: Sequence[str]) -> None:
     """Start pytest once; it collects the tests that every fork runs."""
     import hypothesis
@@ -170,7 +176,7 @@ def test_files(tests: Sequence[str]) -> list[str]:
     return sorted(path.relative_to(ROOT).as_posix() for path in found)
 
 
-def write_page(known: dict[str, dict[str, object]], about: dict[str, object]) -> None:
+def write_page(known: Known, about: dict[str, object]) -> None:
     """Write docs/mutants.md."""
     text = page(known, about, read_equivalent())
     RESULTS.with_suffix(".md").write_text(text, encoding="utf-8")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from armguard.guard import Level, Reason
+from armguard.guard.watch import STOPPING
 from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
@@ -200,6 +201,26 @@ def test_one_wrong_velocity_does_not_make_a_liar_of_a_stop():
         verdict = guard.step(q, now, velocity=v, now=now)
         assert verdict.level <= Level.STOP, (k, verdict.why)
     assert not guard._watch.disproved.any()
+
+
+@pytest.mark.parametrize("swing", [0.0, 0.05])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_no_joint_that_stops_speeds_up_by_more_than_its_errors_and_its_swing(
+    sign, swing
+):
+    """By its error and half a period's push, twice; a swing also turns it round."""
+    figures = {**FIGURES, "position_error": 0.05, "settle": swing, "settle_time": 10.0}
+    figures["deceleration_most"] = 8.0
+    most = FIGURES["velocity_error"] + FIGURES["acceleration"] * PERIOD
+    most = 2.0 * most + np.sqrt(2.0 * 8.0 * swing)
+    for before in (0.0, 0.2):
+        for share in (0.99, 1.01):
+            guard, still = two_joints(**figures), np.zeros(2)
+            guard.step(still, 5.0, velocity=[sign * before, 0.0], now=5.0)
+            guard._watch.phase[0] = STOPPING
+            now, speed = 5.0 + PERIOD, sign * (before + share * most)
+            verdict = guard.step(still, now, velocity=[speed, 0.0], now=now)
+            assert (verdict.reason is Reason.STATE_DISAGREES) == (share > 1.0)
 
 
 @pytest.mark.parametrize("what", ["q", "velocity"])

@@ -1,11 +1,16 @@
 """Inputs just inside what is declared are believed, and those just outside are not."""
 
+import re
+
 import numpy as np
 import pytest
 
+from armguard.geometry import Pose
 from armguard.guard import Level, Reason
 from armguard.guard.watch import RUNNING
-from sliding import EXACT, at_gap, let_go, slides, worst_stop
+from armguard.respond import Guard
+from armguard.scene import Scene
+from sliding import APART, EXACT, at_gap, let_go, slide, slides, worst_stop
 
 # How far inside and outside a bound an input is [-].
 SHARE = 0.01
@@ -97,3 +102,69 @@ def test_a_velocity_that_is_estimated_may_be_none_where_a_stop_may_be_of_any_har
         low, high = guard._motion.v_low[0], guard._motion.v_high[0]
         assert low <= min(speed, 0.0)
         assert high >= max(speed, 0.0)
+
+
+def test_an_order_at_a_time_nobody_knows_was_given_before_the_next_one_that_is_known():
+    guard = slides({"stale": 0.1}, period=PERIOD)
+    for stamp, reason in ((6.0, Reason.STAMP_AHEAD), (4.9, Reason.STATE_STALE)):
+        let_go(guard)
+        first, now, later = 4.995 + PERIOD * np.arange(3)
+        guard.step([0.0], 4.9, velocity=[0.0], now=first)
+        assert guard.step([0.0], stamp, velocity=[0.0], now=now).reason is reason
+        known = reason is Reason.STATE_STALE
+        assert guard._watch.ordered[0] == (now if known else np.inf)
+        guard.step([0.0], later, velocity=[0.0], now=later)
+        assert guard._watch.ordered[0] == (now if known else later)
+
+
+@pytest.mark.parametrize(("speed", "known"), [(0.9, 1.0), (1.85, 1.95), (2.1, 2.0)])
+def test_a_velocity_that_was_refused_may_be_true_for_the_stop_that_follows(
+    speed, known
+):
+    guard = slides({"velocity_error": 0.1, "stale": 0.1}, period=PERIOD)
+    for sign in (-1.0, 1.0):
+        let_go(guard)
+        guard.step([0.0], 5.0, velocity=[0.2 * sign], now=5.0)
+        # It is said to be somewhere else by now.
+        now = 5.0 + PERIOD
+        verdict = guard.step([1.0], now, velocity=[speed * sign], now=now)
+        assert verdict.reason is Reason.STATE_JUMPED
+        assert guard._watch.fastest[0] == pytest.approx(known)
+
+
+def test_after_a_jump_nothing_is_known_that_a_sample_could_contradict():
+    guard = slides({}, period=PERIOD)
+    let_go(guard)
+    for k, place in enumerate((0.0, 1.0, 1.0, 1.0)):
+        now = 5.0 + k * PERIOD
+        verdict = guard.step([place], now, velocity=[0.0], now=now)
+        assert (verdict.reason is Reason.STATE_JUMPED) == (k == 1)
+        assert verdict.reason is not Reason.STATE_DISAGREES
+
+
+@pytest.mark.parametrize("mode", ["path", "fixed"])
+def test_a_time_that_leaps_is_believed_only_if_a_robot_that_is_predicted_agrees(mode):
+    scene = Scene(buffer=0.0, margin=1.0, period=PERIOD)
+    for name, x, own in (("left", 0.0, "path"), ("right", APART, mode)):
+        base = Pose(xyz=(x, 0.0, 0.0))
+        scene.add_robot(slide(), name=name, base=base, mode=own, stopping=EXACT)
+    guard, still = Guard(scene, self_test=False), np.zeros(2)
+    guard.step(still, 5.0, velocity=still, now=5.0)
+    # The right one's stamp goes with it, the left one's does not.
+    guard.step(still, {"left": 5.01, "right": 99.0}, velocity=still, now=99.0)
+    verdict = guard.step(still, 5.02, velocity=still, now=5.02)
+    assert (verdict.reason is Reason.TIME_BACKWARDS) == (mode == "path")
+
+
+def test_positions_that_are_all_off_the_same_way_are_too_fast_together():
+    error = 0.05
+    guard = slides({"position_error": error}, period=PERIOD)
+    let_go(guard)
+    # Each of them for itself could be an error of two positions.
+    way = 0.99 * (SPEED_SHARE * EXACT["velocity"] * PERIOD + 2.0 * error)
+    for k in range(3):
+        now = 5.0 + k * PERIOD
+        verdict = guard.step([k * way], now, now=now)
+        assert (verdict.reason is Reason.TOO_FAST) == (k == 2)
+    said = float(re.search(r"at ([\d.]+) a second", verdict.why)[1])
+    assert said == pytest.approx(way / PERIOD, abs=0.1)

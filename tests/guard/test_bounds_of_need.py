@@ -5,20 +5,29 @@ need is the worst case of that figure: a little above it the arm goes on, and a 
 below it is stopped.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from armguard.geometry import Pose
-from armguard.guard import Level
+from armguard.geometry import Pose, Sphere
+from armguard.guard import Level, Reason
 from armguard.guard.watch import FEW
+from armguard.motion.state import BUDGET
+from armguard.respond import Guard
+from armguard.robot.model import Link
+from armguard.scene import Scene
 from armguard.scene.settings import IndexSettings
 from sliding import (
     APART,
+    EXACT,
     MEASURED,
+    RADIUS,
     REACH,
     UNTOLD_CYCLE,
     at_gap,
     let_go,
+    slide,
     slides,
     worst_stop,
 )
@@ -198,3 +207,113 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
         verdict = judged(guard, 0, need + left, speed, 0.0, told=True)
         assert verdict.slack.m == pytest.approx(left, abs=1e-6)
         assert verdict.slack.s == pytest.approx(left / speed, abs=1e-6)
+
+
+@pytest.mark.parametrize("spare", [-GRAIN, GRAIN])
+def test_without_a_budget_levers_alone_may_prove_a_pair(spare):
+    guard, speed = slides({}, period=PERIOD), 1.0
+    guard._motion.effort[BUDGET] = 0
+    need, _ = worst_stop({}, speed, PERIOD)
+    verdict = judged(guard, 0, need + spare, speed, 0.0, told=True)
+    assert (verdict.level is Level.STOP) == (spare < 0.0)
+    assert (verdict.reason is Reason.BUDGET_SPENT) == (spare < 0.0)
+    assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
+
+
+def slide_on_slides():
+    """Three slides on one line, each on the one before; the second has no ball."""
+    model = slide()
+    ball, joint = model.links["ball"], model.joints["joint"]
+    links, joints, above = {"base": model.links["base"]}, {}, "base"
+    for name, x, shapes in (
+        ("first", 0.0, ball.collisions),
+        ("second", 0.0, ()),
+        ("third", APART, ball.collisions),
+    ):
+        links[name] = Link(name=name, collisions=shapes)
+        place = Pose(xyz=(x, 0.0, 0.0)).matrix()
+        ends = {"name": name, "parent": above, "child": name}
+        joints[name] = replace(joint, **ends, T_parent_joint=place)
+        above = name
+    return replace(model, links=links, joints=joints)
+
+
+@pytest.mark.parametrize("spare", [-GRAIN, GRAIN])
+def test_two_links_of_one_arm_need_what_the_joints_between_them_do(spare):
+    speeds = np.array([0.9, 0.3, -0.5])
+    scene = Scene(buffer=0.0, margin=1.0, period=PERIOD)
+    scene.add_robot(slide_on_slides(), name="arm", stopping=EXACT)
+    guard = Guard(scene, self_test=False)
+    let_go(guard)
+    need = sum(worst_stop({}, abs(speed), PERIOD)[0] for speed in speeds[1:])
+    # The second and the third one both lead the third ball back to the first one.
+    speeds[1] *= -1.0
+    q = [0.0, 0.0, need + spare + 2.0 * RADIUS - APART]
+    verdict = guard.step(q, 5.0, velocity=speeds, now=5.0)
+    assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
+    assert (verdict.level is Level.STOP) == (spare < 0.0)
+
+
+def test_only_the_slide_that_is_too_near_to_something_is_stopped():
+    scene = Scene(buffer=0.0, margin=1.0, period=PERIOD)
+    for name, x in (("left", 0.0), ("right", APART)):
+        base = Pose(xyz=(x, 0.0, 0.0))
+        scene.add_robot(slide(), name=name, base=base, stopping=EXACT)
+    scene.add(Sphere(radius=RADIUS), name="ball", pose=Pose(xyz=(0.5 * APART, 0, 0)))
+    guard, (near,) = Guard(scene, self_test=False), at_gap(0.5 * APART + GRAIN)
+    for which, q in (("left", [near, 0.0]), ("right", [0.0, -near])):
+        let_go(guard)
+        velocity = np.sign(q) * 0.5
+        levels = guard.step(q, 5.0, velocity=velocity, now=5.0).levels
+        assert {name for name, level in levels.items() if level >= Level.STOP} == {
+            which
+        }
+
+
+@pytest.mark.parametrize("share", [0.97, 1.03])
+@pytest.mark.parametrize("slower", [0, 1])
+def test_time_is_short_for_who_has_a_quarter_of_the_closing_speed(slower, share):
+    # Together they close 1 m/s.
+    speeds = np.full(2, 1.0 - 0.25 * share)
+    speeds[slower] = 0.25 * share
+    guard, left = slides({}, {}, period=PERIOD), 0.05
+    need = sum(worst_stop({}, speed, PERIOD)[0] for speed in speeds)
+    let_go(guard)
+    velocity = speeds * [1.0, -1.0]
+    verdict = guard.step(at_gap(need + left, 2), 5.0, velocity=velocity, now=5.0)
+    slowed = [level is Level.SLOW for level in verdict.levels.values()]
+    assert slowed[1 - slower]
+    assert slowed[slower] == (share > 1.0)
+    assert verdict.slack.s == pytest.approx(left, abs=1e-6)
+
+
+# Time left below which an arm is slowed, and one at which its pair is reported [s].
+SLOWS, SHORT = 0.1, 1.25 * 0.1
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_beyond_the_margin_a_pair_is_reported_while_it_is_nearly_short(share):
+    guard, speed = slides({}, period=PERIOD, margin=0.0), 0.8
+    need, _ = worst_stop({}, speed, PERIOD)
+    verdict = judged(guard, 0, need + share * SHORT * speed, speed, 0.0, told=True)
+    assert len(verdict.near) == (share < 1.0)
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("joints", [1, 2])
+def test_beyond_the_margin_a_pair_is_reported_to_who_may_measure_it_nearer(
+    joints, filtered
+):
+    """Two errors of a position: one in what it has left, one that is to come."""
+    error = 2e-3
+    figures = [{"position_error": error}] * joints
+    guard, still = slides(*figures, period=PERIOD, margin=0.0), np.zeros(joints)
+    hidden = 2.0 * joints * error if filtered else 0.0
+    for spare in (-GRAIN, 0.98 * hidden - 1e-6, 1.02 * hidden + 1e-6):
+        let_go(guard)
+        q = at_gap(joints * error + spare, joints)
+        if filtered:
+            verdict = guard.filter(q, still, 5.0, velocity=still, now=5.0).verdict
+        else:
+            verdict = guard.step(q, 5.0, velocity=still, now=5.0)
+        assert len(verdict.near) == (spare < hidden)

@@ -3,10 +3,12 @@
 Each is tested just inside and just outside the bound that the figures give.
 """
 
+import numba
 import numpy as np
 import pytest
 
 from armguard.guard import Level, Reason
+from armguard.guard.stops import order
 from armguard.guard.watch import BRAKING, LOST, RESTING, RUNNING, STOPPING
 from sliding import (
     EXACT,
@@ -133,6 +135,20 @@ def test_a_measured_stop_is_believed_until_its_time_whatever_it_does_till_then(s
         q = begin + np.interp(since, times, ways)
         guard.step([q], 5.0 + since, velocity=[v], now=5.0 + since)
     assert (guard._watch.disproved[0] != 0) == (share > 1.0)
+
+
+@pytest.mark.parametrize("leap", [0.0, 0.1])
+def test_stamps_that_leap_alone_do_not_make_a_liar_of_a_stop(leap):
+    """Nobody tells whether the time passed: if it did the slide should rest by now."""
+    figures = {"sensing": 0.01, "position_error": 0.05}
+    stopped = Stopped(figures, 0.5, told=False)
+    times, speeds, ways = motion_of(figures, 0.5, 0.0, stopped.effect)
+    for k in range(1, int(rest_of(times, speeds) / PERIOD)):
+        since = k * PERIOD
+        q = stopped.begin + np.interp(since, times, ways)
+        stamp = 5.0 + since + leap * (k >= 25)
+        stopped.guard.step([q], stamp, velocity=[np.interp(since, times, speeds)])
+    assert stopped.guard._watch.disproved[0] == 0
 
 
 @pytest.mark.parametrize("which", ["brake_deceleration", "brake_delay"])
@@ -264,3 +280,55 @@ def test_a_measured_stop_that_begins_at_once_and_lingers_is_as_declared():
             assert k > 0 or guard._watch.phase[0] == STOPPING
             q += v * PERIOD
         assert (guard._watch.disproved[0] != 0) == (share > 1.0)
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_who_moved_at_rest_may_get_as_far_as_a_table_leads_him_but_no_figure(table):
+    """By its figures this slide stops within 15 mm, by its table in a third of a s."""
+    figures = {"deceleration": 50.0, "deceleration_most": 100.0, "command": 0.01}
+    if table:
+        figures["tables"] = {"joint": MEASURED}
+    guard, speed = slides(figures, period=PERIOD), 0.8
+    for k in range(200):
+        time = 5.0 + k * PERIOD
+        guard.step([k * PERIOD * speed], time, velocity=[speed], now=time)
+        assert guard._watch.phase[0] != RESTING or k == 0
+    assert (guard._watch.disproved[0] == 0) == table
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_stop_under_way_is_named_as_such_but_for_who_moved_at_rest(moved):
+    guard, speed = slides({"command": 0.05}, period=PERIOD), 0.5 * moved
+    if moved:
+        known = first = Reason.MOVED_AT_REST
+    else:
+        # It was let go, and the next cycle comes too late.
+        guard.step([0.0], 5.0 - 10.0 * PERIOD, velocity=[0.0], now=5.0 - 10.0 * PERIOD)
+        known, first = Reason.STOPPING, Reason.CYCLE_LATE
+    for k in range(4):
+        time = 5.0 + k * PERIOD
+        q = [speed * k * PERIOD]
+        verdict = guard.step(q, time, velocity=[speed], now=time)
+        assert verdict.reason is (known if k else first)
+
+
+@numba.njit
+def order_brake(v, m):
+    """Order the brake of the first robot at 5 s."""
+    order(0, BRAKING, 30, 5.0, v, m)
+
+
+@pytest.mark.parametrize("speed", [-1.5, -0.4, 0.4, 1.5])
+def test_a_brake_leads_no_farther_than_its_delay_and_its_deceleration(speed):
+    brake = {"brake_delay": 0.02, "brake_deceleration": 5.0}
+    figures = {**brake, "acceleration": 20.0, "settle": 0.01, "position_error": 1e-3}
+    guard, place = slides({**figures, "velocity_error": 0.05}, period=PERIOD), 0.3
+    guard.step([place], 5.0, velocity=[speed], now=5.0)
+    order_brake(guard._watch, guard._motion)
+    for sign, bound in ((1.0, guard._watch.rest_high), (-1.0, guard._watch.rest_low)):
+        # Until the brake works it may be driven either way.
+        towards = max(sign * speed + 0.05, 0.0)
+        after = min(towards + 20.0 * 0.02, EXACT["velocity"])
+        way = after * 0.02 + 0.5 * after**2 / 5.0
+        known = place + sign * (way + 0.01 + 2e-3)
+        assert bound[0] == pytest.approx(known, abs=1e-6)

@@ -9,6 +9,7 @@ from armguard.geometry import Box, Pose
 from armguard.respond import Guard
 from armguard.scene import Scene
 from arms import simple_arm
+from sliding import APART, at_gap, slides
 
 
 def wire_scene(thickness=0.001):
@@ -79,6 +80,15 @@ def test_random_lines_agree_with_dense_samples():
             assert not broken or found.breach.share <= broken[0]
             assert found.breach.share >= 0.0
     assert 10 < clear < 150
+
+
+@pytest.mark.parametrize(("gap", "clear"), [(0.0051, True), (0.0049, False)])
+def test_what_moves_is_taken_to_be_where_it_was_seen(gap, clear):
+    guard = slides({}, mover={"top_speed": 0.5}, buffer=0.005)
+    guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), stamp=0.0)
+    # It may have come 10 cm nearer since.
+    guard.step(at_gap(1.0), 0.2, velocity=[0.0], now=0.2)
+    assert guard.check_path([at_gap(1.0), at_gap(gap)]).clear == clear
 
 
 def test_a_path_leaves_the_loop_as_it_was(wire):

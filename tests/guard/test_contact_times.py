@@ -1,15 +1,18 @@
 """A robot's time to contact is that of its first pair, as if all were looked at."""
 
+import numba
 import numpy as np
+import pytest
 
 from armguard.benchmark.filter import crowded_guard
-from armguard.guard.contact_times import contact_time, lever_time
+from armguard.guard.contact_times import contact_time, lever_time, time_to_contact
 from armguard.guard.layout import NEAR_COUNT, TIME_TO_CONTACT
 from armguard.guard.near_pairs import row_place
 from armguard.guard.watch import open_watch
 from armguard.guard.workspace import MOTION, WATCH, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import open_motion
+from sliding import at_gap, let_go, slides
 
 CYCLES = 200
 
@@ -23,6 +26,42 @@ def look_at_all(lines, times):
         place = row_place(k, w)
         times[k, 0] = w.out[place + TIME_TO_CONTACT] = lever_time(place, w, v, m)
         times[k, 1] = contact_time(place, w, v, m)
+
+
+@numba.njit
+def time_of(distance, speed, push):
+    return time_to_contact(distance, speed, push)
+
+
+@pytest.mark.parametrize("time", [1e-3, 0.2, 3.0])
+@pytest.mark.parametrize("push", [0.0, 0.3, 8.0])
+@pytest.mark.parametrize("speed", [0.0, 0.1, 1.5])
+def test_a_pair_touches_when_its_speed_and_what_is_added_to_it_have_closed_it(
+    speed, push, time
+):
+    distance = speed * time + 0.5 * push * time**2
+    known = time if distance > 0.0 else 0.0
+    assert time_of(distance, speed, push) == pytest.approx(known)
+    assert time_of(-1e-9, speed, push) == 0.0
+    assert time_of(1e-9, 0.0, 0.0) == np.inf
+
+
+@pytest.mark.parametrize("joints", [1, 2])
+def test_by_levers_a_pair_touches_when_its_joints_get_there_all_errors_considered(
+    joints,
+):
+    error, age, speed, push = 0.01, 0.004, 0.5, 8.0
+    figures = {"position_error": error, "model_error": 0.003, "acceleration": push}
+    guard = slides(*[figures] * joints, buffer=0.005, period=0.001)
+    let_go(guard)
+    velocity = [speed, -speed][:joints]
+    guard.step(at_gap(0.5, joints), 5.0 - age, velocity=velocity, now=5.0)
+    times = np.zeros((1, 2))
+    look_at_all(guard._lines, times)
+    # Each side comes as near, and is as far off.
+    left = 0.5 - joints * (error + 0.003)
+    root = np.roots([0.5 * joints * push, joints * speed, -left])
+    assert times[0, 0] == pytest.approx(root.max() - age, rel=1e-6)
 
 
 def test_no_pair_that_is_passed_over_is_sooner_than_what_is_told():

@@ -1,5 +1,6 @@
 """Contracts anybody may ask for, who holds what, and the models of a gripper."""
 
+import numba
 import numpy as np
 import pytest
 
@@ -7,8 +8,13 @@ from armguard.errors import GraspError, UnknownNameError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason, Region
 from armguard.guard import grips as at
+from armguard.guard.contracts import prove_with_contract
 from armguard.guard.levels import SENTENCES
-from armguard.guard.workspace import CONTRACTS, INTENTS
+from armguard.guard.near_pairs import row_place
+from armguard.guard.watch import RECOVERING, RESTING
+from armguard.guard.workspace import CONTRACTS, INTENTS, open_workspace
+from armguard.motion.pair_state import ALLOWED, EXCEEDED, PROVEN
+from armguard.motion.state import NEXT
 from armguard.scene import Gripper, Scene
 from armguard.scene.settings import IndexSettings
 from grippers import (
@@ -23,6 +29,7 @@ from grippers import (
     guard_of,
     pick_scene,
 )
+from sliding import at_gap, slides
 
 FLOOR = 0.005
 DOWN, TOUCH, OPEN = 0.1, 0.02, 0.04
@@ -379,3 +386,71 @@ def test_contracts_cost_nothing_where_there_is_no_gripper():
 
 def test_the_reason_has_its_sentence():
     assert "contract" in SENTENCES[Reason.CONTRACT_EXCEEDED]
+
+
+@numba.njit
+def prove(lines):
+    """How the first near pair is proven."""
+    w = open_workspace(lines)
+    return prove_with_contract(0, 1, NEXT, NEXT, row_place(0, w), lines)[0]
+
+
+def slides_in_contract(gap=0.003, speed=0.1):
+    """A guard of two slides that may touch, nearer than their floor, and its row."""
+    guard = slides({}, {}, buffer=FLOOR, period=0.001)
+    q, still = at_gap(gap, 2), np.zeros(2)
+    guard.filter(q, still, 0.0, velocity=still, now=0.0)
+    guard.allow("left/ball", "right/ball", depth=0.002, speed=speed, until=1e9)
+    guard.filter(q, still, 0.001, velocity=still, now=0.001)
+    contracts = guard._grips.contracts
+    return guard, contracts[np.flatnonzero(contracts[:, at.STATE] != at.NONE)[0]]
+
+
+@pytest.mark.parametrize(
+    ("before", "share", "kept"),
+    [(1.0, 0.97, True), (1.0, 1.01, False), (0.9, 0.94, True), (0.9, 0.96, False)],
+)
+def test_what_is_commanded_again_may_use_all_a_contract_bears_and_what_is_new_less(
+    before, share, kept
+):
+    guard, _ = slides_in_contract()
+    watch = guard._watch
+    watch.wanted[0] = share * 0.1
+    watch.under_way[0] = 0.0, before * share * 0.1
+    assert (prove(guard._lines.ctypes.data) == ALLOWED) == kept
+
+
+@pytest.mark.parametrize("relieved", [(0, 0), (0, 1), (1, 0)])
+def test_a_contract_that_is_exceeded_relieves_nobody(relieved):
+    guard, contract = slides_in_contract()
+    contract[at.STATE] = at.EXPIRED
+    watch = guard._watch
+    watch.phase[:], watch.relieved[:] = RESTING, relieved
+    watch.deficit[:] = 0.0
+    assert prove(guard._lines.ctypes.data) == EXCEEDED
+    assert tuple(watch.relieved) == relieved
+    # What lacks is what they are nearer than their floor.
+    assert watch.deficit == pytest.approx(np.full(2, 0.002), abs=1e-9)
+
+
+@pytest.mark.parametrize("leaves", [0, 1])
+def test_who_leaves_what_a_contract_allowed_lacks_nothing_yet(leaves):
+    guard, contract = slides_in_contract()
+    contract[at.STATE] = at.EXPIRED
+    watch = guard._watch
+    watch.phase[:], watch.relieved[:] = RESTING, 0
+    watch.phase[leaves] = RECOVERING
+    watch.deficit[:] = 0.0005, 0.00025
+    assert prove(guard._lines.ctypes.data) == PROVEN
+    assert watch.relieved.tolist() == [1, 1]
+    assert watch.deficit.tolist() == [0.0005, 0.00025]
+
+
+def test_a_path_that_is_looked_at_leaves_contracts_as_they_were():
+    guard, contract = slides_in_contract()
+    # It would be over by now.
+    contract[at.UNTIL] = -1.0
+    before = guard._grips.contracts.copy()
+    apart, touching = at_gap(0.1, 2), at_gap(-1e-3, 2)
+    assert not guard.check_path([apart, touching]).clear
+    assert (guard._grips.contracts == before).all()

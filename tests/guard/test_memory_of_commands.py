@@ -162,6 +162,11 @@ def grow(w, v, m):
     return bound_growth(w, v, m)
 
 
+@numba.njit
+def expect(j, v, m):
+    kernels.expect_followed(j, v, m)
+
+
 def known_under_way(sent, since, j, top):
     """Velocities that may be obeyed: sent later than a time, and the one before."""
     kept = sent[-ROOM:]
@@ -329,6 +334,29 @@ def test_what_is_sent_is_remembered_with_who_is_held():
         assert v.sent_count[0] == count + 1
         assert (v.band[:, 0] == np.minimum(v.under_way[:, 0], m.v_low)).all()
         assert (v.band[:, 1] == np.maximum(v.under_way[:, 1], m.v_high)).all()
+
+
+@pytest.mark.parametrize("phase", [RUNNING, RECOVERING, RESTING])
+@pytest.mark.parametrize("count", range(9))
+def test_a_drive_follows_what_its_delay_leaves_or_is_on_its_way_there(count, phase):
+    rng = np.random.default_rng(13)
+    for _ in range(10):
+        v, m, sent = memory(rng, count)
+        v.phase[:] = phase
+        bounds = np.sort(rng.uniform(-0.5, 0.5, (JOINTS, DELAY_STEPS, 2)))
+        v.followed[:] = bounds.reshape(JOINTS, -1)
+        for j in range(JOINTS):
+            expect(j, v, m)
+            error = m.joint_figures[j, figure.TRACKING]
+            for k in range(DELAY_STEPS):
+                since = v.stamps[j] - (k + 1) * DELAY_SHARE * DELAY
+                (low, high), _ = known_under_way(sent, since, j, np.inf)
+                if phase == RESTING:
+                    low, high = -np.inf, np.inf
+                now_low = max(m.v_low[j], bounds[j, k, 0] - error)
+                now_high = min(m.v_high[j], bounds[j, k, 1] + error)
+                found = v.followed[j, 2 * k : 2 * k + 2]
+                assert found.tolist() == [min(low, now_low), max(high, now_high)]
 
 
 def farthest_of(stops):

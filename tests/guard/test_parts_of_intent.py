@@ -4,6 +4,7 @@ import numba
 import numpy as np
 import pytest
 
+from armguard.geometry import Box, Pose
 from armguard.guard.grips import (
     CONTRACT,
     END_FINGER,
@@ -24,9 +25,15 @@ from armguard.guard.grips import (
     SPEED,
     SPENT_ON,
     STATE,
+    open_grips,
 )
-from armguard.guard.intent import comes_slowly, settle_meant
+from armguard.guard.intent import comes_slowly, read_gripper, score_of, settle_meant
+from armguard.guard.watch import open_watch
+from armguard.guard.workspace import GRIPS, MOTION, WATCH, open_workspace
+from armguard.motion.state import open_motion
 from armguard.robot.kinematics import PRISMATIC
+from armguard.scene import Grasp, Scene
+from grippers import BELOW, BLOCK, add_gantry, guard_of
 from records import record
 
 
@@ -118,3 +125,129 @@ def test_what_is_put_down_comes_slowly_and_towards_it(
     for nearest in (0.101, np.nan):
         c[NEAREST] = nearest
         assert slowly(c, again, u, w, m) == again
+
+
+@numba.njit
+def score(o, u, way, lines):
+    w = open_workspace(lines)
+    m, h = open_motion(w.parts[MOTION]), open_grips(w.parts[GRIPS])
+    return score_of(0, o, u, way, h, w, m)
+
+
+@numba.njit
+def read(u, lines):
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    read_gripper(0, u, open_grips(w.parts[GRIPS]), w, v, m)
+
+
+# How near a gripper has to be, and how near its way has to lead [m].
+CLOSE, AIMED = 0.1, 0.02
+
+# How far the middle between the fingers is above the blocks [m].
+HEIGHT = 0.06
+
+
+def over_blocks(offset, apart=0.3):
+    """A gripper above two blocks, and its guard.
+
+    Args:
+        offset: How far its middle is beside the first block, along x [m].
+        apart: From the first block's middle to the second one's [m].
+    """
+    scene = Scene(mode="path")
+    at = np.array([BLOCK[0] + offset, 0.0, BELOW + BLOCK[2] + HEIGHT])
+    add_gantry(scene, "arm", home=tuple(at), coarse=False)
+    for name, x in (("first", 0.0), ("second", apart)):
+        scene.add(
+            Box(half_extents=BLOCK),
+            name=name,
+            pose=Pose(xyz=(x, 0.0, 0.0)),
+            graspable=Grasp(near=CLOSE, aim=AIMED),
+        )
+    guard = guard_of(scene)
+    guard.step(guard.home, 0.0, velocity=np.zeros(5), now=0.0)
+    return guard
+
+
+def down(speed, across=0.0):
+    """Velocities of a gantry that goes down, and along x [m/s]."""
+    return np.array([across, 0.0, -speed, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("meant", [-1, 0])
+@pytest.mark.parametrize("speed", [0.015, 0.05])
+def test_what_is_meant_most_is_nearest_to_the_way_and_to_the_middle(speed, meant):
+    """A way straight down leads past the first block as far as it is beside it."""
+    for offset in (-BLOCK[0], 0.005, 0.97 * AIMED):
+        guard = over_blocks(offset)
+        guard._grips.grippers[0, MEANT] = meant
+        beside = max(offset, 0.0)
+        known = beside + 0.25 * np.hypot(beside, HEIGHT)
+        # What was in the scratch does not matter.
+        for before in (0.0, np.nan):
+            found = score(0, down(speed), np.full(16, before), guard._lines.ctypes.data)
+            assert found == pytest.approx(known, abs=1e-9)
+        assert score(1, down(speed), np.zeros(16), guard._lines.ctypes.data) == np.inf
+
+
+@pytest.mark.parametrize("meant", [False, True])
+def test_a_way_that_leads_past_it_means_nothing(meant):
+    most = (1.25 if meant else 1.0) * AIMED
+    for share in (0.97, 1.03):
+        guard = over_blocks(share * most)
+        guard._grips.grippers[0, MEANT] = 0 if meant else -1
+        found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
+        assert (found == np.inf) == (share > 1.0)
+
+
+def test_what_a_contract_was_spent_on_is_meant_only_by_who_still_means_it():
+    guard = over_blocks(0.0)
+    own = guard._grips.grippers[0]
+    own[SPENT_ON] = 0
+    for meant, spent in ((-1, True), (1, True), (0, False)):
+        own[MEANT] = meant
+        found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
+        assert (found == np.inf) == spent
+        assert own[SPENT_ON] == 0
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
+    apart = 2.0 * BLOCK[0] + 0.03
+
+    def nearer_by(offset):
+        """How much nearer the second block is than the first one [m]."""
+        sides = np.array([offset, apart - 2.0 * BLOCK[0] - offset])
+        scores = sides + 0.25 * np.hypot(sides, HEIGHT)
+        return scores[0] - scores[1]
+
+    low, high = 0.015, 0.024
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (
+            (middle, high) if nearer_by(middle) < share * 0.005 else (low, middle)
+        )
+    guard = over_blocks(low, apart)
+    grips = guard._grips
+    own = grips.grippers[0]
+    own[MEANT] = 0
+    states = grips.contracts[own[SLOT] : own[SLOT] + 2, STATE]
+    for before in (IN_FORCE, ENDING):
+        states[:] = before
+        read(down(0.05), guard._lines.ctypes.data)
+        assert (states == (IN_FORCE if share < 1.0 else ENDING)).all()
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("speed", [-0.05, 0.05])
+def test_what_is_meant_is_read_from_what_is_asked_or_measured(speed, filtered):
+    guard = over_blocks(0.0)
+    for k in range(1, 4):
+        time, velocity = k * 1e-3, down(speed)
+        if filtered:
+            still = np.zeros(5)
+            guard.filter(guard.home, velocity, time, velocity=still, now=time)
+        else:
+            guard.step(guard.home, time, velocity=velocity, now=time)
+    assert guard._grips.grippers[0, MEANT] == (0 if speed > 0.0 else -1)

@@ -1,12 +1,43 @@
 """Remembered planes save work and change no answer."""
 
+import numba
 import numpy as np
+import pytest
 
 from armguard.geometry import Cone, Cylinder, Ellipsoid, Hull, Pose
+from armguard.geometry.shapes.row import shape_row
+from armguard.guard.planes import PLANE_COUNT, is_apart, remember_plane
 from armguard.respond import Guard
 from armguard.scene import Scene
 from armguard.scene.trajectory import densify
 from arms import simple_arm
+from records import record
+
+
+@numba.njit
+def proves(look, w, witness):
+    remember_plane(0, 1, w, witness)
+    return is_apart(0, 1, look, w)
+
+
+@pytest.mark.parametrize("far", [0.0, 1e3, 1e6])
+def test_a_plane_proves_nothing_that_round_off_might_have_made(far):
+    """Two cylinders 2 m apart, each of them so far from the origin."""
+    shape, radius = Cylinder(radius=0.05, height=0.2), 0.05
+    for a, b in ((-1.0 - far, 1.0 - far), (-1.0 - far, 1.0 + far)):
+        rows = [shape_row(shape, Pose(xyz=(x, 0.0, 0.0)).matrix()) for x in (a, b)]
+        w = record(
+            world=record(kinds=np.full(2, int(shape.kind)), rows=np.array(rows)),
+            planes=np.zeros(PLANE_COUNT, dtype=np.int64),
+            normals=np.zeros((PLANE_COUNT, 3)),
+        )
+        witness = np.zeros(10)
+        witness[7] = 1.0
+        gap = b - a - 2.0 * radius
+        # As a share of all the numbers it is made of.
+        doubt = 1e-13 * (gap + abs(a) + abs(b))
+        assert not proves(gap - 0.8 * doubt, w, witness)
+        assert proves(gap - 1.2 * doubt, w, witness)
 
 
 def crowded_scene():

@@ -1,18 +1,30 @@
 """Primitives first, exact shapes where those would bind."""
 
+from dataclasses import replace
+
+import numba
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial import ConvexHull
 
-from armguard.geometry import Hull, Pose
-from armguard.guard import Level
+from armguard.geometry import Hull, Pose, Sphere
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard import Level, Reason
+from armguard.guard.body_distance import body_distance
+from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
+from armguard.guard.workspace import MOTION, open_workspace
+from armguard.motion.pair_state import PAIR
+from armguard.motion.state import NEXT, open_motion
 from armguard.respond import Guard
 from armguard.robot.fitting import fit_robot
 from armguard.robot.fitting.exact import hull_faces
 from armguard.robot.fitting.proof import uncovered
 from armguard.robot.kinematics import kinematic_table
+from armguard.robot.model import CollisionElement, Link, MeshFile
 from armguard.scene import Scene, bay_scene
 from arms import link_pose
+from sliding import APART, EXACT, RADIUS, slide
 
 
 @pytest.fixture(scope="module")
@@ -178,3 +190,80 @@ def test_distance_need_and_headroom_are_of_the_same_shapes():
         nearest += 1
     assert min(by_exact, nearest) > 20
     assert by_primitives > 0
+
+
+# Two pieces of a link, by their corners [m]: the first reaches farther along x.
+POINTED = np.array([(-0.1, -0.1, -0.1), (0.1, 0, 0), (-0.1, 0.1, -0.1), (-0.1, 0, 0.1)])
+PIECES = [POINTED, POINTED - [0.03, 0.02, 0.0]]
+
+FLOOR, COMES, PERIOD, SETTLES = 0.005, 0.2, 1e-3, 0.5
+
+
+@pytest.fixture(scope="module")
+def pointed(tmp_path_factory):
+    """A guard of a slide whose link is two meshes, and of a ball that may come."""
+    elements = []
+    for k, points in enumerate(PIECES):
+        path = tmp_path_factory.mktemp("pieces") / f"piece{k}.stl"
+        trimesh.convex.convex_hull(points).export(path)
+        elements.append(
+            CollisionElement(geometry=MeshFile(path=path), T_link_geometry=np.eye(4))
+        )
+    model = slide()
+    link = Link(name="ball", collisions=tuple(elements))
+    scene = Scene(buffer=FLOOR, margin=1.0, period=PERIOD)
+    scene.add_robot(
+        replace(model, links={**model.links, "ball": link}),
+        name="left",
+        stopping={**EXACT, "settle_time": SETTLES},
+    )
+    ball, pose = Sphere(radius=RADIUS), Pose(xyz=(APART, 0.0, 0.0))
+    scene.add(ball, name="ball", pose=pose, top_speed=COMES)
+    return Guard(scene, self_test=False)
+
+
+def measured(guard, gap):
+    """Verdict of a slide at rest whose first piece is this far from the ball [m]."""
+    guard.reset()
+    guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), 5.0)
+    tip = POINTED[:, 0].max()
+    return guard.step([APART - RADIUS - tip - gap], 5.0, velocity=[0.0], now=5.0)
+
+
+@numba.njit
+def left_of_exact(i, j, need, drift, pair, lines):
+    """What exact shapes have left, looked at once and span by span [m]."""
+    w = open_workspace(lines)
+    m = open_motion(w.parts[MOTION])
+    describe_pair(i, j, NEXT, NEXT, need, drift, pair, w, m)
+    once = look_at_exact(i, j, pair.ctypes.data, lines)
+    describe_pair(i, j, NEXT, NEXT, need, drift, pair, w, m)
+    return once, prove_exact(i, j, pair.ctypes.data, lines)[1]
+
+
+def test_exact_shapes_have_left_what_the_nearest_of_them_has(pointed):
+    measured(pointed, 0.3)
+    moving, lines = pointed.tables.moving_count, pointed._lines.ctypes.data
+    # It is let go with two cycles of reserve.
+    known = 0.3 - 0.1 - COMES * (SETTLES + 2.0 * PERIOD)
+    for i in range(moving):
+        found = left_of_exact(i, moving, 0.1, COMES, np.zeros(PAIR), lines)
+        assert found == pytest.approx((known, known), abs=1e-6)
+
+
+def test_of_what_lacks_the_exact_shapes_lack_no_more_than_they_do(pointed):
+    need = FLOOR + COMES * (SETTLES + 2.0 * PERIOD)
+    for spare in (-1e-4, 1e-4):
+        verdict = measured(pointed, need + spare)
+        assert (verdict.reason is Reason.RESTING) == (spare < 0.0)
+        assert verdict.nearest.clearance == pytest.approx(spare, abs=1e-6)
+
+
+def test_two_bodies_are_as_far_apart_as_their_exact_shapes(pointed):
+    verdict, moving = measured(pointed, 0.3), pointed.tables.moving_count
+    assert verdict.nearest.distance < 0.299
+    own, ball, out = (0, moving), (moving, moving + 1), np.zeros(WITNESS_WIDTH)
+    for a, b in ((own, ball), (ball, own)):
+        body_distance(*a, *b, pointed._lines, out)
+        # Their files hold numbers of single precision.
+        assert out[0] == pytest.approx(0.3, abs=1e-7)

@@ -9,16 +9,20 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.geometry import Pose
+from armguard.geometry import Pose, Sphere
 from armguard.guard import Level, Reason
 from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
-from armguard.guard.proofs import SINK, is_driven_nearer, relief_of
-from armguard.guard.watch import RECOVERING, RESTING, RUNNING, open_watch
+from armguard.guard.proofs import SINK, is_driven_nearer, prove_pair, relief_of
+from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING, open_watch
 from armguard.guard.workspace import MOTION, WATCH, open_workspace
-from armguard.motion.state import open_motion
-from armguard.respond import Action, Blocked
-from sliding import APART, at_gap, slides
+from armguard.motion.pair_state import PROVEN, UNPROVEN
+from armguard.motion.state import NEXT, SEGMENT, open_motion
+from armguard.respond import Action, Blocked, Changed, Guard
+from armguard.respond.leaving import lead_away
+from armguard.respond.state import ASKS, open_response
+from armguard.scene import Scene
+from sliding import APART, EXACT, RADIUS, at_gap, slide, slides
 
 # Greatest speed of the ball [m/s], error of tracking of a slide [m/s].
 COMES, MISSES = 0.2, 0.1
@@ -88,6 +92,17 @@ def test_what_surely_does_not_touch_gives_up_its_floor_and_no_more():
     assert relief_at(-FLOOR - 1e-6, FLOOR, lines) == SINK + FLOOR + 1e-6
 
 
+def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
+    for commanded, segment in ((1.0, 0.0), (0.0, 0.0), (1.0, 1.0)):
+        guard, lines = looked_at({})
+        leaving(guard)
+        guard._watch.relief[0] = 0.1
+        guard._watch.given[COMMANDED] = commanded
+        guard._motion.span[SEGMENT] = segment
+        relieved = relief_at(-0.02, FLOOR, lines) > 0.0
+        assert relieved == (commanded != 0.0 and segment == 0.0)
+
+
 @pytest.mark.parametrize(("speed", "surely"), [(0.97, False), (1.03, True)])
 def test_relief_needs_a_command_that_opens_whatever_the_drive_misses(speed, surely):
     guard, lines = looked_at({"tracking_error": MISSES})
@@ -137,6 +152,59 @@ def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
     watch.under_way[0] = -high, -low
     watch.wanted[0] = -wanted
     assert driven_nearer(0, lines) == nearer
+
+
+@numba.njit
+def proven(lines):
+    """How the first near pair is proven, and what it has left [m]."""
+    return prove_pair(0, 1, NEXT, NEXT, row_place(0, open_workspace(lines)), lines)
+
+
+@pytest.mark.parametrize("spare", [-1e-4, 1e-4])
+def test_of_what_is_evaded_no_more_is_proven_than_that_it_is_far_enough(spare):
+    """As far as it may come until the slide rests, which has two cycles of reserve."""
+    guard = slides(
+        {"settle_time": 0.5}, mover={"top_speed": COMES}, buffer=FLOOR, period=PERIOD
+    )
+    gap, still = FLOOR + COMES * (0.5 + 2.0 * PERIOD) + spare, np.zeros(1)
+    guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), 0.0)
+    guard.filter(at_gap(gap), still, 0.0, velocity=still, now=0.0)
+    watch = guard._watch
+    watch.phase[0], watch.evaded[1], watch.relieved[0] = RECOVERING, 1, 0
+    proof, left = proven(guard._lines.ctypes.data)
+    assert left == pytest.approx(spare, abs=1e-6)
+    assert proof == (PROVEN if spare > 0.0 else UNPROVEN)
+    assert watch.relieved[0] == (spare < 0.0)
+
+
+@numba.njit
+def leads_away(response, lines):
+    """Whether what the first robot is to be commanded leads away for certain."""
+    w = open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    return lead_away(0, open_response(response), w, v, m)
+
+
+@pytest.mark.parametrize(("share", "at_once"), [(0.985, True), (1.015, False)])
+@pytest.mark.parametrize("asks", [False, True])
+def test_who_is_not_asked_leaves_only_as_slowly_as_he_can_begin_to(
+    share, at_once, asks
+):
+    """What surely leads away is a quarter more than what the drive may miss."""
+    gain = 8.0 * PERIOD
+    figures = {"acceleration": 8.0, "tracking_error": share * gain / 1.25}
+    guard = slides(figures, buffer=FLOOR, period=PERIOD)
+    still = np.zeros(1)
+    guard.filter(at_gap(0.001), still, 0.0, velocity=still, now=0.0)
+    answers = guard._response
+    guard._watch.phase[0] = RESTING
+    answers.low[0], answers.high[0], answers.target[0] = -1.0, 1.0, -0.5
+    answers.notes[0, ASKS] = asks
+    guard._watch.sent_count[0] = 0
+    found = leads_away(guard._response_lines, guard._lines.ctypes.data)
+    assert found == (at_once or asks)
+    least = -max(gain, share * gain) if found else -0.5
+    assert answers.target[0] == pytest.approx(least)
 
 
 class Beside:
@@ -215,3 +283,25 @@ def test_who_is_come_at_faster_than_declared_is_stopped(share, goes_on):
     # 30 ms: what comes too fast has then come 3 mm nearer than it can.
     actions = [loop.cycle(-1e-5, comes=share * COMES).action for _ in range(30)]
     assert (max(actions) is Action.FOLLOW) == goes_on
+
+
+def test_who_leaves_one_thing_slows_down_before_another_one_by_himself():
+    scene = Scene(buffer=FLOOR, margin=1.0, period=PERIOD)
+    figures = {"acceleration": 8.0, "tracking_error": 1e-3, "command": 0.02}
+    scene.add_robot(slide(), name="left", stopping={**EXACT, **figures})
+    between = 0.02
+    far = APART - 4.0 * RADIUS - (FLOOR - 2e-3) - between
+    for name, x in (("ball", APART), ("behind", far)):
+        scene.add(Sphere(radius=RADIUS), name=name, pose=Pose(xyz=(x, 0.0, 0.0)))
+    guard = Guard(scene, self_test=False)
+    x, v, fastest = np.array(at_gap(FLOOR - 2e-3)), np.zeros(1), 0.0
+    for k in range(60):
+        now = k * PERIOD
+        command = guard.filter(x, [-0.5 * (k > 4)], now, velocity=v, now=now)
+        v = command.velocity.copy()
+        x = x + v * PERIOD
+        fastest = max(fastest, -v[0])
+        assert command.verdict.level is Level.RECOVER or k > 40
+        # The proof has nothing to take back.
+        assert Changed.PROOF not in command.changed["left"]
+    assert 0.08 < fastest < 0.12

@@ -1,12 +1,21 @@
 """What rows of a program leave: shares of two robots, and what drives may miss."""
 
 from collections import deque
+from dataclasses import replace
 from itertools import product
 
 import numba
 import numpy as np
 import pytest
 
+from approach import FIGURES
+from armguard.geometry import Pose
+from armguard.guard.layout import WITNESS
+from armguard.guard.near_pairs import row_place
+from armguard.guard.pair_row import pair_row
+from armguard.guard.workspace import FIRST_ROW, MOTION, open_workspace
+from armguard.motion.state import open_motion
+from armguard.respond import Guard
 from armguard.respond.program import part_of
 from armguard.respond.state import (
     BY_CONTRIBUTION,
@@ -15,7 +24,9 @@ from armguard.respond.state import (
     PRIORITY,
     SHARING,
 )
-from sliding import at_gap, slides
+from armguard.scene import Scene
+from arms import simple_arm
+from sliding import at_gap, let_go, slides
 
 PERIOD = 0.005
 
@@ -63,3 +74,69 @@ def test_a_slide_keeps_what_its_drive_may_miss_until_a_command_matters(missed):
         least = min(least, command.verdict.nearest.clearance)
     assert least >= missed * (figures["command"] + PERIOD)
     assert abs(v) < 1e-3
+
+
+@numba.njit
+def closing_row(i, j, row, lines):
+    """How fast each joint closes a pair whose witness is in the first row."""
+    w = open_workspace(lines)
+    pair_row(i, j, row_place(0, w), row, w, open_motion(w.parts[MOTION]))
+
+
+def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
+    rng, step = np.random.default_rng(3), 1e-6
+    model = simple_arm(joints=3)
+    # As many shapes as a real arm has; the last link has none.
+    links = {
+        name: replace(link, collisions=link.collisions * (0 if name == "link3" else 18))
+        for name, link in model.links.items()
+    }
+    scene = Scene(mode="path")
+    for name, x in (("left", 0.0), ("right", 3.0)):
+        at = Pose(xyz=(x, 0.0, 0.0))
+        arm = replace(model, links=links)
+        scene.add_robot(arm, name=name, base=at, stopping=FIGURES)
+    guard = Guard(scene, self_test=False)
+    w, moving = guard._workspace, guard.tables.moving_count
+    q = guard.home + rng.uniform(-0.5, 0.5, 6)
+    place = int(w.settings[FIRST_ROW])
+
+    def poses(q):
+        """Where each body is."""
+        guard.reset()
+        guard.step(q, 5.0, velocity=np.zeros(6), now=5.0)
+        return w.T_world.reshape(-1, 3, 4).copy()
+
+    here = poses(q)
+    for pair in [(0, moving - 1), *rng.integers(0, moving, (20, 2))]:
+        i, j = sorted(pair)
+        points = rng.normal(size=(2, 3))
+        n = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+        w.out[place + WITNESS + 1 : place + WITNESS + 10] = [*points.ravel(), *n]
+        row = np.zeros(6)
+        closing_row(i, j, row, guard._lines.ctypes.data)
+        bodies = w.bodies[[i, j]]
+        frames = zip(here[bodies], points, strict=True)
+        local = [T[:, :3].T @ (p - T[:, 3]) for T, p in frames]
+        for k in range(6):
+            moved = poses(q + step * np.eye(6)[k])[bodies]
+            ways = [
+                T[:, :3] @ x + T[:, 3] - p
+                for T, x, p in zip(moved, local, points, strict=True)
+            ]
+            assert row[k] == pytest.approx(n @ (ways[0] - ways[1]) / step, abs=1e-5)
+
+
+def test_what_is_asked_for_keeps_its_direction_while_the_robot_speeds_up_to_it():
+    model = simple_arm(joints=2)
+    scene = Scene(mode="path", period=PERIOD)
+    scene.add_robot(model, name="arm", stopping=FIGURES)
+    guard = Guard(scene, self_test=False)
+    let_go(guard)
+    q, v, asked = guard.home, np.zeros(2), np.array([1.0, -0.2])
+    for k in range(5):
+        now = 5.0 + k * PERIOD
+        v = guard.filter(q, asked, now, velocity=v, now=now).velocity
+        speed = (k + 1) * FIGURES["acceleration"] * PERIOD
+        assert v == pytest.approx(speed * asked)
+        q = q + v * PERIOD

@@ -8,10 +8,21 @@ import pytest
 from approach import FIGURES, PERIOD
 from armguard.errors import SceneError
 from armguard.geometry import Box, Capsule, Pose, Sphere
+from armguard.guard import Level
+from armguard.guard.watch import BRAKING, RECOVERING, RESTING, RUNNING, STOPPING
 from armguard.guard.workspace import MOTION, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import open_motion
 from armguard.respond import Blocked, Guard
+from armguard.respond.escape_path import POSTURES, STEPS
+from armguard.respond.escape_state import (
+    COMER_COUNT,
+    EVADING,
+    HAS_WAY,
+    LEFT,
+    SPENT,
+    TRIED,
+)
 from armguard.respond.leaving import only_out
 from armguard.respond.state import open_response
 from armguard.scene import Scene
@@ -323,3 +334,99 @@ def test_a_joint_that_is_led_back_from_its_limit_goes_on(way, low, high, kept):
     keep_away(guard._response_lines, guard._lines)
     assert (response.low[0], response.high[0]) == kept
     assert response.target[0] == np.clip(0.1, *kept)
+
+
+# Distance that is asked for at rest, and gap of the cart at x to an arm along x [m].
+FLOOR = 0.005
+TIP = 1.0 + ARM + CART
+
+
+def comes_at(guard, x, y, asked=(0.0, 0.0), velocity=(0.0, 0.0)):
+    """Command of an arm along x in the cycle in which a cart is seen to come down."""
+    guard.place("cart", Pose(xyz=(x, y, 0.3)), 0.0, velocity=(0.0, -0.4, 0.0))
+    q = np.zeros(2)
+    return guard.filter(q, np.array(asked), 0.0, velocity=np.array(velocity), now=0.0)
+
+
+@pytest.mark.parametrize("share", [0.985, 1.015])
+def test_what_passes_30_mm_off_is_no_threat_and_what_passes_nearer_is(share):
+    guard = tall_cart_guard(evade_time=2.0)
+    command = comes_at(guard, TIP + FLOOR + share * 0.03, 0.3)
+    assert (command.blocked["arm"] is Blocked.EVADING) == (share < 1.0)
+
+
+@pytest.mark.parametrize("share", [0.985, 1.015])
+def test_who_is_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
+    guard = tall_cart_guard(evade_time=2.0)
+    guard._escape.notes[0, EVADING] = 1
+    # The operator asks for next to nothing.
+    command = comes_at(guard, TIP + FLOOR + share * 0.045, 0.3, asked=(2e-6, 0.0))
+    assert (command.blocked["arm"] is Blocked.EVADING) == (share < 1.0)
+
+
+@pytest.mark.parametrize(("worth", "kept"), [(0.0505, False), (0.0535, True)])
+def test_who_has_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
+    worth, kept
+):
+    """A way counts as better from 8 mm on, and none beyond 60 mm."""
+    guard, stays = tall_cart_guard(evade_time=2.0), 0.035
+    # The tip has to turn back from the cart's line by so much.
+    turn = np.arccos(1.0 - (worth - stays))
+    speed = 0.5
+    rise, fall = speed / FIGURES["acceleration"], speed / FIGURES["deceleration"]
+    escape = guard._escape
+    escape.notes[0, [EVADING, HAS_WAY]] = 1
+    escape.memory[0, LEFT] = turn / speed + 0.5 * rise - 0.5 * fall
+    escape.way[:] = -speed, 0.0
+    command = comes_at(guard, TIP + FLOOR + stays, 0.3)
+    assert command.blocked["arm"] is Blocked.EVADING
+    assert escape.notes[0, HAS_WAY] == 1
+    assert (escape.way.tolist() == [-speed, 0.0]) == kept
+
+
+@pytest.mark.parametrize("phase", [RESTING, RUNNING, RECOVERING, STOPPING, BRAKING])
+def test_nobody_evades_while_he_is_stopped(phase):
+    guard = tall_cart_guard(evade_time=2.0)
+    guard._watch.phase[0] = phase
+    command = comes_at(guard, 0.9, 0.3)
+    evades = phase in (RESTING, RUNNING, RECOVERING)
+    assert guard._watch.evades[0] == evades
+    assert (command.blocked["arm"] is Blocked.EVADING) == evades
+
+
+@pytest.mark.parametrize(("top_speed", "beset"), [(0.45, False), (5.0, True)])
+def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
+    top_speed, beset
+):
+    """Only one of the carts could be at the arm before that rests."""
+    guard = tall_cart_guard(behind=-0.14, top_speed=top_speed, evade_time=0.6)
+    guard._watch.phase[0] = RUNNING
+    turn = (-0.8, 0.0)
+    command = comes_at(guard, TIP + 0.06, 0.1, asked=turn, velocity=turn)
+    assert command.verdict.level is Level.STOP
+    # The cart is near, and comes.
+    assert guard._escape.counts[COMER_COUNT] == 1
+    (clearance,) = (
+        pair.clearance
+        for pair in command.verdict.near
+        if (pair.a, pair.b) == ("arm/link2", "cart")
+    )
+    assert (clearance < 0.0) == beset
+    assert (command.blocked["arm"] is Blocked.EVADING) == beset
+
+
+def test_no_more_ways_are_judged_in_a_cycle_than_there_is_time_for():
+    # A cart that comes along the arm, and is not evaded well.
+    guard, most = tall_cart_guard(evade_time=0.6), 0
+    q, v, tried = np.zeros(2), np.zeros(2), [0]
+    for k in range(8):
+        time, at = k * PERIOD, Pose(xyz=(1.3, 0.0, 0.3))
+        guard.place("cart", at, time, velocity=(-0.4, 0.0, 0.0))
+        v = guard.filter(q, np.zeros(2), time, velocity=v, now=time).velocity
+        q = q + v * PERIOD
+        most = max(most, guard._escape.counts[SPENT])
+        tried.append(guard._escape.notes[0, TRIED])
+    # One way is begun before they are spent: two links, looked at twice and in between.
+    assert 800 < most <= 800 + 2 * (2 * STEPS + POSTURES)
+    assert np.diff(tried).max() < 30
+    assert tried[-1] > 64

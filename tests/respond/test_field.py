@@ -6,11 +6,18 @@ import pytest
 
 from armguard.errors import GoalError, PoseError, SceneError, UnknownNameError
 from armguard.geometry import Pose
+from armguard.guard.watch import open_watch
+from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.motion.state import open_motion
 from armguard.respond import Action, Blocked
-from armguard.respond.field import STEEPEST, field_at
+from armguard.respond.field import STEEPEST, field_at, repel
+from armguard.respond.lead_state import BY_FIELD, LED, NOBODY, open_lead
+from armguard.respond.lead_state import LEFT as WAY_LEFT
+from armguard.respond.state import INFLUENCE, REPULSION, open_response
 from armguard.respond.tool_motion import solve_positive, turn_between
 from armguard.scene import Scene
 from bay_loop import LEFT, RIGHT, TOP, bay_guard, bay_loop, tool_pose
+from sliding import at_gap, slides
 
 # What every pair keeps at rest, and what the bay's arms may be measured wrong by [m].
 FLOOR = 0.005
@@ -40,6 +47,13 @@ def turn_to(T, aim):
 @numba.njit
 def solve(square):
     solve_positive(square.shape[0], square)
+
+
+@numba.njit
+def push_off(response, lines):
+    a, w = open_response(response), open_workspace(lines)
+    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    repel(a, open_lead(a.lead), w, v, m)
 
 
 @pytest.fixture(scope="module")
@@ -342,3 +356,31 @@ def test_positive_systems_are_solved():
         square = np.column_stack([A, b])
         solve(square)
         assert np.allclose(A @ square[:, 6], b, atol=1e-8)
+
+
+@pytest.mark.parametrize("margin", [0.06, 0.5])
+def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(margin):
+    guard = slides({}, {}, response="field", buffer=FLOOR, margin=margin)
+    for left, right in ((BY_FIELD, NOBODY), (NOBODY, BY_FIELD), (BY_FIELD, BY_FIELD)):
+        for share in (0.5, 0.98, 1.02):
+            guard.reset()
+            # It sees no farther than the margin.
+            reach = min(0.1, margin - FLOOR)
+            q, still = at_gap(FLOOR + share * reach, 2), np.zeros(2)
+            guard.filter(q, still, 0.0, velocity=still, now=0.0)
+            lead, settings = guard._lead, guard._response.settings
+            assert settings[0, INFLUENCE] == 0.1
+            lead.notes[:, LED] = left, right
+            # Its goal is far.
+            lead.memory[:, WAY_LEFT] = 1.0
+            lead.pull[:] = 0.3, -0.2
+            push_off(guard._response_lines, guard._lines.ctypes.data)
+            led = np.array([left, right]) == BY_FIELD
+            near = led & (share < 1.0)
+            force = settings[:, REPULSION] * near * push(share)
+            assert lead.weight == pytest.approx(np.stack([force, force], axis=-1))
+            # The lever of a slide is 1, beside which 0.1 m is kept.
+            square = 1.0 + 0.1**2
+            assert lead.push == pytest.approx(force**2 / square * [-1.0, 1.0])
+            taken = near * (1.0 - share) / square
+            assert lead.pull == pytest.approx(np.array([0.3, -0.2]) * (1.0 - taken))

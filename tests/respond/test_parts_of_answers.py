@@ -56,9 +56,12 @@ from armguard.respond.lead_state import (
     LEFT,
     NOBODY,
     PULL,
+    STANDS,
     TOOL_AIM,
 )
 from armguard.respond.missed import MISSING_TIME, note_missed
+from armguard.respond.retreat import is_held_up
+from armguard.respond.spares import steady_spare
 from armguard.respond.tool_motion import tool_columns, turn_between
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
 from records import record
@@ -231,6 +234,16 @@ def stand(time, e, w, v, m):
 @numba.njit
 def across_of(e, w, v, m):
     look_across(0, e, w, v, m)
+
+
+@numba.njit
+def held_up(a, s, v, m):
+    return is_held_up(0, a, s, v, m)
+
+
+@numba.njit
+def spare(i, j, left, a, v):
+    return steady_spare(i, j, left, a, v)
 
 
 @numba.njit
@@ -651,3 +664,44 @@ def test_what_drives_miss_is_how_far_they_are_outside_what_is_under_way(
         known = before + part * (np.clip(off, -most, most) - before)
         driven = phase in (RUNNING, RECOVERING)
         assert a.missed == pytest.approx(known if driven else np.zeros(JOINTS))
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_a_retreat_is_held_up_when_no_joint_goes_at_5_percent_of_what_it_asks(share):
+    rng = np.random.default_rng(17)
+    a, v, m, s = answers(rng), watch(rng), motion(rng), lead(rng)
+    top = m.joint_figures[:, figure.VELOCITY]
+    a.asked[:] = [0.2, -0.4, 0.1] * top
+    v.told[:] = [0.0, 0.0, share * 0.05 * 0.4] * top
+    for pull in (0.5, 0.01):
+        s.memory[0, PULL] = pull
+        # It is said after 0.1 s.
+        cycles = int(0.1 / DT)
+        said = [held_up(a, s, v, m) for _ in range(cycles + 2)]
+        assert not any(said[: cycles - 1])
+        assert said[-1] == (share < 1.0)
+        # It goes on as gently as it began.
+        gentle = min(pull, 0.05 * 0.4 * (1.0 + share))
+        assert s.memory[0, PULL] == pytest.approx(gentle if share < 1.0 else pull)
+        s.memory[0, STANDS] = 0.0
+
+
+def test_what_two_pairs_have_left_of_late_is_remembered_of_each():
+    rng = np.random.default_rng(18)
+    v = watch(rng)
+    a = record(
+        spares=np.full(places.REMEMBERED, np.inf),
+        spare_of=np.full((places.REMEMBERED, 2), places.NEVER, dtype=np.int64),
+    )
+    # Several of them have the same place.
+    pairs = [(i, j) for i in range(2) for j in range(i + 1, 38)]
+    left = rng.uniform(0.01, 0.02, len(pairs))
+    part = 1.0 - np.exp(-DT / 0.03)
+    # More is believed little by little, less at once.
+    for count, more in enumerate((0.0, 0.01, -0.005), 1):
+        v.sent_count[0] = count
+        found = [
+            spare(*pair, x, a, v) for pair, x in zip(pairs, left + more, strict=True)
+        ]
+        left = left + (part if more > 0.0 else 1.0) * more
+        assert found == pytest.approx(left)
