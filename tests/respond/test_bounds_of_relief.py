@@ -207,6 +207,26 @@ def test_who_is_not_asked_leaves_only_as_slowly_as_he_can_begin_to(
     assert answers.target[0] == pytest.approx(least)
 
 
+@pytest.mark.parametrize("comes", [0.0, COMES])
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_a_robot_leaves_what_moves_by_itself_within_sixty_degrees(comes, share):
+    """A slide moves along x; the direction to the ball is near 60 degrees from that."""
+    mover = {"top_speed": comes} if comes else {}
+    figures = {"acceleration": 8.0, "tracking_error": 1e-3}
+    guard = slides(figures, mover=mover, buffer=FLOOR, period=PERIOD)
+    start, still = np.array(at_gap(0.1)), np.zeros(1)
+    cosine = 0.5 * share
+    away = (2.0 * RADIUS + 0.001) * np.array([cosine, np.sqrt(1.0 - cosine**2)])
+    guard.place("ball", Pose(xyz=(start[0] + away[0], away[1], 0.0)), 0.0)
+    guard.filter(start, still, 0.0, velocity=still, now=0.0)
+    guard._watch.phase[0] = RESTING
+    answers = guard._response
+    answers.low[0], answers.high[0], answers.target[0] = -1.0, 1.0, -0.5
+    answers.notes[0, ASKS] = True
+    found = leads_away(guard._response_lines, guard._lines.ctypes.data)
+    assert found == (comes == 0.0 or share > 1.0)
+
+
 class Beside:
     """A slide that rests, and a ball that may come at it by itself.
 

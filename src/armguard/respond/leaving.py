@@ -8,7 +8,7 @@ leaves has to open each pair that is too near even so: it begins at a speed at w
 does, and is held again when its operator asks for less.
 """
 
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from armguard.guard.watch import RESTING, Watch, open_watch
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import ACCELERATION, FIRST_JOINT, JOINT_COUNT, TRACKING
+from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import SETTLED, Motion, open_motion
 from armguard.respond.evasion import gets_out_of_its_way
@@ -41,6 +42,10 @@ NO_ROW = 1e-9
 
 # How much faster it goes than what just leads away, as the way bends [-].
 SURELY = 1.25
+
+# Beside an object that moves by itself a robot's nearest point leaves within this
+# cosine of the normal: one that moved sideways could come into the object's way [-].
+STRAIGHT = 0.5
 
 
 @kernel
@@ -170,5 +175,23 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
             missed += abs(a.raw[q]) * m.joint_figures[q, TRACKING]
         if not opening > 0.0:
             return inf
+        if object_speed(j, v) > 0.0 and robot_of(j, v) < 0:
+            speed = point_speed(i, place, a.target, w, m)
+            if not opening >= STRAIGHT * speed:
+                return inf
         share = max(share, SURELY * missed / opening)
     return share
+
+
+@kernel
+def point_speed(i: int, place: int, target: Floats, w: Workspace, m: Motion) -> float:
+    """Speed of a pair's witness point of a robot at some joint velocities [m/s]."""
+    at, body = place + WITNESS, w.bodies[i]
+    point = (w.out[at + 1], w.out[at + 2], w.out[at + 3])
+    x = y = z = 0.0
+    for c in range(m.length[body]):
+        b = m.joints[body, c]
+        rate = m.gain[b, 0] * target[m.q_index[b]]
+        way = joint_way(point, b, m.axes[b], m)
+        x, y, z = x + rate * way[0], y + rate * way[1], z + rate * way[2]
+    return sqrt(x * x + y * y + z * z)
