@@ -127,6 +127,24 @@ def too_near(drive: Drive) -> None:
         drive.guard.remove("crate")
 
 
+def too_near_mover() -> Change:
+    """An object that moves by itself appears too near to an arm, and passes slowly."""
+    place = np.zeros(3)
+
+    def happen(drive: Drive) -> None:
+        k = drive.k % 200
+        if k == 100:
+            link = drive.guard.poses.reshape(-1, 3, 4)[5, :, 3]
+            place[:] = link + np.array([0.0, 0.0, 0.16])
+        if 100 <= k < 180:
+            place[0] += 0.0002
+            drive.guard.place("cart", Pose(xyz=tuple(place)), drive.time)
+        if k == 180:
+            drive.guard.remove("cart")
+
+    return happen
+
+
 def goals(drive: Drive) -> None:
     """Goals for both arms, in joints and for a tool."""
     if drive.k % 300 == 1:
@@ -239,6 +257,7 @@ PLAYS = (
     Play("bay no clock", bay(), clocked=False),
     Play("bay objects", bay(), events=objects_move, cycles=900),
     Play("bay too near", bay(), events=too_near, cycles=900),
+    Play("bay too near a mover", bay(), events=too_near_mover(), cycles=900),
     Play("bay evading", bay(response=EVADING), events=ball_comes, speed=0.1),
     Play("bay retreat", bay(), events=stops_and_retreats, cycles=900),
     Play("bay checkpoints", bay(), events=another_goes_on, cycles=400),

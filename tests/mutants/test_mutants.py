@@ -116,8 +116,10 @@ def built(folder: Path, count: int = 40) -> list[Mutant]:
         "motion/leaf.py": LEAF,
         "guard/__init__.py": "",
         "guard/caller.py": CALLER,
-        "errors.py": (PACKAGE / "errors.py").read_text("utf-8"),
-        "kernel.py": (PACKAGE / "kernel.py").read_text("utf-8"),
+        **{
+            name: (PACKAGE / name).read_text("utf-8")
+            for name in ("errors.py", "kernel.py", "separate.py")
+        },
     }.items():
         path = source / name
         path.parent.mkdir(parents=True, exist_ok=True)
