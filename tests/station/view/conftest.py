@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,8 @@ FLAGS = [
 # graphics card, and lets everybody else go first [s].
 PATIENCE = 120.0
 
-# Levels that only a reset ends.
+# Levels at which no arm is stopped, and those that only a reset ends.
+MOVING = ("CLEAR", "CAUTION", "SLOW")
 BRAKED = ("BRAKE", "HARDWARE_STOP")
 
 # A small page is drawn sooner.
@@ -141,18 +142,26 @@ class Station:
         self.page.get_by_role("slider").nth(joint).press("End")
 
     def clear(self) -> None:
-        """Have the arm stand in the clear, engaged if it was stopped."""
+        """Have the arm at rest and clear of all else, engaged if it was stopped."""
+        self.engage(("CLEAR",))
+
+    def engage(self, levels: Sequence[str] = MOVING) -> None:
+        """Have the arms engaged, reset before where they were braked.
+
+        Args:
+            levels: Levels at which nothing is left to do.
+        """
         self.tab("Drive")
 
-        def stands() -> bool:
-            if self.light() not in ("CLEAR", "None"):
+        def engaged() -> bool:
+            if self.light() not in (*levels, "None"):
                 self.take()
                 if self.light() in BRAKED:
                     self.button("Reset after a brake").click()
                 self.button("Engage all").click()
-            return self.light() == "CLEAR"
+            return self.light() in levels
 
-        self.until(stands, "the arm does not stand in the clear")
+        self.until(engaged, f"no arm gets to {' or '.join(levels)}")
 
     def light(self) -> str:
         """The level the light shows."""
