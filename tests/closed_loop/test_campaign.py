@@ -56,9 +56,10 @@ def test_a_campaign_is_broken_by_contacts_of_a_guard_that_was_told_the_truth(epi
 
 
 def test_a_digest_has_what_was_counted_beside_contacts(episodes):
-    found = digest({**episodes[0], "least": 0.03, "met_at_rest": 2})
+    changes = {"least": 0.03, "met_at_rest": 2, "joint_way": 1.23456}
+    found = digest({**episodes[0], **changes})
     assert (found.seed, found.outcome, found.least) == (0, "", 30.0)
-    assert found.counts == {"met_at_rest_as_well": 2}
+    assert found.counts == {"met_at_rest_as_well": 2, "joint_way": 1.2346}
 
 
 def test_the_page_tells_every_kind_of_plan(episodes):
