@@ -36,7 +36,7 @@ from armguard.guard.watch import (
 from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import SETTLED as SETTLES_AT
-from armguard.motion.joint_stop import V_BACK, farthest, whole_way
+from armguard.motion.joint_stop import V_BACK, rest_way, whole_way
 from armguard.motion.pair_state import PROVEN
 from armguard.motion.state import (
     CLOCK,
@@ -72,7 +72,7 @@ def begin_notes(v: Watch, m: Motion) -> None:
             stop = m.up[at] if side == 0 else m.down[at]
             way = v.judged_ways[2 * at + side]
             way[WAY], way[BACKWARDS] = whole_way(stop), stop[V_BACK]
-            way[SETTLES], way[RESTS] = stop[SETTLES_AT], farthest(inf, stop)
+            way[SETTLES], way[RESTS] = stop[SETTLES_AT], rest_way(stop)
     for at in range(v.judged_clock.shape[0]):
         for k in range(CLOCK):
             v.judged_clock[at, k] = m.clock[at, k]

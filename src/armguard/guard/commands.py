@@ -56,16 +56,18 @@ def look_under_way(v: Watch, m: Motion) -> None:
     as driving it.
     """
     room, count = v.sent_at.shape[0], v.sent_count[0]
+    next_slot = count % room
     for j in range(m.q.shape[0]):
         r = int(m.robot_of_joint[j])
         measured = v.stamps[r] - unknown_age(r, v, m)
         since = measured - m.robot_figures[r, COMMAND]
+        k = next_slot
         # Before the first command it was told to stand still.
         low, high = (0.0, 0.0) if count <= room else (inf, -inf)
         known = count <= room
         least, most = inf, -inf
         for back in range(min(room, count)):
-            k = (count - 1 - back) % room
+            k = (k if k > 0 else room) - 1
             if back == 0:
                 low = high = v.sent[k, j]
             low, high = min(low, v.sent[k, j]), max(high, v.sent[k, j])
@@ -199,20 +201,26 @@ def note_delay(j: int, r: int, error: float, v: Watch, m: Motion) -> int:
 
 
 @kernel
-def expect_followed(j: int, v: Watch, m: Motion) -> None:
+def expect_followed(j: int, next_slot: int, v: Watch, m: Motion) -> None:
     """Write between which velocities a joint is next time, by the delay of its drive.
 
     Until then its velocity stays between what it is now and what it may be driven to: a
     drive that has no greater delay is led by no command that is older than that, but
     for the one before.
+
+    Args:
+        j: The joint.
+        next_slot: Slot of the ring of sent commands that is written next.
+        v: Watch; `followed` is written.
+        m: Motion.
     """
     r = int(m.robot_of_joint[j])
     room, count = v.sent_at.shape[0], v.sent_count[0]
     measured = v.stamps[r] - unknown_age(r, v, m)
     step = DELAY_SHARE * m.robot_figures[r, COMMAND]
-    low, high, k = inf, -inf, 0
-    for back in range(min(room, count)):
-        at = (count - 1 - back) % room
+    low, high, k, at = inf, -inf, 0, next_slot
+    for _ in range(min(room, count)):
+        at = (at if at > 0 else room) - 1
         low, high = min(low, v.sent[at, j]), max(high, v.sent[at, j])
         while k < DELAY_STEPS and v.sent_at[at] <= measured - (k + 1) * step:
             expect_within(j, k, low, high, v, m)
@@ -305,7 +313,8 @@ def send(v: Watch, m: Motion) -> None:
         v.sent[k, j] = v.told[j] = v.wanted[j]
     v.sent_count[0] = count + 1
     look_under_way(v, m)
+    next_slot = v.sent_count[0] % v.sent_at.shape[0]
     for j in range(v.wanted.shape[0]):
         v.band[j, 0] = min(v.under_way[j, 0], m.v_low[j])
         v.band[j, 1] = max(v.under_way[j, 1], m.v_high[j])
-        expect_followed(j, v, m)
+        expect_followed(j, next_slot, v, m)

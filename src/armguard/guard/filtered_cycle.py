@@ -142,14 +142,14 @@ def prove_wanted(lines: int) -> None:
             keep_under_way(r, 0.0, v, m)
     if not (begun or is_new(v)):
         return
-    judge_again(lines)
+    judge_again(begun, lines)
     for k in range(len(SHARES)):
         if not take_back(SHARES[k], v, m):
             return
         if SHARES[k] == 0.0:
             # What was spent on more than that is no reason to stop what is under way.
             m.effort[TESTS] = 0
-        judge_again(lines)
+        judge_again(begun, lines)
 
 
 @kernel
@@ -177,8 +177,15 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
 
 
 @kernel(separate=True)
-def judge_again(lines: int) -> None:
-    """Judge all pairs for what is wanted now."""
+def judge_again(recovers: bool, lines: int) -> None:
+    """Judge all pairs for what is wanted now.
+
+    Args:
+        recovers: Whether a robot was recovering before any command was taken back. If
+            none was, a stop ordered now is still as it was planned: only what is
+            wanted has changed.
+        lines: Address of the ledger of a workspace.
+    """
     w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
     set_clocks(v, m)
@@ -186,10 +193,10 @@ def judge_again(lines: int) -> None:
     for r in range(v.must.shape[0]):
         v.must[r] = v.relieved[r] = 0
         v.deficit[r] = 0.0
-    plan_stops(NEXT, w.parts[MOTION])
-    plan_stops(NOW, w.parts[MOTION])
-    for plan in range(2):
-        bound_reaches(plan, w.bodies.ctypes.data, w.parts[MOTION])
+    for plan in (NEXT, NOW):
+        if plan == NEXT or recovers:
+            plan_stops(plan, w.parts[MOTION])
+            bound_reaches(plan, w.bodies.ctypes.data, w.parts[MOTION])
     if not proves_change(lines):
         judge_all(lines)
 

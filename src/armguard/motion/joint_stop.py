@@ -182,6 +182,14 @@ def farthest(t: float, stop: Floats) -> float:
 
 
 @kernel
+def rest_way(stop: Floats) -> float:
+    """Greatest displacement once the joint rests, without the swing [rad]."""
+    if stop[V_BACK] > 0.0 or stop[LEAST] == inf:
+        return farthest(inf, stop)
+    return float(stop[TRAVEL])
+
+
+@kernel
 def swing_within(
     start: float, end: float, first: float, last: float, stop: Floats
 ) -> tuple[float, float]:
