@@ -308,7 +308,7 @@ class Files:
     def try_one(self, rng):
         """Change one and read it."""
         about, scene = self.about, self.scene
-        messages = self.recordings[rng.integers(len(self.recordings))]
+        recorded = messages = self.recordings[rng.integers(len(self.recordings))]
         kind = rng.integers(8)
         if kind == 0:
             about = changed_text(about, rng)
@@ -318,8 +318,9 @@ class Files:
             messages = [*messages]
             for _ in range(int(rng.integers(1, 6))):
                 k = rng.integers(len(messages))
-                if messages[k].topic == FRAMES.number:
-                    data = changed_block(messages[k].data, rng)
+                if recorded[k].topic == FRAMES.number:
+                    # A block that was changed may be readable no more.
+                    data = changed_block(recorded[k].data, rng)
                     messages[k] = messages[k]._replace(data=data)
         self.read(about, scene, messages)
 
