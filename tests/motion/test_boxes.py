@@ -9,11 +9,17 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.motion.box_proof import LINE, halve, longest_way, prove_by_boxes
+from armguard.motion.box_proof import (
+    BOX_COST,
+    LINE,
+    halve,
+    longest_way,
+    prove_by_boxes,
+)
 from armguard.motion.nearest import middle_position, nearest_position
-from armguard.motion.pair_state import NEEDED, PROVEN, SHARED, SIDE
+from armguard.motion.pair_state import NEEDED, PROVEN, SHARED, SIDE, UNSURE
 from armguard.motion.prepare import motion_of
-from armguard.motion.state import NEXT, NODES, TESTS, open_motion
+from armguard.motion.state import BOX_LEVELS, NEXT, NODES, TESTS, open_motion
 from armguard.scene.compile import compile_scene
 from armguard.table import Ledger
 from planar import LENGTHS, chain_scene, pair_of, place
@@ -124,6 +130,21 @@ def test_all_positions_of_a_box_are_proven_as_far_as_the_nearest_is(kinds, size)
             assert proof == known
             low, high = sorted((0.0, lack))
             assert low - GRAIN * size <= spare <= high + GRAIN * size
+
+
+def test_the_smallest_box_there_is_room_for_is_not_halved():
+    boxes = []
+    for arm, _ in boxed(ARMS[0], 0.1):
+        # Between what is proven and what is disproved all boxes have to be small.
+        low, high = arm.distances().min() + np.array([-0.05, 0.01])
+        for _ in range(40):
+            wanted = 0.5 * (low + high)
+            arm.m.effort[TESTS] = 0
+            proof, _ = prove(NODE, arm.pair.ctypes.data, wanted, arm.address)
+            low, high = (low, wanted) if proof == NEEDED else (wanted, high)
+            if proof == UNSURE:
+                boxes.append(arm.m.effort[TESTS] // BOX_COST)
+    assert min(boxes) == BOX_LEVELS
 
 
 @pytest.mark.parametrize("kinds", ARMS)

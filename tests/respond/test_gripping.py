@@ -159,6 +159,21 @@ def test_a_finger_that_touches_does_not_hold_the_other_one_back():
     assert np.abs(np.diff([q[:3] for q, _ in loop.rows], axis=0)).max() < 1e-9
 
 
+@pytest.mark.parametrize("response", ["deflect", "field"])
+def test_what_is_held_is_put_down_along_the_way_its_operator_leads_it(response):
+    loop = Loop(guard_of(pick_scene(response=response)))
+    closed_on(loop)
+    assert loop.go({"arm/z": 0.11}, speed=0.1)
+    loop.push({}, 50)
+    loop.commands.clear()
+    loop.push({"arm/x": 0.03, "arm/z": -0.08}, 1500)
+    led = np.array([command.velocity[[0, 2]] for command in loop.commands])
+    led = led[20:][led[20:, 1] < -1e-3]
+    slowed = led[led[:, 1] > -0.04]
+    assert len(slowed) > 100
+    assert slowed[:, 0] == pytest.approx(-0.03 / 0.08 * slowed[:, 1], rel=1e-6)
+
+
 def test_drift_beside_what_is_no_contract_moves_nobody_who_asks_for_nothing():
     guard = guard_of(pick_scene())
     loop = Loop(guard, drift=DRIFT)
