@@ -38,7 +38,7 @@ def relief_at(spare, floor, lines):
     """What is taken off the need of the first near pair [m]."""
     w = open_workspace(lines)
     v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    return relief_of(0, 1, row_place(0, w), spare, floor, lines, v, m)
+    return relief_of(0, 1, row_place(0, w), spare, floor, lines, w, v, m)
 
 
 @numba.njit

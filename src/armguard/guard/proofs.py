@@ -36,6 +36,7 @@ from armguard.motion.figures import (
     FIRST_JOINT,
     JOINT_COUNT,
     MODE,
+    POSITION_ERROR,
     SENSING,
     SPEED,
     TRACKING,
@@ -237,7 +238,7 @@ def prove_pair(
             return (UNPROVEN, by_levers)
         return (PROVEN, by_levers)
     floor = w.buffers[w.groups[i], w.groups[j]]
-    relief = relief_of(i, j, place, distance - whole, floor, lines, v, m)
+    relief = relief_of(i, j, place, distance - whole, floor, lines, w, v, m)
     if relief == 0.0:
         return prove_need(i, j, plan_i, plan_j, place, need, False, lines)
     m.effort[LOOKED] = 1
@@ -376,6 +377,7 @@ def relief_of(
     spare: float,
     floor: float,
     lines: int,
+    w: Workspace,
     v: Watch,
     m: Motion,
 ) -> float:
@@ -394,12 +396,14 @@ def relief_of(
         spare: Distance beyond what the pair needs besides joints [m].
         floor: What of that need is no error, but asked for [m].
         lines: Address of the ledger of the workspace.
+        w: Workspace.
         v: Watch; the deficits of resting robots are noted.
         m: Motion.
     """
     if m.span[SEGMENT] != 0.0:
         return 0.0
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+    measured = spare
     spare -= m.blur[i]
     if robot_j >= 0:
         spare -= m.blur[j]
@@ -424,8 +428,23 @@ def relief_of(
             later = max(now_of(v) + m.span[SETTLED] - v.relief_until[r], 0.0)
             most = max(most, v.relief[r] + SINK + object_speed(j, v) * later)
     relief = min(SINK - spare, most)
-    # What surely does not touch has to stay so.
-    return float(min(relief, floor) if spare + floor >= 0.0 else relief)
+    if relief > floor and measured + floor >= error_along(i, j, place, w, v, m):
+        # What surely does not touch has to stay so.
+        relief = floor
+    return float(relief)
+
+
+@kernel
+def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -> float:
+    """What errors of joint positions take off a pair's distance, to first order [m].
+
+    No more than `blur`, which is the sum of the ways of both sides in any direction.
+    """
+    pair_row(i, j, place, v.row, w, m)
+    total = 0.0
+    for q in range(v.row.shape[0]):
+        total += abs(v.row[q]) * m.joint_figures[q, POSITION_ERROR]
+    return total
 
 
 @kernel(separate=True)
