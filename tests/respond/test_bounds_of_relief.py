@@ -92,6 +92,30 @@ def test_what_surely_does_not_touch_gives_up_its_floor_and_no_more():
     assert relief_at(-FLOOR - 1e-6, FLOOR, lines) == SINK + FLOOR + 1e-6
 
 
+@pytest.mark.parametrize(("part", "touches"), [(0.97, True), (1.03, False)])
+def test_errors_along_the_normal_decide_whether_a_pair_surely_does_not_touch(
+    part, touches
+):
+    error, along, distance = 0.01, 0.6, 0.1
+    scene = Scene(buffer=FLOOR, margin=1.0, period=PERIOD)
+    figures = {**EXACT, "position_error": error}
+    scene.add_robot(slide(), name="left", stopping=figures, response="deflect")
+    apart = 2.0 * RADIUS + distance
+    # The ball is at the side: of a joint's error only a part brings it nearer.
+    pose = Pose(xyz=(along * apart, np.sqrt(1.0 - along**2) * apart, 0.0))
+    scene.add(Sphere(radius=RADIUS), name="ball", pose=pose)
+    guard = Guard(scene, self_test=False)
+    still = np.zeros(1)
+    told = guard.filter(still, still, 0.0, velocity=still, now=0.0)
+    assert told.verdict.nearest.distance == pytest.approx(distance)
+    watch = guard._watch
+    watch.phase[0], watch.relief[0] = RECOVERING, 0.1
+    leaving(guard)
+    spare = part * along * error - FLOOR
+    relief = relief_at(spare, FLOOR, guard._lines.ctypes.data)
+    assert relief == pytest.approx(error - spare + SINK if touches else FLOOR)
+
+
 def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
     for commanded, segment in ((1.0, 0.0), (0.0, 0.0), (1.0, 1.0)):
         guard, lines = looked_at({})
