@@ -116,6 +116,19 @@ def test_errors_along_the_normal_decide_whether_a_pair_surely_does_not_touch(
     assert relief == pytest.approx(error - spare + SINK if touches else FLOOR)
 
 
+def test_a_pair_that_may_touch_already_needs_no_distance_below_zero():
+    figures = {"position_error": 0.02, "acceleration": 8.0}
+    guard = slides(figures, buffer=FLOOR, period=PERIOD)
+    for k in range(40):
+        now = k * PERIOD
+        told = guard.filter(at_gap(6e-4), [-0.3], now, velocity=[0.0], now=now)
+    assert told.verdict.level is Level.RECOVER
+    assert told.velocity[0] < 0.0
+    assert told.verdict.nearest.why == (
+        "left/ball to ball: 1 mm, may touch already: left/ball leaves"
+    )
+
+
 def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
     for commanded, segment in ((1.0, 0.0), (0.0, 0.0), (1.0, 1.0)):
         guard, lines = looked_at({})

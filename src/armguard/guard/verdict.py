@@ -216,7 +216,9 @@ class NearPair:
                 f"{self.distance_sentence}, nothing is proven: {self.a} leaves "
                 f"{self.b}, which moves by itself"
             )
-        if self.clearance != self.distance - self.buffer:
+        if self.needed < 0.0:
+            demand = f"may touch already: {self.a} leaves"
+        elif self.clearance != self.distance - self.buffer:
             demand = f"needs {self.needed * 1e3:.0f} mm to stop in time"
         else:
             verb = "needs" if self.clearance < 0.0 else "keeps"
