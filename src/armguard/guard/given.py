@@ -1,12 +1,15 @@
-"""What callers hand to a cycle: real numbers, or refused without raising out of it."""
+"""Input of a cycle: real numbers, or refused in words without raising."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from numbers import Real
 from reprlib import Repr
 from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from armguard.errors import did_you_mean
+from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch
 
 Floats = NDArray[np.float64]
 
@@ -14,6 +17,11 @@ Floats = NDArray[np.float64]
 REAL_KINDS = "biufO"
 
 BRIEF = Repr()
+
+FLOAT64 = np.dtype(np.float64)
+
+# Positions of a cycle whose input is refused.
+NO_POSITIONS: Floats = np.zeros(0)
 
 
 def real_number(value: object) -> float:
@@ -73,3 +81,135 @@ def kind_of(value: object) -> str:
     if issubclass(type(value), np.ndarray):
         return f"{name} of {getattr(value, 'dtype', '')}"
     return name
+
+
+class CycleInput:
+    """Converts positions, velocities and stamps of a cycle, or says why it cannot.
+
+    Attributes:
+        shape: Shape of a joint vector, (n,).
+        robots: Index of each robot by name.
+        last_stamp: Newest stamp where no stops are predicted [s].
+
+    Args:
+        watch: Its `given`, `stamps` and `velocity` are written.
+        robots: Names of the robots in their order.
+    """
+
+    def __init__(self, watch: Watch, robots: Iterable[str]) -> None:
+        self.shape = watch.velocity.shape
+        self.robots = {name: r for r, name in enumerate(robots)}
+        self.last_stamp = -np.inf
+        self._given, self._stamps = watch.given, watch.stamps
+        self._velocity = watch.velocity
+
+    def take(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float] | None,
+        velocity: ArrayLike | None,
+        now: float | None,
+    ) -> tuple[Floats, str]:
+        """Positions for the kernel, and in words what is wrong with the input.
+
+        Where anything is wrong there are no positions: the cycle refuses them, and
+        orders its stops.
+        """
+        fault = self._take_times(stamp, now) or self._take_velocity(velocity)
+        return (NO_POSITIONS, fault) if fault else self.positions(q)
+
+    def positions(self, q: ArrayLike) -> tuple[Floats, str]:
+        """Positions for the kernel, and in words what is wrong with them."""
+        if (
+            type(q) is np.ndarray
+            and q.dtype is FLOAT64
+            and q.shape == self.shape
+            and q.flags.carray
+        ):
+            return q, ""
+        return self._convert("q", q)
+
+    def judge_stamp(self, stamp: float | Mapping[str, float]) -> str:
+        """Take a stamp over where no stops are predicted, or say why not."""
+        try:
+            if isinstance(stamp, Mapping):
+                stamps = [self.last_stamp, *map(real_number, stamp.values())]
+                newest = max(stamps[1:] or stamps)
+            else:
+                newest = real_number(stamp)
+        except Exception:  # whatever a stranger's object raises, the loop goes on
+            newest = np.nan
+        if not newest >= self.last_stamp:
+            return (
+                f"stamp is {described(stamp)}; it must be a number not less than the "
+                f"last one, {self.last_stamp}"
+            )
+        self.last_stamp = newest
+        return ""
+
+    def _take_times(
+        self, stamp: float | Mapping[str, float] | None, now: float | None
+    ) -> str:
+        """Hand stamps and the time of the cycle to the kernel, or say why not."""
+        given, stamps = self._given, self._stamps
+        try:
+            if now is None:
+                given[NOW_TIME] = np.nan
+            else:
+                time = now if type(now) is float else real_number(now)
+                # NaN reads as no time given; infinite, it is refused.
+                given[NOW_TIME] = time if time == time else np.inf
+            if type(stamp) is float:
+                stamps.fill(stamp)
+            elif stamp is None:
+                stamps.fill(np.nan)
+            elif isinstance(stamp, Mapping):
+                for name, r in self.robots.items():
+                    own = stamp.get(name)
+                    stamps[r] = np.nan if own is None else real_number(own)
+                unknown = [name for name in stamp if name not in self.robots]
+                if unknown:
+                    near = did_you_mean(str(unknown[0]), self.robots)
+                    return (
+                        f"there is a stamp for {described(unknown[0])}, no robot; "
+                        f"{near}"
+                    )
+            else:
+                stamps.fill(real_number(stamp))
+        except Exception:  # whatever a stranger's object raises, the loop goes on
+            # No time of the cycle before may be taken for a time of this one.
+            stamps.fill(np.nan)
+            given[NOW_TIME] = np.nan
+            return (
+                f"stamp is {described(stamp)} and now is {described(now)}; they must "
+                "be numbers [s]"
+            )
+        return ""
+
+    def _take_velocity(self, velocity: ArrayLike | None) -> str:
+        """Hand velocities to the kernel, or say why not."""
+        self._given[HAS_VELOCITY] = 0.0
+        if velocity is None:
+            return ""
+        if not (
+            type(velocity) is np.ndarray
+            and velocity.dtype is FLOAT64
+            and velocity.shape == self.shape
+        ):
+            velocity, fault = self._convert("velocity", velocity)
+            if fault:
+                return fault
+        self._velocity[:] = velocity
+        self._given[HAS_VELOCITY] = 1.0
+        return ""
+
+    def _convert(self, what: str, values: ArrayLike) -> tuple[Floats, str]:
+        """Numbers as the array the kernel takes, or in words what they are instead."""
+        wanted = f"it must be {self.shape[0]} numbers in the order of guard.q_names"
+        try:
+            array = real_array(values)
+        except Exception:  # whatever a stranger's object raises, the loop goes on
+            return NO_POSITIONS, f"{what} is a {kind_of(values)}; {wanted}"
+        if array.shape != self.shape:
+            return NO_POSITIONS, f"{what} has shape {array.shape}; {wanted}"
+        return array, ""

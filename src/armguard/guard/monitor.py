@@ -45,13 +45,7 @@ from armguard.guard.checkpoint_bounds import (
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.contract import Contract, Region
 from armguard.guard.cycle import run_cycle
-from armguard.guard.given import (
-    described,
-    kind_of,
-    real_array,
-    real_number,
-    real_or_none,
-)
+from armguard.guard.given import NO_POSITIONS, CycleInput, real_or_none
 from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
@@ -83,8 +77,6 @@ from armguard.guard.verdict import (
     names_of,
 )
 from armguard.guard.watch import (
-    HAS_VELOCITY,
-    NOW_TIME,
     RUNNING,
     Watch,
     all_pairs,
@@ -122,8 +114,6 @@ NEAR_CAPACITY = 4096
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-
-FLOAT64 = np.dtype(np.float64)
 
 # In place of a thread: two of them were in a cycle at once.
 SEVERAL = -1
@@ -196,7 +186,6 @@ class Monitor:
         check_cache()
         self.tables: SceneTables = compile_scene(scene)
         self._memory = np.zeros(MEMORY, dtype=np.int64)
-        self._last_stamp = -np.inf
         self._pace = Pace(self.tables.period, self.tables.late)
         self._changed: set[str] = set()
         self._kept: dict[str, NDArray[Any]] = {}
@@ -209,7 +198,7 @@ class Monitor:
         self._prepare(self.tables)
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.
-            run_guarded_cycle(self._nowhere, self._lines)
+            run_guarded_cycle(NO_POSITIONS, self._lines)
         load_kernels()
         self.home_verdict = self.judge_at_rest(self.tables.home)
         contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
@@ -305,11 +294,11 @@ class Monitor:
                 data, fault = self._judge(q, stamp, velocity, now)
                 self._pace.note(data)
             else:
-                fault = "" if stamp is None else self._judge_stamp(stamp)
+                fault = "" if stamp is None else self._input.judge_stamp(stamp)
                 if fault:
                     data = self._fault_answer(Reason.TIME_BACKWARDS)
                 else:
-                    array, fault = self._as_positions(q)
+                    array, fault = self._input.positions(q)
                     if fault:
                         data = self._fault_answer(Reason.WRONG_INPUT)
                     else:
@@ -332,7 +321,7 @@ class Monitor:
             q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
         """
         start = self._clock()
-        array, fault = self._as_positions(q)
+        array, fault = self._input.positions(q)
         if fault:
             data = self._fault_answer(Reason.WRONG_INPUT)
         else:
@@ -350,88 +339,13 @@ class Monitor:
         now: float | None,
     ) -> tuple[NDArray[np.float64], str]:
         """The numbers of a cycle that predicts stops, and what was wrong in words."""
-        fault = self._take_times(stamp, now) or self._take_velocity(velocity)
-        array = self._nowhere
-        if not fault:
-            array, fault = self._as_positions(q)
-        if fault:
-            # No positions: the cycle refuses them, and orders its stops.
-            array = self._nowhere
+        array, fault = self._input.take(q, stamp, velocity, now)
         used = run_guarded_cycle(array, self._lines)
         data = self._out[:used].copy()
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT
             data[layout.JOINT] = -1.0
         return data, fault
-
-    def _as_positions(self, q: ArrayLike) -> tuple[NDArray[np.float64], str]:
-        """`q` as the array the kernel takes, and in words what it is instead."""
-        if (
-            type(q) is np.ndarray
-            and q.dtype is FLOAT64
-            and q.shape == self._shape
-            and q.flags.carray
-        ):
-            return q, ""
-        return self._convert("q", q)
-
-    def _take_times(
-        self, stamp: float | Mapping[str, float] | None, now: float | None
-    ) -> str:
-        """Hand stamps and the time of the cycle to the kernel, or say why not."""
-        watch = self._watch
-        try:
-            if now is None:
-                watch.given[NOW_TIME] = np.nan
-            else:
-                time = now if type(now) is float else real_number(now)
-                # NaN reads as no time given; infinite, it is refused.
-                watch.given[NOW_TIME] = time if time == time else np.inf
-            if type(stamp) is float:
-                watch.stamps.fill(stamp)
-            elif stamp is None:
-                watch.stamps.fill(np.nan)
-            elif isinstance(stamp, Mapping):
-                for name, r in self._robot_places.items():
-                    given = stamp.get(name)
-                    watch.stamps[r] = np.nan if given is None else real_number(given)
-                unknown = [name for name in stamp if name not in self._robot_places]
-                if unknown:
-                    near = did_you_mean(str(unknown[0]), self._robot_places)
-                    return (
-                        f"there is a stamp for {described(unknown[0])}, no robot; "
-                        f"{near}"
-                    )
-            else:
-                watch.stamps.fill(real_number(stamp))
-        except Exception:  # whatever a stranger's object raises, the loop goes on
-            # Nothing of the cycle before is to be taken for a time of this one.
-            watch.stamps.fill(np.nan)
-            watch.given[NOW_TIME] = np.nan
-            return (
-                f"stamp is {described(stamp)} and now is {described(now)}; they must "
-                "be numbers [s]"
-            )
-        return ""
-
-    def _take_velocity(self, velocity: ArrayLike | None) -> str:
-        """Hand velocities to the kernel, or say why not."""
-        watch = self._watch
-        if velocity is None:
-            watch.given[HAS_VELOCITY] = 0.0
-            return ""
-        if not (
-            type(velocity) is np.ndarray
-            and velocity.dtype is FLOAT64
-            and velocity.shape == self._shape
-        ):
-            velocity, fault = self._convert("velocity", velocity)
-            if fault:
-                watch.given[HAS_VELOCITY] = 0.0
-                return fault
-        watch.velocity[:] = velocity
-        watch.given[HAS_VELOCITY] = 1.0
-        return ""
 
     def place(
         self,
@@ -634,10 +548,10 @@ class Monitor:
             True
         """
         array = np.atleast_2d(np.array(rows, dtype=np.float64))
-        if array.shape[1:] != self._shape or not np.isfinite(array).all():
+        if array.shape[1:] != self._input.shape or not np.isfinite(array).all():
             raise SceneError(
-                f"a path needs rows of {self._shape[0]} finite positions, not an array "
-                f"of shape {array.shape}"
+                f"a path needs rows of {self._input.shape[0]} finite positions, not an "
+                f"array of shape {array.shape}"
             )
         return check_path(array, self._judge_line, self.judge_at_rest, resolution)
 
@@ -658,7 +572,7 @@ class Monitor:
         verdict is the same either way; only the work is done anew.
         """
         self._memory[FORCE] = 1
-        self._last_stamp = -np.inf
+        self._input.last_stamp = -np.inf
         for name, fresh in watch_of(self.tables)._asdict().items():
             if name not in KEPT:
                 getattr(self._watch, name)[:] = fresh
@@ -677,7 +591,7 @@ class Monitor:
         remembered, layout = self._remembered()
         changed = sorted(self._changed)
         about = {
-            "last_stamp": float(self._last_stamp),
+            "last_stamp": float(self._input.last_stamp),
             "changed": changed,
             "holders": self._holding.holders,
         }
@@ -717,7 +631,7 @@ class Monitor:
         check_whereabouts(found, places, holders, self.index, self.tables)
         for name, array in remembered.items():
             array[...] = found[name]
-        self._last_stamp = last_stamp
+        self._input.last_stamp = last_stamp
         self._holding.holders.clear()
         self._holding.holders.update(holders)
         for name in self._changed.difference(changed):
@@ -751,7 +665,7 @@ class Monitor:
         if swaps:
             self._holding.show_those_coarse()
             self._world_changed()
-        self._last_stamp = other._last_stamp
+        self._input.last_stamp = other._input.last_stamp
 
     def stand_as(self, other: "Monitor") -> None:
         """Put all objects where they are for another guard, or leave them out."""
@@ -780,7 +694,7 @@ class Monitor:
             things = self.tables.standing.items()
             self._layout = layout_of(
                 self._kept,
-                [*self.q_names, *self._robot_places, len(self.tables.kinds)],
+                [*self.q_names, *self._input.robots, len(self.tables.kinds)],
                 [[name, thing.first, thing.count] for name, thing in things],
             )
         return self._kept, self._layout
@@ -822,13 +736,11 @@ class Monitor:
         for thing in tables.standing.values():
             if not thing.present:
                 take_out(self.index, thing)
-        self._shape = (len(tables.q_names),)
         self._memory[FORCE] = 1
         first_row = first_row_of(tables)
         self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
-        self._nowhere = np.zeros(0)
-        self._robot_places = {part.name: r for r, part in enumerate(tables.robots)}
         self._watch = watch_of(tables)
+        self._input = CycleInput(self._watch, (part.name for part in tables.robots))
         for thing in tables.standing.values():
             if not thing.present:
                 self._seen(thing, np.inf)
@@ -1009,35 +921,6 @@ class Monitor:
         self._ledger = Ledger(workspace)
         self._lines = self._ledger.lines
         self._addresses[SELF] = self._lines.ctypes.data
-
-    def _judge_stamp(self, stamp: float | Mapping[str, float]) -> str:
-        """Take the stamp over, or say why not."""
-        try:
-            if isinstance(stamp, Mapping):
-                stamps = [self._last_stamp, *map(real_number, stamp.values())]
-                newest = max(stamps[1:] or stamps)
-            else:
-                newest = real_number(stamp)
-        except Exception:  # whatever a stranger's object raises, the loop goes on
-            newest = np.nan
-        if not newest >= self._last_stamp:
-            return (
-                f"stamp is {described(stamp)}; it must be a number not less than the "
-                f"last one, {self._last_stamp}"
-            )
-        self._last_stamp = newest
-        return ""
-
-    def _convert(self, what: str, q: ArrayLike) -> tuple[NDArray[np.float64], str]:
-        """Numbers as the array the kernel takes, or in words what they are instead."""
-        wanted = f"it must be {self._shape[0]} numbers in the order of guard.q_names"
-        try:
-            array = real_array(q)
-        except Exception:  # whatever a stranger's object raises, the loop goes on
-            return self.tables.home, f"{what} is a {kind_of(q)}; {wanted}"
-        if array.shape != self._shape:
-            return array, f"{what} has shape {array.shape}; {wanted}"
-        return array, ""
 
     def _fault_answer(self, reason: Reason) -> NDArray[np.float64]:
         """An answer without near pairs: the configuration was not judged."""

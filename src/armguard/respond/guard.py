@@ -13,9 +13,15 @@ from armguard.geometry.pose import Pose
 from armguard.guard import layout
 from armguard.guard.checkpoint import chosen
 from armguard.guard.checkpoint_bounds import Greatest, Rules
-from armguard.guard.given import is_mapping, kind_of, real_or_none
+from armguard.guard.given import (
+    FLOAT64,
+    NO_POSITIONS,
+    is_mapping,
+    kind_of,
+    real_or_none,
+)
 from armguard.guard.levels import Reason
-from armguard.guard.monitor import FLOAT64, OTHER_THREAD, Monitor
+from armguard.guard.monitor import OTHER_THREAD, Monitor
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
 from armguard.respond.asked import as_vector, named_vector, reason_of_stop
@@ -166,7 +172,7 @@ class Guard(Monitor):
         elif is_mapping(v_desired):
             asked, fault = named_vector("v_desired", v_desired, self.q_names)
         else:
-            asked, fault = as_vector("v_desired", v_desired, self._shape[0])
+            asked, fault = as_vector("v_desired", v_desired, self._input.shape[0])
         return self._filter(q, stamp, velocity, now, VELOCITIES, asked, fault)
 
     def filter_positions(
@@ -193,7 +199,7 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        goal, fault = as_vector("q_desired", q_desired, self._shape[0])
+        goal, fault = as_vector("q_desired", q_desired, self._input.shape[0])
         return self._filter(q, stamp, velocity, now, POSITIONS, goal, fault)
 
     def filter_twists(
@@ -241,7 +247,7 @@ class Guard(Monitor):
             tool = self._tool(name)
             vector, wrong = as_vector(f"the twist of '{name}'", twist, 6)
             if tool is None:
-                known = (*self._robot_places, *self.tables.links)
+                known = (*self._input.robots, *self.tables.links)
                 near = did_you_mean(str(name), known)
                 wrong = f"there is a twist for '{name}', no tool; {near}"
             elif vector is not None:
@@ -290,7 +296,7 @@ class Guard(Monitor):
         self._check_robot(name)
         if self._response is None:
             return
-        for robot, r in self._robot_places.items():
+        for robot, r in self._input.robots.items():
             notes = self._response.notes[r]
             if name in (None, robot) and (ordered or not notes[ORDERED]):
                 notes[ORDERED] = 0
@@ -304,7 +310,7 @@ class Guard(Monitor):
         if self._response is None:
             return {}
         notes = self._response.notes
-        why = {name: notes[r][ORDERED] for name, r in self._robot_places.items()}
+        why = {name: notes[r][ORDERED] for name, r in self._input.robots.items()}
         return {name: Reason(int(reason)) for name, reason in why.items() if reason}
 
     def hold(self, ordered: Mapping[str, Reason]) -> None:
@@ -319,7 +325,7 @@ class Guard(Monitor):
         for name, reason in ordered.items():
             self._check_robot(name)
             if self._response is not None:
-                notes = self._response.notes[self._robot_places[name]]
+                notes = self._response.notes[self._input.robots[name]]
                 notes[ORDERED], notes[STATE] = reason_of_stop(reason), Standing.WAITING
 
     def field_goal(
@@ -351,12 +357,12 @@ class Guard(Monitor):
         response = self._response or self._prepare_filter()
         tool = self._tool(name)
         if tool is None:
-            known = (*self._robot_places, *self.tables.links)
+            known = (*self._input.robots, *self.tables.links)
             raise UnknownNameError(
                 f"no robot or link is named '{name}'; {did_you_mean(name, known)}"
             )
         robot = name.split("/", 1)[0]
-        r = self._robot_places[robot]
+        r = self._input.robots[robot]
         set_goal(r, tool, q, pose, self._lead)
         notes = response.notes[r]
         if notes[STATE] == Standing.WAITING:
@@ -472,14 +478,9 @@ class Guard(Monitor):
         asked: Floats | Sequence[tuple[Tool, Floats]] | None,
     ) -> tuple[Floats, str]:
         """The numbers of the verdict, and what was wrong with the input in words."""
-        fault = self._take_times(stamp, now) or self._take_velocity(velocity)
-        array = self._nowhere
-        if not fault:
-            array, fault = self._as_positions(q)
-            if fault:
-                array = self._nowhere
+        array, fault = self._input.take(q, stamp, velocity, now)
         if asked is None:
-            wish = self._nowhere
+            wish = NO_POSITIONS
         elif isinstance(asked, np.ndarray):
             wish = asked
         else:
@@ -502,7 +503,7 @@ class Guard(Monitor):
     def _crowded_command(self, response: Response, stamp: float | None) -> Command:
         """What a cycle says that another thread is in the way of: all stop."""
         numbers = np.zeros_like(response.told)
-        n, r = len(self.q_names), len(self._robot_places)
+        n, r = len(self.q_names), len(self._input.robots)
         numbers[n : 2 * n] = np.nan
         # Why each is blocked, then its phase: at rest, so that it is not driven.
         numbers[4 * n : 4 * n + r] = Blocked.STOPPED
@@ -576,9 +577,9 @@ class Guard(Monitor):
         Raises:
             UnknownNameError: None has.
         """
-        if name is not None and name not in self._robot_places:
+        if name is not None and name not in self._input.robots:
             raise UnknownNameError(
-                f"no robot is named '{name}'; {did_you_mean(name, self._robot_places)}"
+                f"no robot is named '{name}'; {did_you_mean(name, self._input.robots)}"
             )
 
     def _is_vector(self, value: object) -> TypeGuard[Floats]:
@@ -586,14 +587,14 @@ class Guard(Monitor):
         return (
             type(value) is np.ndarray
             and value.dtype is FLOAT64
-            and value.shape == self._shape
+            and value.shape == self._input.shape
             and value.flags.carray
         )
 
     def _tool(self, name: str) -> Tool | None:
         """How a tool follows the joints of its robot; None if there is none."""
         if name not in self._tools:
-            if name not in self._robot_places and name not in self.tables.links:
+            if name not in self._input.robots and name not in self.tables.links:
                 return None
             self._tools[name] = tool_of(self.tables, name)
         return self._tools[name]
