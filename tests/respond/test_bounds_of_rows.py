@@ -10,11 +10,12 @@ import pytest
 
 from approach import FIGURES
 from armguard.geometry import Pose
+from armguard.guard import Reason
 from armguard.guard.layout import WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
 from armguard.guard.workspace import FIRST_ROW, MOTION, open_workspace
-from armguard.motion.state import open_motion
+from armguard.motion.state import BUDGET, open_motion
 from armguard.respond import Guard
 from armguard.respond.program import part_of
 from armguard.respond.state import (
@@ -26,6 +27,7 @@ from armguard.respond.state import (
 )
 from armguard.scene import Scene
 from arms import simple_arm
+from grippers import Loop, add_gantry, add_table, guard_of
 from sliding import at_gap, let_go, slides
 
 PERIOD = 0.005
@@ -74,6 +76,28 @@ def test_a_slide_keeps_what_its_drive_may_miss_until_a_command_matters(missed):
         least = min(least, command.verdict.nearest.clearance)
     assert least >= missed * (figures["command"] + PERIOD)
     assert abs(v) < 1e-3
+
+
+@pytest.mark.parametrize(("budget", "told"), [(0, 0.0), (2, 0.1), (4, 0.108)])
+def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new(
+    budget, told
+):
+    # Two fingers glide over a table, so low that levers alone prove nothing.
+    scene = Scene(mode="path")
+    add_gantry(scene, "arm")
+    add_table(scene)
+    guard = guard_of(scene)
+    loop = Loop(guard)
+    loop.go({"arm/z": 0.0}, speed=0.1, longest=4000)
+    loop.push({"arm/x": 0.1}, 200)
+    # Each pair takes one test for what is under way, and one for what is new.
+    guard._motion.effort[BUDGET] = budget
+    wish = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
+    command = guard.filter(loop.q, wish, loop.t, velocity=loop.v)
+    if budget == 0:
+        assert command.verdict.reason is Reason.BUDGET_SPENT
+    else:
+        assert command.velocity[0] == pytest.approx(told, abs=1e-12)
 
 
 @numba.njit
