@@ -6,56 +6,42 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from armguard.robot.stopping import FiguresError, TableFile
-from armguard.scene.file_numbers import NotNegative, Positive, Strict, Triple
+from armguard.scene.schema import (
+    ByJoint,
+    Name,
+    NotNegative,
+    Positive,
+    Strict,
+    Triple,
+)
 
 Keys = tuple[str | int, ...]
-
-
-def number_or_joints(value: Any) -> str:
-    """Which branch of a figure a value is meant for."""
-    return "constrained-joints" if isinstance(value, dict) else "constrained-number"
 
 
 def kind_of_tables(value: Any) -> str:
     """Which branch of `tables` a value is meant for."""
     if not isinstance(value, dict):
-        return "constrained-file"
-    return "constrained-chosen" if "file" in value else "constrained-rows"
+        return "branch-file"
+    return "branch-chosen" if "file" in value else "branch-rows"
 
 
 # Infinite is an answer here: nobody knows how hard a stop can be.
 Most = Annotated[float, Field(gt=0.0)]
-
-PositiveByJoint = Annotated[
-    Annotated[Positive, Tag("constrained-number")]
-    | Annotated[dict[str, Positive], Tag("constrained-joints")],
-    Discriminator(number_or_joints),
-]
-NotNegativeByJoint = Annotated[
-    Annotated[NotNegative, Tag("constrained-number")]
-    | Annotated[dict[str, NotNegative], Tag("constrained-joints")],
-    Discriminator(number_or_joints),
-]
-MostByJoint = Annotated[
-    Annotated[Most, Tag("constrained-number")]
-    | Annotated[dict[str, Most], Tag("constrained-joints")],
-    Discriminator(number_or_joints),
-]
 
 
 class BrakeModel(Strict):
     """A stop that removes power at once."""
 
     delay: NotNegative | None = None
-    deceleration: PositiveByJoint | None = None
+    deceleration: ByJoint[Positive] | None = None
 
 
 class ErrorsModel(Strict):
     """How well it is known where the robot is."""
 
-    position: NotNegativeByJoint | None = None
-    velocity: NotNegativeByJoint | None = None
-    tracking: NotNegativeByJoint | None = None
+    position: ByJoint[NotNegative] | None = None
+    velocity: ByJoint[NotNegative] | None = None
+    tracking: ByJoint[NotNegative] | None = None
     model: NotNegative | None = None
     base: NotNegative | None = None
     base_turn: NotNegative | None = None
@@ -72,17 +58,17 @@ class DelaysModel(Strict):
 class TableFileModel(Strict):
     """A file of measured stops, and the conditions that are met here."""
 
-    file: Annotated[str, Field(min_length=1)]
+    file: Name
     load: NotNegative | None = None
     extension: NotNegative | None = None
 
 
 TablesByKind = Annotated[
-    Annotated[str, Field(min_length=1), Tag("constrained-file")]
-    | Annotated[TableFileModel, Tag("constrained-chosen")]
+    Annotated[Name, Tag("branch-file")]
+    | Annotated[TableFileModel, Tag("branch-chosen")]
     | Annotated[
         dict[str, Annotated[list[Triple], Field(min_length=1)]],
-        Tag("constrained-rows"),
+        Tag("branch-rows"),
     ],
     Discriminator(kind_of_tables),
 ]
@@ -91,12 +77,12 @@ TablesByKind = Annotated[
 class StoppingModel(Strict):
     """How a robot stops, and how well it is known where it is."""
 
-    velocity: PositiveByJoint | None = None
-    acceleration: PositiveByJoint | None = None
-    deceleration: PositiveByJoint | None = None
-    most: MostByJoint | None = None
+    velocity: ByJoint[Positive] | None = None
+    acceleration: ByJoint[Positive] | None = None
+    deceleration: ByJoint[Positive] | None = None
+    most: ByJoint[Most] | None = None
     ramp: NotNegative | None = None
-    settle: NotNegativeByJoint | None = None
+    settle: ByJoint[NotNegative] | None = None
     settle_time: NotNegative | None = None
     brake: BrakeModel = BrakeModel()
     errors: ErrorsModel = ErrorsModel()
@@ -161,16 +147,15 @@ def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
     return given
 
 
-def keys_of_figure(error: FiguresError, model: StoppingModel | None) -> Keys:
+def keys_of_figure(error: FiguresError, entry: Any) -> Keys:
     """Where in a robot's entry the figure is that an error is about.
 
     Args:
         error: The error.
-        model: The robot's `stopping`, None if it has none.
+        entry: The robot's `stopping` as the file has it, None if it has none.
     """
     keys = KEYS_OF.get(error.figure, (error.figure,) if error.figure else ())
-    value: Any = model
     for key in keys:
-        value = getattr(value, str(key), None)
-    by_joint = isinstance(value, dict) and error.joint
+        entry = entry.get(key) if isinstance(entry, dict) else None
+    by_joint = isinstance(entry, dict) and error.joint
     return ("stopping", *keys, *((error.joint,) if by_joint else ()))

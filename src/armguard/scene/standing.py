@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import PlacedShape
 from armguard.scene.blocks import Block, blocks_of, stacked_rows
 from armguard.scene.meshes.surface import Surface
-from armguard.scene.scene import SceneObject
+from armguard.scene.objects import SceneObject
 
 Floats = NDArray[np.float64]
 
