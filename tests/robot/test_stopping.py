@@ -21,7 +21,8 @@ from armguard.robot.stopping import (
     stop_travel,
     stopping_figures,
 )
-from armguard.robot.stopping.declared import ASSUMPTION, KEYS
+from armguard.robot.stopping.declared import ASSUMPTION
+from armguard.robot.stopping.figures import KEYS
 from armguard.robot.stopping.link_stops import levers, spheres_around, stop_distances
 from armguard.robot.urdf import load_urdf
 from armguard.scene.bay import FOLDER
