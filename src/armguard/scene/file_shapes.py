@@ -1,10 +1,10 @@
 """Poses and shapes in the scene file's grammar, and what they are in a scene."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from math import pi
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -97,17 +97,19 @@ ORIGIN = PoseModel()
 class Rounded(Strict):
     """A shape that may be grown outwards [m]."""
 
+    made: ClassVar[Callable[..., Shape]]
     rounding: NotNegative = 0.0
+
+    def shape(self) -> Shape:
+        """The shape, by default that of the same attributes."""
+        return self.made(**self.model_dump(exclude_none=True))
 
 
 class SphereModel(Rounded):
     """`sphere: {radius: 0.1}`."""
 
+    made = Sphere
     radius: Positive
-
-    def shape(self) -> Shape:
-        """The shape."""
-        return Sphere(radius=self.radius, rounding=self.rounding)
 
 
 class CapsuleModel(Rounded):
@@ -120,11 +122,10 @@ class CapsuleModel(Rounded):
 
     @model_validator(mode="after")
     def _one_axis(self) -> Self:
-        ends = self.start is not None and self.end is not None
-        either = self.start is not None or self.end is not None
-        if (ends and self.length is None) or (not either and self.length is not None):
-            return self
-        raise ValueError("needs `from` and `to`, or `length` along z, not both")
+        given = [x is not None for x in (self.start, self.end, self.length)]
+        if given not in ([True, True, False], [False, False, True]):
+            raise ValueError("needs `from` and `to`, or `length` along z, not both")
+        return self
 
     def shape(self) -> Shape:
         """The shape, by its ends, or along z by its length."""
@@ -162,7 +163,7 @@ class CylinderModel(Rounded):
         return self
 
     def shape(self) -> Shape:
-        """The shape."""
+        """The shape; one of height and length is given."""
         height = self.height or self.length or 0.0
         return Cylinder(radius=self.radius, height=height, rounding=self.rounding)
 
@@ -170,31 +171,23 @@ class CylinderModel(Rounded):
 class ConeModel(Rounded):
     """`cone: {radius: r, height: h, top_radius: t}`; with a top radius, truncated."""
 
+    made = Cone
     radius: Positive
     height: Positive
     top_radius: NotNegative = 0.0
-
-    def shape(self) -> Shape:
-        """The shape."""
-        return Cone(**self.model_dump())
 
 
 class EllipsoidModel(Rounded):
     """`ellipsoid: {semi_axes: [a, b, c]}`."""
 
+    made = Ellipsoid
     semi_axes: PositiveTriple
-
-    def shape(self) -> Shape:
-        """The shape."""
-        return Ellipsoid(semi_axes=self.semi_axes, rounding=self.rounding)
 
 
 class HalfSpaceModel(Rounded):
     """`half_space: {}` or `plane: {}`: the frame's z points out of the solid."""
 
-    def shape(self) -> Shape:
-        """The shape."""
-        return HalfSpace(rounding=self.rounding)
+    made = HalfSpace
 
 
 def not_zero(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -246,6 +239,7 @@ class MeshModel(Rounded):
 class HullModel(Rounded):
     """`hull: {points: [[x, y, z], ...]}` or `hull: {mesh: FILE, scale: s}`."""
 
+    made = Hull
     points: Annotated[list[Triple], Field(min_length=1)] | None = None
     mesh: Name | None = None
     scale: Scale | None = None
@@ -257,10 +251,6 @@ class HullModel(Rounded):
         if self.scale is not None and self.mesh is None:
             raise ValueError("has `scale`, which is that of a mesh; leave it out")
         return self
-
-    def shape(self) -> Shape:
-        """The shape of points."""
-        return Hull(points=self.points or [], rounding=self.rounding)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -305,12 +295,8 @@ class ShapeKeys:
         mesh, hull = self.mesh, self.hull
         if hull is not None and hull.mesh is not None:
             mesh = MeshModel.model_validate(
-                {
-                    "file": hull.mesh,
-                    "scale": hull.scale or 1.0,
-                    "as": "hull",
-                    "rounding": hull.rounding,
-                }
+                {"file": hull.mesh, "as": "hull", "rounding": hull.rounding}
+                | ({} if hull.scale is None else {"scale": hull.scale})
             )
         if mesh is not None:
             return mesh.parts(pose, place, progress)
