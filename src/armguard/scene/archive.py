@@ -39,7 +39,8 @@ from armguard.robot.stopping.table import StopTable
 from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Surface
 from armguard.scene.objects import SceneObject
-from armguard.scene.scene import Allowance, Scene, SceneRobot
+from armguard.scene.robots import SceneRobot
+from armguard.scene.scene import Allowance, Scene
 from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
 
 # What may be in a scene, by name; nothing else is ever made of an archive.

@@ -20,7 +20,8 @@ from armguard.scene.file_shapes import Place
 from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
-from armguard.scene.scene import Scene, check_figures
+from armguard.scene.robots import check_figures
+from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
 from armguard.scene.settings import ObjectSettings, RobotSettings
 from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted

@@ -12,17 +12,10 @@ from numpy.typing import NDArray
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
-from armguard.robot.fitting import fit_robot
 from armguard.robot.limits import home_configuration
-from armguard.robot.model import FittedLink, RobotModel
-from armguard.robot.named import find_named_robot
-from armguard.robot.stopping import (
-    StoppingFigures,
-    declared_figures,
-    named_figures,
-)
-from armguard.robot.urdf import load_urdf
-from armguard.scene.gripping import Gripper, check_links
+from armguard.robot.model import RobotModel
+from armguard.robot.stopping import StoppingFigures
+from armguard.scene.gripping import Gripper
 from armguard.scene.meshes import (
     MAX_TRIANGLES,
     MeshForm,
@@ -31,10 +24,17 @@ from armguard.scene.meshes import (
     mesh_parts,
 )
 from armguard.scene.objects import Part, SceneObject, riding_surface, scene_object
-from armguard.scene.schema import checked, part_of
+from armguard.scene.robots import (
+    SceneRobot,
+    check_figures,
+    check_mode,
+    load_robot,
+    response_settings,
+    scene_robot,
+)
+from armguard.scene.schema import checked
 from armguard.scene.settings import (
     DEFAULT_MODE,
-    MODES,
     CycleSettings,
     IndexSettings,
     Mode,
@@ -45,6 +45,8 @@ from armguard.scene.settings import (
     RobotSettings,
 )
 
+__all__ = ["Allowance", "Scene", "SceneRobot", "check_mode", "response_settings"]
+
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
 PAPER_BUFFER = 0.03048
 
@@ -54,29 +56,6 @@ FLOOR = 0.005
 # Pairs are reported from this far beyond the largest buffer on, unless the scene says
 # otherwise: the operator sees a pair before it stops the arm [m].
 MARGIN_BEYOND_BUFFER = 0.02
-
-
-@dataclass(frozen=True, kw_only=True)
-class SceneRobot(RobotSettings):
-    """A robot in a scene.
-
-    Attributes:
-        name: Its name in the scene.
-        model: Its files.
-        fits: Primitives of each link that has collision geometry.
-        base: Its root frame in the world.
-        home: Home position of each joint [rad or m].
-        mode: How the distance it must keep is made.
-        stopping: How it stops; None if not declared, which only mode "fixed" allows.
-    """
-
-    name: str
-    model: RobotModel
-    fits: Mapping[str, FittedLink]
-    base: Pose
-    home: Mapping[str, float]
-    mode: Mode
-    stopping: StoppingFigures | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,12 +119,12 @@ class Scene:
         index: IndexSettings | None = None,
     ) -> None:
         self.mode = check_mode("mode", mode)
-        self.period = check_time("period", period)
+        self.period = check_amount("period", period, "s")
         if period == 0.0:
             raise SceneError("period is 0 s; it must be > 0")
-        self.late = check_time("late", late)
-        self.buffer = None if buffer is None else check_distance("buffer", buffer)
-        self._margin = None if margin is None else check_distance("margin", margin)
+        self.late = check_amount("late", late, "s")
+        self.buffer = None if buffer is None else check_amount("buffer", buffer)
+        self._margin = None if margin is None else check_amount("margin", margin)
         self.index = IndexSettings() if index is None else index
         self._robots: dict[str, SceneRobot] = {}
         self._objects: dict[str, SceneObject] = {}
@@ -263,43 +242,26 @@ class Scene:
             FiguresError: A figure cannot be true.
         """
         self._check_name(name)
-        settings = checked(
-            f"robot '{name}'",
-            RobotSettings(
-                buffer=buffer,
-                mode=self.mode if mode is None else mode,
-                response=response_settings(f"robot '{name}'", response),
-                gripper=gripper,
-                fit_target=fit_target,
-                max_primitives=max_primitives,
-            ),
+        settings = RobotSettings(
+            buffer=buffer,
+            mode=self.mode if mode is None else mode,
+            response=response_settings(f"robot '{name}'", response),
+            gripper=gripper,
+            fit_target=fit_target,
+            max_primitives=max_primitives,
         )
-        model, home, known = self._load(urdf, srdf, packages, home)
-        if not isinstance(stopping, StoppingFigures):
-            own = None if known is None else named_figures(known, model)
-            stopping = (
-                own if stopping is None else declared_figures(model, stopping, own)
-            )
-        at_home = home_configuration(model, home)
-        fits = fit_robot(
-            model,
-            target=settings.fit_target,
-            max_primitives=settings.max_primitives,
-            progress=progress and fitting(progress),
-        )
-        if settings.gripper is not None:
-            check_links(name, model, fits, settings.gripper)
-        self._robots[name] = SceneRobot(
-            name=name,
-            model=model,
-            fits=fits,
-            base=Pose() if base is None else base,
-            home=at_home,
+        robot = scene_robot(
+            name,
+            load_robot(urdf, srdf, packages),
+            checked(f"robot '{name}'", settings),
+            base=base,
             stopping=stopping,
-            **part_of(settings, RobotSettings),
+            home=home,
+            progress=progress,
         )
-        self.notes += [f"robot '{name}': {note}" for note in model.notes]
-        return self._robots[name]
+        self._robots[name] = robot
+        self.notes += [f"robot '{name}': {note}" for note in robot.model.notes]
+        return robot
 
     def add(
         self,
@@ -411,7 +373,7 @@ class Scene:
         Raises:
             SceneError: It is negative or not finite.
         """
-        self._margin = None if margin is None else check_distance("margin", margin)
+        self._margin = None if margin is None else check_amount("margin", margin)
 
     def set_mode(self, mode: Mode, robot: str | None = None) -> None:
         """Change how the distance that robots must keep is made.
@@ -517,7 +479,7 @@ class Scene:
             SceneError: The value is negative or not finite.
             UnknownNameError: A name does not exist.
         """
-        check_distance(f"buffer of '{a}' and '{b}'", value)
+        check_amount(f"buffer of '{a}' and '{b}'", value)
         for x in self._bodies_of(a):
             for y in self._bodies_of(b):
                 if x != y:
@@ -579,23 +541,6 @@ class Scene:
                 "before it is reported; raise `margin` or leave it out"
             )
 
-    def _load(
-        self,
-        urdf: str | Path | RobotModel,
-        srdf: str | Path | None,
-        packages: Mapping[str, Path] | None,
-        home: Mapping[str, float] | None,
-    ) -> tuple[RobotModel, Mapping[str, float] | None, str | None]:
-        if isinstance(urdf, RobotModel):
-            return urdf, home, None
-        path, known = Path(urdf), None
-        if not path.exists() and path.suffix == "" and len(path.parts) == 1:
-            known = str(urdf)
-            named = find_named_robot(known)
-            path, srdf = named.urdf, named.srdf if srdf is None else srdf
-            home = {**named.home, **(home or {})}
-        return load_urdf(path, srdf=srdf, packages=packages), home, known
-
     def _named(self, robot: str | None) -> list[str]:
         if robot is None:
             return list(self._robots)
@@ -635,67 +580,12 @@ class Scene:
         return [name]
 
 
-def fitting(progress: Progress) -> Progress:
-    """A progress of links that says what is done with them."""
-    return lambda link, number, count: progress(f"fitting {link}", number, count)
-
-
-def check_figures(robot: SceneRobot) -> None:
-    """A robot has the figures its mode needs.
-
-    Raises:
-        SceneError: It does not.
-    """
-    if robot.mode != "fixed" and robot.stopping is None:
-        raise SceneError(
-            f"robot '{robot.name}' is in mode '{robot.mode}' and nobody said how it "
-            "stops; give it `stopping: {deceleration: ...}` (least deceleration of a "
-            "controlled stop [rad/s² or m/s²], see docs/stopping.md), or set "
-            "`mode: fixed`"
-        )
-
-
-def check_distance(what: str, value: float) -> float:
-    """Return a distance that is finite and not negative.
+def check_amount(what: str, value: float, unit: str = "m") -> float:
+    """Return a distance or a time that is finite and not negative.
 
     Raises:
         SceneError: It is not.
     """
     if not (isfinite(value) and value >= 0.0):
-        raise SceneError(f"{what} is {value} m; it must be finite and >= 0")
+        raise SceneError(f"{what} is {value} {unit}; it must be finite and >= 0")
     return float(value)
-
-
-def check_time(what: str, value: float) -> float:
-    """Return a time that is finite and not negative.
-
-    Raises:
-        SceneError: It is not.
-    """
-    if not (isfinite(value) and value >= 0.0):
-        raise SceneError(f"{what} is {value} s; it must be finite and >= 0")
-    return float(value)
-
-
-def response_settings(
-    who: str, response: ResponseName | ResponseSettings
-) -> ResponseSettings:
-    """The settings, or those that a name stands for.
-
-    Raises:
-        SceneError: It is none, or a setting cannot be true.
-    """
-    if not isinstance(response, ResponseSettings):
-        response = ResponseSettings(kind=response)
-    return checked(who, response, "response")
-
-
-def check_mode(what: str, mode: Mode) -> Mode:
-    """Return a mode that exists.
-
-    Raises:
-        SceneError: It does not.
-    """
-    if mode not in MODES:
-        raise SceneError(f"{what} is {mode!r}; it must be one of {', '.join(MODES)}")
-    return mode
