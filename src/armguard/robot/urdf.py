@@ -238,7 +238,7 @@ def read_mimic(reader: Reader, element: Element) -> Mimic | None:
 
 
 def check_mimics(file: str, joints: Mapping[str, Joint]) -> None:
-    """A mimic follows a joint that exists, moves, and follows nobody itself."""
+    """A mimic follows a joint that exists, moves, and follows no other itself."""
     for joint in joints.values():
         if joint.mimic is None:
             continue

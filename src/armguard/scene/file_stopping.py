@@ -25,7 +25,7 @@ Most = Annotated[float, Field(gt=0.0)]
 
 
 def kind_of_tables(value: Any) -> str:
-    """Which branch of `tables` a value is meant for."""
+    """Which branch of `tables` a value is for."""
     if not isinstance(value, dict):
         return "branch-file"
     return "branch-chosen" if "file" in value else "branch-rows"

@@ -96,7 +96,7 @@ def build_moveit_scene(
 def place_home(scene: Scene, name: str, state: Mapping[str, Any]) -> None:
     """Take the file's robot state for home, if it is one a robot was in.
 
-    MoveIt writes zeros where nobody set a state, and many robots cannot be there: such
+    MoveIt writes zeros where no state was set, and many robots cannot be there: such
     a state is left out with a note, and the robot keeps its own home.
     """
     robot = scene.robots[name]
@@ -137,7 +137,7 @@ def add_object(
     """Add one collision object; nothing of it is dropped.
 
     Raises:
-        SceneError: It has a primitive nobody knows, or more or fewer poses than
+        SceneError: It has an unknown primitive, or more or fewer poses than
             things to place.
     """
     name = str(thing["id"])

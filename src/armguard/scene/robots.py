@@ -148,7 +148,7 @@ def check_figures(robot: SceneRobot) -> None:
 def response_settings(
     who: str, response: ResponseName | ResponseSettings
 ) -> ResponseSettings:
-    """The settings, or those that a name stands for.
+    """The settings, or those of a name.
 
     Raises:
         SceneError: It is none, or a setting cannot be true.

@@ -6,7 +6,6 @@ take all from there.
 """
 
 import re
-from dataclasses import fields
 from functools import cache
 from inspect import getdoc
 from reprlib import Repr
@@ -176,4 +175,4 @@ def meanings(kind: type) -> dict[str, str]:
 
 def part_of(settings: Any, kind: type[Any]) -> dict[str, Any]:
     """Those attributes of settings that a base of their class declares."""
-    return {field.name: getattr(settings, field.name) for field in fields(kind)}
+    return {name: getattr(settings, name) for name in kind.__dataclass_fields__}

@@ -146,7 +146,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
 
 
 def by_name(value: Any) -> Any:
-    """The settings that the name of a response stands for."""
+    """The settings of a response by its name."""
     if not isinstance(value, str):
         return value
     if value not in CHOICES["kind"]:
@@ -156,7 +156,7 @@ def by_name(value: Any) -> Any:
 
 
 def by_flag(value: Any) -> Any:
-    """The settings that `true` stands for, none for `false`."""
+    """The default settings for `true`, none for `false`."""
     return (Grasp() if value else None) if isinstance(value, bool) else value
 
 

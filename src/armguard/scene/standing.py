@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """An object that stands still, and its place in the tables.
+    """A static object, and its place in the tables.
 
     Attributes:
         first: Its first primitive.
@@ -45,7 +45,7 @@ class Standing:
         return slice(self.first, self.first + self.count)
 
     def rows(self, T: Floats) -> Floats:
-        """Rows of its primitives where its frame stands at T, shape (count, 16)."""
+        """Rows of its primitives where its frame is at T, shape (count, 16)."""
         return stacked_rows(list(blocks_of("", self.shapes, self.surfaces, T, -1)))
 
 

@@ -19,7 +19,7 @@ from armguard.robot.stopping.figures import (
 from armguard.robot.stopping.table import StopTable
 from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 
-# How a source is marked that nobody has measured or published.
+# How the source of a figure is marked that is neither measured nor published.
 ASSUMPTION = "assumption: "
 
 # What a figure is from that is neither declared nor known of the robot.

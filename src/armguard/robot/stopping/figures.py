@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import Any, Required, TypedDict, Unpack
+from typing import Annotated, Any, Required, TypedDict, Unpack, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,28 +123,6 @@ def per_joint(what: str, value: PerJoint, names: Sequence[str]) -> Floats:
     return np.array([float(value[name]) for name in names])
 
 
-FIGURES = {
-    "deceleration": Figure("deceleration", 200.0, positive=True),
-    "velocity": Figure("velocity", 35.0, positive=True),
-    "acceleration": Figure("acceleration", 1000.0, positive=True),
-    "deceleration_most": Figure("most", inf, default=inf, bounded=False),
-    "ramp": Figure("ramp", 1.0, "s", 0.0),
-    "settle": Figure("settle", 0.5, default=0.0),
-    "settle_time": Figure("settle_time", 10.0, "s", 0.0),
-    "brake_delay": Figure("brake.delay", 2.0, "s", 0.1),
-    "brake_deceleration": Figure("brake.deceleration", 1000.0, positive=True),
-    "position_error": Figure("errors.position", 0.2, default=1e-4),
-    "velocity_error": Figure("errors.velocity", 2.0, default=0.01),
-    "tracking_error": Figure("errors.tracking", 2.0, default=0.02),
-    "sensing": Figure("delays.sensing", 1.0, "s", 0.002),
-    "command": Figure("delays.command", 1.0, "s", 0.004),
-    "stale": Figure("delays.stale", 2.0, "s", 0.010),
-    "model_error": Figure("errors.model", 0.5, "m", 0.0),
-    "base_error": Figure("errors.base", 0.5, "m", 0.0),
-    "base_turn": Figure("errors.base_turn", 0.5, "rad", 0.0),
-}
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoppingFigures:
     """How a robot stops, and how well it is known where it is.
@@ -176,7 +154,7 @@ class StoppingFigures:
         command: Longest time from the guard's order until the drives obey [s].
         stale: Age from which on a measurement is refused [s].
         model_error: How far the real surface may lie outside the model's [m].
-        base_error: How far the base may stand from where the scene says [m].
+        base_error: Greatest error of the base's position [m].
         base_turn: By what angle it may be turned [rad].
         sources: Where a figure is from, by attribute name; what is not in it was
             declared by the user. A source that holds "assumption:" is one.
@@ -227,30 +205,43 @@ class StoppingFigures:
 class DeclaredFigures(TypedDict, total=False):
     """Figures as they are declared, see `StoppingFigures`."""
 
-    deceleration: Required[PerJoint]
-    velocity: PerJoint | None
-    acceleration: PerJoint | None
-    deceleration_most: PerJoint
-    ramp: float
-    settle: PerJoint
-    settle_time: float
+    deceleration: Annotated[
+        Required[PerJoint], Figure("deceleration", 200.0, positive=True)
+    ]
+    velocity: Annotated[PerJoint | None, Figure("velocity", 35.0, positive=True)]
+    acceleration: Annotated[
+        PerJoint | None, Figure("acceleration", 1000.0, positive=True)
+    ]
+    deceleration_most: Annotated[
+        PerJoint, Figure("most", inf, None, inf, bounded=False)
+    ]
+    ramp: Annotated[float, Figure("ramp", 1.0, "s", 0.0)]
+    settle: Annotated[PerJoint, Figure("settle", 0.5, None, 0.0)]
+    settle_time: Annotated[float, Figure("settle_time", 10.0, "s", 0.0)]
     tables: Mapping[str, StopTable] | None
-    brake_delay: float
-    brake_deceleration: PerJoint | None
-    position_error: PerJoint
-    velocity_error: PerJoint
-    tracking_error: PerJoint
-    sensing: float
-    command: float
-    stale: float
-    model_error: float
-    base_error: float
-    base_turn: float
+    brake_delay: Annotated[float, Figure("brake.delay", 2.0, "s", 0.1)]
+    brake_deceleration: Annotated[
+        PerJoint | None, Figure("brake.deceleration", 1000.0, positive=True)
+    ]
+    position_error: Annotated[PerJoint, Figure("errors.position", 0.2, None, 1e-4)]
+    velocity_error: Annotated[PerJoint, Figure("errors.velocity", 2.0, None, 0.01)]
+    tracking_error: Annotated[PerJoint, Figure("errors.tracking", 2.0, None, 0.02)]
+    sensing: Annotated[float, Figure("delays.sensing", 1.0, "s", 0.002)]
+    command: Annotated[float, Figure("delays.command", 1.0, "s", 0.004)]
+    stale: Annotated[float, Figure("delays.stale", 2.0, "s", 0.010)]
+    model_error: Annotated[float, Figure("errors.model", 0.5, "m", 0.0)]
+    base_error: Annotated[float, Figure("errors.base", 0.5, "m", 0.0)]
+    base_turn: Annotated[float, Figure("errors.base_turn", 0.5, "rad", 0.0)]
     sources: Mapping[str, str] | None
 
 
-# What may be declared.
+# What may be declared, and the figures of it; a figure follows those it is made of.
 KEYS = tuple(DeclaredFigures.__annotations__)
+FIGURES: dict[str, Figure] = {
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(DeclaredFigures, include_extras=True).items()
+    if hasattr(hint, "__metadata__")
+}
 
 
 def stopping_figures(
