@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
+from armguard.errors import SceneError
 from armguard.scene import Grasp, Gripper
 from armguard.scene.file_models import SceneModel, scene_schema
-from armguard.scene.schema import meanings
+from armguard.scene.schema import checked, meanings
 from armguard.scene.settings import (
     CycleSettings,
     IndexSettings,
@@ -157,3 +158,40 @@ def test_the_page_has_every_key_with_its_default(where, kind):
 def test_the_page_names_all_other_keys():
     for name in (*SCHEMA["properties"], *SCHEMA["$defs"]["RobotEntry"]["properties"]):
         assert f"`{name}" in PAGE or f".{name}`" in PAGE, name
+
+
+@pytest.mark.parametrize(
+    ("settings", "under", "says"),
+    [
+        (ObjectSettings(buffer=-1), "", "buffer is -1 m; it must be finite and >= 0"),
+        (ObjectSettings(top_speed=inf), "", "top_speed is inf m/s; it must be finite"),
+        (ObjectSettings(stale=0), "", "stale is 0 s; it must be > 0"),
+        (
+            ObjectSettings(graspable=Grasp(creep=0.5)),
+            "",
+            "graspable.creep is 0.5 m/s; it must not exceed intent_speed, 0.1 m/s",
+        ),
+        (
+            RobotSettings(gripper=Gripper(link="a", fingers=("b", "b"))),
+            "",
+            "gripper.fingers names a link twice",
+        ),
+        (ResponseSettings(far=0), "response", "response.far is 0; it must be > 0"),
+        (
+            ResponseSettings(evade_speed=2),
+            "response",
+            "response.evade_speed is 2.0; it must be in (0, 1]",
+        ),
+    ],
+)
+def test_a_setting_that_cannot_be_true_is_refused_in_python_too(settings, under, says):
+    with pytest.raises(SceneError) as caught:
+        checked("x", settings, under)
+    assert str(caught.value) == f"x: {says}"
+
+
+def test_settings_are_kept_in_the_form_in_which_they_are_declared():
+    given = ObjectSettings(graspable=True, rests_on="table", stale=None)
+    kept = checked("x", given)
+    assert (kept.graspable, kept.rests_on, kept.stale) == (Grasp(), ("table",), inf)
+    assert checked("x", kept) == kept
