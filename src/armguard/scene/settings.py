@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypedDict, get_args
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from armguard.scene.gripping import Grasp, Gripper
-from armguard.scene.schema import CLOSED, NotNegative, Number, Positive, Triple
+from armguard.scene.schema import BRIEF, CLOSED, NotNegative, Number, Positive, Triple
 
 # How the distance a robot must keep is made: a number; from its stopping figures and
 # its speed; from these and from where it may go while it stops.
@@ -151,7 +151,7 @@ def by_name(value: Any) -> Any:
         return value
     if value not in CHOICES["kind"]:
         known = ", ".join(map(repr, CHOICES["kind"]))
-        raise ValueError(f"is {value!r}; it must be one of {known}")
+        raise ValueError(f"is {BRIEF.repr(value)}; it must be one of {known}")
     return {"kind": value}
 
 
