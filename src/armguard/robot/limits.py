@@ -13,7 +13,7 @@ from armguard.robot.model import RobotModel
 # if there is none of these, the file's first state does.
 HOME_STATES = ("home", "ready", "default", "rest", "neutral", "half_sitting")
 
-# Nobody turns a joint by two full turns to go home; such a number is in degrees [rad].
+# No joint is turned by two full turns to go home; such a number is in degrees [rad].
 LOOKS_LIKE_DEGREES = 4 * pi
 
 

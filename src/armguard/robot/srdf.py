@@ -1,4 +1,4 @@
-"""SRDF: pairs whose check somebody switched off, and named configurations."""
+"""SRDF: pairs whose check is switched off, and named configurations."""
 
 from dataclasses import replace
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""Which link of a robot is its tool, if nobody says."""
+"""Which link of a robot is its tool, if none is declared."""
 
 from armguard.robot.model import JointKind, RobotModel
 

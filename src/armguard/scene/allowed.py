@@ -1,4 +1,4 @@
-"""Pairs that need no check, each with a reason and with who said so."""
+"""Pairs that need no check, each with its reason and its source."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ class PairRule:
         body_a: One body.
         body_b: The other.
         reason: Why.
-        source: Who says so: "rigid", "adjacent", "srdf" or "scene".
+        source: Where that is from: "rigid", "adjacent", "srdf" or "scene".
     """
 
     body_a: str

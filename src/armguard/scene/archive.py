@@ -1,8 +1,8 @@
 """A scene as bytes that need no other file, and the scene they hold, to the last bit.
 
 Robots with the primitives that were fitted to them, shapes and surfaces of objects,
-rules and settings: whoever has the bytes has the scene, on a machine that has neither
-its URDF files nor its meshes. They are JSON, compressed; nothing in them is run.
+rules and settings: the bytes are the whole scene, on a machine that has neither its
+URDF files nor its meshes. They are JSON, compressed; nothing in them is run.
 """
 
 import json
@@ -38,7 +38,9 @@ from armguard.robot.stopping import StoppingFigures
 from armguard.robot.stopping.table import StopTable
 from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Surface
-from armguard.scene.scene import Allowance, Scene, SceneObject, SceneRobot
+from armguard.scene.objects import SceneObject
+from armguard.scene.robots import SceneRobot
+from armguard.scene.scene import Allowance, Scene
 from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
 
 # What may be in a scene, by name; nothing else is ever made of an archive.
@@ -53,7 +55,7 @@ PARTS: dict[str, type] = {
     )
 }  # fmt: skip
 
-# Key that says what a mapping stands for.
+# Key of a mapping that has its kind.
 KIND = "$"
 
 # Of the archive's form; another one is refused.
@@ -182,7 +184,7 @@ def plain(value: Any) -> Any:
 
 
 def remade(value: Any) -> Any:
-    """The part of a scene that JSON stands for."""
+    """The part of a scene that was made JSON."""
     if isinstance(value, list):
         return [remade(item) for item in value]
     if not isinstance(value, dict):

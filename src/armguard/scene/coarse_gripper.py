@@ -8,7 +8,7 @@ from armguard.geometry.shapes import Box, PlacedShape, shape_row
 from armguard.robot.kinematics import PRISMATIC, KinematicTable
 from armguard.robot.limits import joint_limits
 from armguard.scene.blocks import extent
-from armguard.scene.scene import SceneRobot
+from armguard.scene.robots import SceneRobot
 
 Floats = NDArray[np.float64]
 

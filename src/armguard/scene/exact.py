@@ -14,7 +14,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True, slots=True)
 class ExactPart:
-    """The exact shapes of a link, and where its frame stands.
+    """The exact shapes of a link, and its frame.
 
     Attributes:
         shapes: Its collision geometry, meshes by their hulls.

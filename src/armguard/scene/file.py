@@ -1,40 +1,33 @@
 """Scene files: own YAML, or a MoveIt planning scene, to a `Scene`."""
 
-from collections.abc import Callable, Mapping
-from math import inf
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from reprlib import Repr
-from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from armguard.bounded import is_file
 from armguard.errors import ArmguardError, did_you_mean
 from armguard.robot import load_urdf
 from armguard.robot.stopping import FiguresError
 from armguard.scene.file_models import (
-    GripperModel,
-    ObjectModel,
+    ObjectEntry,
     RobotEntry,
     SceneModel,
+    known_keys,
 )
-from armguard.scene.file_parts import Place, object_parts, pose_of, triple
+from armguard.scene.file_shapes import Place
 from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
-from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
-from armguard.scene.scene import Scene, check_figures
-from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
+from armguard.scene.robots import check_figures
+from armguard.scene.scene import Scene
+from armguard.scene.schema import keys_of, part_of, sentence_of
+from armguard.scene.settings import ObjectSettings, RobotSettings
 from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
-
-Keys = tuple[str | int, ...]
 
 # Problems of one file that are reported; each takes a search for its line.
 MOST_PROBLEMS = 20
-
-# How values of a file appear in messages.
-BRIEF = Repr()
-BRIEF.maxlevel = 2
 
 
 def load_scene(
@@ -61,223 +54,143 @@ def load_scene(
 
 
 def validated(source: YamlSource) -> SceneModel:
-    """The file's values, checked against the grammar."""
+    """The file's values, checked against the grammar.
+
+    Raises:
+        SceneFileError: They do not follow it.
+    """
     if not isinstance(source.values, dict):
         raise source.problem(1, "", "must be a mapping with the key 'robots'")
     try:
         return SceneModel.model_validate(source.values)
-    except ValidationError as error:
-        found = error.errors(include_url=False)[:MOST_PROBLEMS]
-        problems = [as_problem(source, dict(e)) for e in found]
-        raise SceneFileError(unique(problems)) from None
-
-
-def unique(problems: list[Problem]) -> list[Problem]:
-    """Problems without repetition, by line."""
-    return sorted(dict.fromkeys(problems), key=lambda p: p.line)
-
-
-def as_problem(source: YamlSource, error: dict[str, Any]) -> Problem:
-    """One of pydantic's findings in our words."""
-    keys = tuple(key for key in error["loc"] if not is_branch(key))
-    got, context = error.get("input"), error.get("ctx", {})
-    kind = str(error["type"])
-    if kind == "extra_forbidden":
-        known = known_keys(keys[:-1])
-        sentence = f"there is no such key; {did_you_mean(str(keys[-1]), known)}"
-    elif kind == "missing":
-        sentence = "is missing"
-    elif kind == "too_long" and isinstance(got, dict):
-        count = context["max_length"]
-        sentence = f"has {len(got):,} entries; the limit is {count:,}"
-    elif kind in ("too_short", "too_long"):
-        count = context.get("min_length") or context.get("max_length")
-        if isinstance(got, dict) or count == 1:
-            sentence = f"needs at least {count}"
+    except ValidationError as errors:
+        found = errors.errors(include_url=False)[:MOST_PROBLEMS]
+    problems = Problems(source)
+    for error in found:
+        keys = keys_of(error["loc"])
+        if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+            known = known_keys(keys[:-1])
+            sentence = f"there is no such key; {did_you_mean(str(keys[-1]), known)}"
         else:
-            sentence = f"expected {count} numbers, got {context['actual_length']}"
-    elif kind in ("float_parsing", "float_type", "int_parsing", "int_type"):
-        sentence = f"expected a number, got {BRIEF.repr(got)}"
-    elif kind == "finite_number":
-        sentence = f"is {got}; it must be finite"
-    elif kind in ("greater_than", "greater_than_equal", "less_than_equal"):
-        sign = {"greater_than": ">", "greater_than_equal": ">="}.get(kind, "<=")
-        bound = context.get("gt", context.get("ge", context.get("le")))
-        sentence = f"is {BRIEF.repr(got)}; it must be {sign} {bound:g}"
-    elif kind in ("list_type", "model_type", "dict_type"):
-        wanted = "a list of numbers" if kind == "list_type" else "a mapping"
-        sentence = f"expected {wanted}, got {BRIEF.repr(got)}"
-    elif kind == "string_type":
-        sentence = f"expected text, got {BRIEF.repr(got)}"
-    elif kind == "string_too_short":
-        sentence = "must not be empty"
-    elif kind == "literal_error":
-        sentence = f"is {BRIEF.repr(got)}; it must be {context['expected']}"
-    else:
-        sentence = str(error["msg"]).removeprefix("Value error, ")
-    return Problem(source.path.name, source.line(keys), dotted(keys), sentence)
+            sentence = sentence_of(dict(error))
+        problems.add(keys, sentence)
+    raise problems.error()
 
 
-def is_branch(key: str | int) -> bool:
-    """Whether a part of pydantic's path names a branch of a union, not a key."""
-    return isinstance(key, str) and (
-        key == "SizedBox" or key.startswith(("list[", "constrained-"))
-    )
+class Problems:
+    """What is wrong in a file, collected.
 
+    Args:
+        source: The file.
+    """
 
-def known_keys(keys: Keys) -> list[str]:
-    """Keys a mapping of the grammar may have, as a user writes them."""
-    model: Any = SceneModel
-    for key in keys:
-        if isinstance(key, int) or model is None:
-            continue
-        if not (isinstance(model, type) and issubclass(model, BaseModel)):
-            return []
-        fields = {f.alias or name: f for name, f in model.model_fields.items()}
-        if key in fields:
-            model = inner_model(fields[key].annotation)
-    if not (isinstance(model, type) and issubclass(model, BaseModel)):
-        return []
-    return [f.alias or name for name, f in model.model_fields.items()]
+    def __init__(self, source: YamlSource) -> None:
+        self._source = source
+        self._found: list[Problem] = []
 
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._found)
 
-def inner_model(annotation: Any) -> Any:
-    """The grammar's mapping inside an annotation, None if there is none."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        found = inner_model(argument)
-        if found is not None:
-            return found
-    return None
+    def add(self, keys: tuple[str | int, ...], sentence: str) -> None:
+        """Add one, unless there are enough."""
+        if len(self) < MOST_PROBLEMS:
+            name, line = self._source.path.name, self._source.line(keys)
+            self._found.append(Problem(name, line, dotted(keys), sentence))
+
+    @contextmanager
+    def at(self, *keys: str | int) -> Iterator[None]:
+        """Whatever goes wrong inside is a problem of these keys."""
+        try:
+            yield
+        except FiguresError as error:
+            entry = self._source.values["robots"][keys[1]].get("stopping")
+            self.add((*keys, *keys_of_figure(error, entry)), str(error))
+        except ArmguardError as error:
+            self.add(keys, str(error))
+
+    def error(self) -> SceneFileError:
+        """All of them by line, each once."""
+        return SceneFileError(
+            sorted(dict.fromkeys(self._found), key=lambda problem: problem.line)
+        )
 
 
 def build_scene(
     source: YamlSource, model: SceneModel, progress: Progress | None
 ) -> Scene:
-    """Build a scene; errors of its parts get the line of their key."""
-    cube = model.index.cube
+    """Build a scene; errors of its parts get the line of their key.
+
+    Raises:
+        SceneFileError: A part cannot be built, or parts contradict each other.
+    """
     scene = Scene(
         mode=model.mode,
         period=model.cycle.period,
         late=model.cycle.late,
         buffer=model.buffer,
         margin=model.margin,
-        index=IndexSettings(
-            kind=model.index.kind,
-            leaf_capacity=model.index.leaf_capacity,
-            max_depth=model.index.max_depth,
-            cube=None if cube is None else CubeSettings(triple(cube.centre), cube.edge),
-        ),
+        index=model.index,
     )
-    problems: list[Problem] = []
-
-    def attempt(keys: Keys, action: Callable[[], object]) -> None:
-        if len(problems) >= MOST_PROBLEMS:
-            return
-        try:
-            action()
-        except FiguresError as error:
-            entry = model.robots[str(keys[1])].stopping
-            keys = (*keys, *keys_of_figure(error, entry))
-            problems.append(
-                Problem(source.path.name, source.line(keys), dotted(keys), str(error))
-            )
-        except ArmguardError as error:
-            problems.append(
-                Problem(source.path.name, source.line(keys), dotted(keys), str(error))
-            )
-
+    problems = Problems(source)
+    folder = source.path.resolve().parent
+    place = place_of(folder, model.packages)
     for name, robot in model.robots.items():
-        attempt(
-            ("robots", name),
-            lambda n=name, r=robot: add_robot(  # type: ignore[misc]
-                scene, source, n, r, model.packages, progress
-            ),
-        )
+        with problems.at("robots", name):
+            own = place_of(folder, {**model.packages, **robot.packages})
+            add_robot(scene, name, robot, own, progress)
     for name, thing in model.objects.items():
-        attempt(
-            ("objects", name),
-            lambda n=name, t=thing: add_object(  # type: ignore[misc]
-                scene, source, n, t, model.packages, progress
-            ),
-        )
+        if len(problems) == MOST_PROBLEMS:
+            break
+        with problems.at("objects", name):
+            add_object(scene, name, thing, place, progress)
     if not problems:
         for k, allow in enumerate(model.allow):
-            attempt(
-                ("allow", k),
-                lambda p=allow: scene.allow(p.a, p.b, reason=p.reason),  # type: ignore[misc]
-            )
+            with problems.at("allow", k):
+                scene.allow(allow.a, allow.b, reason=allow.reason)
         for k, pair in enumerate(model.buffers):
-            attempt(
-                ("buffers", k),
-                lambda p=pair: scene.set_buffer(p.a, p.b, p.buffer),  # type: ignore[misc]
-            )
+            with problems.at("buffers", k):
+                scene.set_buffer(pair.a, pair.b, pair.buffer)
         for name in scene.robots:
-            attempt(
-                ("robots", name),
-                lambda n=name: check_figures(scene.robots[n]),  # type: ignore[misc]
-            )
+            with problems.at("robots", name):
+                check_figures(scene.robots[name])
     if not problems:
-        attempt(("margin",), scene.validate)
+        with problems.at("margin"):
+            scene.validate()
     if problems:
-        raise SceneFileError(unique(problems))
+        raise problems.error()
     return scene
+
+
+def place_of(folder: Path, packages: Mapping[str, str]) -> Place:
+    """Where files of a scene may be; paths of packages count from its folder."""
+    return Place(folder, {name: folder / path for name, path in packages.items()})
 
 
 def add_object(
     scene: Scene,
-    source: YamlSource,
     name: str,
-    entry: ObjectModel,
-    packages: Mapping[str, str],
+    entry: ObjectEntry,
+    place: Place,
     progress: Progress | None,
 ) -> None:
-    """Add an object of the file; relative paths count from the file's folder."""
+    """Add an object of the file."""
     scene.add(
-        object_parts(entry, place_of(source, packages), progress),
+        entry.parts_of_all(place, progress),
         name=name,
-        pose=pose_of(entry.at),
-        attached_to=entry.attached_to,
-        buffer=entry.buffer,
-        present=entry.present,
-        top_speed=entry.top_speed,
-        person=entry.person,
-        graspable=entry.graspable
-        if isinstance(entry.graspable, bool)
-        else Grasp(**entry.graspable.model_dump()),
-        rests_on=entry.rests_on,
-        error=entry.error,
-        stale=inf if entry.stale is None else entry.stale,
-    )
-
-
-def place_of(source: YamlSource, packages: Mapping[str, str]) -> Place:
-    """Where paths of a scene file count from, and the folders it declares."""
-    folder = source.path.resolve().parent
-    return Place(folder, {name: folder / path for name, path in packages.items()})
-
-
-def gripper_of(entry: GripperModel) -> Gripper:
-    """A gripper of the file."""
-    return Gripper(
-        link=entry.link,
-        fingers=tuple(entry.fingers),
-        coarse=entry.coarse,
-        swap=entry.swap,
+        pose=entry.at.pose(),
+        **part_of(entry, ObjectSettings),
     )
 
 
 def add_robot(
     scene: Scene,
-    source: YamlSource,
     name: str,
     entry: RobotEntry,
-    packages: Mapping[str, str],
+    place: Place,
     progress: Progress | None,
 ) -> None:
-    """Add a robot of the file; relative paths count from the file's folder."""
-    place = place_of(source, {**packages, **entry.packages})
+    """Add a robot of the file."""
     folder = place.folder
     beside = folder / entry.urdf
     srdf = None if entry.srdf is None else folder / entry.srdf
@@ -287,19 +200,12 @@ def add_robot(
         if named
         else load_urdf(beside, srdf=srdf, packages=place.packages, folder=folder),
         name=name,
-        base=pose_of(entry.base),
+        base=entry.base.pose(),
         srdf=srdf,
-        buffer=entry.buffer,
-        mode=entry.mode,
         stopping=None
         if entry.stopping is None
         else stopping_arguments(entry.stopping, folder),
-        response=entry.response
-        if isinstance(entry.response, str)
-        else ResponseSettings(**entry.response.model_dump()),
-        gripper=None if entry.gripper is None else gripper_of(entry.gripper),
-        fit_target=entry.fit_target,
-        max_primitives=entry.max_primitives,
         home=entry.home,
         progress=progress,
-    )  # fmt: skip
+        **part_of(entry, RobotSettings),
+    )

@@ -1,181 +1,93 @@
 """The scene file's grammar: what keys there are, and what they hold."""
 
-from math import pi
-from typing import Annotated, Any, Literal, Self
+from dataclasses import dataclass, field
+from math import inf
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
-from armguard.scene.file_numbers import (
-    NotNegative,
-    Number,
-    Positive,
-    Quaternion,
-    Strict,
-    Triple,
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import PlacedShape
+from armguard.scene.file_shapes import (
+    ORIGIN,
+    Place,
+    PoseModel,
+    ShapeKeys,
+    ShapeModel,
 )
-from armguard.scene.file_shapes import SHAPE_KEYS, ShapeKeys
 from armguard.scene.file_stopping import StoppingModel
-from armguard.scene.settings import FarStart, Mode, ResponseName, Sharing
-
-# More than two turns is no orientation anyone writes in radians [rad].
-LOOKS_LIKE_DEGREES = 4 * pi
+from armguard.scene.meshes import Progress, Surface
+from armguard.scene.schema import CLOSED, Name, NotNegative, Number, Strict, meanings
+from armguard.scene.settings import (
+    DEFAULT_MODE,
+    CycleSettings,
+    IndexSettings,
+    Mode,
+    ObjectSettings,
+    RobotSettings,
+)
 
 # Most robots and objects of a scene file.
 MOST_ROBOTS = 64
 MOST_OBJECTS = 5_000
 
 
-class PoseModel(Strict):
-    """Where a frame stands: `xyz`, and one way to say the orientation."""
+@dataclass(frozen=True, kw_only=True)
+class ObjectEntry(ObjectSettings, ShapeKeys):
+    """An object of the scene: exactly one shape, or a union of several.
 
-    xyz: Triple = Field(default=[0.0, 0.0, 0.0])
-    rpy: Triple | None = None
-    quat_wxyz: Quaternion | None = None
-    quat_xyzw: Quaternion | None = None
+    Attributes:
+        union: Shapes, each with a pose of its own.
+        at: A pose, in the world or in the link it is attached to.
+    """
 
-    @model_validator(mode="after")
-    def _one_orientation(self) -> Self:
-        given = [
-            key
-            for key in ("rpy", "quat_wxyz", "quat_xyzw")
-            if getattr(self, key) is not None
-        ]
-        if len(given) > 1:
-            raise ValueError(f"has {' and '.join(given)}; give one orientation")
-        for key in ("quat_wxyz", "quat_xyzw"):
-            quat = getattr(self, key)
-            if quat is not None:
-                norm = sum(v * v for v in quat) ** 0.5
-                if abs(norm - 1.0) > 1e-3:
-                    raise ValueError(f"{key} has norm {norm:.4g}; it must be 1")
-        if self.rpy is not None and max(map(abs, self.rpy)) > LOOKS_LIKE_DEGREES:
-            raise ValueError(f"rpy {self.rpy} looks like degrees; give radians")
-        return self
-
-
-class ShapeModel(ShapeKeys):
-    """Exactly one shape, and where it stands."""
-
-    at: PoseModel = PoseModel()
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> Self:
-        check_one(self, SHAPE_KEYS)
-        return self
-
-
-class GraspModel(Strict):
-    """How an object may be gripped."""
-
-    near: Positive = 0.1
-    intent_speed: Positive = 0.1
-    creep: Positive = 0.02
-    depth: NotNegative = 0.002
-    aim: NotNegative = 0.01
-    touch: NotNegative = 0.005
-    lift: NotNegative = 0.010
-    expiry: Positive = 30.0
-
-
-class GripperModel(Strict):
-    """A robot's gripper."""
-
-    link: str
-    fingers: Annotated[list[str], Field(min_length=1)]
-    coarse: bool = True
-    swap: NotNegative = 0.05
-
-
-def flag_or_settings(value: Any) -> str:
-    """Which branch of `graspable` a value is meant for."""
-    settings = isinstance(value, dict | GraspModel)
-    return "constrained-grasp" if settings else "constrained-flag"
-
-
-GraspableEntry = Annotated[
-    Annotated[bool, Tag("constrained-flag")]
-    | Annotated[GraspModel, Tag("constrained-grasp")],
-    Discriminator(flag_or_settings),
-]
-
-
-class ObjectModel(ShapeKeys):
-    """Exactly one shape or a union of several."""
+    __pydantic_config__ = CLOSED
 
     union: Annotated[list[ShapeModel], Field(min_length=1)] | None = None
-    at: PoseModel = PoseModel()
-    attached_to: str | None = None
-    buffer: NotNegative | None = None
-    present: bool = True
-    top_speed: NotNegative = 0.0
-    error: NotNegative = 0.0
-    stale: Positive | None = None
-    person: bool = False
-    graspable: GraspableEntry = False
-    rests_on: str | list[str] | None = None
+    at: PoseModel = ORIGIN
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
-        check_one(self, (*SHAPE_KEYS, "union"))
+        self.check_one("union")
         return self
 
-
-def check_one(model: BaseModel, kinds: tuple[str, ...]) -> None:
-    """Exactly one of several keys is given."""
-    given = [kind for kind in kinds if getattr(model, kind) is not None]
-    if len(given) != 1:
-        has = " and ".join(given) if given else "no shape"
-        raise ValueError(f"has {has}; give exactly one of {', '.join(kinds)}")
-
-
-class ResponseModel(Strict):
-    """What a robot does about what is near."""
-
-    kind: ResponseName = "deflect"
-    sharing: Sharing = "contribution"
-    priority: Number = 0.0
-    recover_speed: Positive = 0.1
-    resume_speed: Positive = 0.1
-    far: Positive = 0.2
-    far_start: FarStart = "ramp"
-    evade: bool = False
-    evade_speed: Positive = 0.5
-    evade_time: Positive = 1.0
-    field_speed: Positive = 0.3
-    attraction: Positive = 5.0
-    repulsion: Positive = 0.08
-    influence: Positive = 0.1
-    patience: Positive = 1.5
+    def parts_of_all(
+        self, place: Place, progress: Progress | None
+    ) -> list[Surface | PlacedShape]:
+        """Parts of the object, in its own frame; see `ShapeKeys.parts`."""
+        if self.union is None:
+            return self.parts(Pose(), place, progress)
+        return [
+            part
+            for entry in self.union
+            for part in entry.parts(entry.at.pose(), place, progress)
+        ]
 
 
-def name_or_settings(value: Any) -> str:
-    """Which branch of `response` a value is meant for."""
-    settings = isinstance(value, dict | ResponseModel)
-    return "constrained-settings" if settings else "constrained-name"
+@dataclass(frozen=True, kw_only=True)
+class RobotEntry(RobotSettings):
+    """A robot of the scene.
 
+    Attributes:
+        urdf: A URDF file, or a robot's name.
+        srdf: Its SRDF file.
+        base: A pose.
+        stopping: Its stopping figures, see docs/stopping.md.
+        home: Positions by joint [rad or m].
+        packages: Folders of `package://` names, for this robot alone.
+    """
 
-ResponseByKind = Annotated[
-    Annotated[ResponseName, Tag("constrained-name")]
-    | Annotated[ResponseModel, Tag("constrained-settings")],
-    Discriminator(name_or_settings),
-]
-
-
-class RobotEntry(Strict):
-    """A robot of the scene."""
+    __pydantic_config__ = CLOSED
 
     urdf: str
     srdf: str | None = None
-    base: PoseModel = PoseModel()
-    buffer: NotNegative | None = None
-    mode: Mode | None = None
+    base: PoseModel = ORIGIN
     stopping: StoppingModel | None = None
-    response: ResponseByKind = "deflect"
-    gripper: GripperModel | None = None
-    fit_target: Positive = 0.030
-    max_primitives: Annotated[int, Field(ge=1, le=64)] = 8
-    home: dict[str, Number] = Field(default={})
-    packages: dict[str, str] = Field(default={})
+    home: dict[str, Number] = field(default_factory=dict)
+    packages: dict[str, str] = field(default_factory=dict)
+    # The default is that of the settings; a file may ask for less work.
+    max_primitives: Annotated[int, Field(ge=1, le=64)]
 
 
 class AllowEntry(Strict):
@@ -183,54 +95,96 @@ class AllowEntry(Strict):
 
     a: str
     b: str
-    reason: Annotated[str, Field(min_length=1)]
+    reason: Name
 
 
 class BufferEntry(Strict):
-    """The distance of a pair."""
+    """The distance of a pair [m]."""
 
     a: str
     b: str
     buffer: NotNegative
 
 
-class CubeModel(Strict):
-    """The octree's root cube."""
-
-    centre: Triple
-    edge: Positive
-
-
-class IndexModel(Strict):
-    """How near pairs are found."""
-
-    kind: Literal["octree", "brute_force"] = "octree"
-    leaf_capacity: Annotated[int, Field(ge=1)] = 5
-    max_depth: Annotated[int, Field(ge=0, le=10)] | None = None
-    cube: CubeModel | None = None
-
-
-class CycleModel(Strict):
-    """When the guard is called."""
-
-    period: Positive = 0.001
-    late: NotNegative = 0.0
-
-
 class SceneModel(Strict):
-    """The whole file."""
+    """The whole file.
+
+    Attributes:
+        robots: Robots by name.
+        objects: Objects by name.
+        packages: Folders of `package://` names.
+        mode: How the distance that a robot keeps is made.
+        cycle: When the guard is called.
+        buffer: Distance every pair keeps [m].
+        margin: Signed distance up to which pairs are reported [m].
+        allow: Pairs that may touch.
+        buffers: Distances of pairs; a robot's name is all its links.
+        index: How near pairs are found.
+    """
 
     robots: Annotated[
         dict[str, RobotEntry], Field(min_length=1, max_length=MOST_ROBOTS)
     ]
-    objects: Annotated[dict[str, ObjectModel], Field(max_length=MOST_OBJECTS)] = Field(
+    objects: Annotated[dict[str, ObjectEntry], Field(max_length=MOST_OBJECTS)] = Field(
         default={}
     )
     packages: dict[str, str] = Field(default={})
-    mode: Mode = "path"
-    cycle: CycleModel = CycleModel()
+    mode: Mode = DEFAULT_MODE
+    cycle: CycleSettings = CycleSettings()
     buffer: NotNegative | None = None
     margin: NotNegative | None = None
     allow: list[AllowEntry] = Field(default=[])
     buffers: list[BufferEntry] = Field(default=[])
-    index: IndexModel = IndexModel()
+    index: IndexSettings = IndexSettings()
+
+
+class WithMeanings(GenerateJsonSchema):
+    """A JSON Schema that has what classes' docstrings say of their attributes."""
+
+    def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
+        """A mapping of settings."""
+        return described(schema["cls"], super().dataclass_schema(schema))
+
+    def model_schema(self, schema: Any) -> JsonSchemaValue:
+        """A mapping of the file alone."""
+        return described(schema["cls"], super().model_schema(schema))
+
+
+def described(kind: type, schema: JsonSchemaValue) -> JsonSchemaValue:
+    """A class's schema with the meaning of each of its attributes."""
+    schema["description"] = schema["description"].partition("\n\nAttributes:")[0]
+    means = meanings(kind)
+    for name, attribute in schema["properties"].items():
+        if name in means:
+            attribute["description"] = means[name]
+        if attribute.get("default") == inf:
+            del attribute["default"]
+    return schema
+
+
+def scene_schema() -> dict[str, Any]:
+    """The JSON Schema of a scene file; an infinite default is left out."""
+    return SceneModel.model_json_schema(schema_generator=WithMeanings)
+
+
+def known_keys(keys: tuple[str | int, ...]) -> list[str]:
+    """Keys that a mapping of the file may have, by the keys that lead to it."""
+    schema = scene_schema()
+
+    def branches(node: Any) -> list[dict[str, Any]]:
+        if not isinstance(node, dict):
+            return []
+        if "$ref" in node:
+            return branches(schema["$defs"][node["$ref"].rpartition("/")[2]])
+        options = node.get("anyOf") or node.get("oneOf") or ()
+        return [node, *(found for option in options for found in branches(option))]
+
+    found = branches(schema)
+    for key in keys:
+        inner = "items" if isinstance(key, int) else "additionalProperties"
+        found = [
+            branch
+            for node in found
+            for branch in branches(node.get("properties", {}).get(key, node.get(inner)))
+        ]
+    return [key for node in found for key in node.get("properties", ())]

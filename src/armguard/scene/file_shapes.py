@@ -1,59 +1,160 @@
-"""Shapes in the scene file's grammar."""
+"""Poses and shapes in the scene file's grammar, and what they are in a scene."""
 
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from math import pi
+from pathlib import Path
+from typing import Annotated, ClassVar, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from armguard.scene.file_numbers import (
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Hull,
+    PlacedShape,
+    Shape,
+    Sphere,
+)
+from armguard.robot.packages import find_in
+from armguard.scene.meshes import MeshForm, Progress, Surface, mesh_parts
+from armguard.scene.meshes.pieces import CONCAVITIES, CONCAVITY
+from armguard.scene.meshes.source import MAX_TRIANGLES, MAX_TRIANGLES_OF_FILE
+from armguard.scene.schema import (
+    CLOSED,
+    ByForm,
+    Name,
     NotNegative,
     Positive,
     PositiveTriple,
+    Quaternion,
     Strict,
     Triple,
 )
-from armguard.scene.meshes.pieces import CONCAVITIES, CONCAVITY
-from armguard.scene.meshes.source import MAX_TRIANGLES, MAX_TRIANGLES_OF_FILE
+
+# More than two turns is no orientation anyone writes in radians [rad].
+LOOKS_LIKE_DEGREES = 4 * pi
 
 
-class SphereModel(Strict):
-    """`sphere: {radius: 0.1}`."""
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the files of a scene may be.
 
-    radius: Positive
+    Attributes:
+        folder: The scene file's folder; relative paths count from there.
+        packages: Folders the scene file declares, by name.
+    """
+
+    folder: Path
+    packages: Mapping[str, Path]
+
+
+class PoseModel(Strict):
+    """A frame: `xyz`, and one way to give the orientation."""
+
+    xyz: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple | None = None
+    quat_wxyz: Quaternion | None = None
+    quat_xyzw: Quaternion | None = None
+
+    @model_validator(mode="after")
+    def _one_orientation(self) -> Self:
+        given = [
+            key
+            for key in ("rpy", "quat_wxyz", "quat_xyzw")
+            if getattr(self, key) is not None
+        ]
+        if len(given) > 1:
+            raise ValueError(f"has {' and '.join(given)}; give one orientation")
+        for key in ("quat_wxyz", "quat_xyzw"):
+            quat = getattr(self, key)
+            if quat is not None:
+                norm = sum(v * v for v in quat) ** 0.5
+                if abs(norm - 1.0) > 1e-3:
+                    raise ValueError(f"{key} has norm {norm:.4g}; it must be 1")
+        if self.rpy is not None and max(map(abs, self.rpy)) > LOOKS_LIKE_DEGREES:
+            raise ValueError(f"rpy {list(self.rpy)} looks like degrees; give radians")
+        return self
+
+    def pose(self) -> Pose:
+        """The pose."""
+        quat = self.quat_wxyz
+        if self.quat_xyzw is not None:
+            quat = (self.quat_xyzw[3], *self.quat_xyzw[:3])
+        if quat is not None:
+            return Pose.from_quat_wxyz(quat, self.xyz)
+        return Pose(xyz=self.xyz, rpy=self.rpy or (0.0, 0.0, 0.0))
+
+
+ORIGIN = PoseModel()
+
+
+class Rounded(Strict):
+    """A shape that may be grown outwards [m]."""
+
+    made: ClassVar[Callable[..., Shape]]
     rounding: NotNegative = 0.0
 
+    def shape(self) -> Shape:
+        """The shape, by default that of the same attributes."""
+        return self.made(**self.model_dump(exclude_none=True))
 
-class CapsuleModel(Strict):
+
+class SphereModel(Rounded):
+    """`sphere: {radius: 0.1}`."""
+
+    made = Sphere
+    radius: Positive
+
+
+class CapsuleModel(Rounded):
     """`capsule: {from: [..], to: [..], radius: r}` or `{length: l, radius: r}`."""
 
     start: Triple | None = Field(None, alias="from")
     end: Triple | None = Field(None, alias="to")
     length: NotNegative | None = None
     radius: Positive
-    rounding: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _one_axis(self) -> Self:
-        ends = self.start is not None and self.end is not None
-        either = self.start is not None or self.end is not None
-        if (ends and self.length is None) or (not either and self.length is not None):
-            return self
-        raise ValueError("needs `from` and `to`, or `length` along z, not both")
+        given = [x is not None for x in (self.start, self.end, self.length)]
+        if given not in ([True, True, False], [False, False, True]):
+            raise ValueError("needs `from` and `to`, or `length` along z, not both")
+        return self
+
+    def shape(self) -> Shape:
+        """The shape, by its ends, or along z by its length."""
+        half = (self.length or 0.0) / 2
+        return Capsule(
+            start=self.start or (0.0, 0.0, -half),
+            end=self.end or (0.0, 0.0, half),
+            radius=self.radius,
+            rounding=self.rounding,
+        )
 
 
-class SizedBox(Strict):
-    """`box: {size: [x, y, z], rounding: r}`."""
+class BoxModel(Rounded):
+    """`box: {size: [x, y, z], rounding: r}` or `box: [x, y, z]`."""
 
     size: PositiveTriple
-    rounding: NotNegative = 0.0
+
+    def shape(self) -> Shape:
+        """The shape."""
+        x, y, z = self.size
+        return Box(half_extents=(x / 2, y / 2, z / 2), rounding=self.rounding)
 
 
-class CylinderModel(Strict):
+class CylinderModel(Rounded):
     """`cylinder: {radius: r, height: h}`; `length` is another word for height."""
 
     radius: Positive
     height: Positive | None = None
     length: Positive | None = None
-    rounding: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _one_height(self) -> Self:
@@ -61,55 +162,87 @@ class CylinderModel(Strict):
             raise ValueError("needs `height`, or `length`, its other name, not both")
         return self
 
+    def shape(self) -> Shape:
+        """The shape; one of height and length is given."""
+        height = self.height or self.length or 0.0
+        return Cylinder(radius=self.radius, height=height, rounding=self.rounding)
 
-class ConeModel(Strict):
+
+class ConeModel(Rounded):
     """`cone: {radius: r, height: h, top_radius: t}`; with a top radius, truncated."""
 
+    made = Cone
     radius: Positive
     height: Positive
     top_radius: NotNegative = 0.0
-    rounding: NotNegative = 0.0
 
 
-class EllipsoidModel(Strict):
+class EllipsoidModel(Rounded):
     """`ellipsoid: {semi_axes: [a, b, c]}`."""
 
+    made = Ellipsoid
     semi_axes: PositiveTriple
-    rounding: NotNegative = 0.0
 
 
-class HalfSpaceModel(Strict):
+class HalfSpaceModel(Rounded):
     """`half_space: {}` or `plane: {}`: the frame's z points out of the solid."""
 
-    rounding: NotNegative = 0.0
+    made = HalfSpace
 
 
-def as_triple(value: Any) -> Any:
-    """One factor for all axes, as three."""
-    return value if isinstance(value, list) else [value] * 3
-
-
-def not_zero(values: list[float]) -> list[float]:
+def not_zero(values: tuple[float, ...]) -> tuple[float, ...]:
     """Refuse a factor of zero."""
     if 0.0 in values:
-        raise ValueError(f"is {values}; a mesh cannot be scaled by 0")
+        raise ValueError(f"is {list(values)}; a mesh cannot be scaled by 0")
     return values
 
 
-Scale = Annotated[Triple, BeforeValidator(as_triple), AfterValidator(not_zero)]
-Concavity = Annotated[
-    float, Field(allow_inf_nan=False, ge=CONCAVITIES[0], le=CONCAVITIES[1])
+# Factors of the three axes, or one for all of them.
+Scale = Annotated[
+    Triple,
+    BeforeValidator(
+        lambda value: value if isinstance(value, list | tuple) else [value] * 3,
+        json_schema_input_type=float | Triple,
+    ),
+    AfterValidator(not_zero),
 ]
-File = Annotated[str, Field(min_length=1)]
 
 
-class HullModel(Strict):
+class MeshModel(Rounded):
+    """`mesh: {file: FILE, scale: s, as: triangles | hull | pieces}`."""
+
+    file: Name
+    scale: Scale = (1.0, 1.0, 1.0)
+    form: MeshForm = Field("triangles", alias="as")
+    max_triangles: Annotated[int, Field(ge=1, le=MAX_TRIANGLES)] = MAX_TRIANGLES_OF_FILE
+    concavity: Annotated[
+        float, Field(allow_inf_nan=False, ge=CONCAVITIES[0], le=CONCAVITIES[1])
+    ] = CONCAVITY
+    max_pieces: Annotated[int, Field(ge=1)] | None = None
+
+    @model_validator(mode="after")
+    def _settings_of_pieces(self) -> Self:
+        for key in ("concavity", "max_pieces"):
+            if key in self.model_fields_set and self.form != "pieces":
+                raise ValueError(f"has `{key}`, which is for `as: pieces`")
+        return self
+
+    def parts(
+        self, pose: Pose, place: Place, progress: Progress | None
+    ) -> list[Surface | PlacedShape]:
+        """Parts of the mesh."""
+        settings = self.model_dump()
+        file = find_in(settings.pop("file"), place.folder, place.packages)
+        return mesh_parts(file, pose=pose, progress=progress, **settings)
+
+
+class HullModel(Rounded):
     """`hull: {points: [[x, y, z], ...]}` or `hull: {mesh: FILE, scale: s}`."""
 
+    made = Hull
     points: Annotated[list[Triple], Field(min_length=1)] | None = None
-    mesh: File | None = None
+    mesh: Name | None = None
     scale: Scale | None = None
-    rounding: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -120,31 +253,15 @@ class HullModel(Strict):
         return self
 
 
-class MeshModel(Strict):
-    """`mesh: {file: FILE, scale: s, as: triangles | hull | pieces}`."""
-
-    file: File
-    scale: Scale = Field(default=[1.0, 1.0, 1.0])
-    form: Literal["triangles", "hull", "pieces"] = Field("triangles", alias="as")
-    rounding: NotNegative = 0.0
-    max_triangles: Annotated[int, Field(ge=1, le=MAX_TRIANGLES)] = MAX_TRIANGLES_OF_FILE
-    concavity: Concavity = CONCAVITY
-    max_pieces: Annotated[int, Field(ge=1)] | None = None
-
-    @model_validator(mode="after")
-    def _settings_of_pieces(self) -> Self:
-        for key in ("concavity", "max_pieces"):
-            if key in self.model_fields_set and self.form != "pieces":
-                raise ValueError(f"has `{key}`, which is for `as: pieces`")
-        return self
-
-
-class ShapeKeys(Strict):
+@dataclass(frozen=True, kw_only=True)
+class ShapeKeys:
     """One key for each shape."""
+
+    __pydantic_config__ = CLOSED
 
     sphere: SphereModel | None = None
     capsule: CapsuleModel | None = None
-    box: PositiveTriple | SizedBox | None = None
+    box: ByForm[PositiveTriple, BoxModel] | None = None
     cylinder: CylinderModel | None = None
     cone: ConeModel | None = None
     ellipsoid: EllipsoidModel | None = None
@@ -153,5 +270,52 @@ class ShapeKeys(Strict):
     hull: HullModel | None = None
     mesh: MeshModel | None = None
 
+    def check_one(self, *others: str) -> None:
+        """Refuse none or several of the shapes and other keys."""
+        kinds = (*SHAPE_KEYS, *others)
+        given = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(given) != 1:
+            has = " and ".join(given) if given else "no shape"
+            raise ValueError(f"has {has}; give exactly one of {', '.join(kinds)}")
 
-SHAPE_KEYS = tuple(ShapeKeys.model_fields)
+    def parts(
+        self, pose: Pose, place: Place, progress: Progress | None
+    ) -> list[Surface | PlacedShape]:
+        """Parts of the shape whose frame is at a pose in the object.
+
+        Args:
+            pose: The pose.
+            place: Where meshes may be.
+            progress: Called with what is done, its number and their count.
+
+        Raises:
+            ShapeError: A shape cannot be what the file says.
+            MeshError: A mesh cannot be read.
+        """
+        mesh, hull = self.mesh, self.hull
+        if hull is not None and hull.mesh is not None:
+            mesh = MeshModel.model_validate(
+                {"file": hull.mesh, "as": "hull", "rounding": hull.rounding}
+                | ({} if hull.scale is None else {"scale": hull.scale})
+            )
+        if mesh is not None:
+            return mesh.parts(pose, place, progress)
+        (model,) = filter(None, (getattr(self, key) for key in SHAPE_KEYS))
+        if isinstance(model, tuple):
+            model = BoxModel(size=model)
+        return [PlacedShape(model.shape(), pose)]
+
+
+SHAPE_KEYS = tuple(field.name for field in fields(ShapeKeys))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeModel(ShapeKeys):
+    """Exactly one shape, and its pose."""
+
+    at: PoseModel = ORIGIN
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        self.check_one()
+        return self

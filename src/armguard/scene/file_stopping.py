@@ -1,136 +1,89 @@
-"""Stopping figures in the scene file's grammar."""
+"""Stopping figures in the scene file's grammar, made of their declarations."""
 
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, create_model
 
-from armguard.robot.stopping import FiguresError, TableFile
-from armguard.scene.file_numbers import NotNegative, Positive, Strict, Triple
+from armguard.robot.stopping import FiguresError, StoppingFigures, TableFile
+from armguard.robot.stopping.figures import FIGURES, Figure
+from armguard.scene.schema import (
+    ByJoint,
+    Name,
+    NotNegative,
+    Positive,
+    Strict,
+    Triple,
+    meanings,
+)
 
 Keys = tuple[str | int, ...]
 
-
-def number_or_joints(value: Any) -> str:
-    """Which branch of a figure a value is meant for."""
-    return "constrained-joints" if isinstance(value, dict) else "constrained-number"
+# Infinite is an answer here: how hard a stop can be may be unknown.
+Most = Annotated[float, Field(gt=0.0)]
 
 
 def kind_of_tables(value: Any) -> str:
-    """Which branch of `tables` a value is meant for."""
+    """Which branch of `tables` a value is for."""
     if not isinstance(value, dict):
-        return "constrained-file"
-    return "constrained-chosen" if "file" in value else "constrained-rows"
-
-
-# Infinite is an answer here: nobody knows how hard a stop can be.
-Most = Annotated[float, Field(gt=0.0)]
-
-PositiveByJoint = Annotated[
-    Annotated[Positive, Tag("constrained-number")]
-    | Annotated[dict[str, Positive], Tag("constrained-joints")],
-    Discriminator(number_or_joints),
-]
-NotNegativeByJoint = Annotated[
-    Annotated[NotNegative, Tag("constrained-number")]
-    | Annotated[dict[str, NotNegative], Tag("constrained-joints")],
-    Discriminator(number_or_joints),
-]
-MostByJoint = Annotated[
-    Annotated[Most, Tag("constrained-number")]
-    | Annotated[dict[str, Most], Tag("constrained-joints")],
-    Discriminator(number_or_joints),
-]
-
-
-class BrakeModel(Strict):
-    """A stop that removes power at once."""
-
-    delay: NotNegative | None = None
-    deceleration: PositiveByJoint | None = None
-
-
-class ErrorsModel(Strict):
-    """How well it is known where the robot is."""
-
-    position: NotNegativeByJoint | None = None
-    velocity: NotNegativeByJoint | None = None
-    tracking: NotNegativeByJoint | None = None
-    model: NotNegative | None = None
-    base: NotNegative | None = None
-    base_turn: NotNegative | None = None
-
-
-class DelaysModel(Strict):
-    """How late measurements and orders are."""
-
-    sensing: NotNegative | None = None
-    command: NotNegative | None = None
-    stale: NotNegative | None = None
+        return "branch-file"
+    return "branch-chosen" if "file" in value else "branch-rows"
 
 
 class TableFileModel(Strict):
     """A file of measured stops, and the conditions that are met here."""
 
-    file: Annotated[str, Field(min_length=1)]
+    file: Name
     load: NotNegative | None = None
     extension: NotNegative | None = None
 
 
 TablesByKind = Annotated[
-    Annotated[str, Field(min_length=1), Tag("constrained-file")]
-    | Annotated[TableFileModel, Tag("constrained-chosen")]
+    Annotated[Name, Tag("branch-file")]
+    | Annotated[TableFileModel, Tag("branch-chosen")]
     | Annotated[
         dict[str, Annotated[list[Triple], Field(min_length=1)]],
-        Tag("constrained-rows"),
+        Tag("branch-rows"),
     ],
     Discriminator(kind_of_tables),
 ]
 
 
-class StoppingModel(Strict):
+def type_of(figure: Figure) -> Any:
+    """What the file may have for a figure."""
+    by_joint: Any = ByJoint
+    number: Any = Positive if figure.positive else NotNegative
+    if not figure.bounded:
+        number = Most
+    return (by_joint[number] if figure.unit is None else number) | None
+
+
+def figure_keys() -> type[Strict]:
+    """A mapping with a key for each figure, and mappings where keys have dots."""
+    groups: dict[str, dict[str, Any]] = {}
+    means = meanings(StoppingFigures)
+    for name, figure in FIGURES.items():
+        group, _, key = figure.key.rpartition(".")
+        given = Field(default=None, description=means.get(name))
+        groups.setdefault(group, {})[key] = (type_of(figure), given)
+    plain = groups.pop("")
+    for group, keys in groups.items():
+        name, doc = f"{group.title()}Model", f"Figures under `{group}`."
+        model = create_model(name, __base__=Strict, __doc__=doc, **keys)
+        plain[group] = (model, model())
+    return create_model("FigureKeys", __base__=Strict, **plain)
+
+
+class StoppingModel(figure_keys()):  # type: ignore[misc]
     """How a robot stops, and how well it is known where it is."""
 
-    velocity: PositiveByJoint | None = None
-    acceleration: PositiveByJoint | None = None
-    deceleration: PositiveByJoint | None = None
-    most: MostByJoint | None = None
-    ramp: NotNegative | None = None
-    settle: NotNegativeByJoint | None = None
-    settle_time: NotNegative | None = None
-    brake: BrakeModel = BrakeModel()
-    errors: ErrorsModel = ErrorsModel()
-    delays: DelaysModel = DelaysModel()
     tables: TablesByKind | None = None
     sources: dict[str, str] | None = None
 
 
-# Where the file has a figure that `StoppingFigures` calls by another name.
-KEYS_OF: dict[str, Keys] = {
-    "deceleration_most": ("most",),
-    "brake_delay": ("brake", "delay"),
-    "brake_deceleration": ("brake", "deceleration"),
-    "position_error": ("errors", "position"),
-    "velocity_error": ("errors", "velocity"),
-    "tracking_error": ("errors", "tracking"),
-    "model_error": ("errors", "model"),
-    "base_error": ("errors", "base"),
-    "base_turn": ("errors", "base_turn"),
-    "sensing": ("delays", "sensing"),
-    "command": ("delays", "command"),
-    "stale": ("delays", "stale"),
-}
-PLAIN = (
-    "velocity",
-    "acceleration",
-    "deceleration",
-    "ramp",
-    "settle",
-    "settle_time",
-    "tables",
-)
-# Names of figures as `sources` has them: the keys with dots.
-FIGURE_OF = {".".join(map(str, keys)): figure for figure, keys in KEYS_OF.items()}
+# Names of figures by their keys, as `sources` has them.
+FIGURE_OF = {figure.key: name for name, figure in FIGURES.items()}
 
 
 def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
@@ -140,18 +93,15 @@ def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
         model: The entry.
         folder: Where the path of a table counts from.
     """
-    given: dict[str, Any] = {}
-    for figure in (*PLAIN, *KEYS_OF):
-        value: Any = model
-        for key in KEYS_OF.get(figure, (figure,)):
-            value = getattr(value, str(key))
-        if value is not None:
-            given[figure] = value
+    given = {name: attrgetter(figure.key)(model) for name, figure in FIGURES.items()}
+    given = {name: value for name, value in given.items() if value is not None}
     if model.sources is not None:
         given["sources"] = {
             FIGURE_OF.get(name, name): source for name, source in model.sources.items()
         }
-    tables = given.get("tables")
+    tables = model.tables
+    if tables is not None:
+        given["tables"] = tables
     if isinstance(tables, str):
         given["tables"] = TableFile(path=folder / tables)
     if isinstance(tables, TableFileModel):
@@ -161,16 +111,16 @@ def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
     return given
 
 
-def keys_of_figure(error: FiguresError, model: StoppingModel | None) -> Keys:
+def keys_of_figure(error: FiguresError, entry: Any) -> Keys:
     """Where in a robot's entry the figure is that an error is about.
 
     Args:
         error: The error.
-        model: The robot's `stopping`, None if it has none.
+        entry: The robot's `stopping` as the file has it, None if it has none.
     """
-    keys = KEYS_OF.get(error.figure, (error.figure,) if error.figure else ())
-    value: Any = model
+    figure = FIGURES.get(error.figure)
+    keys = (figure.key if figure else error.figure).split(".") if error.figure else []
     for key in keys:
-        value = getattr(value, str(key), None)
-    by_joint = isinstance(value, dict) and error.joint
+        entry = entry.get(key) if isinstance(entry, dict) else None
+    by_joint = isinstance(entry, dict) and error.joint
     return ("stopping", *keys, *((error.joint,) if by_joint else ()))

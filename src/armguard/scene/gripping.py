@@ -1,9 +1,15 @@
 """What may be gripped, by what, and how: settings of objects and of grippers."""
 
-from dataclasses import dataclass, fields
-from math import isfinite
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Self
 
-from armguard.errors import SceneError
+from pydantic import AfterValidator, Field, model_validator
+
+from armguard.errors import SceneError, UnknownNameError, did_you_mean
+from armguard.robot.model import FittedLink, RobotModel
+from armguard.scene.rigid import rigid_groups
+from armguard.scene.schema import CLOSED, NotNegative, Positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,25 +20,44 @@ class Grasp:
     `intent_speed` at `near` to `creep` at contact.
 
     Attributes:
-        near: Distance of fingers from which on their approach may be meant [m].
-        intent_speed: Fingers that are asked to move faster mean nothing by it [m/s].
+        near: Distance of fingers from which on their approach may be intended [m].
+        intent_speed: An approach of fingers that are asked to move faster is not
+            intended [m/s].
         creep: Greatest speed of a contact [m/s].
         depth: How far fingers and support may overlap with it [m].
         aim: How near to it the way of the middle between the fingers has to lead [m].
         touch: Fingers that are no farther away count as touching when it is grasped
             [m].
-        lift: Distance from what it stood on from which on it has lifted clear [m].
+        lift: Distance from its support from which on it has lifted clear [m].
         expiry: Longest time a contract by intent is in force [s].
     """
 
-    near: float = 0.1
-    intent_speed: float = 0.1
-    creep: float = 0.02
-    depth: float = 0.002
-    aim: float = 0.01
-    touch: float = 0.005
-    lift: float = 0.010
-    expiry: float = 30.0
+    __pydantic_config__ = CLOSED
+
+    near: Positive = 0.1
+    intent_speed: Positive = 0.1
+    creep: Positive = 0.02
+    depth: NotNegative = 0.002
+    aim: NotNegative = 0.01
+    touch: NotNegative = 0.005
+    lift: NotNegative = 0.010
+    expiry: Positive = 30.0
+
+    @model_validator(mode="after")
+    def _creep_is_slower(self) -> Self:
+        if self.creep > self.intent_speed:
+            raise ValueError(
+                f"creep is {self.creep} m/s; it must not exceed intent_speed, "
+                f"{self.intent_speed} m/s"
+            )
+        return self
+
+
+def no_link_twice(links: tuple[str, ...]) -> tuple[str, ...]:
+    """Refuse a finger that is named twice."""
+    if len(set(links)) != len(links):
+        raise ValueError("fingers names a link twice")
+    return links
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,53 +67,57 @@ class Gripper:
     Attributes:
         link: The link that carries what is held, and its fingers.
         fingers: Links that may touch what is gripped; `link` may be one of them.
-        coarse: Whether one box round link and fingers stands for them while nothing is
-            near.
+        coarse: Whether one box round link and fingers takes their place while nothing
+            is near.
         swap: Distance beyond what the box needs at which it is replaced by the links'
             own primitives; 1.5 times that far it comes back [m].
     """
 
+    __pydantic_config__ = CLOSED
+
     link: str
-    fingers: tuple[str, ...]
+    fingers: Annotated[
+        tuple[str, ...], Field(min_length=1), AfterValidator(no_link_twice)
+    ]
     coarse: bool = True
-    swap: float = 0.05
+    swap: NotNegative = 0.05
 
 
-def check_grasp(who: str, grasp: Grasp) -> Grasp:
-    """Return settings that can be true.
+def check_links(
+    name: str, model: RobotModel, fits: Mapping[str, FittedLink], gripper: Gripper
+) -> None:
+    """Check that the links of a gripper are those of one.
 
     Raises:
-        SceneError: They cannot.
+        UnknownNameError: One does not exist.
+        SceneError: Its link does not move, or a finger does not ride on it or has no
+            shape.
     """
-    for field in fields(Grasp):
-        value = getattr(grasp, field.name)
-        if not (isfinite(value) and value >= 0.0):
-            raise SceneError(
-                f"{who}: graspable.{field.name} is {value}; it must be finite and >= 0"
+    for link in (gripper.link, *gripper.fingers):
+        if link not in model.links:
+            raise UnknownNameError(
+                f"robot '{name}' has no link '{link}' for its gripper; "
+                f"{did_you_mean(link, model.links)}"
             )
-    for name in ("near", "intent_speed", "creep", "expiry"):
-        if getattr(grasp, name) == 0.0:
-            raise SceneError(f"{who}: graspable.{name} is 0; it must be > 0")
-    if grasp.creep > grasp.intent_speed:
+    groups = rigid_groups(model)
+    above = {joint.child: joint.parent for joint in model.joints.values()}
+    own = groups[gripper.link]
+    if own == groups[model.root]:
         raise SceneError(
-            f"{who}: graspable.creep is {grasp.creep} m/s; it must not exceed "
-            f"intent_speed, {grasp.intent_speed} m/s"
+            f"robot '{name}': gripper.link '{gripper.link}' is part of its base; name "
+            "one that joints move"
         )
-    return grasp
-
-
-def check_gripper(who: str, gripper: Gripper) -> Gripper:
-    """Return settings that can be true; whether its links exist is asked elsewhere.
-
-    Raises:
-        SceneError: They cannot.
-    """
-    if not gripper.fingers:
-        raise SceneError(f"{who}: gripper.fingers must name one link or more")
-    if len(set(gripper.fingers)) != len(gripper.fingers):
-        raise SceneError(f"{who}: gripper.fingers names a link twice")
-    if not (isfinite(gripper.swap) and gripper.swap >= 0.0):
-        raise SceneError(
-            f"{who}: gripper.swap is {gripper.swap} m; it must be finite and >= 0"
-        )
-    return gripper
+    for finger in gripper.fingers:
+        if finger not in fits:
+            raise SceneError(
+                f"robot '{name}': finger '{finger}' has no collision geometry, so "
+                "nobody knows when it touches"
+            )
+        link = finger
+        while link in above and groups[link] != own:
+            link = above[link]
+        if groups[link] != own:
+            raise SceneError(
+                f"robot '{name}': finger '{finger}' does not ride on gripper.link "
+                f"'{gripper.link}'"
+            )

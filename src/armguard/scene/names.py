@@ -1,4 +1,4 @@
-"""Names of primitives, made when somebody reads one: a million cost nothing."""
+"""Names of primitives, made when one is read: a million cost nothing."""
 
 from bisect import bisect_right
 from collections.abc import Sequence

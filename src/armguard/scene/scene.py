@@ -2,45 +2,50 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
-from armguard.geometry.shapes import HalfSpace, PlacedShape, Shape, Triangle
-from armguard.robot.fitting import fit_robot
 from armguard.robot.limits import home_configuration
-from armguard.robot.model import FittedLink, RobotModel
-from armguard.robot.named import find_named_robot
-from armguard.robot.stopping import (
-    StoppingFigures,
-    declared_figures,
-    named_figures,
-)
-from armguard.robot.urdf import load_urdf
-from armguard.scene.gripping import Grasp, Gripper, check_grasp, check_gripper
+from armguard.robot.model import RobotModel
+from armguard.robot.stopping import StoppingFigures
+from armguard.scene.gripping import Gripper
 from armguard.scene.meshes import (
     MAX_TRIANGLES,
     MeshForm,
     MeshInput,
     Progress,
-    Surface,
     mesh_parts,
 )
-from armguard.scene.rigid import rigid_groups
+from armguard.scene.objects import Part, SceneObject, riding_surface, scene_object
+from armguard.scene.robots import (
+    SceneRobot,
+    check_figures,
+    check_mode,
+    load_robot,
+    response_settings,
+    scene_robot,
+)
+from armguard.scene.schema import checked
 from armguard.scene.settings import (
-    CHOICES,
-    MODES,
+    DEFAULT_MODE,
+    CycleSettings,
     IndexSettings,
     Mode,
+    ObjectKeys,
+    ObjectSettings,
     ResponseName,
     ResponseSettings,
+    RobotSettings,
 )
+
+__all__ = ["Allowance", "Scene", "SceneRobot", "check_mode", "response_settings"]
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
 PAPER_BUFFER = 0.03048
@@ -53,85 +58,9 @@ FLOOR = 0.005
 MARGIN_BEYOND_BUFFER = 0.02
 
 
-Part = Shape | PlacedShape | Surface
-
-
-@dataclass(frozen=True, slots=True)
-class SceneRobot:
-    """A robot in a scene.
-
-    Attributes:
-        name: Its name in the scene.
-        model: Its files.
-        fits: Primitives of each link that has collision geometry.
-        base: Its root frame in the world.
-        home: Home position of each joint [rad or m].
-        buffer: Distance its links must keep; None for the scene's [m].
-        fit_target: Overreach the fit was asked for [m].
-        mode: How the distance it must keep is made.
-        stopping: How it stops; None if nobody said, which only the mode "fixed" bears.
-        response: What it does about what is near.
-        gripper: Its gripper, None if it has none.
-    """
-
-    name: str
-    model: RobotModel
-    fits: Mapping[str, FittedLink]
-    base: Pose
-    home: Mapping[str, float]
-    buffer: float | None
-    fit_target: float
-    mode: Mode
-    stopping: StoppingFigures | None
-    response: ResponseSettings
-    gripper: Gripper | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class SceneObject:
-    """An object: a union of primitives.
-
-    Attributes:
-        name: Its name.
-        shapes: Its shapes, in its own frame.
-        surfaces: Its triangles, in its own frame.
-        pose: Its frame in the world, or in the link it is attached to.
-        attached_to: 'robot/link' it rides on, None if it stands still.
-        buffer: Distance it must keep; None for the scene's [m].
-        present: Whether it is there when a guard starts.
-        top_speed: Greatest speed of any of its points; 0 if it stands still [m/s].
-        person: Whether it is a person.
-        graspable: How it may be gripped; None if it may not.
-        rests_on: Bodies it may be put down on; None for what it stands on when it is
-            grasped.
-        error: How far off any of its points may be seen [m].
-        stale: Age from which on a sighting of it is refused [s].
-    """
-
-    name: str
-    shapes: tuple[PlacedShape, ...]
-    surfaces: tuple[Surface, ...]
-    pose: Pose
-    attached_to: str | None
-    buffer: float | None
-    present: bool = True
-    top_speed: float = 0.0
-    person: bool = False
-    graspable: Grasp | None = None
-    rests_on: tuple[str, ...] | None = None
-    error: float = 0.0
-    stale: float = inf
-
-    @property
-    def movable(self) -> bool:
-        """Whether it may be elsewhere than the scene says; all others are fixtures."""
-        moves = self.top_speed > 0.0 or self.graspable is not None
-        return moves or not self.present
-
-
 @dataclass(frozen=True, slots=True)
 class Allowance:
-    """A pair of bodies somebody allowed to touch.
+    """A pair of bodies that may touch.
 
     Attributes:
         a: One body.
@@ -182,20 +111,20 @@ class Scene:
     def __init__(
         self,
         *,
-        mode: Mode = "path",
-        period: float = 0.001,
-        late: float = 0.0,
+        mode: Mode = DEFAULT_MODE,
+        period: float = CycleSettings.period,
+        late: float = CycleSettings.late,
         buffer: float | None = None,
         margin: float | None = None,
         index: IndexSettings | None = None,
     ) -> None:
         self.mode = check_mode("mode", mode)
-        self.period = check_time("period", period)
+        self.period = check_amount("period", period, "s")
         if period == 0.0:
             raise SceneError("period is 0 s; it must be > 0")
-        self.late = check_time("late", late)
-        self.buffer = None if buffer is None else check_distance("buffer", buffer)
-        self._margin = None if margin is None else check_distance("margin", margin)
+        self.late = check_amount("late", late, "s")
+        self.buffer = None if buffer is None else check_amount("buffer", buffer)
+        self._margin = None if margin is None else check_amount("margin", margin)
         self.index = IndexSettings() if index is None else index
         self._robots: dict[str, SceneRobot] = {}
         self._objects: dict[str, SceneObject] = {}
@@ -279,10 +208,10 @@ class Scene:
         buffer: float | None = None,
         mode: Mode | None = None,
         stopping: StoppingFigures | Mapping[str, Any] | None = None,
-        response: ResponseName | ResponseSettings = "deflect",
+        response: ResponseName | ResponseSettings = RobotSettings.response,
         gripper: Gripper | None = None,
-        fit_target: float = 0.030,
-        max_primitives: int = 8,
+        fit_target: float = RobotSettings.fit_target,
+        max_primitives: int = RobotSettings.max_primitives,
         home: Mapping[str, float] | None = None,
         progress: Progress | None = None,
     ) -> SceneRobot:
@@ -313,46 +242,25 @@ class Scene:
             FiguresError: A figure cannot be true.
         """
         self._check_name(name)
-        if not (isfinite(fit_target) and fit_target > 0.0):
-            raise SceneError(
-                f"robot '{name}': fit_target is {fit_target} m; it must be > 0"
-            )
-        if buffer is not None:
-            check_distance(f"robot '{name}': buffer", buffer)
-        if mode is not None:
-            check_mode(f"robot '{name}': mode", mode)
-        if gripper is not None:
-            check_gripper(f"robot '{name}'", gripper)
-        model, home, known = self._load(urdf, srdf, packages, home)
-        if not isinstance(stopping, StoppingFigures):
-            own = None if known is None else named_figures(known, model)
-            stopping = (
-                own if stopping is None else declared_figures(model, stopping, own)
-            )
-        at_home = home_configuration(model, home)
-        fits = fit_robot(
-            model,
-            target=fit_target,
-            max_primitives=max_primitives,
-            progress=progress and fitting(progress),
-        )
-        if gripper is not None:
-            gripper = known_gripper(name, model, fits, gripper)
-        robot = SceneRobot(
-            name=name,
-            model=model,
-            fits=fits,
-            base=Pose() if base is None else base,
-            home=at_home,
+        settings = RobotSettings(
             buffer=buffer,
-            fit_target=fit_target,
             mode=self.mode if mode is None else mode,
-            stopping=stopping,
             response=response_settings(f"robot '{name}'", response),
             gripper=gripper,
+            fit_target=fit_target,
+            max_primitives=max_primitives,
+        )
+        robot = scene_robot(
+            name,
+            load_robot(urdf, srdf, packages),
+            checked(f"robot '{name}'", settings),
+            base=base,
+            stopping=stopping,
+            home=home,
+            progress=progress,
         )
         self._robots[name] = robot
-        self.notes += [f"robot '{name}': {note}" for note in model.notes]
+        self.notes += [f"robot '{name}': {note}" for note in robot.model.notes]
         return robot
 
     def add(
@@ -361,15 +269,7 @@ class Scene:
         *,
         name: str,
         pose: Pose | None = None,
-        attached_to: str | None = None,
-        buffer: float | None = None,
-        present: bool = True,
-        top_speed: float = 0.0,
-        person: bool = False,
-        graspable: Grasp | bool = False,
-        rests_on: str | Sequence[str] | None = None,
-        error: float = 0.0,
-        stale: float = inf,
+        **settings: Unpack[ObjectKeys],
     ) -> SceneObject:
         """Add an object.
 
@@ -377,83 +277,21 @@ class Scene:
             shapes: A shape or a surface, or several: their union.
             name: Its name.
             pose: Its frame in the world, or in the link it is attached to.
-            attached_to: 'robot/link' it rides on.
-            buffer: Distance it must keep; the scene's if None [m].
-            present: Whether it is there when a guard starts; `Guard.place` puts it
-                there later.
-            top_speed: Greatest speed of any of its points, if somebody or something
-                else may move it [m/s].
-            person: Whether it is a person.
-            graspable: Whether a gripper may grip it, and how; see docs/gripping.md.
-            rests_on: Bodies a graspable object may be put down on; by default what it
-                stands on when it is grasped.
-            error: How far off any point of an object with a `top_speed` may be seen
-                [m].
-            stale: Age from which on a sighting of such an object is refused [s].
+            settings: What it is beside, see `ObjectSettings`. `graspable` may be true
+                or false, `rests_on` one name.
 
         Raises:
-            SceneError: The name is taken or no name, there is no shape, a surface is
-                to ride on a link, what rides on one is not present, has a speed of its
-                own or is a person, the speed is negative or not finite, it is
-                graspable and cannot be carried, or `error` or `stale` cannot be true.
+            SceneError: The name is taken or no name, there is no shape, a setting
+                cannot be true, or settings and shapes contradict each other.
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
-        if buffer is not None:
-            check_distance(f"object '{name}': buffer", buffer)
+        kept = checked(f"object '{name}'", ObjectSettings(**dict[str, Any](settings)))
+        if kept.attached_to is not None:
+            self._check_body(kept.attached_to, link=True)
         parts = shapes if isinstance(shapes, Sequence) else (shapes,)
-        if not parts:
-            raise SceneError(f"object '{name}' has no shape")
-        surfaces = tuple(part for part in parts if isinstance(part, Surface))
-        if attached_to is not None:
-            self._check_body(attached_to, link=True)
-            if surfaces:
-                raise SceneError(riding_surface(name, attached_to))
-            if not present:
-                raise SceneError(
-                    f"object '{name}' rides on '{attached_to}' and is not present; "
-                    "only what stands still can come later"
-                )
-            if top_speed != 0.0 or person:
-                raise SceneError(
-                    f"object '{name}' rides on '{attached_to}' and has a top_speed or "
-                    "is a person; it moves as its link does, leave them out"
-                )
-        if not (isfinite(top_speed) and top_speed >= 0.0):
-            raise SceneError(
-                f"object '{name}': top_speed is {top_speed} m/s; it must be finite and "
-                ">= 0"
-            )
-        check_sightings(name, top_speed, error, stale)
-        how = grasp_settings(name, graspable)
-        if how is not None:
-            self._check_carried(name, parts, attached_to, top_speed, person)
-        elif rests_on is not None:
-            raise SceneError(
-                f"object '{name}' has rests_on and is not graspable; leave it out"
-            )
-        supports = (rests_on,) if isinstance(rests_on, str) else rests_on
-        thing = SceneObject(
-            name=name,
-            shapes=tuple(
-                part if isinstance(part, PlacedShape) else PlacedShape(part)
-                for part in parts
-                if not isinstance(part, Surface)
-            ),
-            surfaces=surfaces,
-            pose=Pose() if pose is None else pose,
-            attached_to=attached_to,
-            buffer=buffer,
-            present=present,
-            top_speed=top_speed,
-            person=person,
-            graspable=how,
-            rests_on=None if supports is None else tuple(supports),
-            error=error,
-            stale=stale,
-        )
-        self._objects[name] = thing
-        return thing
+        self._objects[name] = scene_object(name, parts, pose, kept)
+        return self._objects[name]
 
     def add_mesh(
         self,
@@ -462,17 +300,11 @@ class Scene:
         name: str,
         form: MeshForm = "triangles",
         pose: Pose | None = None,
-        attached_to: str | None = None,
         scale: float | Sequence[float] = 1.0,
         rounding: float = 0.0,
-        buffer: float | None = None,
-        present: bool = True,
-        top_speed: float = 0.0,
-        person: bool = False,
-        graspable: Grasp | bool = False,
-        rests_on: str | Sequence[str] | None = None,
         max_triangles: int = MAX_TRIANGLES,
         progress: Progress | None = None,
+        **settings: Unpack[ObjectKeys],
     ) -> SceneObject:
         """Add an object that is a mesh.
 
@@ -483,23 +315,16 @@ class Scene:
             form: "triangles", its surface as it is; "hull", its convex hull;
                 "pieces", several convex hulls that follow it, see `convex_pieces`.
             pose: Its frame in the world, or in the link it is attached to.
-            attached_to: 'robot/link' it rides on; not for triangles.
             scale: Factor from the mesh's numbers to metres, or one for each axis [-].
             rounding: Growth outwards on all sides [m].
-            buffer: Distance it must keep; the scene's if None [m].
-            present: Whether it is there when a guard starts.
-            top_speed: Greatest speed of any of its points [m/s].
-            person: Whether it is a person.
-            graspable: See `add`; not for triangles.
-            rests_on: See `add`.
             max_triangles: More than this many are refused.
             progress: Called with what is done, its number and their count, if it
                 takes long.
+            settings: See `add`.
 
         Raises:
             MeshError: The mesh cannot be read, or not be brought into this form.
-            SceneError: The name is taken or no name, or triangles are to ride on a
-                link.
+            SceneError: See `add`.
             UnknownNameError: The link does not exist.
 
         Example:
@@ -511,8 +336,9 @@ class Scene:
             2
         """
         self._check_name(name)
-        if attached_to is not None and form == "triangles":
-            raise SceneError(riding_surface(name, attached_to))
+        link = settings.get("attached_to")
+        if link is not None and form == "triangles":
+            raise SceneError(riding_surface(name, link))
         parts = mesh_parts(
             mesh,
             form=form,
@@ -521,18 +347,7 @@ class Scene:
             max_triangles=max_triangles,
             progress=progress,
         )
-        return self.add(
-            parts,
-            name=name,
-            pose=pose,
-            attached_to=attached_to,
-            buffer=buffer,
-            present=present,
-            top_speed=top_speed,
-            person=person,
-            graspable=graspable,
-            rests_on=rests_on,
-        )
+        return self.add(parts, name=name, pose=pose, **settings)
 
     def remove(self, name: str) -> None:
         """Remove an object, and the rules about it.
@@ -558,7 +373,7 @@ class Scene:
         Raises:
             SceneError: It is negative or not finite.
         """
-        self._margin = None if margin is None else check_distance("margin", margin)
+        self._margin = None if margin is None else check_amount("margin", margin)
 
     def set_mode(self, mode: Mode, robot: str | None = None) -> None:
         """Change how the distance that robots must keep is made.
@@ -572,13 +387,10 @@ class Scene:
             UnknownNameError: There is no such robot.
         """
         check_mode("mode", mode)
-        if robot is not None and robot not in self._robots:
-            raise UnknownNameError(
-                f"no robot is named '{robot}'; {did_you_mean(robot, self._robots)}"
-            )
+        names = self._named(robot)
         if robot is None:
             self.mode = mode
-        for name in self._robots if robot is None else (robot,):
+        for name in names:
             self._robots[name] = replace(self._robots[name], mode=mode)
 
     def set_response(
@@ -594,11 +406,7 @@ class Scene:
             SceneError: A setting is out of range.
             UnknownNameError: There is no such robot.
         """
-        if robot is not None and robot not in self._robots:
-            raise UnknownNameError(
-                f"no robot is named '{robot}'; {did_you_mean(robot, self._robots)}"
-            )
-        for name in self._robots if robot is None else (robot,):
+        for name in self._named(robot):
             chosen = response_settings(f"robot '{name}'", response)
             self._robots[name] = replace(self._robots[name], response=chosen)
 
@@ -671,7 +479,7 @@ class Scene:
             SceneError: The value is negative or not finite.
             UnknownNameError: A name does not exist.
         """
-        check_distance(f"buffer of '{a}' and '{b}'", value)
+        check_amount(f"buffer of '{a}' and '{b}'", value)
         for x in self._bodies_of(a):
             for y in self._bodies_of(b):
                 if x != y:
@@ -733,44 +541,14 @@ class Scene:
                 "before it is reported; raise `margin` or leave it out"
             )
 
-    def _load(
-        self,
-        urdf: str | Path | RobotModel,
-        srdf: str | Path | None,
-        packages: Mapping[str, Path] | None,
-        home: Mapping[str, float] | None,
-    ) -> tuple[RobotModel, Mapping[str, float] | None, str | None]:
-        if isinstance(urdf, RobotModel):
-            return urdf, home, None
-        path, known = Path(urdf), None
-        if not path.exists() and path.suffix == "" and len(path.parts) == 1:
-            known = str(urdf)
-            named = find_named_robot(known)
-            path, srdf = named.urdf, named.srdf if srdf is None else srdf
-            home = {**named.home, **(home or {})}
-        return load_urdf(path, srdf=srdf, packages=packages), home, known
-
-    def _check_carried(
-        self,
-        name: str,
-        parts: Sequence[Part],
-        attached_to: str | None,
-        top_speed: float,
-        person: bool,
-    ) -> None:
-        """What is graspable can be carried."""
-        if attached_to is not None or top_speed != 0.0 or person:
-            raise SceneError(
-                f"object '{name}' is graspable and is attached, has a top_speed or is "
-                "a person; leave one of them out"
+    def _named(self, robot: str | None) -> list[str]:
+        if robot is None:
+            return list(self._robots)
+        if robot not in self._robots:
+            raise UnknownNameError(
+                f"no robot is named '{robot}'; {did_you_mean(robot, self._robots)}"
             )
-        shapes = [part.shape if isinstance(part, PlacedShape) else part
-                  for part in parts]  # fmt: skip
-        if any(isinstance(shape, Surface | HalfSpace | Triangle) for shape in shapes):
-            raise SceneError(
-                f"object '{name}' is graspable and has triangles or a half-space, "
-                "which no gripper carries; give a mesh as 'hull' or as 'pieces'"
-            )
+        return [robot]
 
     def _check_name(self, name: str) -> None:
         if not name or "/" in name or name != name.strip():
@@ -802,164 +580,12 @@ class Scene:
         return [name]
 
 
-def grasp_settings(name: str, graspable: Grasp | bool) -> Grasp | None:
-    """How an object may be gripped; None if it may not.
-
-    Raises:
-        SceneError: A setting cannot be true.
-    """
-    if isinstance(graspable, Grasp):
-        return check_grasp(f"object '{name}'", graspable)
-    return Grasp() if graspable else None
-
-
-def known_gripper(
-    name: str, model: RobotModel, fits: Mapping[str, FittedLink], gripper: Gripper
-) -> Gripper:
-    """A gripper whose links exist.
-
-    Raises:
-        UnknownNameError: One does not.
-        SceneError: Its link stands still, or a finger does not ride on it or has no
-            shape.
-    """
-    for link in (gripper.link, *gripper.fingers):
-        if link not in model.links:
-            raise UnknownNameError(
-                f"robot '{name}' has no link '{link}' for its gripper; "
-                f"{did_you_mean(link, model.links)}"
-            )
-    groups = rigid_groups(model)
-    above = {joint.child: joint.parent for joint in model.joints.values()}
-    own = groups[gripper.link]
-    if own == groups[model.root]:
-        raise SceneError(
-            f"robot '{name}': gripper.link '{gripper.link}' is part of its base; name "
-            "one that joints move"
-        )
-    for finger in gripper.fingers:
-        if finger not in fits:
-            raise SceneError(
-                f"robot '{name}': finger '{finger}' has no collision geometry, so "
-                "nobody knows when it touches"
-            )
-        link = finger
-        while link in above and groups[link] != own:
-            link = above[link]
-        if groups[link] != own:
-            raise SceneError(
-                f"robot '{name}': finger '{finger}' does not ride on gripper.link "
-                f"'{gripper.link}'"
-            )
-    return replace(gripper, fingers=tuple(gripper.fingers))
-
-
-def fitting(progress: Progress) -> Progress:
-    """A progress of links that says what is done with them."""
-    return lambda link, number, count: progress(f"fitting {link}", number, count)
-
-
-def check_figures(robot: SceneRobot) -> None:
-    """A robot has the figures its mode needs.
-
-    Raises:
-        SceneError: It does not.
-    """
-    if robot.mode != "fixed" and robot.stopping is None:
-        raise SceneError(
-            f"robot '{robot.name}' is in mode '{robot.mode}' and nobody said how it "
-            "stops; give it `stopping: {deceleration: ...}` (least deceleration of a "
-            "controlled stop [rad/s² or m/s²], see docs/stopping.md), or set "
-            "`mode: fixed`"
-        )
-
-
-def riding_surface(name: str, link: str) -> str:
-    """Why triangles cannot be attached, and what can."""
-    return (
-        f"object '{name}' is a mesh of triangles, which stand still; to ride on "
-        f"'{link}' give the mesh as 'hull' or as 'pieces'"
-    )
-
-
-def check_sightings(name: str, top_speed: float, error: float, stale: float) -> None:
-    """Refuse figures of sightings that cannot be true.
-
-    Raises:
-        SceneError: They cannot, or the object does not move.
-    """
-    check_distance(f"object '{name}': error", error)
-    if not stale > 0.0:
-        raise SceneError(f"object '{name}': stale is {stale} s; it must be > 0")
-    if top_speed == 0.0 and (error > 0.0 or stale < inf):
-        raise SceneError(
-            f"object '{name}' has error or stale and no top_speed; only what moves has "
-            "sightings"
-        )
-
-
-def check_distance(what: str, value: float) -> float:
-    """Return a distance that is finite and not negative.
+def check_amount(what: str, value: float, unit: str = "m") -> float:
+    """Return a distance or a time that is finite and not negative.
 
     Raises:
         SceneError: It is not.
     """
     if not (isfinite(value) and value >= 0.0):
-        raise SceneError(f"{what} is {value} m; it must be finite and >= 0")
+        raise SceneError(f"{what} is {value} {unit}; it must be finite and >= 0")
     return float(value)
-
-
-def check_time(what: str, value: float) -> float:
-    """Return a time that is finite and not negative.
-
-    Raises:
-        SceneError: It is not.
-    """
-    if not (isfinite(value) and value >= 0.0):
-        raise SceneError(f"{what} is {value} s; it must be finite and >= 0")
-    return float(value)
-
-
-def response_settings(
-    who: str, response: ResponseName | ResponseSettings
-) -> ResponseSettings:
-    """The settings, or those that a name stands for.
-
-    Raises:
-        SceneError: It is none, or a setting cannot be true.
-    """
-    if not isinstance(response, ResponseSettings):
-        response = ResponseSettings(kind=response)
-    for field, known in CHOICES.items():
-        chosen = getattr(response, field)
-        if chosen not in known:
-            raise SceneError(
-                f"{who}: response.{field} is {chosen!r}; {did_you_mean(chosen, known)}"
-            )
-    for field in ("recover_speed", "resume_speed", "evade_speed", "field_speed"):
-        share = getattr(response, field)
-        if not (isfinite(share) and 0.0 < share <= 1.0):
-            raise SceneError(
-                f"{who}: response.{field} is {share}; it must be in (0, 1]"
-            )
-    positive = ("far", "evade_time", "attraction", "repulsion", "influence", "patience")
-    for field in positive:
-        value = getattr(response, field)
-        if not (isfinite(value) and value > 0.0):
-            raise SceneError(f"{who}: response.{field} is {value}; it must be > 0")
-    if not isfinite(response.priority):
-        raise SceneError(
-            f"{who}: response.priority is {response.priority}; it must be finite"
-        )
-    return response
-
-
-def check_mode(what: str, mode: Mode) -> Mode:
-    """Return a mode that exists.
-
-    Raises:
-        SceneError: It does not.
-    """
-    if mode not in MODES:
-        raise SceneError(f"{what} is {mode!r}; it must be one of {', '.join(MODES)}")
-    return mode

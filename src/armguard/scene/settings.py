@@ -1,12 +1,35 @@
-"""Settings of a scene: how the buffer is made, how near pairs are found."""
+"""Settings of a scene, of its robots and of its objects, each declared here alone."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from math import inf
+from typing import Annotated, Any, Literal, TypedDict, get_args
+
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+
+from armguard.scene.gripping import Grasp, Gripper
+from armguard.scene.schema import BRIEF, CLOSED, NotNegative, Number, Positive, Triple
 
 # How the distance a robot must keep is made: a number; from its stopping figures and
 # its speed; from these and from where it may go while it stops.
 Mode = Literal["fixed", "speed", "path"]
 MODES: tuple[Mode, ...] = get_args(Mode)
+DEFAULT_MODE: Mode = "path"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CycleSettings:
+    """When the guard is called.
+
+    Attributes:
+        period: Time from one cycle to the next [s].
+        late: How much later than that a cycle may come [s].
+    """
+
+    __pydantic_config__ = CLOSED
+
+    period: Positive = 0.001
+    late: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +41,10 @@ class CubeSettings:
         edge: Its edge [m].
     """
 
-    centre: tuple[float, float, float]
-    edge: float
+    __pydantic_config__ = CLOSED
+
+    centre: Triple
+    edge: Positive
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +58,11 @@ class IndexSettings:
         cube: Root cube; chosen by the scene if None, enlarged if too small.
     """
 
+    __pydantic_config__ = CLOSED
+
     kind: Literal["octree", "brute_force"] = "octree"
-    leaf_capacity: int = 5
-    max_depth: int | None = None
+    leaf_capacity: Annotated[int, Field(ge=1)] = 5
+    max_depth: Annotated[int, Field(ge=0, le=10)] | None = None
     cube: CubeSettings | None = None
 
 
@@ -49,6 +76,18 @@ Sharing = Literal["contribution", "equal", "priority"]
 FarStart = Literal["ramp", "refuse"]
 
 
+def at_most_one(value: float, info: ValidationInfo) -> float:
+    """Refuse a share of more than all."""
+    if value > 1.0:
+        raise ValueError(f"{info.field_name} is {value}; it must be in (0, 1]")
+    return value
+
+
+Share = Annotated[
+    Positive, AfterValidator(at_most_one), Field(json_schema_extra={"maximum": 1.0})
+]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResponseSettings:
     """What a robot does about what is near, and how it is given back to its operator.
@@ -58,8 +97,8 @@ class ResponseSettings:
         sharing: How what a pair of two robots has left is shared.
         priority: Under "priority" the robot of the higher one is yielded to [-].
         recover_speed: Share of its top speeds on a way out of what is too near [-].
-        resume_speed: The same while it catches up with positions it is told [-].
-        far: Distance between a joint and the position it is told from which on it does
+        resume_speed: The same while it catches up with commanded positions [-].
+        far: Distance between a joint and its commanded position from which on it does
             not simply follow, until it is half as far [rad or m].
         far_start: Whether it catches up with a first position so far away, or is
             refused.
@@ -75,25 +114,27 @@ class ResponseSettings:
             `influence` left [m/s].
         influence: Under "field": pairs that have no more than this left at rest are
             pushed apart [m].
-        patience: Under "field": a goal that has not come nearer for this time is told
-            as a local minimum [s].
+        patience: Under "field": a goal that has not come nearer for this time is
+            reported as a local minimum [s].
     """
+
+    __pydantic_config__ = CLOSED
 
     kind: ResponseName = "deflect"
     sharing: Sharing = "contribution"
-    priority: float = 0.0
-    recover_speed: float = 0.1
-    resume_speed: float = 0.1
-    far: float = 0.2
+    priority: Number = 0.0
+    recover_speed: Share = 0.1
+    resume_speed: Share = 0.1
+    far: Positive = 0.2
     far_start: FarStart = "ramp"
     evade: bool = False
-    evade_speed: float = 0.5
-    evade_time: float = 1.0
-    field_speed: float = 0.3
-    attraction: float = 5.0
-    repulsion: float = 0.08
-    influence: float = 0.1
-    patience: float = 1.5
+    evade_speed: Share = 0.5
+    evade_time: Positive = 1.0
+    field_speed: Share = 0.3
+    attraction: Positive = 5.0
+    repulsion: Positive = 0.08
+    influence: Positive = 0.1
+    patience: Positive = 1.5
 
 
 # What each of these may be.
@@ -102,3 +143,107 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "sharing": get_args(Sharing),
     "far_start": get_args(FarStart),
 }
+
+
+def by_name(value: Any) -> Any:
+    """The settings of a response by its name."""
+    if not isinstance(value, str):
+        return value
+    if value not in CHOICES["kind"]:
+        known = ", ".join(map(repr, CHOICES["kind"]))
+        raise ValueError(f"is {BRIEF.repr(value)}; it must be one of {known}")
+    return {"kind": value}
+
+
+def by_flag(value: Any) -> Any:
+    """The default settings for `true`, none for `false`."""
+    return (Grasp() if value else None) if isinstance(value, bool) else value
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotSettings:
+    """How a robot is guarded.
+
+    Attributes:
+        buffer: Distance its links must keep; the scene's if None [m].
+        mode: How the distance it must keep is made; the scene's mode if None.
+        response: What it does about what is near, see `Guard.filter`.
+        gripper: Its gripper, see docs/gripping.md; None if it has none.
+        fit_target: Overreach the fitted primitives should stay below [m].
+        max_primitives: Primitives a link may be given for that.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    buffer: NotNegative | None = None
+    mode: Mode | None = None
+    response: Annotated[
+        ResponseSettings,
+        BeforeValidator(
+            by_name, json_schema_input_type=ResponseName | ResponseSettings
+        ),
+    ] = ResponseSettings()
+    gripper: Gripper | None = None
+    fit_target: Positive = 0.030
+    max_primitives: Annotated[int, Field(ge=1)] = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectSettings:
+    """What an object is, beside its shapes and its place.
+
+    Attributes:
+        attached_to: 'robot/link' it rides on; not for triangles.
+        buffer: Distance it must keep; the scene's if None [m].
+        present: Whether it is there when a guard starts; `Guard.place` puts it there
+            later.
+        top_speed: Greatest speed of any of its points, if it may move by itself [m/s].
+        person: Whether it is a person.
+        graspable: How it may be gripped, see docs/gripping.md; None if it may not.
+        rests_on: Bodies a graspable object may be put down on; None for what it rests
+            on when it is grasped.
+        error: How far off any of its points may be seen, if it has a `top_speed` [m].
+        stale: Age from which on a sighting of such an object is refused [s].
+    """
+
+    __pydantic_config__ = CLOSED
+
+    attached_to: str | None = None
+    buffer: NotNegative | None = None
+    present: bool = True
+    top_speed: NotNegative = 0.0
+    person: bool = False
+    graspable: Annotated[
+        Grasp | None,
+        BeforeValidator(by_flag, json_schema_input_type=bool | Grasp | None),
+    ] = None
+    rests_on: Annotated[
+        tuple[str, ...] | None,
+        BeforeValidator(
+            lambda value: (value,) if isinstance(value, str) else value,
+            json_schema_input_type=str | list[str] | None,
+        ),
+    ] = None
+    error: NotNegative = 0.0
+    stale: Annotated[
+        float,
+        Field(gt=0.0),
+        BeforeValidator(
+            lambda value: inf if value is None else value,
+            json_schema_input_type=Positive | None,
+        ),
+    ] = inf
+
+
+class ObjectKeys(TypedDict, total=False):
+    """Settings of an object as scripts give them, see `ObjectSettings`."""
+
+    attached_to: str | None
+    buffer: float | None
+    present: bool
+    top_speed: float
+    person: bool
+    graspable: Grasp | bool | None
+    rests_on: str | Sequence[str] | None
+    error: float
+    stale: float

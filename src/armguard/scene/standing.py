@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import PlacedShape
 from armguard.scene.blocks import Block, blocks_of, stacked_rows
 from armguard.scene.meshes.surface import Surface
-from armguard.scene.scene import SceneObject
+from armguard.scene.objects import SceneObject
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """An object that stands still, and its place in the tables.
+    """A static object, and its place in the tables.
 
     Attributes:
         first: Its first primitive.
@@ -45,7 +45,7 @@ class Standing:
         return slice(self.first, self.first + self.count)
 
     def rows(self, T: Floats) -> Floats:
-        """Rows of its primitives where its frame stands at T, shape (count, 16)."""
+        """Rows of its primitives where its frame is at T, shape (count, 16)."""
         return stacked_rows(list(blocks_of("", self.shapes, self.surfaces, T, -1)))
 
 

@@ -15,11 +15,11 @@ from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
-# What stands between a robot's name and its joint's in the names of others: ours,
+# What is between a robot's name and its joint's in the names of others: ours,
 # ROS's prefix, and that of some log files.
 SEPARATORS = ("/", "_", ".")
 
-# A joint with limits that is told a greater position was told degrees [rad].
+# A greater position of a joint with limits is in degrees [rad].
 SURELY_DEGREES = 4.0 * pi
 
 
@@ -116,7 +116,7 @@ class Trajectory:
         return column, unknown
 
     def _match(self, name: str, known: list[tuple[str, str]]) -> str | None:
-        """The one scene joint a column's name stands for; None if there is none."""
+        """The one scene joint of a column's name; None if there is none."""
         bare = name.strip("/")
         if tuple(bare.split("/", 1)) in known:
             return bare

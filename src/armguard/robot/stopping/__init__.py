@@ -3,12 +3,12 @@
 from armguard.robot.stopping.declared import ASSUMPTION, declared_figures
 from armguard.robot.stopping.distance import StopTravel, stop_travel
 from armguard.robot.stopping.figures import (
+    FiguresError,
     StoppingFigures,
     stopping_figures,
 )
 from armguard.robot.stopping.link_stops import LinkStop, levers, stop_distances
 from armguard.robot.stopping.named import named_figures
-from armguard.robot.stopping.plausible import FiguresError
 from armguard.robot.stopping.table import StopTable
 from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 

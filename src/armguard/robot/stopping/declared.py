@@ -1,26 +1,25 @@
-"""Figures somebody declared, with where each of the others is from."""
+"""Figures that are declared, with where each of the others is from."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from armguard.errors import ModelError, did_you_mean
+from armguard.errors import ModelError
 from armguard.robot.model import RobotModel
 from armguard.robot.stopping.figures import (
+    FIGURES,
+    FiguresError,
     PerJoint,
     StoppingFigures,
-    check_all,
-    per_joint,
+    check_names,
     stopping_figures,
     urdf_velocity,
 )
-from armguard.robot.stopping.plausible import FiguresError
 from armguard.robot.stopping.table import StopTable
 from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 
-# How a source is marked that nobody has measured or published.
+# How the source of a figure is marked that is neither measured nor published.
 ASSUMPTION = "assumption: "
 
 # What a figure is from that is neither declared nor known of the robot.
@@ -33,12 +32,6 @@ DEFAULTS = {
 }
 DEFAULT = ASSUMPTION + "armguard's default"
 
-# Keys of `stopping_figures` a user may declare.
-KEYS = tuple(key for key in signature(stopping_figures).parameters if key != "model")
-
-# What is no figure, but belongs to them.
-BESIDE = ("tables", "sources", "joints")
-
 Tables = Mapping[str, StopTable | Sequence[Sequence[float]]] | TableFile | str | Path
 
 
@@ -47,7 +40,7 @@ def declared_figures(
     declared: Mapping[str, Any],
     own: StoppingFigures | None = None,
 ) -> StoppingFigures:
-    """Figures from what somebody declared, the rest from the robot's own or defaults.
+    """Figures as declared, the rest from the robot's own or defaults.
 
     Who declares a deceleration takes it from the robot's own measured tables and its
     own greatest deceleration too: these describe another stop.
@@ -62,17 +55,7 @@ def declared_figures(
     Raises:
         FiguresError: A figure is missing, is none, or cannot be true.
     """
-    for key in declared:
-        if key not in KEYS:
-            raise FiguresError(
-                f"there is no figure '{key}'; {did_you_mean(key, KEYS)}", key
-            )
-    for key in declared.get("sources") or {}:
-        if key not in KEYS:
-            raise FiguresError(
-                f"there is a source for '{key}', no figure; {did_you_mean(key, KEYS)}",
-                "sources",
-            )
+    check_names(declared)
     arguments: dict[str, Any] = {}
     sources: dict[str, str] = {}
     if own is not None:
@@ -84,17 +67,11 @@ def declared_figures(
         arguments["deceleration"] = with_tables(
             model, arguments.get("deceleration"), tables
         )
-    if "deceleration" not in arguments:
-        raise FiguresError(
-            "deceleration is missing: the least deceleration of a controlled stop "
-            "[rad/s² or m/s²], a number or one for each joint",
-            "deceleration",
-        )
-    for key in KEYS:
-        if key not in declared and key not in sources and key not in BESIDE:
+    for key in FIGURES:
+        if key not in declared and key not in sources:
             sources[key] = DEFAULTS.get(key, DEFAULT)
-    sources |= declared.get("sources") or {}
-    return stopping_figures(model, **{**arguments, "sources": sources})
+    arguments["sources"] = sources | dict(declared.get("sources") or {})
+    return stopping_figures(model, **arguments)
 
 
 def own_arguments(
@@ -123,7 +100,7 @@ def stop_tables(
 
     Args:
         model: The robot.
-        tables: What somebody declared.
+        tables: What is declared.
         velocity: Top speeds, those of the URDF if None.
 
     Raises:
@@ -132,15 +109,11 @@ def stop_tables(
     if isinstance(tables, str | Path):
         tables = TableFile(path=Path(tables))
     if isinstance(tables, TableFile):
-        names = model.q_names
-        speeds = (
-            urdf_velocity(model)
-            if velocity is None
-            else per_joint("velocity", velocity, names)
+        speeds = urdf_velocity(model) if velocity is None else velocity
+        top = FIGURES["velocity"].of("velocity", model, speeds).tolist()
+        return read_stop_tables(
+            tables, model, dict(zip(model.q_names, top, strict=True))
         )
-        check_all("velocity", speeds, names, positive=True)
-        top = dict(zip(names, speeds.tolist(), strict=True))
-        return read_stop_tables(tables, model, top)
     made = {}
     for joint, rows in tables.items():
         if isinstance(rows, StopTable):

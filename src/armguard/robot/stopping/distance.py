@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from math import sqrt
 
-from armguard.robot.stopping.figures import StoppingFigures
-from armguard.robot.stopping.plausible import FiguresError
+from armguard.robot.stopping.figures import FiguresError, StoppingFigures
 
 
 @dataclass(frozen=True, slots=True)

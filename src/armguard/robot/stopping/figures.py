@@ -1,22 +1,126 @@
 """Figures of one robot: limits, stops, delays, errors; each with where it is from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import Any
+from typing import Annotated, Any, Required, TypedDict, Unpack, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import did_you_mean
-from armguard.robot.model import RobotModel
-from armguard.robot.stopping.plausible import FiguresError, check_plausible
+from armguard.errors import ModelError, did_you_mean
+from armguard.robot.model import JointKind, RobotModel
 from armguard.robot.stopping.table import StopTable
 
 Floats = NDArray[np.float64]
 
 # A figure of each joint: one for all, or one by joint name.
 PerJoint = float | Mapping[str, float]
+
+# Units a figure beyond its ceiling seems to be in, and those it has to be in.
+MISTAKEN = {
+    "s": ("milliseconds", "seconds"),
+    "m": ("millimetres", "metres"),
+    "rad": ("degrees", "radians"),
+}
+
+
+class FiguresError(ModelError):
+    """A figure is missing, or cannot be true.
+
+    Attributes:
+        figure: Its name, an attribute of `StoppingFigures`; "" if it is about several.
+        joint: The joint it is wrong for, "" if for all.
+    """
+
+    def __init__(self, message: str, figure: str = "", joint: str = "") -> None:
+        super().__init__(message)
+        self.figure = figure
+        self.joint = joint
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure as it is declared.
+
+    Attributes:
+        key: Its key in a scene file, with dots.
+        ceiling: Beyond this it is taken for a figure in other units; the fastest arms
+            there are stay well below.
+        unit: "s", "m" or "rad"; None of a figure by joint, whose unit follows from
+            whether the joint turns or slides.
+        default: What it is if it is not declared; None if it follows from others.
+        positive: Whether it cannot be 0.
+        bounded: Whether it has to be finite.
+    """
+
+    key: str
+    ceiling: float
+    unit: str | None = None
+    default: float | None = None
+    positive: bool = False
+    bounded: bool = True
+
+    def of(self, name: str, model: RobotModel, value: Any) -> Any:
+        """The figure of a robot, of shape (n,) if it is one by joint.
+
+        Args:
+            name: Its name, an attribute of `StoppingFigures`.
+            model: The robot.
+            value: A number, or one by joint name.
+
+        Raises:
+            FiguresError: It is missing for a joint, or cannot be true.
+        """
+        if self.unit is None:
+            value = per_joint(name, value, model.q_names)
+        for joint, number in self._by_joint(model, value):
+            of_joint = f" of joint '{joint}'" if joint else ""
+            enough = number > 0.0 if self.positive else number >= 0.0
+            if self.bounded and not (isfinite(number) and enough):
+                bound = "> 0" if self.positive else ">= 0"
+                raise FiguresError(
+                    f"{name}{of_joint} is {number:g}; it must be finite and {bound}",
+                    name,
+                    joint,
+                )
+            if number > self.ceiling:
+                slides = joint and model.joints[joint].kind is JointKind.PRISMATIC
+                looks, give = MISTAKEN[self.unit or ("m" if slides else "rad")]
+                raise FiguresError(
+                    f"{name}{of_joint} is {number:g}, which looks like {looks}; give "
+                    f"{give}",
+                    name,
+                    joint,
+                )
+        return value
+
+    def _by_joint(self, model: RobotModel, value: Any) -> Iterator[tuple[str, float]]:
+        if self.unit is None:
+            return zip(model.q_names, value.tolist(), strict=True)
+        return iter([("", value)])
+
+
+def per_joint(what: str, value: PerJoint, names: Sequence[str]) -> Floats:
+    """A figure of each joint, shape (n,).
+
+    Raises:
+        FiguresError: A joint has none, or a name is no joint's.
+    """
+    if not isinstance(value, Mapping):
+        return np.full(len(names), value, dtype=np.float64)
+    unknown = [name for name in value if name not in names]
+    if unknown:
+        raise FiguresError(
+            f"{what} is given for '{unknown[0]}', no joint; "
+            f"{did_you_mean(unknown[0], names)}",
+            what,
+            unknown[0],
+        )
+    missing = [name for name in names if name not in value]
+    if missing:
+        raise FiguresError(f"{what} is missing for joint '{missing[0]}'", what)
+    return np.array([float(value[name]) for name in names])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +136,7 @@ class StoppingFigures:
         velocity: Top speed [rad/s or m/s].
         acceleration: Greatest acceleration a command can cause [rad/s² or m/s²].
         deceleration: Least deceleration of a stop [rad/s² or m/s²].
-        deceleration_most: Greatest deceleration of a stop; infinite if nobody knows
+        deceleration_most: Greatest deceleration of a stop; infinite if unknown
             [rad/s² or m/s²].
         ramp: Time in which a stop's deceleration rises to its full value (jerk) [s].
         settle: How far a joint swings about its rest, to either side, after a stop
@@ -50,7 +154,7 @@ class StoppingFigures:
         command: Longest time from the guard's order until the drives obey [s].
         stale: Age from which on a measurement is refused [s].
         model_error: How far the real surface may lie outside the model's [m].
-        base_error: How far the base may stand from where the scene says [m].
+        base_error: Greatest error of the base's position [m].
         base_turn: By what angle it may be turned [rad].
         sources: Where a figure is from, by attribute name; what is not in it was
             declared by the user. A source that holds "assumption:" is one.
@@ -98,102 +202,80 @@ class StoppingFigures:
         return self.tables.get(self.joints[joint_index])
 
 
+class DeclaredFigures(TypedDict, total=False):
+    """Figures as they are declared, see `StoppingFigures`."""
+
+    deceleration: Annotated[
+        Required[PerJoint], Figure("deceleration", 200.0, positive=True)
+    ]
+    velocity: Annotated[PerJoint | None, Figure("velocity", 35.0, positive=True)]
+    acceleration: Annotated[
+        PerJoint | None, Figure("acceleration", 1000.0, positive=True)
+    ]
+    deceleration_most: Annotated[
+        PerJoint, Figure("most", inf, None, inf, bounded=False)
+    ]
+    ramp: Annotated[float, Figure("ramp", 1.0, "s", 0.0)]
+    settle: Annotated[PerJoint, Figure("settle", 0.5, None, 0.0)]
+    settle_time: Annotated[float, Figure("settle_time", 10.0, "s", 0.0)]
+    tables: Mapping[str, StopTable] | None
+    brake_delay: Annotated[float, Figure("brake.delay", 2.0, "s", 0.1)]
+    brake_deceleration: Annotated[
+        PerJoint | None, Figure("brake.deceleration", 1000.0, positive=True)
+    ]
+    position_error: Annotated[PerJoint, Figure("errors.position", 0.2, None, 1e-4)]
+    velocity_error: Annotated[PerJoint, Figure("errors.velocity", 2.0, None, 0.01)]
+    tracking_error: Annotated[PerJoint, Figure("errors.tracking", 2.0, None, 0.02)]
+    sensing: Annotated[float, Figure("delays.sensing", 1.0, "s", 0.002)]
+    command: Annotated[float, Figure("delays.command", 1.0, "s", 0.004)]
+    stale: Annotated[float, Figure("delays.stale", 2.0, "s", 0.010)]
+    model_error: Annotated[float, Figure("errors.model", 0.5, "m", 0.0)]
+    base_error: Annotated[float, Figure("errors.base", 0.5, "m", 0.0)]
+    base_turn: Annotated[float, Figure("errors.base_turn", 0.5, "rad", 0.0)]
+    sources: Mapping[str, str] | None
+
+
+# What may be declared, and the figures of it; a figure follows those it is made of.
+KEYS = tuple(DeclaredFigures.__annotations__)
+FIGURES: dict[str, Figure] = {
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(DeclaredFigures, include_extras=True).items()
+    if hasattr(hint, "__metadata__")
+}
+
+
 def stopping_figures(
-    model: RobotModel,
-    *,
-    deceleration: PerJoint,
-    velocity: PerJoint | None = None,
-    acceleration: PerJoint | None = None,
-    deceleration_most: PerJoint = inf,
-    ramp: float = 0.0,
-    settle: PerJoint = 0.0,
-    settle_time: float = 0.0,
-    tables: Mapping[str, StopTable] | None = None,
-    brake_delay: float = 0.1,
-    brake_deceleration: PerJoint | None = None,
-    position_error: PerJoint = 1e-4,
-    velocity_error: PerJoint = 0.01,
-    tracking_error: PerJoint = 0.02,
-    sensing: float = 0.002,
-    command: float = 0.004,
-    stale: float = 0.010,
-    model_error: float = 0.0,
-    base_error: float = 0.0,
-    base_turn: float = 0.0,
-    sources: Mapping[str, str] | None = None,
+    model: RobotModel, **declared: Unpack[DeclaredFigures]
 ) -> StoppingFigures:
     """Figures of a robot from numbers for all its joints, or by joint name.
 
     Args:
         model: The robot.
-        deceleration: Least deceleration of a stop.
-        velocity: Top speed; that of the URDF if None.
-        acceleration: Greatest acceleration; twice the deceleration if None.
-        deceleration_most: Greatest deceleration of a stop.
-        ramp: See `StoppingFigures`, from here to `base_turn`.
-        settle: Swing.
-        settle_time: Its time.
-        tables: Measured stops by joint name.
-        brake_delay: Delay of the brakes.
-        brake_deceleration: Least deceleration of a brake; that of a stop if None.
-        position_error: Error of positions.
-        velocity_error: Error of velocities.
-        tracking_error: Error of driven velocities.
-        sensing: Delay of measurements.
-        command: Delay of orders.
-        stale: Greatest age.
-        model_error: Error of the model.
-        base_error: Error of the base.
-        base_turn: Its angle.
-        sources: Where figures are from.
+        declared: Figures by name, see `StoppingFigures`. All but `deceleration` have
+            defaults: the top speeds of the URDF, twice the deceleration for the
+            acceleration, that of a stop for a brake, and what `FIGURES` has.
 
     Raises:
         FiguresError: A figure is missing, or cannot be true.
     """
-    names = model.q_names
-    vector: dict[str, Any] = {
-        "deceleration": per_joint("deceleration", deceleration, names),
-        "deceleration_most": per_joint("deceleration_most", deceleration_most, names),
-        "settle": per_joint("settle", settle, names),
-        "position_error": per_joint("position_error", position_error, names),
-        "velocity_error": per_joint("velocity_error", velocity_error, names),
-        "tracking_error": per_joint("tracking_error", tracking_error, names),
-    }
-    vector["velocity"] = (
-        urdf_velocity(model)
-        if velocity is None
-        else per_joint("velocity", velocity, names)
-    )
-    vector["acceleration"] = (
-        2.0 * vector["deceleration"]
-        if acceleration is None
-        else per_joint("acceleration", acceleration, names)
-    )
-    vector["brake_deceleration"] = (
-        vector["deceleration"]
-        if brake_deceleration is None
-        else per_joint("brake_deceleration", brake_deceleration, names)
-    )
-    for key in ("velocity", "deceleration", "acceleration", "brake_deceleration"):
-        check_all(key, vector[key], names, positive=True)
-    for key in ("settle", "position_error", "velocity_error", "tracking_error"):
-        check_all(key, vector[key], names, positive=False)
-    check_most(vector["deceleration"], vector["deceleration_most"], names)
-    scalar: dict[str, Any] = {
-        "ramp": ramp,
-        "settle_time": settle_time,
-        "brake_delay": brake_delay,
-        "sensing": sensing,
-        "command": command,
-        "stale": stale,
-        "model_error": model_error,
-        "base_error": base_error,
-        "base_turn": base_turn,
-    }
-    for key, value in scalar.items():
-        if not (isfinite(value) and value >= 0.0):
-            raise FiguresError(f"{key} is {value}; it must be finite and >= 0", key)
-    check_plausible(model, {**vector, **scalar})
+    given = dict[str, Any](declared)
+    check_names(given)
+    if given.get("deceleration") is None:
+        raise FiguresError(
+            "deceleration is missing: the least deceleration of a controlled stop "
+            "[rad/s² or m/s²], a number or one for each joint",
+            "deceleration",
+        )
+    made: dict[str, Any] = {}
+    for name, figure in FIGURES.items():
+        value = given.get(name)
+        if value is None:
+            value = figure.default
+        if value is None:
+            value = from_others(name, model, made)
+        made[name] = figure.of(name, model, value)
+    check_most(made["deceleration"], made["deceleration_most"], model.q_names)
+    sensing, stale = made["sensing"], made["stale"]
     if stale < sensing:
         raise FiguresError(
             f"stale is {stale * 1e3:g} ms, less than sensing, {sensing * 1e3:g} ms: "
@@ -201,43 +283,48 @@ def stopping_figures(
             "stale",
         )
     return StoppingFigures(
-        **vector,
-        **scalar,
-        tables=dict(tables or {}),
-        sources=dict(sources or {}),
-        joints=names,
+        **made,
+        tables=dict(given.get("tables") or {}),
+        sources=dict(given.get("sources") or {}),
+        joints=model.q_names,
     )
 
 
-def per_joint(what: str, value: PerJoint, names: Sequence[str]) -> Floats:
-    """A figure of each joint, shape (n,).
+def check_names(declared: Mapping[str, Any]) -> None:
+    """Refuse figures, and sources of figures, that there are not.
 
     Raises:
-        FiguresError: A joint has none, or nobody has a name.
+        FiguresError: There is one.
     """
-    if not isinstance(value, Mapping):
-        return np.full(len(names), float(value))
-    unknown = [name for name in value if name not in names]
-    if unknown:
-        raise FiguresError(
-            f"{what} is given for '{unknown[0]}', no joint; "
-            f"{did_you_mean(unknown[0], names)}",
-            what,
-            unknown[0],
-        )
-    missing = [name for name in names if name not in value]
-    if missing:
-        raise FiguresError(f"{what} is missing for joint '{missing[0]}'", what)
-    return np.array([float(value[name]) for name in names])
+    for key in declared:
+        if key not in KEYS:
+            raise FiguresError(
+                f"there is no figure '{key}'; {did_you_mean(key, KEYS)}", key
+            )
+    for key in declared.get("sources") or {}:
+        if key not in KEYS:
+            raise FiguresError(
+                f"there is a source for '{key}', no figure; {did_you_mean(key, KEYS)}",
+                "sources",
+            )
 
 
-def urdf_velocity(model: RobotModel) -> Floats:
-    """Top speeds of the URDF, shape (n,).
+def from_others(name: str, model: RobotModel, made: Mapping[str, Floats]) -> PerJoint:
+    """A figure that is not declared and has no default of its own."""
+    if name == "velocity":
+        return urdf_velocity(model)
+    factor = 2.0 if name == "acceleration" else 1.0
+    joints = zip(model.q_names, made["deceleration"].tolist(), strict=True)
+    return {joint: factor * value for joint, value in joints}
+
+
+def urdf_velocity(model: RobotModel) -> dict[str, float]:
+    """Top speeds of the URDF by joint name [rad/s or m/s].
 
     Raises:
         FiguresError: A joint has none.
     """
-    speeds = []
+    speeds = {}
     for name in model.q_names:
         speed = model.joints[name].velocity
         if speed is None:
@@ -246,27 +333,11 @@ def urdf_velocity(model: RobotModel) -> Floats:
                 "velocity",
                 name,
             )
-        speeds.append(speed)
-    return np.array(speeds, dtype=np.float64)
+        speeds[name] = speed
+    return speeds
 
 
-def check_all(what: str, values: Floats, names: Sequence[str], positive: bool) -> None:
-    """Every joint's figure is finite, and not negative or even positive.
-
-    Raises:
-        FiguresError: One is not.
-    """
-    for name, value in zip(names, values, strict=True):
-        if not (isfinite(value) and (value > 0.0 if positive else value >= 0.0)):
-            raise FiguresError(
-                f"{what} of joint '{name}' is {value:g}; it must be finite and "
-                f"{'> 0' if positive else '>= 0'}",
-                what,
-                name,
-            )
-
-
-def check_most(least: Floats, most: Floats, names: Sequence[str]) -> None:
+def check_most(least: Floats, most: Floats, names: tuple[str, ...]) -> None:
     """The greatest deceleration is not below the least.
 
     Raises:

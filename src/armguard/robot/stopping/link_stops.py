@@ -18,7 +18,7 @@ from armguard.robot.stopping.figures import StoppingFigures
 
 Floats = NDArray[np.float64]
 
-# Speeds stops are told from: what ISO 10218-1, annex B, measures at, and one below.
+# Speeds from which stops are listed: those of ISO 10218-1, annex B, and one below.
 SHARES = (0.10, 0.33, 0.66, 1.0)
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))

@@ -9,7 +9,7 @@ from pathlib import Path
 from armguard.bounded import read_text, shown
 from armguard.errors import did_you_mean
 from armguard.robot.model import JointKind, RobotModel
-from armguard.robot.stopping.plausible import FiguresError
+from armguard.robot.stopping.figures import FiguresError
 from armguard.robot.stopping.table import StopTable
 
 # Largest table [byte].

@@ -59,7 +59,7 @@ def binary_stl_blocks(path: Path, count: int, factors: Floats) -> Iterator[Float
         factors: Scale of each axis, shape (3,) [-].
 
     Raises:
-        MeshError: The file ends early: somebody changed it meanwhile.
+        MeshError: The file ends early: it was changed meanwhile.
     """
     with path.open("rb") as file:
         file.seek(HEADER + 4)

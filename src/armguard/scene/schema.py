@@ -1,0 +1,178 @@
+"""Types of declared settings: bounded numbers, and in words what is wrong with a value.
+
+A setting is declared once, as an attribute of a dataclass: its type has the bounds, the
+class's docstring the meaning and the unit. Python, scene files and the JSON Schema
+take all from there.
+"""
+
+import re
+from functools import cache
+from inspect import getdoc
+from reprlib import Repr
+from typing import Annotated, Any, TypeVar
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+)
+
+from armguard.errors import SceneError
+
+Settings = TypeVar("Settings")
+Plain = TypeVar("Plain")
+Mapped = TypeVar("Mapped")
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0)]
+NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
+Name = Annotated[str, Field(min_length=1)]
+
+# Of a mapping without unknown keys. Instances are validated too: making one is not.
+CLOSED = ConfigDict(extra="forbid", frozen=True, revalidate_instances="always")
+
+# How values appear in messages.
+BRIEF = Repr()
+BRIEF.maxlevel = 2
+
+# An attribute of a docstring and what it means, which ends in its unit.
+ATTRIBUTE = re.compile(r"^    (\w+): (.*(?:\n {6,}.*)*)", re.MULTILINE)
+UNIT = re.compile(r"\[([^] -]+)\]\.?$")
+
+# What a value is expected to be, by the type of pydantic's finding.
+EXPECTED = {
+    "a number": ("float_parsing", "float_type", "int_parsing", "int_type"),
+    "a list of numbers": ("list_type", "tuple_type"),
+    "a mapping": ("model_type", "dataclass_type", "dict_type"),
+    "text": ("string_type",),
+    "true or false": ("bool_parsing", "bool_type"),
+}
+SIGNS = {"greater_than": ">", "greater_than_equal": ">=", "less_than_equal": "<="}
+
+
+class Strict(BaseModel):
+    """A mapping without unknown keys."""
+
+    model_config = CLOSED
+
+
+def counted(count: int) -> BeforeValidator:
+    """Refuses a list of another length, as a whole."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) != count:
+            raise ValueError(f"expected {count} numbers, got {len(value)}")
+        return value
+
+    return BeforeValidator(check)
+
+
+Triple = Annotated[tuple[Number, Number, Number], counted(3)]
+PositiveTriple = Annotated[tuple[Positive, Positive, Positive], counted(3)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], counted(4)]
+
+
+def form_of(value: Any) -> str:
+    """Which branch of a union a value is for: the mapping or the other one."""
+    return "branch-mapping" if isinstance(value, dict) else "branch-plain"
+
+
+# A value in one of two forms, of which one is a mapping.
+ByForm = Annotated[
+    Annotated[Plain, Tag("branch-plain")] | Annotated[Mapped, Tag("branch-mapping")],
+    Discriminator(form_of),
+]
+
+# A number for all joints, or one by joint name.
+ByJoint = ByForm[Plain, dict[str, Plain]]
+
+
+def keys_of(location: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """Keys of pydantic's path, without the names of branches of unions."""
+    return tuple(
+        key for key in location if isinstance(key, int) or not key.startswith("branch-")
+    )
+
+
+def sentence_of(error: dict[str, Any]) -> str:
+    """One of pydantic's findings in our words, to follow a key."""
+    kind, got, context = str(error["type"]), error.get("input"), error.get("ctx", {})
+    for expected, kinds in EXPECTED.items():
+        if kind in kinds:
+            return f"expected {expected}, got {BRIEF.repr(got)}"
+    if kind == "missing":
+        return "is missing"
+    if kind == "too_long":
+        return f"has {len(got or ()):,} entries; the limit is {context['max_length']:,}"
+    if kind == "too_short":
+        return f"needs at least {context['min_length']}"
+    if kind == "finite_number":
+        return f"is {got}; it must be finite"
+    if kind in SIGNS:
+        bound = next(context[key] for key in ("gt", "ge", "le") if key in context)
+        return f"is {BRIEF.repr(got)}; it must be {SIGNS[kind]} {bound:g}"
+    if kind == "string_too_short":
+        return "must not be empty"
+    if kind == "literal_error":
+        return f"is {BRIEF.repr(got)}; it must be {context['expected']}"
+    return str(error["msg"]).removeprefix("Value error, ")
+
+
+@cache
+def adapter(kind: type) -> TypeAdapter[Any]:
+    """What validates a class of settings."""
+    return TypeAdapter(kind)
+
+
+def checked(who: str, settings: Settings, under: str = "") -> Settings:
+    """Settings that can be true, each in the form in which it is declared.
+
+    Args:
+        who: Whose they are, for messages.
+        settings: The settings.
+        under: What these are of their owner, such as "response".
+
+    Raises:
+        SceneError: One cannot be true.
+    """
+    kind: type = type(settings)
+    try:
+        valid: Settings = adapter(kind).validate_python(settings)
+        return valid
+    except ValidationError as errors:
+        error = errors.errors(include_url=False)[0]
+    keys, sentence = keys_of(error["loc"]), sentence_of(dict(error))
+    if keys:
+        unit = UNIT.search(meanings(kind).get(str(keys[-1]), ""))
+        if unit is not None:
+            sentence = sentence.replace(";", f" {unit[1]};", 1)
+        if sentence.startswith(f"{keys[-1]} "):
+            keys = keys[:-1]
+    sentence = sentence.replace("must be >= 0", "must be finite and >= 0")
+    path = ".".join(filter(None, (under, *map(str, keys))))
+    if path:
+        path += "." if error["type"] == "value_error" else " "
+    raise SceneError(f"{who}: {path}{sentence}")
+
+
+def meanings(kind: type) -> dict[str, str]:
+    """What each attribute of a class means, from the docstrings of it and its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        attributes = (getdoc(base) or "").partition("Attributes:\n")[2]
+        if "__doc__" in vars(base):
+            found |= {
+                name: " ".join(text.split())
+                for name, text in ATTRIBUTE.findall(attributes)
+            }
+    return found
+
+
+def part_of(settings: Any, kind: type[Any]) -> dict[str, Any]:
+    """Those attributes of settings that a base of their class declares."""
+    return {name: getattr(settings, name) for name in kind.__dataclass_fields__}
