@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from armguard.station.client import Client
-from armguard.station.client.stop import stop_answer
+from armguard.station.client.answer import stop_answer
 from armguard.station.client.welcome import NOTHING
 from armguard.station.wire import Cause
 from armguard.station.zenoh_bridge.authority import (

@@ -16,7 +16,7 @@ import zenoh
 from armguard.errors import ArmguardError
 from armguard.station.calls import CALLS
 from armguard.station.client import Answer, Client
-from armguard.station.client.stop import stop_answer
+from armguard.station.client.answer import stop_answer
 from armguard.station.errors import RefusedError, StationError
 from armguard.station.service.complaints import Complaints
 from armguard.station.wire import Cause, Keys, Role
