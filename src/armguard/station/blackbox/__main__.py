@@ -4,7 +4,9 @@ import argparse
 import logging
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from armguard.entry import run_program
 from armguard.errors import ArmguardError
@@ -32,21 +34,25 @@ def size(text: str) -> int:
     return int(float(number) * UNITS[unit])
 
 
+# Options that are settings of the recorder.
+OPTIONS: dict[str, Callable[[str], Any]] = {
+    **{"keep_near": int, "keep_near_size": size, "file_size": size},
+    **dict.fromkeys(("file_time", "before", "after"), float),
+    **dict.fromkeys(("near_clearance", "near_slack"), float),
+}
+
+
 def main() -> int:
-    """Record until the ring is closed or somebody ends it."""
+    """Record until the ring is closed or a signal comes."""
     own = RecorderSettings()
     parser = argparse.ArgumentParser("armguard.station.blackbox", description=__doc__)
     parser.add_argument("--ring", type=Path, required=True, help="the service's ring")
     parser.add_argument("--folder", type=Path, required=True, help="for recordings")
     parser.add_argument("--keep", type=size, default=own.keep, help="all of them")
-    parser.add_argument("--keep-near", type=int, default=own.keep_near)
-    parser.add_argument("--keep-near-size", type=size, default=own.keep_near_size)
-    parser.add_argument("--file-size", type=size, default=own.file_size)
-    parser.add_argument("--file-time", type=float, default=own.file_time)
-    parser.add_argument("--before", type=float, default=own.before)
-    parser.add_argument("--after", type=float, default=own.after)
-    parser.add_argument("--near-clearance", type=float, default=own.clearance)
-    parser.add_argument("--near-slack", type=float, default=own.slack)
+    for option, kind in OPTIONS.items():
+        default = getattr(own, option.removeprefix("near_"))
+        flag = "--" + option.replace("_", "-")
+        parser.add_argument(flag, type=kind, default=default)
     parser.add_argument("--wait", type=float, default=10.0, help="for the ring [s]")
     parser.add_argument(
         "--parent", type=int, help="ends with this process; with the ring's service"
@@ -56,17 +62,8 @@ def main() -> int:
     ended: list[int] = []
     for name in (signal.SIGTERM, signal.SIGINT):
         signal.signal(name, lambda number, _: ended.append(number))
-    settings = RecorderSettings(
-        keep=options.keep,
-        keep_near=options.keep_near,
-        keep_near_size=options.keep_near_size,
-        file_size=options.file_size,
-        file_time=options.file_time,
-        before=options.before,
-        after=options.after,
-        clearance=options.near_clearance,
-        slack=options.near_slack,
-    )
+    given = {name.removeprefix("near_"): getattr(options, name) for name in OPTIONS}
+    settings = RecorderSettings(keep=options.keep, **given)
     try:
         ring = wait_for_ring(options.ring, options.wait)
     except ArmguardError as error:

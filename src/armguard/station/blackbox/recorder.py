@@ -77,43 +77,30 @@ SCENE_KIND = "application/vnd.armguard.scene"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderSettings:
-    """How much is kept.
+    """How much is kept."""
 
-    Attributes:
-        keep: Bytes of all recordings together, near misses apart.
-        keep_near: How many near misses are kept.
-        keep_near_size: Bytes of all near misses together.
-        file_size: Bytes after which another recording begins.
-        file_time: Time after which another one begins [s].
-        before: What is kept of the time before a near miss [s].
-        after: And after it [s].
-        longest: Time after which a file of near misses ends in any case [s].
-        clearance: See `Trigger`.
-        slack: See `Trigger`.
-    """
-
-    keep: int = 20 << 30
-    keep_near: int = 200
-    keep_near_size: int = 4 << 30
-    file_size: int = 1 << 30
-    file_time: float = 3600.0
-    before: float = 30.0
-    after: float = 5.0
-    longest: float = 120.0
-    clearance: float = 0.0
-    slack: float = 0.0
+    keep: int = 20 << 30  # bytes of all recordings together, near misses apart
+    keep_near: int = 200  # files of near misses
+    keep_near_size: int = 4 << 30  # bytes of all near misses together
+    file_size: int = 1 << 30  # bytes after which another recording begins
+    file_time: float = 3600.0  # time after which another one begins [s]
+    before: float = 30.0  # time that is kept before a near miss [s]
+    after: float = 5.0  # and after it [s]
+    longest: float = 120.0  # after which a file of near misses ends in any case [s]
+    clearance: float = 0.0  # see `Trigger` [m]
+    slack: float = 0.0  # see `Trigger` [s]
 
 
 class Writing:
     """A recording that is being written.
 
     Args:
-        disk: Where it goes.
-        path: Its file.
+        disk: Disk of the file.
+        path: Path of the file.
         began: When, on the clock of frames [s].
-        about: What it is about.
+        about: Its metadata.
         scene: Archive of the scene; empty if there is none.
-        wall: The same on the wall clock [ns].
+        wall: When it began, on the wall clock [ns].
     """
 
     def __init__(
@@ -128,30 +115,28 @@ class Writing:
         self.disk, self.file, self.began = disk, DiskFile(path), began
         put = partial(disk.put, self.file)
         self.mcap = McapFile(put, f"armguard {version()}", {"armguard": about})
-        told = json.dumps(about).encode()
+        text = json.dumps(about).encode()
         for _ in range(COPIES):
-            self.mcap.attach(ABOUT, "application/json", told, wall)
+            self.mcap.attach(ABOUT, "application/json", text, wall)
             if scene:
                 self.mcap.attach(SCENE, SCENE_KIND, scene, wall)
 
     def end(self) -> None:
         """Write the last bytes."""
         self.mcap.end()
+        self.give_up()
+
+    def give_up(self) -> None:
+        """Close the file as it is."""
         self.disk.close(self.file)
 
 
 class Recorder:
-    """Takes frames in order and writes them down.
+    """Takes frames in order and writes them into files of a folder.
 
     Attributes:
-        settings: How much is kept.
-        disk: Where it goes.
         cycles: Cycles taken.
         near_misses: Files of near misses begun.
-
-    Args:
-        folder: Folder of the recordings.
-        settings: How much is kept.
     """
 
     def __init__(self, folder: Path, settings: RecorderSettings) -> None:
@@ -179,24 +164,18 @@ class Recorder:
         self._whole_at = -np.inf
         self._now, self._time = 0.0, 0
         self._offset: float | None = None
-        self._untold: list[str] = []
+        self._unnoted: list[str] = []
 
     def run(self, ring: RingReader, ends: Callable[[], bool]) -> None:
-        """Record until the ring is closed, or it is to end.
-
-        Args:
-            ring: The ring.
-            ends: Whether to end.
-        """
+        """Record until the ring is closed, or `ends` says so."""
         flushed, lost = time.monotonic(), 0
         while True:
             # Asked before the ring is read: what came before is still written.
             last = ring.closed or ends()
             for row in ring.unread():
                 if ring.lost != lost:
-                    self.tell(f"{ring.lost - lost} records were lost: the recorder was "
-                              "too slow")  # fmt: skip
-                    lost = ring.lost
+                    missing, lost = ring.lost - lost, ring.lost
+                    self.note(f"{missing} records were lost: the recorder was too slow")
                 self.take(row)
             if time.monotonic() - flushed >= FLUSH:
                 flushed = time.monotonic()
@@ -231,11 +210,11 @@ class Recorder:
             call = {k: v for k, v in frame.text.items() if v is not None}
             self._store(ros.log(self._time, ros.INFO, json.dumps(call)))
 
-    def tell(self, problem: str) -> None:
+    def note(self, problem: str) -> None:
         """Write down that something of the recording is missing, and log it."""
         log.warning("%s", problem)
         if self._main is None:
-            self._untold.append(problem)
+            self._unnoted.append(problem)
             return
         note = {"note": "recorder", "problem": problem}
         wall = (self._offset or 0.0) + self._now
@@ -249,30 +228,37 @@ class Recorder:
         self._close_block()
         if self._apart is not None and self._now > self._apart_until:
             self._end_apart()
-        for writing in (self._main, self._apart):
-            if writing is not None:
-                writing.mcap.flush()
+        for writing in self._files:
+            writing.mcap.flush()
         if self._main is not None and self._main.file.given_up:
             # It has a hole: another one begins with the next frame.
-            self._main.disk.close(self._main.file)
+            self._main.give_up()
             self._main = None
             why = self.disk.problem or "the disk was too slow"
-            self.tell(f"what was before is missing: {why}")
+            self.note(f"what was before is missing: {why}")
         if self._apart is not None and self._apart.file.given_up:
-            self._apart.disk.close(self._apart.file)
+            self._apart.give_up()
             self._apart = None
 
     def end(self) -> None:
         """Write all that is left, and the ends of files."""
-        self.flush()
-        for writing in (self._main, self._apart):
-            if writing is not None:
-                writing.end()
-        self._main = self._apart = None
+        self._end_files()
         if not self.disk.end(PATIENCE):
             log.warning(
                 "%s: the end was not written: %s", self.folder, self.disk.problem
             )
+
+    @property
+    def _files(self) -> list[Writing]:
+        """Recordings that are being written."""
+        return [one for one in (self._main, self._apart) if one is not None]
+
+    def _end_files(self) -> None:
+        """Write all that was taken, and the ends of files."""
+        self.flush()
+        for writing in self._files:
+            writing.end()
+        self._main = self._apart = None
 
     def _take_cycle(self, row: Floats) -> None:
         """Take a cycle."""
@@ -329,11 +315,7 @@ class Recorder:
         if self._about == about:
             return
         if self._main is not None:
-            self.flush()
-            for writing in (self._main, self._apart):
-                if writing is not None:
-                    writing.end()
-            self._main = self._apart = None
+            self._end_files()
             self._before = Before(self.settings.before)
             self._apart_to = -np.inf
         self._about, self._scene = dict(about), archive
@@ -343,31 +325,25 @@ class Recorder:
         if names is not None:
             self._narrator = Narrator(joints, robots, names, names.first_row)
 
-    def _rotate(self) -> None:
-        """Begin another recording if this one is long enough."""
+    def _rotate(self, more: float = 1.0) -> None:
+        """End this recording if it has so much more than it may have."""
         if self._main is None:
             return
         size, age = self._main.mcap.size, self._now - self._main.began
-        if size >= self.settings.file_size or age >= self.settings.file_time:
+        limits = self.settings
+        if size >= more * limits.file_size or age >= more * limits.file_time:
             self._close_block()
             self._main.end()
             self._main = None
 
     def _open(self) -> None:
         """Begin a recording if there is none."""
-        main = self._main
-        if main is not None and (
-            main.mcap.size >= WITHOUT * self.settings.file_size
-            or self._now - main.began >= WITHOUT * self.settings.file_time
-        ):
-            self._close_block()
-            main.end()
-            self._main = None
+        self._rotate(WITHOUT)
         if self._main is None and not (self.disk.problem and self.disk.waiting):
             self._main = self._new("recording", {})
-            untold, self._untold = self._untold, []
-            for problem in untold:
-                self.tell(problem)
+            waiting, self._unnoted = self._unnoted, []
+            for problem in waiting:
+                self.note(problem)
 
     def _new(self, name: str, more: Mapping[str, str]) -> Writing:
         """A recording that begins now."""
@@ -398,9 +374,8 @@ class Recorder:
     def _store(self, message: Stored) -> None:
         """Keep a message wherever it belongs."""
         self._before.add(self._now, message, self._checkpoint)
-        for writing in (self._main, self._apart):
-            if writing is not None:
-                writing.mcap.add(message)
+        for writing in self._files:
+            writing.mcap.add(message)
 
     def _set_clock(self, row: Floats) -> None:
         """Take the time of a frame: a wall clock that never goes back."""
@@ -439,11 +414,7 @@ def version() -> str:
 
 
 def wait_for_ring(path: Path, patience: float) -> RingReader:
-    """The ring, as soon as it is there.
-
-    Args:
-        path: Its file.
-        patience: How long it is waited for [s].
+    """The ring of a file, which is waited for so long [s].
 
     Raises:
         RingError: It does not come.

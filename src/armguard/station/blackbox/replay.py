@@ -28,27 +28,21 @@ UNREADABLE: Any = "?"
 
 @dataclass(slots=True)
 class Replay:
-    """What a replay came to.
+    """The result of a replay."""
 
-    Attributes:
-        cycles: Cycles that were judged again and compared.
-        skipped: Cycles that could not be, since nothing is known of the guard before.
-        checkpoints: Checkpoints at which all that the guard remembers was compared.
-        first_cycle: Number of the first cycle compared, None if none was.
-        difference: The first difference in words; empty if there was none.
-        different_cycle: Its cycle, None if there was none.
-        different_time: When that was, from the recording's first frame on [s].
-        problems: What of the recording is missing or damaged.
-    """
+    cycles: int = 0  # that were judged again and compared
+    skipped: int = 0  # that could not be: the guard's state before is not known
+    checkpoints: int = 0  # at which the whole state of the guard was compared
+    first_cycle: int | None = None  # number of the first cycle compared
+    difference: str = ""  # the first one in words; "" if there was none
+    different_cycle: int | None = None  # its cycle
+    different_time: float | None = None  # since the recording's first frame [s]
+    problems: list[str] = field(default_factory=list)  # of the recording, in words
 
-    cycles: int = 0
-    skipped: int = 0
-    checkpoints: int = 0
-    first_cycle: int | None = None
-    difference: str = ""
-    different_cycle: int | None = None
-    different_time: float | None = None
-    problems: list[str] = field(default_factory=list)
+    def differ(self, what: str, cycle: int, time: float) -> None:
+        """Take in the first difference."""
+        self.difference, self.different_cycle = what, cycle
+        self.different_time = time
 
     @property
     def identical(self) -> bool:
@@ -123,10 +117,10 @@ def replay_parts(
         answer.problems += found.problems
         if answer.first_cycle is None:
             answer.first_cycle = found.first_cycle
-        if found.different_time is not None:
-            answer.difference = found.difference
-            answer.different_cycle = found.different_cycle
-            answer.different_time = found.different_time + past
+        if found.different_cycle is not None and found.different_time is not None:
+            answer.differ(
+                found.difference, found.different_cycle, found.different_time + past
+            )
             break
     return answer
 
@@ -140,7 +134,7 @@ def replay_scene(
     """See `replay`; the recording is of one scene."""
     answer = Replay()
     guard = guard_of(recording)
-    knows = False
+    known = False
     expected: int | None = None
     done = 0
     for time, frame in timed(recording, start):
@@ -148,18 +142,17 @@ def replay_scene(
             break
         if frame.kind is Kind.CYCLE:
             if expected is None:
-                # A guard that has judged nothing yet knows all there is to know.
-                knows = knows or frame.cycle == 0
+                # The state of a guard that has judged nothing yet is known.
+                known = known or frame.cycle == 0
             elif frame.cycle != expected:
-                knows = False
+                known = False
             expected = frame.cycle + 1
-            if not knows:
+            if not known:
                 answer.skipped += 1
                 continue
             found = difference_of(guard, frame)
             if found:
-                answer.difference = found
-                answer.different_cycle, answer.different_time = frame.cycle, time
+                answer.differ(found, frame.cycle, time)
                 break
             if answer.first_cycle is None:
                 answer.first_cycle = frame.cycle
@@ -169,33 +162,35 @@ def replay_scene(
                 progress(done)
                 done = 0
         elif frame.kind is Kind.CHECKPOINT:
-            if not knows or expected not in (None, frame.cycle):
+            if not known or expected not in (None, frame.cycle):
                 guard.restore(frame.data)
                 expected = frame.cycle
             elif guard.checkpoint() != frame.data:
-                answer.difference = "the guard remembers something else than it did"
-                answer.different_cycle, answer.different_time = frame.cycle, time
+                what = "the guard remembers something else than it did"
+                answer.differ(what, frame.cycle, time)
                 break
             else:
                 answer.checkpoints += 1
-            knows = True
-        elif frame.kind is Kind.EVENT and (knows or frame.cycle == 0):
+            known = True
+        elif frame.kind is Kind.EVENT and (known or frame.cycle == 0):
             try:
                 do(guard, frame)
             except ArmguardError as error:
-                answer.difference = (
-                    f"the guard refuses {frame.text['call']}, which it did not: {error}"
-                )
-                answer.different_cycle, answer.different_time = frame.cycle, time
+                what = f"the guard refuses {frame.text['call']}, which it did not"
+                answer.differ(f"{what}: {error}", frame.cycle, time)
                 break
     answer.problems = recording.problems
     return answer
 
 
+def budget_of(recording: Recording) -> int:
+    """Spans that a cycle of a recording may test."""
+    return int(recording.info.get("budget", 1024))
+
+
 def guard_of(recording: Recording) -> Guard:
     """A guard of the scene of a recording."""
-    budget = int(recording.info.get("budget", 1024))
-    return Guard(recording.scene(), budget=budget, self_test=False)
+    return Guard(recording.scene(), budget=budget_of(recording), self_test=False)
 
 
 def timed(recording: Recording, start: float) -> Iterator[tuple[float, Frame]]:
@@ -218,10 +213,10 @@ def timed(recording: Recording, start: float) -> Iterator[tuple[float, Frame]]:
 def difference_of(guard: Guard, frame: Frame) -> str:
     """Judge a cycle again; how the answer differs, empty if in no bit."""
     verdict, command = judge(guard, frame)
-    told = np.zeros(0) if command is None else command.numbers
-    if digest_of(verdict.numbers, told) == frame.data:
+    sent = np.zeros(0) if command is None else command.numbers
+    if digest_of(verdict.numbers, sent) == frame.data:
         return ""
-    return difference(frame, verdict, told, guard)
+    return difference(frame, verdict, sent, guard)
 
 
 def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
@@ -231,17 +226,15 @@ def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
         if guard_is_fixed(guard):
             return guard.step(given["q"], given["stamp"]), None
         return guard.step(**given), None
-    asked = frame.asked.copy()
+    asked, q, stamp = frame.asked.copy(), given.pop("q"), given.pop("stamp")
     if frame.form is Form.VELOCITIES:
-        command = guard.filter(given.pop("q"), asked, given.pop("stamp"), **given)
+        command = guard.filter(q, asked, stamp, **given)
     elif frame.form is Form.STOP:
-        known = (reason for reason in ORDERED if asked.tolist() == [reason])
-        why = next(known, Reason.STOP_ORDERED)
-        command = guard.stop(given.pop("q"), given.pop("stamp"), **given, reason=why)
+        found = (reason for reason in ORDERED if asked.tolist() == [reason])
+        why = next(found, Reason.STOP_ORDERED)
+        command = guard.stop(q, stamp, **given, reason=why)
     elif frame.form is Form.POSITIONS:
-        command = guard.filter_positions(
-            given.pop("q"), asked, given.pop("stamp"), **given
-        )
+        command = guard.filter_positions(q, asked, stamp, **given)
     else:
         twists = dict(zip(frame.text["tools"], asked.reshape(-1, 6), strict=True))
         if frame.text.get("fault"):
@@ -249,9 +242,7 @@ def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
                 name: UNREADABLE if np.isnan(twist).all() else twist
                 for name, twist in twists.items()
             }
-        command = guard.filter_twists(
-            given.pop("q"), twists, given.pop("stamp"), **given
-        )
+        command = guard.filter_twists(q, twists, stamp, **given)
     return command.verdict, command
 
 
