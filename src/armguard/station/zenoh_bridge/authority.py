@@ -13,21 +13,17 @@ class Authority:
     """The session that commands.
 
     The service knows only the bridge, which is never silent. So the bridge keeps which
-    session has the command, and when it heard of it.
-
-    Attributes:
-        name: Name of the commander; "" if there is none.
-        holder: The commander; None if there is none.
+    session has the command, and the time of its last message.
 
     Args:
         watchdog: After that much silence the command is lost [s].
     """
 
     def __init__(self, watchdog: float) -> None:
-        self.name = ""
+        # The commander, and its name.
         self.holder: Sender | None = None
-        self._watchdog = watchdog
-        self._heard = 0.0
+        self.name = ""
+        self._watchdog, self._heard = watchdog, 0.0
 
     def grant(self, sender: Sender, name: str, now: float) -> None:
         """Give a session the command."""

@@ -123,9 +123,10 @@ class ZenohClient:
             NoServiceError: `connect` was not called.
         """
         key = f"{self._root}/{name}"
-        payload = (
-            message if isinstance(message, bytes) else json.dumps(message).encode()
-        )
+        if isinstance(message, bytes):
+            payload = message
+        else:
+            payload = json.dumps(message).encode()
         with self._lock:
             seal = self._seal(key, payload)
             self._zenoh.put(key, payload, attachment=seal, express=True)
