@@ -27,7 +27,7 @@ from armguard.station.blackbox.blocks import (
 )
 from armguard.station.blackbox.disk import Budget, Disk, DiskFile
 from armguard.station.blackbox.mcap_file import McapFile
-from armguard.station.blackbox.narrator import Glance, Narrator
+from armguard.station.blackbox.messages import MessageMaker, Summary
 from armguard.station.blackbox.near_misses import Before, Trigger
 from armguard.station.blackbox.recording import ABOUT, SCENE
 from armguard.station.blackbox.ros import Stored
@@ -150,7 +150,7 @@ class Recorder:
         self.near_misses = 0
         self._about: dict[str, Any] = {}
         self._scene = b""
-        self._narrator: Narrator | None = None
+        self._maker: MessageMaker | None = None
         self._main: Writing | None = None
         self._apart: Writing | None = None
         self._apart_until = -np.inf
@@ -263,15 +263,15 @@ class Recorder:
     def _take_cycle(self, row: Floats) -> None:
         """Take a cycle."""
         self._open()
-        if self._narrator is None:
-            self._narrator = nameless(row)
-        glance = Glance(row, self._narrator.first_row)
+        if self._maker is None:
+            self._maker = nameless(row)
+        summary = Summary(row, self._maker.first_row)
         whole = (
-            glance.levels != self._levels or self._now - self._whole_at >= WHOLE_EVERY
+            summary.levels != self._levels or self._now - self._whole_at >= WHOLE_EVERY
         )
         if whole:
-            self._whole_at, self._levels = self._now, glance.levels
-        kept = kept_cycle(row, self._narrator.first_row, whole)
+            self._whole_at, self._levels = self._now, summary.levels
+        kept = kept_cycle(row, self._maker.first_row, whole)
         if self._rows and len(self._rows[-1]) != len(kept):
             self._close_block()
         self._rows.append(kept)
@@ -279,11 +279,11 @@ class Recorder:
             2 * len(self._rows) * kept.nbytes > MOST_BYTES
         ):
             self._close_block()
-        for message in self._narrator.cycle(row, self._now, self._time):
+        for message in self._maker.cycle(row, self._now, self._time):
             self._store(message)
         self.cycles += 1
         what = self._trigger.look(
-            self._now, glance.level, glance.clearance, glance.slack
+            self._now, summary.level, summary.clearance, summary.slack
         )
         if what:
             self._near_miss(what)
@@ -321,9 +321,9 @@ class Recorder:
         self._about, self._scene = dict(about), archive
         names = scene_names(about, archive)
         joints, robots = about.get("names", ()), about.get("robots", ())
-        self._narrator = None
+        self._maker = None
         if names is not None:
-            self._narrator = Narrator(joints, robots, names, names.first_row)
+            self._maker = MessageMaker(joints, robots, names, names.first_row)
 
     def _rotate(self, more: float = 1.0) -> None:
         """End this recording if it has so much more than it may have."""
@@ -397,13 +397,13 @@ def scene_names(about: Mapping[str, Any], archive: bytes) -> Names | None:
         return None
 
 
-def nameless(row: Floats) -> Narrator:
-    """A narrator of a scene that is not known."""
+def nameless(row: Floats) -> MessageMaker:
+    """A maker of messages of a scene that is not known."""
     n, r = int(row[JOINTS]), int(row[ROBOTS])
     guarded = row[TOLD] > 0
     first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if guarded else 0)
     joints = [f"joint{k + 1}" for k in range(n)]
-    return Narrator(joints, [f"robot{k + 1}" for k in range(r)], None, first)
+    return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)
 
 
 def version() -> str:
