@@ -244,16 +244,12 @@ def gather(
                 take_block()
     if cycles:
         take_block()
-    lacks = [*problems, *breaks]
-    if foreign:
-        lacks.append(f"left out, since not of the scene in the file: {foreign} cycles")
-    if unknown:
-        lacks.append(
-            f"left out, since this version does not know their reasons: {unknown} "
-            "cycles; a newer one does"
-        )
-    if isnan(begin):
-        lacks.append("there is no cycle in it")
+    left = f"left out, since not of the scene in the file: {foreign} cycles"
+    new = (
+        f"left out, since this version does not know their reasons: {unknown} cycles; "
+        "a newer one does"
+    )
+    own = (foreign, left), (unknown, new), (isnan(begin), "there is no cycle in it")
     figures = [robot.stopping for robot in tables.robots]
     return Findings(
         source=source,
@@ -268,7 +264,7 @@ def gather(
         closeness=closeness,
         closest=closest.pairs(),
         events=events,
-        problems=lacks,
+        problems=[*problems, *breaks, *(what for holds, what in own if holds)],
         model=model,
         sensing=tuple(nan if own is None else own.sensing for own in figures),
     )
