@@ -16,7 +16,7 @@ from armguard.errors import ArmguardError
 from armguard.guard.levels import Level
 from armguard.guard.verdict import Verdict
 from armguard.respond import Guard
-from armguard.station.blackbox.plausible import believed
+from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.recording import Recording
 from armguard.station.blackbox.replay import (
     budget_of,
@@ -194,7 +194,7 @@ def compare(
             f"{recording.paths[0].parent}: settings were changed between these "
             "recordings; name one of the files"
         )
-    with believed(recording.paths[0]):
+    with reading(recording.paths[0]):
         return compare_scene(recording, settings, start, end, progress)
 
 

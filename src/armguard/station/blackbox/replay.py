@@ -15,7 +15,7 @@ from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict, first_row_of
 from armguard.respond import Command, Guard
 from armguard.station.blackbox.blocks import digest_of
-from armguard.station.blackbox.plausible import believed
+from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.recording import Recording
 from armguard.station.calls import call_of
 from armguard.station.frames import Form, Frame, Kind
@@ -94,7 +94,7 @@ def replay(
     Raises:
         RecordingError: It holds no scene, or something that no recorder writes.
     """
-    with believed(recording.paths[0]):
+    with reading(recording.paths[0]):
         return replay_parts(recording.parts(), start, end, progress)
 
 
@@ -297,13 +297,13 @@ def do(guard: Guard, frame: Frame) -> None:
         call_of(frame.text).apply(guard)
 
 
-def difference(frame: Frame, verdict: Verdict, told: Floats, guard: Guard) -> str:
-    """The most telling difference of a recorded cycle and the same judged again.
+def difference(frame: Frame, verdict: Verdict, sent: Floats, guard: Guard) -> str:
+    """The most informative difference of a recorded cycle and the same judged again.
 
     Args:
         frame: The cycle as it was recorded.
         verdict: The guard's verdict now.
-        told: The numbers of its command now.
+        sent: The numbers of its command now.
         guard: The guard.
     """
     was, now = frame.verdict, verdict.numbers
@@ -311,16 +311,16 @@ def difference(frame: Frame, verdict: Verdict, told: Floats, guard: Guard) -> st
         then = Reason(int(was[layout.REASON]))
         return f"it was {then.name} and is {verdict.reason.name} ({verdict.why})"
     n, names = len(guard.q_names), guard.q_names
-    for k in np.flatnonzero(different(frame.told, told)).tolist():
+    for k in np.flatnonzero(different(frame.told, sent)).tolist():
         if k < 4 * n:
             what = f"{OF_JOINTS[k // n]} of {names[k % n]}"
         else:
             robots = [part.name for part in guard.tables.robots]
             kind, robot = divmod(k - 4 * n, len(robots))
             what = f"{OF_ROBOTS[kind]} of {robots[robot]}"
-        return f"{what} was {frame.told[k]!r} and is {told[k]!r}"
-    if len(frame.told) != len(told):
-        return f"{len(frame.told)} numbers were told and are {len(told)}"
+        return f"{what} was {frame.told[k]!r} and is {sent[k]!r}"
+    if len(frame.told) != len(sent):
+        return f"{len(frame.told)} numbers were told and are {len(sent)}"
     ends = min(len(was), len(now), first_row_of(guard.tables))
     places = {
         value: name.lower().replace("_", " ")

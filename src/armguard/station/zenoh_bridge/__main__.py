@@ -13,7 +13,7 @@ from armguard.station.zenoh_bridge.settings import LISTEN, BridgeSettings
 
 
 def main() -> int:
-    """Carry messages until somebody ends it."""
+    """Carry messages until a signal comes."""
     parser = argparse.ArgumentParser(
         "armguard.station.zenoh_bridge", description=__doc__
     )

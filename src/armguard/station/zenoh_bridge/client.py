@@ -88,7 +88,7 @@ class ZenohClient:
             timeout: How long to wait for an answer [s].
 
         Returns:
-            What the service tells about itself.
+            Description of the service.
 
         Raises:
             NoServiceError: No bridge answers that has the same key.

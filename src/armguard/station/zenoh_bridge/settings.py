@@ -124,7 +124,7 @@ def open_session(settings: BridgeSettings) -> zenoh.Session:
     every session everything; all of that is off.
 
     Raises:
-        BridgeError: An endpoint is taken, or nobody is there to connect to.
+        BridgeError: An endpoint is taken, or none answers.
     """
     config = zenoh.Config()
     for key, value in (

@@ -12,7 +12,7 @@ from armguard.guard.layout import REASON
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Names, names_of
 from armguard.scene.compile import compile_scene
-from armguard.station.blackbox.plausible import believed
+from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.recording import Recording
 from armguard.station.blackbox.report.closest import Closest, ClosestPairs
 from armguard.station.blackbox.report.cycles import (
@@ -288,7 +288,7 @@ def findings_of(
     Raises:
         RecordingError: It has no scene, or content that no recorder writes.
     """
-    with believed(recording.paths[0]):
+    with reading(recording.paths[0]):
         recording, others = of_one_scene(recording)
         scene = recording.scene()
         first, *more = [path.name for path in recording.paths]
