@@ -18,6 +18,7 @@ from armguard.guard import layout
 from armguard.guard.verdict import Names, names_of
 from armguard.scene.archive import ArchiveError, scene_of
 from armguard.scene.compile import compile_scene
+from armguard.station import frames
 from armguard.station.blackbox import ros
 from armguard.station.blackbox.blocks import (
     MOST_BYTES,
@@ -32,17 +33,7 @@ from armguard.station.blackbox.near_misses import Before, Trigger
 from armguard.station.blackbox.recording import ABOUT, SCENE
 from armguard.station.blackbox.ros import Stored
 from armguard.station.errors import RingError
-from armguard.station.frames import (
-    JOINTS,
-    KIND,
-    MONOTONIC,
-    ROBOTS,
-    TOLD,
-    WALL,
-    Kind,
-    frame_of,
-    text_frame,
-)
+from armguard.station.frames import Kind, frame_of, text_frame
 from armguard.station.recorder_pulse import beat, end_pulse
 from armguard.station.ring import RingReader
 
@@ -191,7 +182,7 @@ class Recorder:
     def take(self, row: Floats) -> None:
         """Take the next frame."""
         self._set_clock(row)
-        kind = int(row[KIND])
+        kind = int(row[frames.KIND])
         if kind == Kind.CYCLE:
             self._take_cycle(row)
             return
@@ -379,9 +370,9 @@ class Recorder:
 
     def _set_clock(self, row: Floats) -> None:
         """Take the time of a frame: a wall clock that never goes back."""
-        self._now = float(row[MONOTONIC])
+        self._now = float(row[frames.MONOTONIC])
         if self._offset is None:
-            self._offset = float(row[WALL]) - self._now
+            self._offset = float(row[frames.WALL]) - self._now
         self._time = max(self._time, int((self._offset + self._now) * 1e9))
 
 
@@ -399,8 +390,8 @@ def scene_names(about: Mapping[str, Any], archive: bytes) -> Names | None:
 
 def nameless(row: Floats) -> MessageMaker:
     """A maker of messages of a scene that is not known."""
-    n, r = int(row[JOINTS]), int(row[ROBOTS])
-    guarded = row[TOLD] > 0
+    n, r = int(row[frames.JOINTS]), int(row[frames.ROBOTS])
+    guarded = row[frames.TOLD] > 0
     first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if guarded else 0)
     joints = [f"joint{k + 1}" for k in range(n)]
     return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)

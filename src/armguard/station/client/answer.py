@@ -127,12 +127,6 @@ class Answer:
         sent: When it was sent, on the service's clock [s].
         welcome: Description of the service.
         clock: The service's clock, as far as it is known here.
-
-    Args:
-        message: The message, whose seal fits; it is never changed.
-        fields: Its `FIELDS`.
-        welcome: See there.
-        clock: See there.
     """
 
     __slots__ = ("_body", "_fields", "_message", "began", "clock", "sent", "welcome")
@@ -144,8 +138,8 @@ class Answer:
         welcome: Welcome,
         clock: Callable[[], float],
     ) -> None:
-        self._message = message
-        self._fields = fields
+        # The message, whose seal fits, and its `FIELDS`.
+        self._message, self._fields = message, fields
         self._body: tuple[float, ...] | None = None
         self.began = fields[BEGAN]
         self.sent = fields[SENT] * NANO

@@ -18,24 +18,10 @@ from armguard.station.client.connection import Connection, Head
 from armguard.station.client.state_message import StateMessage
 from armguard.station.client.welcome import NOTHING, Welcome, read_welcome
 from armguard.station.errors import NoServiceError, RefusedError
+from armguard.station.wire import layout
 from armguard.station.wire.boot import boot_id
 from armguard.station.wire.keys import Keys, Role, found_keys, key_of
-from armguard.station.wire.layout import (
-    CHALLENGE,
-    CLAIM,
-    GIVE_BACK,
-    GRANT,
-    HEARTBEAT,
-    HELLO,
-    NO_COOKIE,
-    REFUSAL,
-    REPLY,
-    TWIST,
-    WELCOME,
-    WISH,
-    Form,
-    Kind,
-)
+from armguard.station.wire.layout import Form, Kind
 from armguard.station.wire.words import Cause
 
 Floats = NDArray[np.float64]
@@ -109,7 +95,7 @@ class Client:
         self.refusal: tuple[str, str] | None = None
         self._refused = -inf
         self._welcome: Welcome | None = None
-        self._cookie = NO_COOKIE
+        self._cookie = layout.NO_COOKIE
         # Parts of a WELCOME, and the scene of their headers.
         self._scene, self._parts = 0, dict[int, bytes]()
         # Answers that wait to be received, oldest first, and the newest.
@@ -199,10 +185,12 @@ class Client:
         end = monotonic() + timeout
         key, source = self._key(end)
         self._connection.open(key)
-        if self._ask(self._hello, lambda: self._cookie != NO_COOKIE, end - monotonic()):
-            self._ask(
-                self._hello, lambda: self.connected or self.refusal, end - monotonic()
-            )
+        for done in (
+            lambda: self._cookie != layout.NO_COOKIE,
+            lambda: self.connected or self.refusal,
+        ):
+            if not self._ask(self._hello, done, end - monotonic()):
+                break
         if not self.connected:
             self.close()
             place = self._connection.place
@@ -283,8 +271,8 @@ class Client:
 
         def claim() -> None:
             self._grant = ()
-            CLAIM.pack_into(connection.outbox.payload, 0, force, 0)
-            connection.say(Kind.CLAIM, CLAIM.size)
+            layout.CLAIM.pack_into(connection.outbox.payload, 0, force, 0)
+            connection.say(Kind.CLAIM, layout.CLAIM.size)
 
         self.refusal = None
         if not self._ask(
@@ -307,8 +295,8 @@ class Client:
     def give_back(self) -> None:
         """Give the command back."""
         if self._token:
-            GIVE_BACK.pack_into(self._connection.outbox.payload, 0, self._token)
-            self._connection.say(Kind.GIVE_BACK, GIVE_BACK.size)
+            layout.GIVE_BACK.pack_into(self._connection.outbox.payload, 0, self._token)
+            self._connection.say(Kind.GIVE_BACK, layout.GIVE_BACK.size)
             self._token = 0
 
     def send_velocities(self, velocities: ArrayLike) -> None:
@@ -341,7 +329,7 @@ class Client:
             if name not in tools:
                 raise RefusedError(f"the scene has no tool '{name}'")
             rows.append([tools.index(name), *np.asarray(twist, np.float64).flat])
-        if any(len(row) != TWIST for row in rows):
+        if any(len(row) != layout.TWIST for row in rows):
             raise RefusedError("a twist has six numbers")
         self._send_desired(Form.TWISTS, rows)
 
@@ -470,18 +458,18 @@ class Client:
 
     def _hello(self) -> None:
         payload = self._connection.outbox.payload
-        HELLO.pack_into(payload, 0, self._role, self._every, self._cookie)
-        end = HELLO.size + len(self._name)
-        payload[HELLO.size : end] = self._name
+        layout.HELLO.pack_into(payload, 0, self._role, self._every, self._cookie)
+        end = layout.HELLO.size + len(self._name)
+        payload[layout.HELLO.size : end] = self._name
         self._connection.say(Kind.HELLO, end)
 
     def _send_desired(self, form: Form, values: ArrayLike) -> None:
         """Send a WISH of that form."""
         payload = self._connection.outbox.payload
         row = np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
-        WISH.pack_into(payload, 0, self._token, form, len(row))
-        end = WISH.size + row.nbytes
-        payload[WISH.size : end] = row.view(np.uint8).data
+        layout.WISH.pack_into(payload, 0, self._token, form, len(row))
+        end = layout.WISH.size + row.nbytes
+        payload[layout.WISH.size : end] = row.view(np.uint8).data
         self._connection.say(Kind.WISH, end)
 
     def _state(
@@ -603,14 +591,15 @@ class Client:
         if kind == Kind.WELCOME:
             return self._take_welcome(head, payload)
         if kind == Kind.CHALLENGE:
-            asked, cookie = CHALLENGE.unpack_from(payload)
+            asked, cookie = layout.CHALLENGE.unpack_from(payload)
             if self._welcome is not None or asked < connection.opened:
                 # It is that of an older HELLO.
                 return False
             connection.outbox.session, self._cookie = head.session, cookie
             return True
         if kind == Kind.REFUSAL and head.session == connection.outbox.session:
-            cause, _, sentence = bytes(payload[REFUSAL.size :]).decode().partition(":")
+            text = bytes(payload[layout.REFUSAL.size :]).decode()
+            cause, _, sentence = text.partition(":")
             self.refusal, self._refused = (cause, sentence), monotonic()
             return True
         if self._welcome is None or head.session != connection.outbox.session:
@@ -620,13 +609,13 @@ class Client:
         if kind == Kind.COMMAND:
             return False
         if kind == Kind.HEARTBEAT:
-            if HEARTBEAT.unpack_from(payload)[1] != connection.sender:
+            if layout.HEARTBEAT.unpack_from(payload)[1] != connection.sender:
                 self._token = 0
         elif kind == Kind.GRANT:
-            self._grant = GRANT.unpack_from(payload)
+            self._grant = layout.GRANT.unpack_from(payload)
         elif kind == Kind.REPLY:
-            if REPLY.unpack_from(payload)[0] == self._asked:
-                self._reply = json.loads(bytes(payload[REPLY.size :]))
+            if layout.REPLY.unpack_from(payload)[0] == self._asked:
+                self._reply = json.loads(bytes(payload[layout.REPLY.size :]))
         elif kind == Kind.BYE:
             self._gone = True
         return True
@@ -639,11 +628,11 @@ class Client:
                 # A service that was started anew has to be connected to anew.
                 return False
             connection.last = head.sequence
-        part, parts, _, _, _, asked, read = WELCOME.unpack_from(payload)
+        part, parts, _, _, _, asked, read = layout.WELCOME.unpack_from(payload)
         if head.scene != self._scene:
             # Parts about another scene are given up.
             self._scene, self._parts = head.scene, {}
-        self._parts[part] = bytes(payload[WELCOME.size :])
+        self._parts[part] = bytes(payload[layout.WELCOME.size :])
         if asked:
             self.clock.learn(asked, read, monotonic_ns())
         if len(self._parts) < parts:

@@ -64,9 +64,6 @@ class Connection:
         socket: The socket; None before `open` and after `close`.
         opened: When it was opened, monotonic [ns].
         dropped: Messages that could not be sent, and others that did not count.
-
-    Args:
-        address: See there.
     """
 
     def __init__(self, address: tuple[str, int]) -> None:
