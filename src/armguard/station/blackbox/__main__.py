@@ -2,7 +2,6 @@
 
 import argparse
 import logging
-import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +14,7 @@ from armguard.station.blackbox.recorder import (
     RecorderSettings,
     wait_for_ring,
 )
-from armguard.station.processes import end_with
+from armguard.station.processes import end_with, interrupted
 from armguard.station.service.counters import (
     CountersError,
     CountersReader,
@@ -59,24 +58,22 @@ def main() -> int:
     )
     options = parser.parse_args()
     logging.basicConfig(format="recorder: %(message)s", level=logging.INFO)
-    ended: list[int] = []
-    for name in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(name, lambda number, _: ended.append(number))
     given = {name.removeprefix("near_"): getattr(options, name) for name in OPTIONS}
     settings = RecorderSettings(keep=options.keep, **given)
-    try:
-        ring = wait_for_ring(options.ring, options.wait)
-    except ArmguardError as error:
-        print(f"recorder: {error}", file=sys.stderr)
-        return 2
-    parent = options.parent or service_of(options.ring)
-    if parent is not None:
-        end_with(parent)
+    with interrupted() as ended:
+        try:
+            ring = wait_for_ring(options.ring, options.wait)
+        except ArmguardError as error:
+            print(f"recorder: {error}", file=sys.stderr)
+            return 2
+        parent = options.parent or service_of(options.ring)
+        if parent is not None:
+            end_with(parent)
 
-    def ends() -> bool:
-        return bool(ended) or (parent is not None and not lives(parent))
+        def ends() -> bool:
+            return ended.is_set() or (parent is not None and not lives(parent))
 
-    Recorder(options.folder, settings).run(ring, ends)
+        Recorder(options.folder, settings).run(ring, ends)
     return 0
 
 

@@ -195,51 +195,43 @@ def compare(
             "recordings; name one of the files"
         )
     with reading(recording.paths[0]):
-        return compare_scene(recording, settings, start, end, progress)
-
-
-def compare_scene(
-    recording: Recording,
-    settings: Mapping[str, str],
-    start: float,
-    end: float,
-    progress: Callable[[int], None] | None,
-) -> Comparison:
-    """See `compare`; the recording is of one scene."""
-    other = change(recording.scene(), budget_of(recording), settings)
-    pair = Pair(
-        guard_of(recording), Guard(other.scene, budget=other.budget, self_test=False)
-    )
-    answer = Comparison(dict(settings))
-    period = pair.was.tables.period
-    expected: int | None = None
-    knows = False
-    for time, frame in timed(recording, start):
-        if time > end:
-            break
-        if frame.kind is Kind.CHECKPOINT:
-            if not knows or expected != frame.cycle:
-                pair.restore(frame.data)
-            else:
-                pair.was.checkpoint()
-            knows, expected = True, frame.cycle
-        elif frame.kind is Kind.EVENT and (knows or frame.cycle == 0):
-            do(pair.was, frame)
-            try:
-                do(pair.now, frame)
-            except ArmguardError as error:
-                answer.refused.append(f"{frame.text['call']} at {time:.3f} s: {error}")
-        elif frame.kind is Kind.CYCLE:
-            knows = (knows and expected in (None, frame.cycle)) or frame.cycle == 0
-            expected = frame.cycle + 1
-            if not knows:
-                answer.skipped += 1
-                continue
-            look(answer, pair, frame, time, period)
-            if progress is not None and answer.cycles % 100 == 0:
-                progress(100)
-    answer.problems = recording.problems
-    return answer
+        other = change(recording.scene(), budget_of(recording), settings)
+        pair = Pair(
+            guard_of(recording),
+            Guard(other.scene, budget=other.budget, self_test=False),
+        )
+        answer = Comparison(dict(settings))
+        period = pair.was.tables.period
+        expected: int | None = None
+        known = False
+        for time, frame in timed(recording, start):
+            if time > end:
+                break
+            if frame.kind is Kind.CHECKPOINT:
+                if not known or expected != frame.cycle:
+                    pair.restore(frame.data)
+                else:
+                    pair.was.checkpoint()
+                known, expected = True, frame.cycle
+            elif frame.kind is Kind.EVENT and (known or frame.cycle == 0):
+                do(pair.was, frame)
+                try:
+                    do(pair.now, frame)
+                except ArmguardError as error:
+                    answer.refused.append(
+                        f"{frame.text['call']} at {time:.3f} s: {error}"
+                    )
+            elif frame.kind is Kind.CYCLE:
+                known = (known and expected in (None, frame.cycle)) or frame.cycle == 0
+                expected = frame.cycle + 1
+                if not known:
+                    answer.skipped += 1
+                    continue
+                look(answer, pair, frame, time, period)
+                if progress is not None and answer.cycles % 100 == 0:
+                    progress(100)
+        answer.problems = recording.problems
+        return answer
 
 
 class Pair:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard import __version__
 from armguard.guard import layout
 from armguard.guard.verdict import Names, names_of
 from armguard.scene.archive import ArchiveError, scene_of
@@ -105,7 +106,7 @@ class Writing:
     ) -> None:
         self.disk, self.file, self.began = disk, DiskFile(path), began
         put = partial(disk.put, self.file)
-        self.mcap = McapFile(put, f"armguard {version()}", {"armguard": about})
+        self.mcap = McapFile(put, f"armguard {__version__}", {"armguard": about})
         text = json.dumps(about).encode()
         for _ in range(COPIES):
             self.mcap.attach(ABOUT, "application/json", text, wall)
@@ -347,7 +348,7 @@ class Recorder:
         about = {
             **self._about,
             **more,
-            "recorder": version(),
+            "recorder": __version__,
             "layout": layout.LAYOUT,
             "machine": f"{platform.machine()} {platform.system()}",
             "began": began.isoformat(),
@@ -395,13 +396,6 @@ def nameless(row: Floats) -> MessageMaker:
     first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if guarded else 0)
     joints = [f"joint{k + 1}" for k in range(n)]
     return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)
-
-
-def version() -> str:
-    """Version of the package."""
-    from armguard import __version__
-
-    return __version__
 
 
 def wait_for_ring(path: Path, patience: float) -> RingReader:

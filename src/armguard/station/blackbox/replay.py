@@ -1,6 +1,6 @@
 """Replay: what went in goes in again, and the answers are compared bit by bit."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -48,11 +48,6 @@ class Replay:
     different_time: float | None = None  # since the recording's first frame [s]
     problems: list[str] = field(default_factory=list)  # of the recording, in words
 
-    def differ(self, what: str, cycle: int, time: float) -> None:
-        """Take in the first difference."""
-        self.difference, self.different_cycle = what, cycle
-        self.different_time = time
-
     @property
     def identical(self) -> bool:
         """Whether every compared cycle gave the same bits, and there was one."""
@@ -94,54 +89,45 @@ def replay(
     Raises:
         RecordingError: It holds no scene, or something that no recorder writes.
     """
-    with reading(recording.paths[0]):
-        return replay_parts(recording.parts(), start, end, progress)
-
-
-def replay_parts(
-    parts: Sequence[Recording],
-    start: float,
-    end: float,
-    progress: Callable[[int], None] | None,
-) -> Replay:
-    """See `replay`; each part is of one scene."""
-    if len(parts) == 1:
-        return replay_scene(parts[0], start, end, progress)
     answer, began = Replay(), None
-    for part in parts:
-        first = next(part.frames(), None)
-        if first is None:
-            continue
-        began = first.monotonic if began is None else began
-        past = first.monotonic - began
-        if not part.has_scene:
-            # A recorder that began late learns of the scene with the next checkpoint.
-            answer.skipped += sum(f.kind is Kind.CYCLE for f in part.frames())
-            answer.problems += part.problems
-            continue
-        found = replay_scene(part, start - past, end - past, progress)
-        answer.cycles += found.cycles
-        answer.skipped += found.skipped
-        answer.checkpoints += found.checkpoints
-        answer.problems += found.problems
-        if answer.first_cycle is None:
-            answer.first_cycle = found.first_cycle
-        if found.different_cycle is not None and found.different_time is not None:
-            answer.differ(
-                found.difference, found.different_cycle, found.different_time + past
+    with reading(recording.paths[0]):
+        parts = recording.parts()
+        for part in parts:
+            past = 0.0
+            if len(parts) > 1:
+                first = next(part.frames(), None)
+                if first is None:
+                    continue
+                began = first.monotonic if began is None else began
+                past = first.monotonic - began
+                if not part.has_scene:
+                    # A recorder that began late gets the scene with a checkpoint.
+                    answer.skipped += sum(f.kind is Kind.CYCLE for f in part.frames())
+                    answer.problems += part.problems
+                    continue
+            difference, cycle, time = replay_scene(
+                answer, part, start - past, end - past, progress
             )
-            break
+            answer.problems += part.problems
+            if difference:
+                answer.difference, answer.different_cycle = difference, cycle
+                answer.different_time = time + past
+                break
     return answer
 
 
 def replay_scene(
+    answer: Replay,
     recording: Recording,
     start: float,
     end: float,
     progress: Callable[[int], None] | None,
-) -> Replay:
-    """See `replay`; the recording is of one scene."""
-    answer = Replay()
+) -> tuple[str, int, float]:
+    """Add the cycles of a recording of one scene to a replay.
+
+    Returns:
+        The first difference in words, its cycle and its time [s]; "" for none.
+    """
     guard = guard_of(recording)
     known = False
     expected: int | None = None
@@ -159,10 +145,8 @@ def replay_scene(
             if not known:
                 answer.skipped += 1
                 continue
-            found = difference_of(guard, frame)
-            if found:
-                answer.differ(found, frame.cycle, time)
-                break
+            if found := difference_of(guard, frame):
+                return found, frame.cycle, time
             if answer.first_cycle is None:
                 answer.first_cycle = frame.cycle
             answer.cycles += 1
@@ -176,8 +160,7 @@ def replay_scene(
                 expected = frame.cycle
             elif guard.checkpoint() != frame.data:
                 what = "the guard remembers something else than it did"
-                answer.differ(what, frame.cycle, time)
-                break
+                return what, frame.cycle, time
             else:
                 answer.checkpoints += 1
             known = True
@@ -186,10 +169,8 @@ def replay_scene(
                 do(guard, frame)
             except ArmguardError as error:
                 what = f"the guard refuses {frame.text['call']}, which it did not"
-                answer.differ(f"{what}: {error}", frame.cycle, time)
-                break
-    answer.problems = recording.problems
-    return answer
+                return f"{what}: {error}", frame.cycle, time
+    return "", 0, 0.0
 
 
 def budget_of(recording: Recording) -> int:
