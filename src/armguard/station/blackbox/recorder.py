@@ -258,43 +258,37 @@ class Recorder:
         if self._maker is None:
             self._maker = nameless(row)
         summary = Summary(row, self._maker.first_row)
-        whole = (
-            summary.levels != self._levels or self._now - self._whole_at >= WHOLE_EVERY
-        )
+        due = self._now - self._whole_at >= WHOLE_EVERY
+        whole = due or summary.levels != self._levels
         if whole:
             self._whole_at, self._levels = self._now, summary.levels
         kept = kept_cycle(row, self._maker.first_row, whole)
         if self._rows and len(self._rows[-1]) != len(kept):
             self._close_block()
         self._rows.append(kept)
-        if len(self._rows) >= MOST_FRAMES or (
-            2 * len(self._rows) * kept.nbytes > MOST_BYTES
-        ):
+        count = len(self._rows)
+        if count >= MOST_FRAMES or 2 * count * kept.nbytes > MOST_BYTES:
             self._close_block()
         for message in self._maker.cycle(row, self._now, self._time):
             self._store(message)
         self.cycles += 1
-        what = self._trigger.look(
-            self._now, summary.level, summary.clearance, summary.slack
-        )
-        if what:
+        numbers = summary.level, summary.clearance, summary.slack
+        if what := self._trigger.look(self._now, *numbers):
             self._near_miss(what)
 
     def _near_miss(self, what: str) -> None:
         """Keep what was before apart, and what is to come."""
         self._close_block()
         self._store(ros.log(self._time, ros.WARN, f"near miss: {what}"))
-        if self._apart is not None and self._now - self._apart.began < (
-            self.settings.longest
-        ):
-            self._apart_until = self._now + self.settings.after
+        self._apart_until = self._now + self.settings.after
+        apart = self._apart
+        if apart is not None and self._now - apart.began < self.settings.longest:
             return
         self._end_apart()
         self.near_misses += 1
         self._apart = self._new("near-miss", {"near_miss": what})
         for message in self._before.messages(self._apart_to):
             self._apart.mcap.add(message)
-        self._apart_until = self._now + self.settings.after
 
     def _end_apart(self) -> None:
         """Write the end of the file of near misses, if there is one."""

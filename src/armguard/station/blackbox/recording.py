@@ -210,9 +210,8 @@ def open_recording(path: str | Path) -> Recording:
     if place.is_dir():
         found = sorted(place.glob("recording-*.mcap"))
         if not found:
-            raise RecordingError(
-                f"{place}: there is no recording-*.mcap in this folder"
-            )
+            text = f"{place}: there is no recording-*.mcap in this folder"
+            raise RecordingError(text)
         return Recording(found)
     if not place.exists():
         raise RecordingError(f"{place}: no such file or folder")

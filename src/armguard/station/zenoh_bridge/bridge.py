@@ -114,7 +114,8 @@ def message_of(name: str, expression: str, source: Any, query: Any = None) -> Me
 class Bridge:
     """Carries messages between a service and Zenoh; from one thread.
 
-    Zenoh's own threads put what comes in into a queue and wake that one up.
+    Zenoh's own threads put messages into a queue and wake that one up. Methods that
+    take a message raise `DroppedError` if it does not count.
 
     Attributes:
         counts: Messages that were taken over, and dropped by cause.
@@ -207,10 +208,7 @@ class Bridge:
         self._wake.close()
 
     def _connect(self, timeout: float) -> None:
-        """Connect to a service, under the keys that it has now.
-
-        Args:
-            timeout: How long to wait for it [s].
+        """Connect to a service, under its present keys, within `timeout` [s].
 
         Raises:
             StationError: The key file has no keys, or no service answers.
@@ -339,21 +337,15 @@ class Bridge:
                 self._drop("fault", f"{name}: {type(error).__name__}: {error}")
 
     def _open(self, message: Message) -> Mark:
-        """Check the seal of a message, its age and its number.
-
-        Raises:
-            DroppedError: It is not sealed by a key, is late, or was here before.
-        """
+        """Check the seal of a message, its age and its number."""
         if message.size > MOST:
-            raise DroppedError(
-                "oversized", f"{message.size} bytes; {MOST} are the most"
-            )
+            text = f"{message.size} bytes; {MOST} are the most"
+            raise DroppedError("oversized", text)
         mark = mark_of(message.attachment, 1)
-        if mark.sender.role not in self._keys:
-            raise DroppedError(
-                "seal", f"the bridge has no key for role {mark.sender.role}"
-            )
-        key = self._keys[Role(mark.sender.role)]
+        role = mark.sender.role
+        if role not in self._keys:
+            raise DroppedError("seal", f"the bridge has no key for role {role}")
+        key = self._keys[Role(role)]
         check(message.attachment, 0, key, message.expression, message.payload)
         kind = message.kind
         if message.call == "clock":
@@ -389,11 +381,7 @@ class Bridge:
             del self._asked[next(iter(self._asked))]
 
     def _need(self, mark: Mark, what: str) -> None:
-        """Check that a sender has the key for commanding.
-
-        Raises:
-            DroppedError: It has another one.
-        """
+        """Check that a sender has the key for commanding."""
         if mark.sender.role < Role.COMMAND:
             word = Role(mark.sender.role).word
             raise DroppedError(
@@ -401,11 +389,7 @@ class Bridge:
             )
 
     def _commander(self, mark: Mark, what: str) -> Client:
-        """The client that sends what the commander asks for.
-
-        Raises:
-            DroppedError: The sender is not the commander.
-        """
+        """The client of a sender, which must be the commander."""
         self._need(mark, what)
         self._authority.check(mark.sender, time.monotonic())
         return self._clients[Role(mark.sender.role)]
@@ -519,17 +503,14 @@ class Bridge:
 
     def _beat(self, latest: Answer) -> None:
         """Say that the bridge lives, and whether the service does."""
-        away = latest.cause in AWAY
-        self._publish(
-            "heartbeat",
-            {
-                "time": self._client.clock(),
-                "cycle": latest.cycle,
-                "service": latest.cause.name if away else "ALIVE",
-                "commander": self._authority.name,
-                "counts": dict(self.counts),
-            },
-        )
+        message = {
+            "time": self._client.clock(),
+            "cycle": latest.cycle,
+            "service": latest.cause.name if latest.cause in AWAY else "ALIVE",
+            "commander": self._authority.name,
+            "counts": dict(self.counts),
+        }
+        self._publish("heartbeat", message)
 
     def _publish(self, name: str, message: dict[str, Any]) -> None:
         """Publish a message under one of the bridge's own keys."""
