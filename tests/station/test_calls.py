@@ -14,7 +14,7 @@ from armguard.errors import ArmguardError
 from armguard.guard.objects import SightingError
 from armguard.station.blackbox.replay import do
 from armguard.station.calls import CALLS, Call, GuardCall, call_of
-from armguard.station.client.calls import Calls as Asking
+from armguard.station.client.client import request_of
 from armguard.station.errors import RefusedError
 from armguard.station.frames import Frame, Kind, frame_of, text_of
 from armguard.station.recorded import RecordedGuard
@@ -204,7 +204,7 @@ def test_a_client_says_it_in_words_that_the_service_reads(call, given, text):
         "shape": {"kind": "box", "half_extents": [0.1, 0.2, 0.3]},
     }
     said = {key: words.get(key, value) for key, value in given.items()}
-    request = read_call(Asking().write(call, said))
+    request = read_call(request_of(1, call, said))
     made = permitted(request, Role.ADMINISTER, True)
     # The angles of a pose come out of its transform; those of none may be -0.
     event = text_of(made.event).decode()
@@ -214,7 +214,7 @@ def test_a_client_says_it_in_words_that_the_service_reads(call, given, text):
 @pytest.mark.parametrize("name", CALLS)
 def test_no_call_is_made_without_its_right(name):
     right = CALLS[name].right
-    request = read_call(Asking().write(name, {"no_such": 1}))
+    request = read_call(request_of(1, name, {"no_such": 1}))
     for role in Role:
         for commands in (False, True):
             may = role >= right and (commands or right < Role.COMMAND)

@@ -1,7 +1,8 @@
-"""What messages say of joint positions, and how several senders share one clock."""
+"""Joint positions in messages of ROS, and several senders on one clock."""
 
 from array import array
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ Longs = NDArray[np.int64]
 NANO = 1_000_000_000
 
 # A message that is older than the one before by no more than this was overtaken on its
-# way and is left out; by more, somebody has set the clock back [ns].
+# way and is left out; by more, the clock was set back [ns].
 MOST_OVERTAKEN = NANO // 10
 
 # A header that differs from the time of receipt by more was stamped by another clock,
@@ -39,7 +40,7 @@ def nanoseconds(time: Any) -> int:
 
 
 def points_of(message: Any, kind: str, received: int) -> Points:
-    """What a message says of joint positions; no samples if it has none.
+    """Joint positions in a message; no samples if it has none.
 
     A plan's waypoints count from the header's stamp on. What a controller measured is
     `feedback` since ROS 2 Iron and was `actual` before.
@@ -65,23 +66,19 @@ def samples(start: int, points: Sequence[tuple[int, Any]]) -> list[tuple[int, An
     return [(start + since, row) for since, row in points if len(row)]
 
 
+@dataclass(slots=True)
 class Stream:
-    """Samples of the same joints from one topic, as they come.
+    """Samples of the same joints from one topic, as they come."""
 
-    Attributes:
-        topic: The topic.
-        joints: Names of the joints, as written.
-        planned: Whether a message replaces what the one before had left.
-        robot: Put before the joints' names; empty if it is not known.
-        stamps: When the samples were taken [ns since 1970].
-        received: When they were received [ns since 1970].
-        values: Positions, one row after another [rad or m].
-    """
-
-    def __init__(self, topic: str, joints: tuple[str, ...], planned: bool) -> None:
-        self.topic, self.joints, self.planned = topic, joints, planned
-        self.robot = ""
-        self.stamps, self.received, self.values = array("q"), array("q"), array("d")
+    topic: str
+    joints: tuple[str, ...]  # their names, as written
+    planned: bool  # whether a message replaces the rest of the one before
+    robot: str = ""  # put before the joints' names; "" if it is not known
+    # When the samples were taken and received [ns since 1970].
+    stamps: "array[int]" = field(default_factory=lambda: array("q"))
+    received: "array[int]" = field(default_factory=lambda: array("q"))
+    # Positions, one row after another [rad or m].
+    values: "array[float]" = field(default_factory=lambda: array("d"))
 
     def add(
         self, joints: tuple[str, ...], points: Sequence[tuple[int, Any]], received: int
@@ -99,19 +96,12 @@ class Stream:
 
 
 class Samples(NamedTuple):
-    """Samples of the same joints from one topic, in order.
-
-    Attributes:
-        topic: The topic.
-        names: Names of the joints.
-        q: Joint positions, shape (n, len(names)) [rad or m].
-        stamps: When they were taken, shape (n,) [ns since 1970].
-    """
+    """Samples of the same joints from one topic, in order."""
 
     topic: str
-    names: tuple[str, ...]
-    q: Floats
-    stamps: Longs
+    names: tuple[str, ...]  # of the joints
+    q: Floats  # joint positions, shape (n, len(names)) [rad or m]
+    stamps: Longs  # when they were taken, shape (n,) [ns since 1970]
 
 
 def in_order(name: str, stream: Stream, notes: list[str]) -> Samples:
@@ -127,33 +117,33 @@ def in_order(name: str, stream: Stream, notes: list[str]) -> Samples:
     """
     stamps, received = np.array(stream.stamps), np.array(stream.received)
     q = np.array(stream.values).reshape(len(stamps), -1)
-    who = f"{stream.topic} ({', '.join(stream.joints[:2])}, …)"
+    own = f"{stream.topic} ({', '.join(stream.joints[:2])}, …)"
     newest = np.maximum.accumulate(stamps)
     back = np.concatenate([newest[:1] - 1, newest[:-1]]) - stamps
     worst = int(back.argmax())
     if back[worst] > MOST_OVERTAKEN:
         since = (received[worst] - received[0]) / NANO
         raise TrajectoryError(
-            f"{name}: {who}: the stamp of message {worst + 1} is "
+            f"{name}: {own}: the stamp of message {worst + 1} is "
             f"{back[worst] / NANO:.3f} s older than one before it; time must not go "
             f"back. Cut the bag there, at {since:.3f} s"
         )
     if twice := (back == 0).sum():
-        notes.append(f"{who}: {twice} messages have the stamp of the one before them")
+        notes.append(f"{own}: {twice} messages have the stamp of the one before them")
     if overtaken := (back > 0).sum():
         notes.append(
-            f"{who}: {overtaken} messages were overtaken by newer ones, by up to "
+            f"{own}: {overtaken} messages were overtaken by newer ones, by up to "
             f"{back[worst] / NANO * 1e3:.1f} ms, and are left out"
         )
     kept = back < 0
     lag = (received - stamps)[kept]
     if not lag.any():
         notes.append(
-            f"{who}: headers have no stamp; the times of receipt are used, which jitter"
+            f"{own}: headers have no stamp; the times of receipt are used, which jitter"
         )
     elif abs(np.median(lag)) > ODD_CLOCK and not stream.planned:
         notes.append(
-            f"{who}: stamps are {np.median(lag) / NANO:.0f} s from the times of "
+            f"{own}: stamps are {np.median(lag) / NANO:.0f} s from the times of "
             "receipt: another clock, which is taken as it is"
         )
     before = f"{stream.robot}/" if stream.robot else ""

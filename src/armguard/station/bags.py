@@ -45,8 +45,8 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Trajectory:
             joint positions.
 
     Raises:
-        TrajectoryError: It is no bag, it has no such topic, or several and nobody said
-            which, or its time goes back.
+        TrajectoryError: It is no bag, it has no such topic, or several and none was
+            named, or its time goes back.
     """
     notes: list[str] = []
     with opened(path, notes) as reader:
@@ -126,7 +126,7 @@ def bag_of(path: Path, notes: list[str]) -> Path:
 
 
 def copy_whole(path: Path, copy: Path) -> int:
-    """Copy what stands before the cut of an MCAP file without an end.
+    """Copy the messages before the cut of an MCAP file without an end.
 
     Of messages only those with joint positions are copied: the rest may be large.
 
@@ -173,13 +173,13 @@ def unreadable(path: Path, error: Exception) -> TrajectoryError:
     if isinstance(error, OSError):
         return TrajectoryError(f"'{path}' cannot be read: {error.strerror or error}")
     kind = type(error).__name__
-    told = str(error) if kind.startswith(("AnyReader", "Reader")) else ""
-    told = told or f"{kind}: {error}"
+    text = str(error) if kind.startswith(("AnyReader", "Reader")) else ""
+    text = text or f"{kind}: {error}"
     hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may mend it"
-    if "Profile" in told:
-        told, hint = "it was not written by ROS 2", "; convert it with `ros2 bag`"
+    if "Profile" in text:
+        text, hint = "it was not written by ROS 2", "; convert it with `ros2 bag`"
     return TrajectoryError(
-        f"'{path.name}' cannot be read as a bag: {told.rstrip('.')}{hint}"
+        f"'{path.name}' cannot be read as a bag: {text.rstrip('.')}{hint}"
     )
 
 
@@ -214,10 +214,10 @@ def chosen_topics(
 def streams_of(
     name: str, reader: Any, chosen: dict[str, str], notes: list[str]
 ) -> list[Stream]:
-    """All samples of some topics, apart by who sends which joints.
+    """All samples of some topics, one stream for each set of joints.
 
-    Nodes that each measure a part of a machine often share a topic: what names other
-    joints is another stream.
+    Nodes that each measure a part of a machine often share a topic: a message with
+    other joints is of another stream.
     """
     connections = [c for c in reader.connections if c.topic in chosen]
     streams: dict[tuple[str, frozenset[str]], Stream] = {}

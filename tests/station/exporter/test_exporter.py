@@ -18,7 +18,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from armguard.guard import layout
 from armguard.guard.levels import Reason
 from armguard.station.client import Client
-from armguard.station.exporter.families import (
+from armguard.station.exporter.metrics import (
     COUNTS,
     EDGES,
     GAUGES,

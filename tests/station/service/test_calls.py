@@ -111,7 +111,7 @@ def test_a_call_that_is_repeated_is_done_once(served):
         before = served.counters.value("stop_orders")
         client.call("stop")
         # The reply got lost, and the same call is sent again.
-        client._calls.number -= 1
+        client._call_number -= 1
         client.call("stop")
         assert served.counters.value("stop_orders") == before + 1
         client.call("engage")

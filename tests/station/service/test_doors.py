@@ -372,7 +372,7 @@ def test_a_flood_of_calls_does_not_keep_states_away(served):
                 outbox = noisy._connection.outbox
                 outbox.payload[: len(payload)] = payload
                 noisy._connection.say(Kind.CALL, len(payload))
-            noisy._dialogue.drain()
+            noisy._drain()
             arms.drive(WISH, 1)
         assert served.counters.value("dropped_busy") > busy
         arms.lead(WISH)

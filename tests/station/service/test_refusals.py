@@ -36,7 +36,7 @@ class Forger:
         return bytearray(self.outbox.message(Kind.STATE, payload))
 
     def wish(self, values: np.ndarray, form: int = Form.VELOCITIES) -> bytearray:
-        token = self.client._dialogue.command.token
+        token = self.client._token
         payload = WISH.pack(token, form, len(values)) + values.tobytes()
         return bytearray(self.outbox.message(Kind.WISH, payload))
 

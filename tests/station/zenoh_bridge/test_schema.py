@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from armguard.station.client import Client
-from armguard.station.client.stop import stop_answer
+from armguard.station.client.answer import stop_answer
 from armguard.station.client.welcome import NOTHING
 from armguard.station.wire import Cause
 from armguard.station.zenoh_bridge.authority import (
@@ -18,7 +18,7 @@ from armguard.station.zenoh_bridge.authority import (
 from armguard.station.zenoh_bridge.schema import (
     DroppedError,
     command_of,
-    finite,
+    plain,
     read,
     verdict_of,
 )
@@ -72,7 +72,7 @@ def test_json_has_no_infinity(text):
 
 
 def test_what_has_no_number_is_null():
-    assert json.dumps([finite(1.5), finite(float("inf")), finite(float("nan"))]) == (
+    assert json.dumps([plain(1.5), plain(float("inf")), plain(float("nan"))]) == (
         "[1.5, null, null]"
     )
 

@@ -2,9 +2,10 @@
 
 import argparse
 import logging
-import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from armguard.entry import run_program
 from armguard.errors import ArmguardError
@@ -13,7 +14,7 @@ from armguard.station.blackbox.recorder import (
     RecorderSettings,
     wait_for_ring,
 )
-from armguard.station.processes import end_with
+from armguard.station.processes import end_with, interrupted
 from armguard.station.service.counters import (
     CountersError,
     CountersReader,
@@ -32,54 +33,47 @@ def size(text: str) -> int:
     return int(float(number) * UNITS[unit])
 
 
+# Options that are settings of the recorder.
+OPTIONS: dict[str, Callable[[str], Any]] = {
+    **{"keep_near": int, "keep_near_size": size, "file_size": size},
+    **dict.fromkeys(("file_time", "before", "after"), float),
+    **dict.fromkeys(("near_clearance", "near_slack"), float),
+}
+
+
 def main() -> int:
-    """Record until the ring is closed or somebody ends it."""
+    """Record until the ring is closed or a signal comes."""
     own = RecorderSettings()
     parser = argparse.ArgumentParser("armguard.station.blackbox", description=__doc__)
     parser.add_argument("--ring", type=Path, required=True, help="the service's ring")
     parser.add_argument("--folder", type=Path, required=True, help="for recordings")
     parser.add_argument("--keep", type=size, default=own.keep, help="all of them")
-    parser.add_argument("--keep-near", type=int, default=own.keep_near)
-    parser.add_argument("--keep-near-size", type=size, default=own.keep_near_size)
-    parser.add_argument("--file-size", type=size, default=own.file_size)
-    parser.add_argument("--file-time", type=float, default=own.file_time)
-    parser.add_argument("--before", type=float, default=own.before)
-    parser.add_argument("--after", type=float, default=own.after)
-    parser.add_argument("--near-clearance", type=float, default=own.clearance)
-    parser.add_argument("--near-slack", type=float, default=own.slack)
+    for option, kind in OPTIONS.items():
+        default = getattr(own, option.removeprefix("near_"))
+        flag = "--" + option.replace("_", "-")
+        parser.add_argument(flag, type=kind, default=default)
     parser.add_argument("--wait", type=float, default=10.0, help="for the ring [s]")
     parser.add_argument(
         "--parent", type=int, help="ends with this process; with the ring's service"
     )
     options = parser.parse_args()
     logging.basicConfig(format="recorder: %(message)s", level=logging.INFO)
-    ended: list[int] = []
-    for name in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(name, lambda number, _: ended.append(number))
-    settings = RecorderSettings(
-        keep=options.keep,
-        keep_near=options.keep_near,
-        keep_near_size=options.keep_near_size,
-        file_size=options.file_size,
-        file_time=options.file_time,
-        before=options.before,
-        after=options.after,
-        clearance=options.near_clearance,
-        slack=options.near_slack,
-    )
-    try:
-        ring = wait_for_ring(options.ring, options.wait)
-    except ArmguardError as error:
-        print(f"recorder: {error}", file=sys.stderr)
-        return 2
-    parent = options.parent or service_of(options.ring)
-    if parent is not None:
-        end_with(parent)
+    given = {name.removeprefix("near_"): getattr(options, name) for name in OPTIONS}
+    settings = RecorderSettings(keep=options.keep, **given)
+    with interrupted() as ended:
+        try:
+            ring = wait_for_ring(options.ring, options.wait)
+        except ArmguardError as error:
+            print(f"recorder: {error}", file=sys.stderr)
+            return 2
+        parent = options.parent or service_of(options.ring)
+        if parent is not None:
+            end_with(parent)
 
-    def ends() -> bool:
-        return bool(ended) or (parent is not None and not lives(parent))
+        def ends() -> bool:
+            return ended.is_set() or (parent is not None and not lives(parent))
 
-    Recorder(options.folder, settings).run(ring, ends)
+        Recorder(options.folder, settings).run(ring, ends)
     return 0
 
 

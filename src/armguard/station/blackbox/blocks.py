@@ -1,8 +1,8 @@
 """Frames as a recording keeps them: one after another, most cycles without all pairs.
 
 Of most cycles the verdict is cut to its header and its nearest pair, poses are left
-out, and a digest of all that was told takes their place: enough to say what happened,
-and to know whether a replay does the same to the last bit. Frames of one length that
+out, and a digest of the whole answer takes their place: enough to report the cycle and
+to know whether a replay gives the same bits. Frames of one length that
 follow each other make a block. A block is stored column by column, each number as what
 differs from the last one, which a compressor makes a quarter of.
 
@@ -40,27 +40,27 @@ HEAD = struct.Struct("<II")
 # Frames in a block at most: they wait in memory until it is full.
 MOST_FRAMES = 64
 
-# Bytes of the frames of a block; more is damage, for which nobody makes room.
+# Bytes of the frames of a block; more is damage, and gets no memory.
 MOST_BYTES = 64 << 20
 
 # Bytes of a digest.
 DIGEST = 8
 
 
-def digest_of(verdict: Floats, told: Floats) -> bytes:
-    """What tells the answer of one cycle from another one."""
+def digest_of(verdict: Floats, sent: Floats) -> bytes:
+    """Digest of the answer of a cycle."""
     digest = blake2b(verdict.tobytes(), digest_size=DIGEST)
-    digest.update(told.tobytes())
+    digest.update(sent.tobytes())
     return digest.digest()
 
 
 def places(row: Floats) -> tuple[int, int, int, int]:
-    """Where in a frame of a cycle stand: what was told, verdict, poses and text."""
+    """Where command, verdict, poses and text begin in the frame of a cycle."""
     head = row[:HEADER]
-    told = HEADER + 2 * int(head[JOINTS]) + int(head[ROBOTS]) + int(head[ASKED])
-    verdict = told + int(head[TOLD])
+    sent = HEADER + 2 * int(head[JOINTS]) + int(head[ROBOTS]) + int(head[ASKED])
+    verdict = sent + int(head[TOLD])
     poses = verdict + int(head[VERDICT])
-    return told, verdict, poses, poses + int(head[POSES])
+    return sent, verdict, poses, poses + int(head[POSES])
 
 
 def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
@@ -71,9 +71,9 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
         first_row: Where the near pairs of its verdict start.
         whole: Whether all near pairs and poses are kept.
     """
-    told, verdict, poses, text = places(row)
+    sent, verdict, poses, text = places(row)
     size = words(int(row[TEXT]))
-    digest = digest_of(row[verdict:poses], row[told:verdict])
+    digest = digest_of(row[verdict:poses], row[sent:verdict])
     tail = np.zeros(1)
     put_text(digest, tail)
     if whole:

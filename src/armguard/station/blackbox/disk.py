@@ -1,8 +1,8 @@
 """Files on a disk that may be full, slow or gone: written by a thread of their own.
 
-Whoever records hands over pieces and goes on. They wait in memory, up to a bound; what
-does not fit any more is given up, and counted. A piece that could be written in part is
-taken back first, so that a file is always whole pieces.
+The recorder hands over pieces and goes on. They wait in memory, up to a bound; pieces
+beyond it are given up, and counted. A piece that could be written in part is taken back
+first, so that a file is always whole pieces.
 """
 
 import logging
@@ -27,35 +27,23 @@ PAUSE = 1.0
 SYNC = 1.0
 
 
+@dataclass(slots=True)
 class DiskFile:
-    """A file that is being written.
+    """A file that is being written."""
 
-    Attributes:
-        path: Where it is.
-        given_up: Whether a piece of it was lost: it takes no more.
-        size: Bytes it has on the disk.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.given_up = False
-        self.size = 0
-        self.handle: int | None = None
-        self.synced = 0.0
+    path: Path
+    given_up: bool = False  # a piece of it was lost: it takes no more
+    size: int = 0  # bytes it has on the disk
+    handle: int | None = None
+    synced: float = 0.0  # when, monotonic [s]
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What files of some names may have together; the newest stays in any case.
+    """Limits of files together; the newest stays in any case."""
 
-    Attributes:
-        pattern: Their names.
-        size: Bytes.
-        count: How many there may be.
-    """
-
-    pattern: str
-    size: int
+    pattern: str  # of their names
+    size: int  # bytes
     count: float = inf
 
 
@@ -73,11 +61,9 @@ class Disk:
     """
 
     def __init__(self, folder: Path, *budgets: Budget) -> None:
-        self.folder = folder
+        self.folder, self._budgets = folder, budgets
         self.problem = ""
-        self.failures = 0
-        self.lost = 0
-        self._budgets = budgets
+        self.failures = self.lost = 0
         self._queue: deque[tuple[DiskFile, bytes | None]] = deque()
         self._waiting = 0
         self._wake = threading.Condition()
@@ -130,7 +116,7 @@ class Disk:
             except OSError as error:
                 self._fail(file, error)
                 with self._wake:
-                    # The end is waited for by somebody: no more than a try a piece.
+                    # At the end there is no pause, but no more than a try a piece.
                     self._wake.wait(PAUSE)
                 continue
             if self.problem and piece is not None:
@@ -153,7 +139,7 @@ class Disk:
         if file.handle is None:
             self._open(file)
         elif not file.path.exists():
-            # What follows could not be read without its beginning.
+            # Later pieces could not be read without the file's beginning.
             file.given_up = True
             self.lost += len(piece)
             raise FileNotFoundError(ENOENT, "the file was removed")
@@ -175,7 +161,7 @@ class Disk:
         """Make a file, and room for it."""
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
-        # What arms did is their owner's business alone.
+        # Only the owner of the arms may read their motion.
         file.handle = os.open(file.path, flags, 0o600)
         file.size = 0
         for budget in self._budgets:

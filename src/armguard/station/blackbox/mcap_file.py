@@ -12,16 +12,10 @@ CHUNK_SIZE = 128 << 10
 
 
 class Sink:
-    """What the library takes for a file: hands on whole records and keeps nothing.
-
-    Attributes:
-        size: Bytes handed on.
-
-    Args:
-        put: Takes each piece; whatever it does with one hurts no other.
-    """
+    """A file for the library: hands on whole records and keeps nothing."""
 
     def __init__(self, put: Callable[[bytes], object]) -> None:
+        # Bytes handed on.
         self._put, self.size = put, 0
 
     def write(self, data: bytes) -> None:
@@ -31,7 +25,7 @@ class Sink:
             self._put(data)
 
     def tell(self) -> int:
-        """Where the next piece stands in the file."""
+        """Position of the next piece in the file."""
         return self.size
 
     def flush(self) -> None:
@@ -45,7 +39,7 @@ class McapFile:
 
     Args:
         put: Takes the file's bytes, piece by piece.
-        library: Who writes it.
+        library: Name and version of the program that writes it.
         about: Metadata by name.
     """
 

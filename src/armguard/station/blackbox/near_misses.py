@@ -11,19 +11,22 @@ from armguard.station.blackbox.ros import Stored
 # Bytes kept in memory, whatever the time they are of.
 MOST_KEPT = 256 << 20
 
-# What ended has to be over for so long before it can begin again [s].
+# A near miss has to be over for so long before it can begin again [s].
 OVER = 1.0
+
+# Kinds of near misses: a level, a clearance [mm], a time [ms].
+SENTENCES = (
+    "a stop: {0}",
+    "the nearest pair had {1:.1f} mm beyond what it needs",
+    "a stop had to be ordered within {2:.1f} ms",
+)
 
 
 @dataclass
 class Before:
-    """Messages of the last while, beginning with a checkpoint where there is one.
+    """Messages of the last while, beginning with a checkpoint where there is one."""
 
-    Attributes:
-        span: How long back they must go [s].
-    """
-
-    span: float
+    span: float  # how long back they must go [s]
     _kept: deque[tuple[float, Stored, bool]] = field(default_factory=deque)
     _size: int = 0
 
@@ -61,40 +64,31 @@ class Before:
 
 @dataclass
 class Trigger:
-    """Tells when something begins that is worth a file of its own.
+    """Detects the beginning of a near miss, which gets a file of its own."""
 
-    Attributes:
-        clearance: A nearest pair with less than this beyond what it needs is one [m].
-        slack: Less time than this until a stop must be ordered is one [s].
-    """
-
-    clearance: float
-    slack: float
-    _active: dict[str, bool] = field(default_factory=dict)
-    _ended: dict[str, float] = field(default_factory=dict)
+    clearance: float  # of a nearest pair: less than this is a near miss [m]
+    slack: float  # time until a stop must be ordered: likewise [s]
+    _active: list[bool] = field(default_factory=lambda: [False] * 3)
+    _ended: list[float] = field(default_factory=lambda: [-OVER] * 3)
     _known: bool = False
 
     def look(self, now: float, level: int, clearance: float, slack: float) -> str:
-        """What begins with a cycle, in words; empty if nothing does."""
-        found = {
-            "stop": level >= Level.STOP,
-            "clearance": clearance < self.clearance,
-            "slack": slack < self.slack,
-        }
+        """The near miss that begins with a cycle, in words; empty if none does."""
+        found = (
+            level >= Level.STOP,
+            clearance < self.clearance,
+            slack < self.slack,
+        )
         began = ""
-        for what, holds in found.items():
-            was = self._active.get(what, False)
+        for k, holds in enumerate(found):
+            was = self._active[k]
             if was and not holds:
-                self._ended[what] = now
-            fresh = now - self._ended.get(what, -OVER) >= OVER or what == "stop"
-            if holds and not was and fresh and self._known:
-                began = began or what
-            self._active[what] = holds
+                self._ended[k] = now
+            # A stop is one however soon it follows another.
+            fresh = k == 0 or now - self._ended[k] >= OVER
+            if holds and not was and fresh and self._known and not began:
+                name, left = Level(level).name, clearance * 1e3
+                began = SENTENCES[k].format(name, left, slack * 1e3)
+            self._active[k] = holds
         self._known = True
-        if began == "stop":
-            return f"a stop: {Level(level).name}"
-        if began == "clearance":
-            return f"the nearest pair had {clearance * 1e3:.1f} mm beyond what it needs"
-        if began == "slack":
-            return f"a stop had to be ordered within {slack * 1e3:.1f} ms"
-        return ""
+        return began

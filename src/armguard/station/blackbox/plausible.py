@@ -1,7 +1,7 @@
-"""What a recording says, looked at before it is believed: it may be anybody's.
+"""Checks of a recording before it is used: it is untrusted input.
 
-Sizes are checked before room is made. A frame that cannot be is left out, as a damaged
-one is; what is left ends in one sentence.
+Sizes are checked before memory is allocated. A frame with impossible contents is left
+out, as a damaged one is; any other error becomes one sentence.
 """
 
 import json
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 # Bytes of an attachment; a larger one is none of ours.
 MOST_ATTACHED = 64 << 20
 
-# Times a clock tells [s]: a few hundred years.
+# Latest time of a clock [s]: a few hundred years.
 LATEST = 1e10
 
 # Cycles are counted exactly up to here.
@@ -32,7 +32,7 @@ MOST_CYCLES = 1 << 53
 # Joints and robots of a scene.
 MOST_NAMES = 4096
 
-# What an answer is known to say in whole numbers, by its places.
+# Places of an answer that hold whole numbers.
 WHOLE_PLACES = (
     layout.REASON,
     layout.JOINT,
@@ -43,11 +43,8 @@ WHOLE_PLACES = (
 
 
 @contextmanager
-def believed(what: object) -> Iterator[None]:
-    """Turn whatever reading a recording raises into one sentence.
-
-    Args:
-        what: Name of what is read.
+def reading(what: object) -> Iterator[None]:
+    """Turn any error of reading a recording of that name into one sentence.
 
     Raises:
         RecordingError: Something in it is not what it should be.
@@ -56,7 +53,7 @@ def believed(what: object) -> Iterator[None]:
         yield
     except ArmguardError:
         raise
-    except Exception as error:  # whatever a stranger's bytes lead to
+    except Exception as error:  # the bytes may be anything
         raise RecordingError(
             f"{what}: something in it is not what a recording holds "
             f"({type(error).__name__}: {error})"
@@ -70,7 +67,7 @@ def unpacked(data: bytes, size: int) -> bytes:
         ValueError: They are damaged, or of another length.
     """
     try:
-        # What the data itself says of its length is where the library makes room for.
+        # The library allocates the length that the data itself declares.
         said = zstandard.get_frame_parameters(data).content_size
         if said not in (size, zstandard.CONTENTSIZE_UNKNOWN):
             raise ValueError(
@@ -85,10 +82,10 @@ def unpacked(data: bytes, size: int) -> bytes:
 
 
 def about_of(text: bytes) -> dict[str, Any]:
-    """What a recording says of itself.
+    """The metadata of a recording.
 
     Raises:
-        ValueError: It is not as a recorder writes it.
+        ValueError: They are not as a recorder writes them.
     """
     try:
         about = json.loads(text)
@@ -98,11 +95,7 @@ def about_of(text: bytes) -> dict[str, Any]:
         raise ValueError("it is no mapping")
     for key in ("names", "robots"):
         names = about.get(key, [])
-        if (
-            not isinstance(names, list)
-            or len(names) > MOST_NAMES
-            or not all(isinstance(name, str) for name in names)
-        ):
+        if not are_names(names) or len(names) > MOST_NAMES:
             raise ValueError(f"'{key}' are no names")
     period, budget = about.get("period", 1.0), about.get("budget", 1)
     if type(period) not in (int, float) or not 0.0 <= period <= LATEST:
@@ -112,16 +105,16 @@ def about_of(text: bytes) -> dict[str, Any]:
     return about
 
 
-def plausible_frame(row: Floats, joints: int, robots: int) -> Frame:
-    """The frame of a row.
+def are_names(found: object) -> bool:
+    """Whether a value is a list of strings."""
+    return isinstance(found, list) and all(isinstance(name, str) for name in found)
 
-    Args:
-        row: The row.
-        joints: Joints there are; 0 if nobody knows.
-        robots: Robots there are; the same.
+
+def plausible_frame(row: Floats, joints: int, robots: int) -> Frame:
+    """The frame of a row; numbers of joints and robots are 0 if they are not known.
 
     Raises:
-        ValueError: The row is none, or says what cannot be.
+        ValueError: The row is none, or its contents are impossible.
     """
     try:
         frame = frame_of(row)
@@ -140,15 +133,15 @@ def plausible_frame(row: Floats, joints: int, robots: int) -> Frame:
 
 
 def check_cycle(frame: Frame, joints: int, robots: int) -> None:
-    """Refuse the frame of a cycle that cannot be.
+    """Check the frame of a cycle.
 
     Raises:
-        ValueError: It cannot.
+        ValueError: Its contents are impossible.
     """
     asked = joints
     if frame.form is Form.TWISTS:
         tools = frame.text.get("tools", [])
-        if not isinstance(tools, list) or not all(isinstance(t, str) for t in tools):
+        if not are_names(tools):
             raise ValueError("its tools are no names")
         asked = 6 * len(tools)
     elif frame.form is Form.STOP:

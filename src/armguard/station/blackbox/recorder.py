@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard import __version__
 from armguard.guard import layout
 from armguard.guard.verdict import Names, names_of
 from armguard.scene.archive import ArchiveError, scene_of
 from armguard.scene.compile import compile_scene
+from armguard.station import frames
 from armguard.station.blackbox import ros
 from armguard.station.blackbox.blocks import (
     MOST_BYTES,
@@ -27,22 +29,12 @@ from armguard.station.blackbox.blocks import (
 )
 from armguard.station.blackbox.disk import Budget, Disk, DiskFile
 from armguard.station.blackbox.mcap_file import McapFile
-from armguard.station.blackbox.narrator import Glance, Narrator
+from armguard.station.blackbox.messages import MessageMaker, Summary
 from armguard.station.blackbox.near_misses import Before, Trigger
 from armguard.station.blackbox.recording import ABOUT, SCENE
 from armguard.station.blackbox.ros import Stored
 from armguard.station.errors import RingError
-from armguard.station.frames import (
-    JOINTS,
-    KIND,
-    MONOTONIC,
-    ROBOTS,
-    TOLD,
-    WALL,
-    Kind,
-    frame_of,
-    text_frame,
-)
+from armguard.station.frames import Kind, frame_of, text_frame
 from armguard.station.recorder_pulse import beat, end_pulse
 from armguard.station.ring import RingReader
 
@@ -77,43 +69,30 @@ SCENE_KIND = "application/vnd.armguard.scene"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderSettings:
-    """How much is kept.
+    """How much is kept."""
 
-    Attributes:
-        keep: Bytes of all recordings together, near misses apart.
-        keep_near: How many near misses are kept.
-        keep_near_size: Bytes of all near misses together.
-        file_size: Bytes after which another recording begins.
-        file_time: Time after which another one begins [s].
-        before: What is kept of the time before a near miss [s].
-        after: And after it [s].
-        longest: Time after which a file of near misses ends in any case [s].
-        clearance: See `Trigger`.
-        slack: See `Trigger`.
-    """
-
-    keep: int = 20 << 30
-    keep_near: int = 200
-    keep_near_size: int = 4 << 30
-    file_size: int = 1 << 30
-    file_time: float = 3600.0
-    before: float = 30.0
-    after: float = 5.0
-    longest: float = 120.0
-    clearance: float = 0.0
-    slack: float = 0.0
+    keep: int = 20 << 30  # bytes of all recordings together, near misses apart
+    keep_near: int = 200  # files of near misses
+    keep_near_size: int = 4 << 30  # bytes of all near misses together
+    file_size: int = 1 << 30  # bytes after which another recording begins
+    file_time: float = 3600.0  # time after which another one begins [s]
+    before: float = 30.0  # time that is kept before a near miss [s]
+    after: float = 5.0  # and after it [s]
+    longest: float = 120.0  # after which a file of near misses ends in any case [s]
+    clearance: float = 0.0  # see `Trigger` [m]
+    slack: float = 0.0  # see `Trigger` [s]
 
 
 class Writing:
     """A recording that is being written.
 
     Args:
-        disk: Where it goes.
-        path: Its file.
+        disk: Disk of the file.
+        path: Path of the file.
         began: When, on the clock of frames [s].
-        about: What it is about.
+        about: Its metadata.
         scene: Archive of the scene; empty if there is none.
-        wall: The same on the wall clock [ns].
+        wall: When it began, on the wall clock [ns].
     """
 
     def __init__(
@@ -127,31 +106,29 @@ class Writing:
     ) -> None:
         self.disk, self.file, self.began = disk, DiskFile(path), began
         put = partial(disk.put, self.file)
-        self.mcap = McapFile(put, f"armguard {version()}", {"armguard": about})
-        told = json.dumps(about).encode()
+        self.mcap = McapFile(put, f"armguard {__version__}", {"armguard": about})
+        text = json.dumps(about).encode()
         for _ in range(COPIES):
-            self.mcap.attach(ABOUT, "application/json", told, wall)
+            self.mcap.attach(ABOUT, "application/json", text, wall)
             if scene:
                 self.mcap.attach(SCENE, SCENE_KIND, scene, wall)
 
     def end(self) -> None:
         """Write the last bytes."""
         self.mcap.end()
+        self.give_up()
+
+    def give_up(self) -> None:
+        """Close the file as it is."""
         self.disk.close(self.file)
 
 
 class Recorder:
-    """Takes frames in order and writes them down.
+    """Takes frames in order and writes them into files of a folder.
 
     Attributes:
-        settings: How much is kept.
-        disk: Where it goes.
         cycles: Cycles taken.
         near_misses: Files of near misses begun.
-
-    Args:
-        folder: Folder of the recordings.
-        settings: How much is kept.
     """
 
     def __init__(self, folder: Path, settings: RecorderSettings) -> None:
@@ -165,7 +142,7 @@ class Recorder:
         self.near_misses = 0
         self._about: dict[str, Any] = {}
         self._scene = b""
-        self._narrator: Narrator | None = None
+        self._maker: MessageMaker | None = None
         self._main: Writing | None = None
         self._apart: Writing | None = None
         self._apart_until = -np.inf
@@ -179,24 +156,18 @@ class Recorder:
         self._whole_at = -np.inf
         self._now, self._time = 0.0, 0
         self._offset: float | None = None
-        self._untold: list[str] = []
+        self._unnoted: list[str] = []
 
     def run(self, ring: RingReader, ends: Callable[[], bool]) -> None:
-        """Record until the ring is closed, or it is to end.
-
-        Args:
-            ring: The ring.
-            ends: Whether to end.
-        """
+        """Record until the ring is closed, or `ends` says so."""
         flushed, lost = time.monotonic(), 0
         while True:
             # Asked before the ring is read: what came before is still written.
             last = ring.closed or ends()
             for row in ring.unread():
                 if ring.lost != lost:
-                    self.tell(f"{ring.lost - lost} records were lost: the recorder was "
-                              "too slow")  # fmt: skip
-                    lost = ring.lost
+                    missing, lost = ring.lost - lost, ring.lost
+                    self.note(f"{missing} records were lost: the recorder was too slow")
                 self.take(row)
             if time.monotonic() - flushed >= FLUSH:
                 flushed = time.monotonic()
@@ -212,7 +183,7 @@ class Recorder:
     def take(self, row: Floats) -> None:
         """Take the next frame."""
         self._set_clock(row)
-        kind = int(row[KIND])
+        kind = int(row[frames.KIND])
         if kind == Kind.CYCLE:
             self._take_cycle(row)
             return
@@ -231,11 +202,11 @@ class Recorder:
             call = {k: v for k, v in frame.text.items() if v is not None}
             self._store(ros.log(self._time, ros.INFO, json.dumps(call)))
 
-    def tell(self, problem: str) -> None:
+    def note(self, problem: str) -> None:
         """Write down that something of the recording is missing, and log it."""
         log.warning("%s", problem)
         if self._main is None:
-            self._untold.append(problem)
+            self._unnoted.append(problem)
             return
         note = {"note": "recorder", "problem": problem}
         wall = (self._offset or 0.0) + self._now
@@ -249,74 +220,75 @@ class Recorder:
         self._close_block()
         if self._apart is not None and self._now > self._apart_until:
             self._end_apart()
-        for writing in (self._main, self._apart):
-            if writing is not None:
-                writing.mcap.flush()
+        for writing in self._files:
+            writing.mcap.flush()
         if self._main is not None and self._main.file.given_up:
             # It has a hole: another one begins with the next frame.
-            self._main.disk.close(self._main.file)
+            self._main.give_up()
             self._main = None
             why = self.disk.problem or "the disk was too slow"
-            self.tell(f"what was before is missing: {why}")
+            self.note(f"what was before is missing: {why}")
         if self._apart is not None and self._apart.file.given_up:
-            self._apart.disk.close(self._apart.file)
+            self._apart.give_up()
             self._apart = None
 
     def end(self) -> None:
         """Write all that is left, and the ends of files."""
-        self.flush()
-        for writing in (self._main, self._apart):
-            if writing is not None:
-                writing.end()
-        self._main = self._apart = None
+        self._end_files()
         if not self.disk.end(PATIENCE):
             log.warning(
                 "%s: the end was not written: %s", self.folder, self.disk.problem
             )
 
+    @property
+    def _files(self) -> list[Writing]:
+        """Recordings that are being written."""
+        return [one for one in (self._main, self._apart) if one is not None]
+
+    def _end_files(self) -> None:
+        """Write all that was taken, and the ends of files."""
+        self.flush()
+        for writing in self._files:
+            writing.end()
+        self._main = self._apart = None
+
     def _take_cycle(self, row: Floats) -> None:
         """Take a cycle."""
         self._open()
-        if self._narrator is None:
-            self._narrator = nameless(row)
-        glance = Glance(row, self._narrator.first_row)
-        whole = (
-            glance.levels != self._levels or self._now - self._whole_at >= WHOLE_EVERY
-        )
+        if self._maker is None:
+            self._maker = nameless(row)
+        summary = Summary(row, self._maker.first_row)
+        due = self._now - self._whole_at >= WHOLE_EVERY
+        whole = due or summary.levels != self._levels
         if whole:
-            self._whole_at, self._levels = self._now, glance.levels
-        kept = kept_cycle(row, self._narrator.first_row, whole)
+            self._whole_at, self._levels = self._now, summary.levels
+        kept = kept_cycle(row, self._maker.first_row, whole)
         if self._rows and len(self._rows[-1]) != len(kept):
             self._close_block()
         self._rows.append(kept)
-        if len(self._rows) >= MOST_FRAMES or (
-            2 * len(self._rows) * kept.nbytes > MOST_BYTES
-        ):
+        count = len(self._rows)
+        if count >= MOST_FRAMES or 2 * count * kept.nbytes > MOST_BYTES:
             self._close_block()
-        for message in self._narrator.cycle(row, self._now, self._time):
+        for message in self._maker.cycle(row, self._now, self._time):
             self._store(message)
         self.cycles += 1
-        what = self._trigger.look(
-            self._now, glance.level, glance.clearance, glance.slack
-        )
-        if what:
+        numbers = summary.level, summary.clearance, summary.slack
+        if what := self._trigger.look(self._now, *numbers):
             self._near_miss(what)
 
     def _near_miss(self, what: str) -> None:
         """Keep what was before apart, and what is to come."""
         self._close_block()
         self._store(ros.log(self._time, ros.WARN, f"near miss: {what}"))
-        if self._apart is not None and self._now - self._apart.began < (
-            self.settings.longest
-        ):
-            self._apart_until = self._now + self.settings.after
+        self._apart_until = self._now + self.settings.after
+        apart = self._apart
+        if apart is not None and self._now - apart.began < self.settings.longest:
             return
         self._end_apart()
         self.near_misses += 1
         self._apart = self._new("near-miss", {"near_miss": what})
         for message in self._before.messages(self._apart_to):
             self._apart.mcap.add(message)
-        self._apart_until = self._now + self.settings.after
 
     def _end_apart(self) -> None:
         """Write the end of the file of near misses, if there is one."""
@@ -329,45 +301,35 @@ class Recorder:
         if self._about == about:
             return
         if self._main is not None:
-            self.flush()
-            for writing in (self._main, self._apart):
-                if writing is not None:
-                    writing.end()
-            self._main = self._apart = None
+            self._end_files()
             self._before = Before(self.settings.before)
             self._apart_to = -np.inf
         self._about, self._scene = dict(about), archive
         names = scene_names(about, archive)
         joints, robots = about.get("names", ()), about.get("robots", ())
-        self._narrator = None
+        self._maker = None
         if names is not None:
-            self._narrator = Narrator(joints, robots, names, names.first_row)
+            self._maker = MessageMaker(joints, robots, names, names.first_row)
 
-    def _rotate(self) -> None:
-        """Begin another recording if this one is long enough."""
+    def _rotate(self, more: float = 1.0) -> None:
+        """End this recording if it has so much more than it may have."""
         if self._main is None:
             return
         size, age = self._main.mcap.size, self._now - self._main.began
-        if size >= self.settings.file_size or age >= self.settings.file_time:
+        limits = self.settings
+        if size >= more * limits.file_size or age >= more * limits.file_time:
             self._close_block()
             self._main.end()
             self._main = None
 
     def _open(self) -> None:
         """Begin a recording if there is none."""
-        main = self._main
-        if main is not None and (
-            main.mcap.size >= WITHOUT * self.settings.file_size
-            or self._now - main.began >= WITHOUT * self.settings.file_time
-        ):
-            self._close_block()
-            main.end()
-            self._main = None
+        self._rotate(WITHOUT)
         if self._main is None and not (self.disk.problem and self.disk.waiting):
             self._main = self._new("recording", {})
-            untold, self._untold = self._untold, []
-            for problem in untold:
-                self.tell(problem)
+            waiting, self._unnoted = self._unnoted, []
+            for problem in waiting:
+                self.note(problem)
 
     def _new(self, name: str, more: Mapping[str, str]) -> Writing:
         """A recording that begins now."""
@@ -380,7 +342,7 @@ class Recorder:
         about = {
             **self._about,
             **more,
-            "recorder": version(),
+            "recorder": __version__,
             "layout": layout.LAYOUT,
             "machine": f"{platform.machine()} {platform.system()}",
             "began": began.isoformat(),
@@ -398,15 +360,14 @@ class Recorder:
     def _store(self, message: Stored) -> None:
         """Keep a message wherever it belongs."""
         self._before.add(self._now, message, self._checkpoint)
-        for writing in (self._main, self._apart):
-            if writing is not None:
-                writing.mcap.add(message)
+        for writing in self._files:
+            writing.mcap.add(message)
 
     def _set_clock(self, row: Floats) -> None:
         """Take the time of a frame: a wall clock that never goes back."""
-        self._now = float(row[MONOTONIC])
+        self._now = float(row[frames.MONOTONIC])
         if self._offset is None:
-            self._offset = float(row[WALL]) - self._now
+            self._offset = float(row[frames.WALL]) - self._now
         self._time = max(self._time, int((self._offset + self._now) * 1e9))
 
 
@@ -422,28 +383,17 @@ def scene_names(about: Mapping[str, Any], archive: bytes) -> Names | None:
         return None
 
 
-def nameless(row: Floats) -> Narrator:
-    """A narrator of a scene that is not known."""
-    n, r = int(row[JOINTS]), int(row[ROBOTS])
-    guarded = row[TOLD] > 0
+def nameless(row: Floats) -> MessageMaker:
+    """A maker of messages of a scene that is not known."""
+    n, r = int(row[frames.JOINTS]), int(row[frames.ROBOTS])
+    guarded = row[frames.TOLD] > 0
     first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if guarded else 0)
     joints = [f"joint{k + 1}" for k in range(n)]
-    return Narrator(joints, [f"robot{k + 1}" for k in range(r)], None, first)
-
-
-def version() -> str:
-    """Version of the package."""
-    from armguard import __version__
-
-    return __version__
+    return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)
 
 
 def wait_for_ring(path: Path, patience: float) -> RingReader:
-    """The ring, as soon as it is there.
-
-    Args:
-        path: Its file.
-        patience: How long it is waited for [s].
+    """The ring of a file, which is waited for so long [s].
 
     Raises:
         RingError: It does not come.

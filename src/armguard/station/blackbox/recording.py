@@ -35,20 +35,20 @@ SCENE, ABOUT = "armguard scene", "armguard about"
 class Recording:
     """One recording, or all of a folder one after another.
 
-    What is damaged is left out; `problems` says what, and is complete when all frames
-    were read once.
+    Damaged parts are left out and named in `problems`, which is complete when all
+    frames were read once.
 
     Attributes:
         paths: Its files, oldest first.
-        info: What was written down at its start: version, names, period, settings.
-        problems: What is missing or damaged, in words.
+        info: Its metadata: version, names, period, settings.
+        problems: Missing or damaged parts, in words.
 
     Args:
         paths: Its files, oldest first.
 
     Raises:
-        RecordingError: A file cannot be opened, is empty, says of itself what no
-            recorder writes, or holds verdicts of another layout.
+        RecordingError: A file cannot be opened, is empty, has metadata that no recorder
+            writes, or verdicts of another layout.
     """
 
     info: dict[str, Any]
@@ -86,7 +86,7 @@ class Recording:
 
     @property
     def cycle_count(self) -> int:
-        """About how many cycles it holds, by its numbers; 0 if nobody knows."""
+        """About how many cycles it holds, by its times; 0 if that is not known."""
         period = float(self.info.get("period") or 0.0)
         times = [time for data in self._data for time in span_of(data)]
         if not times or not period:
@@ -96,7 +96,7 @@ class Recording:
     def parts(self) -> "list[Recording]":
         """Recordings of one scene each: this one, where nothing was changed in it.
 
-        A service that is told to change its settings goes on in another scene.
+        A service whose settings are changed goes on in another scene.
         """
         groups: list[tuple[str, list[Path]]] = []
         for path in self.paths:
@@ -181,14 +181,10 @@ class Recording:
 
 
 def check_layout(path: Path, info: dict[str, Any]) -> None:
-    """Refuse a recording whose verdicts have their numbers in other places.
-
-    Args:
-        path: Its file.
-        info: What it says of itself; one that names no layout has the first.
+    """Check the layout of verdicts in a file's metadata; the first one if not named.
 
     Raises:
-        RecordingError: Its layout is not the one that this version reads.
+        RecordingError: It is not the layout that this version reads.
     """
     made = info.get("layout", FIRST_LAYOUT)
     if made != layout.LAYOUT:
@@ -214,9 +210,8 @@ def open_recording(path: str | Path) -> Recording:
     if place.is_dir():
         found = sorted(place.glob("recording-*.mcap"))
         if not found:
-            raise RecordingError(
-                f"{place}: there is no recording-*.mcap in this folder"
-            )
+            text = f"{place}: there is no recording-*.mcap in this folder"
+            raise RecordingError(text)
         return Recording(found)
     if not place.exists():
         raise RecordingError(f"{place}: no such file or folder")

@@ -1,8 +1,8 @@
-"""What can be read of a recording that was cut off or damaged: all that is whole.
+"""Whole parts of a recording that was cut off or damaged.
 
-A recording is not read by what it says of itself, but looked through for what proves to
-be whole by its checksum: a wrong bit costs the chunk it is in, a cut the chunk it goes
-through, and nothing else. What is unreadable is told with its place.
+The file's index is not used: the file is searched for chunks whose checksum is right. A
+wrong bit costs the chunk it is in, a cut the chunk it goes through, and nothing else.
+Unreadable bytes are reported with their place.
 """
 
 import mmap
@@ -33,7 +33,7 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 # Records there are.
 OPCODES = frozenset(Opcode)
 
-# A chunk that claims to be larger is damage: nobody makes room for it.
+# A chunk that claims to be larger is damage, and gets no memory.
 MOST_BYTES = 128 << 20
 
 
@@ -134,7 +134,7 @@ def attachment(data: Data, name: str) -> bytes | None:
     word = struct.pack("<I", len(word)) + word
     at = -1
     while (at := data.find(word, at + 1)) >= 0:
-        # Before the name stand two times, which the checksum covers as well.
+        # Two times precede the name; the checksum covers them as well.
         start, place = at - 16, at + len(word)
         if start < 0 or place + 4 > len(data):
             continue

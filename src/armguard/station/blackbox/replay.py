@@ -1,6 +1,6 @@
 """Replay: what went in goes in again, and the answers are compared bit by bit."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
+from armguard.guard import layout
 from armguard.guard.levels import ORDERED, Reason
 from armguard.guard.objects import SightingError
-from armguard.guard.verdict import Verdict
+from armguard.guard.verdict import Verdict, first_row_of
 from armguard.respond import Command, Guard
 from armguard.station.blackbox.blocks import digest_of
-from armguard.station.blackbox.difference import difference
-from armguard.station.blackbox.plausible import believed
+from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.recording import Recording
 from armguard.station.calls import call_of
 from armguard.station.frames import Form, Frame, Kind
@@ -25,30 +25,28 @@ Floats = NDArray[np.float64]
 # What no guard can read, in place of an input that it could not read.
 UNREADABLE: Any = "?"
 
+# What the numbers of a command are, `n` of each; then `r` of each.
+OF_JOINTS = ("velocity", "position", "asked velocity", "way to the asked position")
+OF_ROBOTS = (
+    "why it is blocked",
+    "phase",
+    "since when it is held",
+    "why it is told something else",
+)
+
 
 @dataclass(slots=True)
 class Replay:
-    """What a replay came to.
+    """The result of a replay."""
 
-    Attributes:
-        cycles: Cycles that were judged again and compared.
-        skipped: Cycles that could not be, since nothing is known of the guard before.
-        checkpoints: Checkpoints at which all that the guard remembers was compared.
-        first_cycle: Number of the first cycle compared, None if none was.
-        difference: The first difference in words; empty if there was none.
-        different_cycle: Its cycle, None if there was none.
-        different_time: When that was, from the recording's first frame on [s].
-        problems: What of the recording is missing or damaged.
-    """
-
-    cycles: int = 0
-    skipped: int = 0
-    checkpoints: int = 0
-    first_cycle: int | None = None
-    difference: str = ""
-    different_cycle: int | None = None
-    different_time: float | None = None
-    problems: list[str] = field(default_factory=list)
+    cycles: int = 0  # that were judged again and compared
+    skipped: int = 0  # that could not be: the guard's state before is not known
+    checkpoints: int = 0  # at which the whole state of the guard was compared
+    first_cycle: int | None = None  # number of the first cycle compared
+    difference: str = ""  # the first one in words; "" if there was none
+    different_cycle: int | None = None  # its cycle
+    different_time: float | None = None  # since the recording's first frame [s]
+    problems: list[str] = field(default_factory=list)  # of the recording, in words
 
     @property
     def identical(self) -> bool:
@@ -91,56 +89,47 @@ def replay(
     Raises:
         RecordingError: It holds no scene, or something that no recorder writes.
     """
-    with believed(recording.paths[0]):
-        return replay_parts(recording.parts(), start, end, progress)
-
-
-def replay_parts(
-    parts: Sequence[Recording],
-    start: float,
-    end: float,
-    progress: Callable[[int], None] | None,
-) -> Replay:
-    """See `replay`; each part is of one scene."""
-    if len(parts) == 1:
-        return replay_scene(parts[0], start, end, progress)
     answer, began = Replay(), None
-    for part in parts:
-        first = next(part.frames(), None)
-        if first is None:
-            continue
-        began = first.monotonic if began is None else began
-        past = first.monotonic - began
-        if not part.has_scene:
-            # A recorder that began late learns of the scene with the next checkpoint.
-            answer.skipped += sum(f.kind is Kind.CYCLE for f in part.frames())
+    with reading(recording.paths[0]):
+        parts = recording.parts()
+        for part in parts:
+            past = 0.0
+            if len(parts) > 1:
+                first = next(part.frames(), None)
+                if first is None:
+                    continue
+                began = first.monotonic if began is None else began
+                past = first.monotonic - began
+                if not part.has_scene:
+                    # A recorder that began late gets the scene with a checkpoint.
+                    answer.skipped += sum(f.kind is Kind.CYCLE for f in part.frames())
+                    answer.problems += part.problems
+                    continue
+            difference, cycle, time = replay_scene(
+                answer, part, start - past, end - past, progress
+            )
             answer.problems += part.problems
-            continue
-        found = replay_scene(part, start - past, end - past, progress)
-        answer.cycles += found.cycles
-        answer.skipped += found.skipped
-        answer.checkpoints += found.checkpoints
-        answer.problems += found.problems
-        if answer.first_cycle is None:
-            answer.first_cycle = found.first_cycle
-        if found.different_time is not None:
-            answer.difference = found.difference
-            answer.different_cycle = found.different_cycle
-            answer.different_time = found.different_time + past
-            break
+            if difference:
+                answer.difference, answer.different_cycle = difference, cycle
+                answer.different_time = time + past
+                break
     return answer
 
 
 def replay_scene(
+    answer: Replay,
     recording: Recording,
     start: float,
     end: float,
     progress: Callable[[int], None] | None,
-) -> Replay:
-    """See `replay`; the recording is of one scene."""
-    answer = Replay()
+) -> tuple[str, int, float]:
+    """Add the cycles of a recording of one scene to a replay.
+
+    Returns:
+        The first difference in words, its cycle and its time [s]; "" for none.
+    """
     guard = guard_of(recording)
-    knows = False
+    known = False
     expected: int | None = None
     done = 0
     for time, frame in timed(recording, start):
@@ -148,19 +137,16 @@ def replay_scene(
             break
         if frame.kind is Kind.CYCLE:
             if expected is None:
-                # A guard that has judged nothing yet knows all there is to know.
-                knows = knows or frame.cycle == 0
+                # The state of a guard that has judged nothing yet is known.
+                known = known or frame.cycle == 0
             elif frame.cycle != expected:
-                knows = False
+                known = False
             expected = frame.cycle + 1
-            if not knows:
+            if not known:
                 answer.skipped += 1
                 continue
-            found = difference_of(guard, frame)
-            if found:
-                answer.difference = found
-                answer.different_cycle, answer.different_time = frame.cycle, time
-                break
+            if found := difference_of(guard, frame):
+                return found, frame.cycle, time
             if answer.first_cycle is None:
                 answer.first_cycle = frame.cycle
             answer.cycles += 1
@@ -169,33 +155,32 @@ def replay_scene(
                 progress(done)
                 done = 0
         elif frame.kind is Kind.CHECKPOINT:
-            if not knows or expected not in (None, frame.cycle):
+            if not known or expected not in (None, frame.cycle):
                 guard.restore(frame.data)
                 expected = frame.cycle
             elif guard.checkpoint() != frame.data:
-                answer.difference = "the guard remembers something else than it did"
-                answer.different_cycle, answer.different_time = frame.cycle, time
-                break
+                what = "the guard remembers something else than it did"
+                return what, frame.cycle, time
             else:
                 answer.checkpoints += 1
-            knows = True
-        elif frame.kind is Kind.EVENT and (knows or frame.cycle == 0):
+            known = True
+        elif frame.kind is Kind.EVENT and (known or frame.cycle == 0):
             try:
                 do(guard, frame)
             except ArmguardError as error:
-                answer.difference = (
-                    f"the guard refuses {frame.text['call']}, which it did not: {error}"
-                )
-                answer.different_cycle, answer.different_time = frame.cycle, time
-                break
-    answer.problems = recording.problems
-    return answer
+                what = f"the guard refuses {frame.text['call']}, which it did not"
+                return f"{what}: {error}", frame.cycle, time
+    return "", 0, 0.0
+
+
+def budget_of(recording: Recording) -> int:
+    """Spans that a cycle of a recording may test."""
+    return int(recording.info.get("budget", 1024))
 
 
 def guard_of(recording: Recording) -> Guard:
     """A guard of the scene of a recording."""
-    budget = int(recording.info.get("budget", 1024))
-    return Guard(recording.scene(), budget=budget, self_test=False)
+    return Guard(recording.scene(), budget=budget_of(recording), self_test=False)
 
 
 def timed(recording: Recording, start: float) -> Iterator[tuple[float, Frame]]:
@@ -218,10 +203,10 @@ def timed(recording: Recording, start: float) -> Iterator[tuple[float, Frame]]:
 def difference_of(guard: Guard, frame: Frame) -> str:
     """Judge a cycle again; how the answer differs, empty if in no bit."""
     verdict, command = judge(guard, frame)
-    told = np.zeros(0) if command is None else command.numbers
-    if digest_of(verdict.numbers, told) == frame.data:
+    sent = np.zeros(0) if command is None else command.numbers
+    if digest_of(verdict.numbers, sent) == frame.data:
         return ""
-    return difference(frame, verdict, told, guard)
+    return difference(frame, verdict, sent, guard)
 
 
 def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
@@ -231,17 +216,15 @@ def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
         if guard_is_fixed(guard):
             return guard.step(given["q"], given["stamp"]), None
         return guard.step(**given), None
-    asked = frame.asked.copy()
+    asked, q, stamp = frame.asked.copy(), given.pop("q"), given.pop("stamp")
     if frame.form is Form.VELOCITIES:
-        command = guard.filter(given.pop("q"), asked, given.pop("stamp"), **given)
+        command = guard.filter(q, asked, stamp, **given)
     elif frame.form is Form.STOP:
-        known = (reason for reason in ORDERED if asked.tolist() == [reason])
-        why = next(known, Reason.STOP_ORDERED)
-        command = guard.stop(given.pop("q"), given.pop("stamp"), **given, reason=why)
+        found = (reason for reason in ORDERED if asked.tolist() == [reason])
+        why = next(found, Reason.STOP_ORDERED)
+        command = guard.stop(q, stamp, **given, reason=why)
     elif frame.form is Form.POSITIONS:
-        command = guard.filter_positions(
-            given.pop("q"), asked, given.pop("stamp"), **given
-        )
+        command = guard.filter_positions(q, asked, stamp, **given)
     else:
         twists = dict(zip(frame.text["tools"], asked.reshape(-1, 6), strict=True))
         if frame.text.get("fault"):
@@ -249,9 +232,7 @@ def judge(guard: Guard, frame: Frame) -> tuple[Verdict, Command | None]:
                 name: UNREADABLE if np.isnan(twist).all() else twist
                 for name, twist in twists.items()
             }
-        command = guard.filter_twists(
-            given.pop("q"), twists, given.pop("stamp"), **given
-        )
+        command = guard.filter_twists(q, twists, stamp, **given)
     return command.verdict, command
 
 
@@ -295,3 +276,51 @@ def do(guard: Guard, frame: Frame) -> None:
     # A sighting that was refused is refused again, and stops robots again.
     with suppress(SightingError):
         call_of(frame.text).apply(guard)
+
+
+def difference(frame: Frame, verdict: Verdict, sent: Floats, guard: Guard) -> str:
+    """The most informative difference of a recorded cycle and the same judged again.
+
+    Args:
+        frame: The cycle as it was recorded.
+        verdict: The guard's verdict now.
+        sent: The numbers of its command now.
+        guard: The guard.
+    """
+    was, now = frame.verdict, verdict.numbers
+    if was[layout.REASON] != now[layout.REASON]:
+        then = Reason(int(was[layout.REASON]))
+        return f"it was {then.name} and is {verdict.reason.name} ({verdict.why})"
+    n, names = len(guard.q_names), guard.q_names
+    for k in np.flatnonzero(different(frame.told, sent)).tolist():
+        if k < 4 * n:
+            what = f"{OF_JOINTS[k // n]} of {names[k % n]}"
+        else:
+            robots = [part.name for part in guard.tables.robots]
+            kind, robot = divmod(k - 4 * n, len(robots))
+            what = f"{OF_ROBOTS[kind]} of {robots[robot]}"
+        return f"{what} was {frame.told[k]!r} and is {sent[k]!r}"
+    if len(frame.told) != len(sent):
+        return f"{len(frame.told)} numbers were told and are {len(sent)}"
+    ends = min(len(was), len(now), first_row_of(guard.tables))
+    places = {
+        value: name.lower().replace("_", " ")
+        for name, value in vars(layout).items()
+        if name.isupper() and name != "LAYOUT" and value < layout.TERMS
+    }
+    for k in np.flatnonzero(different(was[:ends], now[:ends])).tolist():
+        if not frame.poses.size and k in (layout.NEAR_COUNT, layout.NEAREST):
+            # Recorded without its other pairs.
+            continue
+        what = places.get(k, f"number {k} of the verdict")
+        return f"{what} was {was[k]!r} and is {now[k]!r}"
+    return "a near pair that is not the nearest, which the recording does not hold"
+
+
+def different(a: Floats, b: Floats) -> NDArray[np.bool_]:
+    """Where two vectors differ in a bit, as far as both go."""
+    k = min(len(a), len(b))
+    return np.asarray(
+        np.ascontiguousarray(a[:k]).view(np.int64)
+        != np.ascontiguousarray(b[:k]).view(np.int64)
+    )

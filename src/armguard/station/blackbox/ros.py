@@ -9,32 +9,23 @@ from numpy.typing import ArrayLike
 
 
 class Topic(NamedTuple):
-    """A channel and what its messages are.
-
-    Attributes:
-        number: Its number in every file.
-        name: Its name.
-        schema: Type of its messages; empty for our own, which no type of ROS holds.
-    """
+    """A channel; its number is the same in every file."""
 
     number: int
     name: str
-    schema: str = ""
+    schema: str = ""  # type of its messages; "" for our own, which is none of ROS
 
 
 class Stored(NamedTuple):
-    """A message to be stored.
+    """A message to be stored."""
 
-    Attributes:
-        topic: Number of its channel.
-        time: When it was, wall clock that never goes back [ns].
-        data: The message.
-    """
-
-    topic: int
-    time: int
+    topic: int  # number of its channel
+    time: int  # wall clock that never goes back [ns]
     data: bytes
 
+
+# A line of a marker: its two ends [m]; red, green and blue in [0, 1].
+Line = tuple[Sequence[Sequence[float]], tuple[float, float, float]]
 
 FRAMES = Topic(1, "/armguard/frames")
 JOINT_STATES = Topic(2, "/joint_states", "sensor_msgs/msg/JointState")
@@ -113,25 +104,11 @@ def log(time: int, level: int, sentence: str) -> Stored:
     return message(WORDS, time, stamp(time), level, "armguard", sentence, "", "", 0)
 
 
-class Line(NamedTuple):
-    """A line between the witness points of a near pair.
-
-    Attributes:
-        start: Point on A [m].
-        end: Point on B [m].
-        colour: Red, green, blue, each in [0, 1].
-    """
-
-    start: Sequence[float]
-    end: Sequence[float]
-    colour: tuple[float, float, float]
-
-
 def markers(time: int, lines: Sequence[Line], label: str) -> Stored:
     """Lines, and a label at the first one."""
     found = [marker(time, LINES, 0, (0.0, 0.0, 0.0), lines, "")]
     if lines:
-        middle = [0.5 * (a + b) for a, b in zip(*lines[0][:2], strict=True)]
+        middle = [0.5 * (a + b) for a, b in zip(*lines[0][0], strict=True)]
         found.insert(0, marker(time, LABEL, 1, middle, (), label))
     return message(NEAR, time, found)
 
@@ -148,7 +125,7 @@ def marker(
     size = LETTER if kind == LABEL else THICK
     point, rgba = "geometry_msgs/msg/Point", "std_msgs/msg/ColorRGBA"
     turn = part("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
-    colours = [part(rgba, *line.colour, 1.0) for line in lines]
+    colours = [part(rgba, *colour, 1.0) for _, colour in lines]
     return part(
         "visualization_msgs/msg/Marker",
         header(time),
@@ -161,7 +138,7 @@ def marker(
         part(rgba, 1.0, 1.0, 1.0, 1.0),
         part("builtin_interfaces/msg/Duration", 0, 0),  # until another one comes
         False,  # not fixed to a moving frame
-        [part(point, *end) for line in lines for end in line[:2]],
+        [part(point, *end) for ends, _ in lines for end in ends],
         [colour for colour in colours for _ in ("start", "end")],
         "",  # no texture
         part("sensor_msgs/msg/CompressedImage", header(time), "", EMPTY),

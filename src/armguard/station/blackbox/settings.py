@@ -1,49 +1,34 @@
 """Settings of a recorded scene, changed by name, as in `guard.mode=speed`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from armguard.errors import ArmguardError, did_you_mean
-from armguard.scene.scene import Scene, SceneRobot, check_mode, response_settings
+from armguard.scene.scene import Scene, SceneRobot, response_settings
 from armguard.scene.settings import CHOICES, MODES, ResponseSettings
 from armguard.station.errors import SettingError
 
-# Numbers of a scene.
-OF_SCENE = ("buffer", "margin", "late")
-
 # Figures of a robot's stop that may be changed; a vector gets the same for all joints.
 OF_STOPPING = (
-    "acceleration",
-    "deceleration",
-    "ramp",
-    "settle",
-    "settle_time",
-    "brake_delay",
-    "brake_deceleration",
-    "position_error",
-    "velocity_error",
-    "tracking_error",
-    "sensing",
-    "model_error",
-    "base_error",
-    "base_turn",
+    *("acceleration", "deceleration", "ramp", "settle", "settle_time"),
+    *("brake_delay", "brake_deceleration", "position_error", "velocity_error"),
+    *("tracking_error", "sensing", "model_error", "base_error", "base_turn"),
 )
+
+# A robot with one setting changed, from its value as text.
+RobotChange = Callable[[SceneRobot, str], SceneRobot]
 
 
 @dataclass(slots=True)
 class Changed:
-    """A scene with other settings.
+    """A scene with other settings."""
 
-    Attributes:
-        scene: The scene; what it was made of is not touched.
-        budget: Spans a cycle may test.
-    """
-
-    scene: Scene
-    budget: int
+    scene: Scene  # its file is not touched
+    budget: int  # spans a cycle may test
 
 
 def change(scene: Scene, budget: int, settings: Mapping[str, str]) -> Changed:
@@ -78,122 +63,97 @@ def change(scene: Scene, budget: int, settings: Mapping[str, str]) -> Changed:
 def changes(changed: Changed) -> dict[str, Callable[[str], None]]:
     """What changes each setting there is, by name."""
     scene = changed.scene
-
-    def set_scene(name: str, value: str) -> None:
-        if name == "margin":
-            scene.set_margin(number(value))
-        else:
-            setattr(scene, name, not_negative(value))
-
-    def set_budget(value: str) -> None:
-        changed.budget = int(value)
-        if changed.budget < 1:
-            raise SettingError("it must be >= 1")
-
     found: dict[str, Callable[[str], None]] = {
-        "guard.mode": lambda value: scene.set_mode(mode(value)),
-        "scene.mode": lambda value: scene.set_mode(mode(value)),
-        "guard.budget": set_budget,
+        "guard.mode": lambda value: scene.set_mode(choice(value, MODES)),
+        "scene.mode": lambda value: scene.set_mode(choice(value, MODES)),
+        "guard.budget": partial(set_budget, changed),
+        "scene.buffer": partial(set_number, scene, "buffer"),
+        "scene.margin": lambda value: scene.set_margin(number(value)),
+        "scene.late": partial(set_number, scene, "late"),
     }
-    for name in OF_SCENE:
-        found[f"scene.{name}"] = lambda value, name=name: set_scene(name, value)  # type: ignore[misc]
     for ending, act in of_robot().items():
-
-        def of_all(value: str, act: Any = act) -> None:
-            for name in scene.robots:
-                put(scene, act(scene.robots[name], value))
-
         if ending.startswith(("response", "stopping")):
-            found[ending] = of_all
+            found[ending] = partial(set_robots, scene, tuple(scene.robots), act)
         for robot in scene.robots:
-
-            def of_one(value: str, robot: str = robot, act: Any = act) -> None:
-                put(scene, act(scene.robots[robot], value))
-
-            found[f"robots.{robot}.{ending}"] = of_one
+            name = f"robots.{robot}.{ending}"
+            found[name] = partial(set_robots, scene, (robot,), act)
     for name in scene.objects:
-
-        def set_object(value: str, name: str = name) -> None:
-            scene._objects[name] = replace(
-                scene.objects[name], buffer=not_negative(value)
-            )
-
-        found[f"objects.{name}.buffer"] = set_object
+        found[f"objects.{name}.buffer"] = partial(set_object, scene, name)
     return found
 
 
-def put(scene: Scene, robot: SceneRobot) -> None:
-    """Put a robot in the place of the one of its name."""
-    scene._robots[robot.name] = robot
-
-
-def of_robot() -> dict[str, Callable[[SceneRobot, str], SceneRobot]]:
+def of_robot() -> dict[str, RobotChange]:
     """What changes each setting of a robot."""
-
-    def response(robot: SceneRobot, key: str, value: Any) -> SceneRobot:
-        own = replace(robot.response, **{key: value})
-        who = f"robot '{robot.name}'"
-        return replace(robot, response=response_settings(who, own))
-
-    def stopping(robot: SceneRobot, key: str, value: str) -> SceneRobot:
-        if robot.stopping is None:
-            raise SettingError(f"nobody said how robot '{robot.name}' stops")
-        was = getattr(robot.stopping, key)
-        now: Any = not_negative(value)
-        if isinstance(was, np.ndarray):
-            now = np.full_like(was, now)
-        figures = replace(robot.stopping, **{key: now})
-        return replace(robot, stopping=figures)
-
-    found: dict[str, Callable[[SceneRobot, str], SceneRobot]] = {
-        "mode": lambda robot, value: replace(robot, mode=mode(value)),
+    found: dict[str, RobotChange] = {
+        "mode": lambda robot, value: replace(robot, mode=choice(value, MODES)),
         "buffer": lambda robot, value: replace(robot, buffer=not_negative(value)),
-        "response": lambda robot, value: response(
-            robot, "kind", choice(value, CHOICES["kind"])
-        ),
+        "response": partial(with_response, "kind"),
     }
     for field in fields(ResponseSettings):
-        key, default = field.name, field.default
-        read = reader(key, default)
-        found[f"response.{key}"] = (
-            lambda robot, value, key=key, read=read: response(robot, key, read(value))  # type: ignore[misc]
-        )
+        found[f"response.{field.name}"] = partial(with_response, field.name)
     for key in OF_STOPPING:
-        found[f"stopping.{key}"] = (
-            lambda robot, value, key=key: stopping(robot, key, value)  # type: ignore[misc]
-        )
+        found[f"stopping.{key}"] = partial(with_stopping, key)
     return found
 
 
-def reader(key: str, default: object) -> Callable[[str], Any]:
-    """What reads a setting of a response."""
+def set_budget(changed: Changed, value: str) -> None:
+    """Set how many spans a cycle may test."""
+    changed.budget = int(value)
+    if changed.budget < 1:
+        raise SettingError("it must be >= 1")
+
+
+def set_number(scene: Scene, name: str, value: str) -> None:
+    """Set a length or a time of a scene."""
+    setattr(scene, name, not_negative(value))
+
+
+def set_object(scene: Scene, name: str, value: str) -> None:
+    """Set the buffer of an object."""
+    own = replace(scene.objects[name], buffer=not_negative(value))
+    scene._objects[name] = own
+
+
+def set_robots(
+    scene: Scene, names: Iterable[str], act: RobotChange, value: str
+) -> None:
+    """Change a setting of robots."""
+    for name in names:
+        scene._robots[name] = act(scene.robots[name], value)
+
+
+def with_response(key: str, robot: SceneRobot, value: str) -> SceneRobot:
+    """A robot with another setting of its response."""
+    read: Callable[[str], Any] = number
     if key in CHOICES:
-        return lambda value: choice(value, CHOICES[key])
-    return truth if isinstance(default, bool) else number
+        read = partial(choice, known=CHOICES[key])
+    elif isinstance(getattr(robot.response, key), bool):
+        read = truth
+    own = replace(robot.response, **{key: read(value)})
+    return replace(robot, response=response_settings(f"robot '{robot.name}'", own))
 
 
-def mode(value: str) -> Any:
-    """A mode."""
-    return check_mode("the mode", choice(value, MODES))
+def with_stopping(key: str, robot: SceneRobot, value: str) -> SceneRobot:
+    """A robot with another figure of its stop."""
+    if robot.stopping is None:
+        raise SettingError(f"nobody said how robot '{robot.name}' stops")
+    was, now = getattr(robot.stopping, key), not_negative(value)
+    figure: Any = np.full_like(was, now) if isinstance(was, np.ndarray) else now
+    return replace(robot, stopping=replace(robot.stopping, **{key: figure}))
+
+
+# Each of these raises `SettingError` for what it cannot read.
 
 
 def choice(value: str, known: tuple[str, ...]) -> Any:
-    """One of several words.
-
-    Raises:
-        SettingError: It is none of them.
-    """
+    """One of several words."""
     if value not in known:
         raise SettingError(f"'{value}' is none of them; {did_you_mean(value, known)}")
     return value
 
 
 def number(value: str) -> float:
-    """A number.
-
-    Raises:
-        SettingError: It is none.
-    """
+    """A number."""
     try:
         return float(value)
     except ValueError:
@@ -201,11 +161,7 @@ def number(value: str) -> float:
 
 
 def not_negative(value: str) -> float:
-    """A finite number that is not negative.
-
-    Raises:
-        SettingError: It is something else.
-    """
+    """A finite number that is not negative."""
     found = number(value)
     if not 0.0 <= found < np.inf:
         raise SettingError(f"it is {value}; it must be finite and >= 0")
@@ -213,11 +169,7 @@ def not_negative(value: str) -> float:
 
 
 def truth(value: str) -> bool:
-    """True or false.
-
-    Raises:
-        SettingError: It is neither.
-    """
+    """True or false."""
     if value not in ("true", "false"):
         raise SettingError(f"it is '{value}'; it must be true or false")
     return value == "true"

@@ -1,4 +1,4 @@
-"""The service from the other end, with a watchdog of its own."""
+"""Client of the service, with a watchdog of its own."""
 
 from armguard.station.client.answer import Answer, Nearest
 from armguard.station.client.client import Client

@@ -1,36 +1,27 @@
-"""What the service told robots in a cycle."""
+"""Answers of the service, and the stop that a client uses where it has none."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import nan
+from functools import cache
+from math import inf, nan
+from struct import Struct
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy import frombuffer
 from numpy.typing import NDArray
 
-from armguard.station.client.enums import words
-from armguard.station.client.fields import (
-    ACTION,
-    BEGAN,
-    BODY,
-    CAUSE,
-    COMMANDER,
-    FLAGS,
-    JOINTS,
-    LEVEL,
-    REASON,
-    ROBOTS,
-    SENT,
-)
 from armguard.station.client.welcome import Welcome
 from armguard.station.wire.layout import (
+    COMMAND,
     HEADER,
     MISSED,
     NOBODY,
     OBJECTS_CHANGED,
     ROBOT,
     ROBOTS_AT,
+    SEAL,
+    SUMMARY,
 )
 from armguard.station.wire.words import Cause
 
@@ -51,9 +42,43 @@ ROW = ROBOT.size
 
 NANO = 1e-9
 
+# A `COMMAND`, but that a client's own answers are of cycle -1.
+BODY = Struct(COMMAND.format.replace("Q", "q", 1))
+
+# What is read of every message, at once. Of its header: what is the same in all of a
+# session and scene, as four numbers, then sequence and clock; of its body: sender and
+# sequence of the state that began the cycle, and the nearest pair; then its summary.
+SAME = Struct("<4Q")
+FIELDS = Struct(SAME.format + "Qq" + "8xQQ" + "40xII64x" + SUMMARY.format[1:])
+SEQUENCE, SENT, BODY_A, BODY_B = 4, 5, 8, 9
+BEGAN = slice(6, 8)
+REASON, CAUSE, LEVEL, ACTION, FLAGS, JOINTS, ROBOTS, _, COMMANDER = range(10, 19)
+
+
+class Words(NamedTuple):
+    """The guard's enumerations, and its robot that waits."""
+
+    level: "type[Level]"
+    reason: "type[Reason]"
+    action: "type[Action]"
+    blocked: "type[Blocked]"
+    held: "type[Held]"
+
+
+@cache
+def words() -> Words:
+    """The guard's words for numbers of a message.
+
+    The import takes a second: a client does it when it connects, never in its loop.
+    """
+    from armguard.guard.levels import Level, Reason
+    from armguard.respond.command import Action, Blocked, Held
+
+    return Words(Level, Reason, Action, Blocked, Held)
+
 
 class RobotNumbers(NamedTuple):
-    """What one robot is told, see docs/service.md."""
+    """A robot's row of a COMMAND, see docs/service.md."""
 
     level: int
     action: int
@@ -65,6 +90,10 @@ class RobotNumbers(NamedTuple):
     sender: int
     sequence: int
     held_since: float
+
+
+# A robot's row in the answer of a client that hears nothing.
+STOPPED = RobotNumbers(STOP_LEVEL, STOP_ACTION, 0, 0, 0.0, 1.0, inf, 0, 0, nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,21 +118,15 @@ class Nearest:
 
 
 class Answer:
-    """What the service told robots; or what a client tells that hears nothing.
+    """What robots are to do: from the service, or from a client that hears nothing.
 
-    It holds the message, and cuts it into numbers when somebody asks for them.
+    It holds the message; numbers are read from it when they are asked for.
 
     Attributes:
         began: Sender and number of the state that began the cycle; zeros for none.
         sent: When it was sent, on the service's clock [s].
-        welcome: What the service told about itself.
+        welcome: Description of the service.
         clock: The service's clock, as far as it is known here.
-
-    Args:
-        message: The message, whose seal fits; nobody changes it any more.
-        fields: Its `FIELDS`.
-        welcome: See there.
-        clock: See there.
     """
 
     __slots__ = ("_body", "_fields", "_message", "began", "clock", "sent", "welcome")
@@ -115,8 +138,8 @@ class Answer:
         welcome: Welcome,
         clock: Callable[[], float],
     ) -> None:
-        self._message = message
-        self._fields = fields
+        # The message, whose seal fits, and its `FIELDS`.
+        self._message, self._fields = message, fields
         self._body: tuple[float, ...] | None = None
         self.began = fields[BEGAN]
         self.sent = fields[SENT] * NANO
@@ -146,7 +169,7 @@ class Answer:
 
     @property
     def cycle(self) -> int:
-        """Number of the cycle; -1 if no service told it."""
+        """Number of the cycle; -1 if it is not the service's."""
         return int(self._cut[0])
 
     @property
@@ -173,14 +196,11 @@ class Answer:
     @property
     def nearest(self) -> Nearest | None:
         """The pair with the least clearance; None if none is near."""
-        a, b, distance, clearance = self._cut[8:12]
+        a, b, distance, clearance, *points = self._cut[8:]
         if a == NOBODY:
             return None
-        points = np.array(self._cut[12:])
-        bodies = self.welcome.bodies
-        return Nearest(
-            bodies[int(a)], bodies[int(b)], distance, clearance, points[:3], points[3:]
-        )
+        bodies, ends = self.welcome.bodies, np.array(points).reshape(2, 3)
+        return Nearest(bodies[int(a)], bodies[int(b)], distance, clearance, *ends)
 
     @property
     def reason_number(self) -> int:
@@ -189,7 +209,7 @@ class Answer:
 
     @property
     def cause(self) -> Cause:
-        """What the service or the client has to say beside the guard's reason."""
+        """Cause of the service or of the client, beside the guard's reason."""
         return CAUSES[self._fields[CAUSE]]
 
     @property
@@ -214,12 +234,12 @@ class Answer:
 
     @property
     def commander(self) -> int:
-        """Who commands; 0 for nobody."""
+        """Number of the commander; 0 if there is none."""
         return self._fields[COMMANDER]
 
     @property
     def numbers(self) -> tuple[RobotNumbers, ...]:
-        """What each robot is told, in the order of a COMMAND."""
+        """The row of each robot, in the order of a COMMAND."""
         rows = self._message[ROBOTS_AT : ROBOTS_AT + ROW * self._fields[ROBOTS]]
         return tuple(map(RobotNumbers._make, ROBOT.iter_unpack(rows)))
 
@@ -263,50 +283,47 @@ class Answer:
     @property
     def reason(self) -> "Reason | Cause":
         """Why the level is what it is."""
-        if self.cause.stops:
-            return self.cause
-        return words().reason(self.reason_number)
+        cause = self.cause
+        return cause if cause.stops else words().reason(self.reason_number)
 
     @property
     def sentence(self) -> str:
         """The reason in words; `Client.call("why")` knows names and numbers as well."""
         held = self.held
-        said = [one.sentence for one in held.values()]
+        found = [one.sentence for one in held.values()]
         if self.cause.stops or not held or self.reason_number:
-            said.append(self._reason_sentence())
-        return "; ".join(said)
+            found.append(self._reason_sentence())
+        return "; ".join(found)
 
     def _reason_sentence(self) -> str:
-        if self.cause.stops:
-            return self._cause_sentence()
-        sentence = self.welcome.reasons[self.reason_number][1]
-        near = self.nearest
+        cause, welcome = self.cause, self.welcome
+        if cause is Cause.DEADLINE_MISSED:
+            return (
+                f"{cause.sentence} ({welcome.period * 1e3:.1f} ms by --rate, and "
+                f"{welcome.text['late'] * 1e3:.1f} ms by --late)"
+            )
+        if cause.stops:
+            return cause.sentence
+        sentence, near = welcome.reasons[self.reason_number][1], self.nearest
         if near is not None and self.level_number:
             away = f"{near.a} to {near.b}: {near.distance * 1e3:.0f} mm"
             sentence = f"{sentence} ({away}, {near.clearance * 1e3:.0f} mm left)"
-        return f"{sentence}; {self.cause.sentence}" if self.cause else sentence
-
-    def _cause_sentence(self) -> str:
-        sentence, welcome = self.cause.sentence, self.welcome
-        if self.cause is not Cause.DEADLINE_MISSED:
-            return sentence
-        return (
-            f"{sentence} ({welcome.period * 1e3:.1f} ms by --rate, and "
-            f"{welcome.text['late'] * 1e3:.1f} ms by --late)"
-        )
+        return f"{sentence}; {cause.sentence}" if cause else sentence
 
     @property
     def held(self) -> "dict[str, Held]":
         """Robots that do not move before a person does something, and why not."""
-        if not any(row.held_since == row.held_since for row in self.numbers):
+        waiting = {
+            n: row for n, row in self._rows() if row.held_since == row.held_since
+        }
+        if not waiting:
             return {}
         _, reason, _, blocked, held = words()
         return {
             name: held(
                 name, blocked(row.blocked), reason(row.stopped_by), row.held_since
             )
-            for name, row in self._rows()
-            if row.held_since == row.held_since
+            for name, row in waiting.items()
         }
 
     @property
@@ -341,13 +358,9 @@ class Answer:
         return {name: row.age for name, row in self._rows()}
 
     def answers(self, sender: int, sequence: int) -> bool:
-        """Whether that sender's state, or a later one of his, was judged."""
-        began_by, number = self.began
-        if began_by == sender and number >= sequence:
-            return True
-        return any(
-            row.sender == sender and row.sequence >= sequence for row in self.numbers
-        )
+        """Whether that state of a sender, or a later one of it, was judged."""
+        states = [self.began, *((row.sender, row.sequence) for row in self.numbers)]
+        return any(by == sender and number >= sequence for by, number in states)
 
     @property
     def _cut(self) -> tuple[float, ...]:
@@ -358,3 +371,29 @@ class Answer:
 
     def _rows(self) -> Iterator[tuple[str, RobotNumbers]]:
         return zip(self.welcome.robots, self.numbers, strict=True)
+
+
+def stop_answer(
+    cause: Cause, position: Floats, welcome: Welcome, clock: Callable[[], float]
+) -> Answer:
+    """The answer of a client that has none: every robot stops.
+
+    Args:
+        cause: Why.
+        position: Positions of the joints, NaN where unknown, shape (n,) [rad or m].
+        welcome: Description of the service.
+        clock: Its clock [s].
+    """
+    now, joints, robots = clock(), len(welcome.names), len(welcome.robots)
+    body = -1, 0, 0, 0, 0, now, nan, nan, NOBODY, NOBODY, *(nan,) * 8
+    summary = 0, cause, STOP_LEVEL, STOP_ACTION, 0, joints, robots, 0, 0
+    message = (
+        HEADER.pack(*(0,) * 8, round(now / NANO))
+        + BODY.pack(*body)
+        + SUMMARY.pack(*summary)
+        + ROBOT.pack(*STOPPED) * robots
+        + bytes(8 * joints)
+        + np.asarray(position, np.float64).tobytes()
+        + bytes(SEAL)
+    )
+    return Answer(message, FIELDS.unpack_from(message), welcome, clock)

@@ -1,4 +1,4 @@
-"""A STATE whose room is there already: from one to the next only numbers change."""
+"""A STATE in a buffer of its own: from one to the next only numbers change."""
 
 from struct import Struct
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.station.client.connection import Connection
+from armguard.station.client.welcome import Welcome
 from armguard.station.errors import RefusedError
 from armguard.station.wire.layout import (
     HAS_VELOCITY,
@@ -31,38 +32,48 @@ JOINTS_AT = HEADER.size + STATE.size
 
 
 class StateMessage:
-    """The STATEs of one client that tell of the same robots.
+    """The STATEs of one client about the same robots.
 
     Attributes:
         bits: Its robots: bit k for robot k.
 
     Args:
         connection: Where they are sent; it knows session and scene by now.
-        bits: See there.
-        joints: How many joints k they have together.
-        velocities: Whether it tells velocities.
-        wish: Whether it wishes for velocities.
+        welcome: Description of the service.
+        robots: Names of the robots, or the name of one; all if None.
+        velocities: Whether it holds velocities.
+        wish: Whether it holds desired velocities.
+
+    Raises:
+        RefusedError: There is no robot of that name.
     """
 
     def __init__(
         self,
         connection: Connection,
-        bits: int,
-        joints: int,
+        welcome: Welcome,
+        robots: str | tuple[str, ...] | None,
         *,
         velocities: bool,
         wish: bool,
     ) -> None:
         self._outbox = outbox = connection.outbox
         self._seal = connection.seal
-        self.bits, self._joints = bits, joints
+        named = welcome.robots if robots is None else robots
+        names = (named,) if isinstance(named, str) else named
+        for name in names:
+            if name not in welcome.robots:
+                raise RefusedError(f"the scene has no robot '{name}'")
+        own = {welcome.robots.index(name) for name in names}
+        self.bits = sum(1 << k for k in own)
+        self._joints = joints = sum(welcome.parts[k].count for k in own)
         self._flags = (HAS_VELOCITY if velocities else 0) | (HAS_WISH if wish else 0)
-        told = 8 * joints * (2 if velocities else 1)
-        end = JOINTS_AT + told
+        measured = 8 * joints * (2 if velocities else 1)
+        end = JOINTS_AT + measured
         # All that changes but joints, which are written behind it.
         changing = "<Qq" + STATE.format[1:]
         if wish:
-            changing += f"{told}xQ"
+            changing += f"{measured}xQ"
             end += WISH.size + 8 * joints
         self._changing = Struct(changing)
         size = end + SEAL
@@ -71,7 +82,8 @@ class StateMessage:
         head = MAGIC, VERSION, Kind.STATE, size, outbox.session, outbox.scene
         HEADER.pack_into(self._buffer, 0, *head, connection.sender, 0, 0)
         if wish:
-            WISH.pack_into(self._buffer, JOINTS_AT + told, 0, Form.VELOCITIES, joints)
+            at = JOINTS_AT + measured
+            WISH.pack_into(self._buffer, at, 0, Form.VELOCITIES, joints)
         self._q = self._row(JOINTS_AT)
         self._q[:] = np.full(joints, np.nan)
         self._velocity = self._row(JOINTS_AT + 8 * joints)
@@ -97,9 +109,9 @@ class StateMessage:
             now: The client's monotonic clock [ns].
             stamp: When it was measured, on the service's clock [s].
             q: Positions, shape (k,) [rad or m].
-            velocity: Velocities, shape (k,), if it tells any.
-            wish: Velocities that are wished for, shape (k,), if it wishes for any.
-            token: What the commander shows.
+            velocity: Velocities, shape (k,), if it holds any [rad/s or m/s].
+            wish: Desired velocities, shape (k,), if it holds any [rad/s or m/s].
+            token: The commander's token.
 
         Raises:
             RefusedError: Something has another number of joints.

@@ -1,8 +1,8 @@
-"""What a service tells about itself."""
+"""The description that a service sends of itself."""
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ class RobotJoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Welcome:
-    """What a service told when it was said hello to.
+    """Description of a service, from its answer to a HELLO.
 
     Attributes:
         names: 'robot/joint' of each place of q.
@@ -46,53 +46,40 @@ class Welcome:
         version: Version of armguard it runs.
         watchdogs: Times after which silence counts, by name [s].
         reasons: Name and sentence of each reason, by its number.
-        boot_id: What tells the start of its machine.
+        boot_id: Identifies the start of its machine.
         text: All of it as it came.
     """
 
-    names: tuple[str, ...]
-    robots: tuple[str, ...]
-    parts: tuple[RobotJoints, ...]
-    bodies: tuple[str, ...]
-    tools: tuple[str, ...]
-    period: float
-    home: Floats
-    scene_file: str
-    scene_hash: str
-    ring: str
-    counters: str
-    session: int
-    version: str
-    watchdogs: Mapping[str, float]
-    reasons: Mapping[int, tuple[str, str]]
-    boot_id: str
-    text: Mapping[str, Any]
+    names: tuple[str, ...] = ()
+    robots: tuple[str, ...] = ()
+    parts: tuple[RobotJoints, ...] = ()
+    bodies: tuple[str, ...] = ()
+    tools: tuple[str, ...] = ()
+    period: float = 0.0
+    home: Floats = field(default_factory=lambda: np.zeros(0))
+    scene_file: str = ""
+    scene_hash: str = ""
+    ring: str = ""
+    counters: str = ""
+    session: int = 0
+    version: str = ""
+    watchdogs: Mapping[str, float] = field(default_factory=dict)
+    reasons: Mapping[int, tuple[str, str]] = field(default_factory=dict)
+    boot_id: str = ""
+    text: Mapping[str, Any] = field(default_factory=dict)
 
 
-# What is known before anybody was connected to.
-NOTHING = Welcome(
-    names=(),
-    robots=(),
-    parts=(),
-    bodies=(),
-    tools=(),
-    period=0.0,
-    home=np.zeros(0),
-    scene_file="",
-    scene_hash="",
-    ring="",
-    counters="",
-    session=0,
-    version="",
-    watchdogs={},
-    reasons={},
-    boot_id="",
-    text={},
+# Before a client is connected.
+NOTHING = Welcome()
+
+PLAIN = (
+    *("period", "scene_file", "scene_hash", "ring", "counters"),
+    *("session", "version", "watchdogs", "boot_id"),
 )
 
 
 def read_welcome(data: bytes) -> Welcome:
-    """What the JSON of a WELCOME says.
+    """The description in the JSON of a WELCOME.
 
     Raises:
         ValueError: It is no JSON.
@@ -106,16 +93,8 @@ def read_welcome(data: bytes) -> Welcome:
         parts=parts,
         bodies=tuple(text["bodies"]),
         tools=tuple(text["tools"]),
-        period=text["period"],
         home=np.array(text["home"], dtype=np.float64),
-        scene_file=text["scene_file"],
-        scene_hash=text["scene_hash"],
-        ring=text["ring"],
-        counters=text["counters"],
-        session=text["session"],
-        version=text["version"],
-        watchdogs=text["watchdogs"],
         reasons={int(k): (name, words) for k, (name, words) in text["reasons"].items()},
-        boot_id=text["boot_id"],
         text=text,
+        **{name: text[name] for name in PLAIN},
     )

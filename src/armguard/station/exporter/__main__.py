@@ -1,45 +1,53 @@
 """The exporter as a process: `python -m armguard.station.exporter`."""
 
 import argparse
-import signal
 import sys
 import threading
 import time
+from collections.abc import Iterable
 from pathlib import Path
+from wsgiref.simple_server import WSGIServer
+from wsgiref.types import StartResponse, WSGIEnvironment
+
+from prometheus_client import CollectorRegistry, make_wsgi_app, start_http_server
 
 from armguard.entry import run_program
 from armguard.errors import ArmguardError
 from armguard.station.errors import StationError
-from armguard.station.exporter.collector import registry_of
-from armguard.station.exporter.page import start_page
+from armguard.station.exporter.metrics import registry_of
+from armguard.station.processes import interrupted
 from armguard.station.ring import RingReader
 from armguard.station.service.counters import CountersReader, counters_path
 from armguard.station.service.rings import lives
 
-# How often it is looked whether the service is still there [s].
+LOOPBACK = "127.0.0.1"
+
+# Time between two looks at whether the service is still there [s].
 LOOK = 0.5
 
 
+class ExporterError(StationError, RuntimeError):
+    """The exporter cannot start."""
+
+
 def main() -> int:
-    """Serve metrics until the service ends, or somebody ends this."""
+    """Serve metrics until the service ends, or a signal comes."""
     parser = argparse.ArgumentParser("armguard.station.exporter", description=__doc__)
     parser.add_argument("--ring", type=Path, required=True, help="the service's ring")
     parser.add_argument("--counters", type=Path, help="its counters; beside the ring")
     parser.add_argument("--port", type=int, required=True, help="to serve on, loopback")
     parser.add_argument("--wait", type=float, default=10.0, help="for the service [s]")
     options = parser.parse_args()
-    ended = threading.Event()
-    for name in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(name, lambda number, frame: ended.set())
     path = options.counters or counters_path(options.ring)
     try:
-        ring, counters = opened(options.ring, path, options.wait, ended)
-        process = counters.process
-        page = start_page(registry_of(counters, ring, process), options.port)
-        print(f"metrics at http://127.0.0.1:{page.server_port}/metrics", flush=True)
-        while not (ended.wait(LOOK) or ring.closed) and lives(process):
-            pass
-        page.shutdown()
+        with interrupted() as ended:
+            ring, counters = opened(options.ring, path, options.wait, ended)
+            process = counters.process
+            page = start_page(registry_of(counters, ring, process), options.port)
+            print(f"metrics at http://127.0.0.1:{page.server_port}/metrics", flush=True)
+            while not (ended.wait(LOOK) or ring.closed) and lives(process):
+                pass
+            page.shutdown()
     except ArmguardError as error:
         print(f"exporter: {error}", file=sys.stderr)
         return 2
@@ -49,16 +57,10 @@ def main() -> int:
 def opened(
     ring: Path, counters: Path, patience: float, ended: threading.Event
 ) -> tuple[RingReader, CountersReader]:
-    """Ring and counters, which a service that is being started will have made soon.
-
-    Args:
-        ring: Its ring.
-        counters: Its counters.
-        patience: When to give up [s].
-        ended: Whether to give up at once.
+    """Ring and counters, which a service that is being started makes soon.
 
     Raises:
-        StationError: They are not there in time.
+        StationError: They are not there after `patience` [s], or when it ended.
     """
     end = time.monotonic() + patience
     while True:
@@ -67,6 +69,37 @@ def opened(
         except StationError:
             if time.monotonic() > end or ended.wait(LOOK):
                 raise
+
+
+def start_page(registry: CollectorRegistry, port: int) -> WSGIServer:
+    """Serve metrics at http://127.0.0.1:PORT/metrics until the server is shut down.
+
+    Only requests for this machine by a name of its own get an answer: a page of the web
+    whose name leads here asks for that name. Port 0 is any that is free.
+
+    Raises:
+        ExporterError: The port is taken.
+    """
+    try:
+        # Its page is empty until the one that looks at names takes its place.
+        server, _ = start_http_server(port, LOOPBACK, CollectorRegistry())
+    except OSError as error:
+        raise ExporterError(
+            f"cannot serve metrics on {LOOPBACK}:{port}: {error.strerror}; choose "
+            "another port"
+        ) from error
+    metrics = make_wsgi_app(registry)
+    own = [f"{name}:{server.server_port}" for name in (LOOPBACK, "localhost")]
+
+    def answer(request: WSGIEnvironment, respond: StartResponse) -> Iterable[bytes]:
+        if request.get("HTTP_HOST") not in own:
+            respond("421 Misdirected Request", [("Content-Type", "text/plain")])
+            return [f"ask for {own[0]}\n".encode()]
+        page: Iterable[bytes] = metrics(request, respond)
+        return page
+
+    server.set_app(answer)
+    return server
 
 
 if __name__ == "__main__":

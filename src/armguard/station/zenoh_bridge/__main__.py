@@ -2,24 +2,30 @@
 
 import argparse
 import logging
-import signal
 import sys
 from pathlib import Path
 
 from armguard.entry import run_program
 from armguard.errors import ArmguardError
+from armguard.station.processes import interrupted
 from armguard.station.zenoh_bridge.bridge import Bridge
 from armguard.station.zenoh_bridge.settings import LISTEN, BridgeSettings
 
 
 def main() -> int:
-    """Carry messages until somebody ends it."""
+    """Carry messages until a signal comes."""
     parser = argparse.ArgumentParser(
         "armguard.station.zenoh_bridge", description=__doc__
     )
     parser.add_argument("--port", type=int, required=True, help="of the service")
     parser.add_argument("--host", default="127.0.0.1", help="of the service")
-    parser.add_argument("--key-file", type=Path, help="the service's keys")
+    parser.add_argument(
+        "--key-file",
+        dest="keys",
+        metavar="KEY_FILE",
+        type=Path,
+        help="the service's keys",
+    )
     parser.add_argument("--listen", action="append", help=f"endpoint, else {LISTEN}")
     parser.add_argument("--connect", action="append", help="endpoint, of a router say")
     parser.add_argument("--prefix", default="armguard", help="keys begin with it")
@@ -30,29 +36,22 @@ def main() -> int:
     parser.add_argument("--wait", type=float, default=10.0, help="for the service [s]")
     options = parser.parse_args()
     logging.basicConfig(format="zenoh bridge: %(message)s", level=logging.INFO)
-    ended: list[int] = []
-    for name in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(name, lambda number, frame: ended.append(number))
-    try:
-        settings = BridgeSettings(
-            port=options.port,
-            host=options.host,
-            keys=options.key_file,
-            listen=tuple(options.listen or [LISTEN]),
-            connect=tuple(options.connect or []),
-            prefix=options.prefix,
-            name=options.name,
-            companion=options.companion,
-        )
-        bridge = Bridge(settings, timeout=options.wait)
-    except ArmguardError as error:
-        print(f"zenoh bridge: {error}", file=sys.stderr)
-        return 2
-    print(f"keys {settings.root}/** at {', '.join(settings.listen)}", flush=True)
-    try:
-        bridge.run(lambda: bool(ended))
-    finally:
-        bridge.close()
+    given = vars(options)
+    wait = given.pop("wait")
+    given["listen"] = tuple(options.listen or [LISTEN])
+    given["connect"] = tuple(options.connect or [])
+    with interrupted() as ended:
+        try:
+            settings = BridgeSettings(**given)
+            bridge = Bridge(settings, timeout=wait)
+        except ArmguardError as error:
+            print(f"zenoh bridge: {error}", file=sys.stderr)
+            return 2
+        print(f"keys {settings.root}/** at {', '.join(settings.listen)}", flush=True)
+        try:
+            bridge.run(ended.is_set)
+        finally:
+            bridge.close()
     return 0
 
 

@@ -1,4 +1,7 @@
-"""Sessions over Zenoh: which commands, which measures a robot, and their numbers."""
+"""Sessions over Zenoh: which commands, which measures a robot, and their numbers.
+
+Each `check` notes a message, or raises `DroppedError` if it does not count.
+"""
 
 from collections.abc import Iterable
 
@@ -13,21 +16,17 @@ class Authority:
     """The session that commands.
 
     The service knows only the bridge, which is never silent. So the bridge keeps which
-    session has the command, and when it heard of it.
-
-    Attributes:
-        name: Name of the commander; "" if there is none.
-        holder: The commander; None if there is none.
+    session has the command, and the time of its last message.
 
     Args:
         watchdog: After that much silence the command is lost [s].
     """
 
     def __init__(self, watchdog: float) -> None:
-        self.name = ""
+        # The commander, and its name.
         self.holder: Sender | None = None
-        self._watchdog = watchdog
-        self._heard = 0.0
+        self.name = ""
+        self._watchdog, self._heard = watchdog, 0.0
 
     def grant(self, sender: Sender, name: str, now: float) -> None:
         """Give a session the command."""
@@ -42,17 +41,12 @@ class Authority:
         return self.holder is not None and now - self._heard > self._watchdog
 
     def check(self, sender: Sender, now: float) -> None:
-        """Note a message that only the commander may send.
-
-        Raises:
-            DroppedError: The sender is not the commander.
-        """
-        if self.holder is None:
-            raise DroppedError(
-                "not_commander", "no session commands; call 'claim' first"
-            )
+        """Check a message that only the commander may send."""
         if sender != self.holder:
-            raise DroppedError("not_commander", f"'{self.name}' has the command")
+            why = f"'{self.name}' has the command"
+            if self.holder is None:
+                why = "no session commands; call 'claim' first"
+            raise DroppedError("not_commander", why)
         self._heard = now
 
 
@@ -70,17 +64,12 @@ class Controllers:
         self._heard = dict.fromkeys(robots, 0.0)
 
     def check(self, sender: Sender, robots: Iterable[str], now: float) -> None:
-        """Note a state of robots.
-
-        Raises:
-            DroppedError: Another session measures one of them.
-        """
+        """Check a state of robots, which no other session may measure."""
         for robot in robots:
             alive = now - self._heard[robot] <= self._watchdog
             if alive and self._sender[robot] not in (None, sender):
-                raise DroppedError(
-                    "second_controller", f"another session measures '{robot}'"
-                )
+                sentence = f"another session measures '{robot}'"
+                raise DroppedError("second_controller", sentence)
         for robot in robots:
             self._sender[robot], self._heard[robot] = sender, now
 
@@ -98,11 +87,7 @@ class Sequences:
         self._last: dict[tuple[Sender, str], tuple[int, float]] = {}
 
     def check(self, sender: Sender, kind: str, sequence: int, now: float) -> None:
-        """Note the number of a message.
-
-        Raises:
-            DroppedError: It is not higher than the last one, or too many others send.
-        """
+        """Check the number of a message: higher than the last one, of few senders."""
         last, _ = self._last.pop((sender, kind), (-1, 0.0))
         if sequence > last and len(self._last) >= MOST_SESSIONS:
             oldest = next(iter(self._last))

@@ -8,7 +8,8 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import zenoh
@@ -16,17 +17,12 @@ import zenoh
 from armguard.errors import ArmguardError
 from armguard.station.calls import CALLS
 from armguard.station.client import Answer, Client
-from armguard.station.client.stop import stop_answer
+from armguard.station.client.answer import stop_answer
 from armguard.station.errors import RefusedError, StationError
 from armguard.station.service.complaints import Complaints
 from armguard.station.wire import Cause, Keys, Role
 from armguard.station.wire.keys import found_keys
-from armguard.station.zenoh_bridge.authority import (
-    Authority,
-    Controllers,
-    Sequences,
-)
-from armguard.station.zenoh_bridge.message import MOST, Message, message_of
+from armguard.station.zenoh_bridge.authority import Authority, Controllers, Sequences
 from armguard.station.zenoh_bridge.schema import (
     DroppedError,
     Joints,
@@ -45,12 +41,19 @@ from armguard.station.zenoh_bridge.seal import (
     check,
     mark_of,
 )
-from armguard.station.zenoh_bridge.settings import TOLD, BridgeSettings, open_session
+from armguard.station.zenoh_bridge.settings import (
+    PUBLISHED,
+    BridgeSettings,
+    open_session,
+)
+
+# A longer message is dropped unread [bytes].
+MOST = 64 * 1024
 
 # Messages that wait to be handled; older ones are given up.
 WAITING = 1024
 
-# Verdicts that say what the last one said are told this often [s].
+# A verdict that equals the last one is published again after this time [s].
 VERDICTS = 0.04
 
 # How long a call may take [s].
@@ -63,9 +66,12 @@ LATE = 1.0
 # gets to answer [s].
 AGAIN, KNOCK = 0.5, 0.02
 
-# A companion ends after the service has been away for that long: till then it tells
-# everybody to stop [s].
+# A companion ends after the service has been away for that long; until then it
+# publishes stops [s].
 GONE = 2.0
+
+# Forms of a wish, and the word for one of it.
+FORMS = {"velocities": "velocity", "positions": "position", "twists": "twist"}
 
 # States whose numbers are remembered until they are answered.
 ASKED = 512
@@ -74,10 +80,42 @@ ASKED = 512
 AWAY = (Cause.SERVICE_SILENT, Cause.SERVICE_GONE, Cause.NOT_CONNECTED)
 
 
+class Message(NamedTuple):
+    """A message that came in over Zenoh and waits to be handled."""
+
+    name: str  # "call", or the last parts of its key
+    expression: str  # its key
+    size: int  # of payload and attachment; if there are too many they are not kept
+    payload: bytes
+    attachment: bytes
+    query: Any = None  # to reply to
+
+    @property
+    def kind(self) -> str:
+        """What is numbered on its own: "state", "wish", "stop" or "call"."""
+        return self.name.partition("/")[0]
+
+    @property
+    def call(self) -> str:
+        """What a query calls for; "" if it is none."""
+        return self.expression.rpartition("/")[2] if self.query else ""
+
+
+def message_of(name: str, expression: str, source: Any, query: Any = None) -> Message:
+    """The message in a sample or query of Zenoh."""
+    parts = source.payload, source.attachment
+    size = sum(len(part or b"") for part in parts)
+    if size > MOST:
+        return Message(name, expression, size, b"", b"", query)
+    payload, attachment = (b"" if part is None else part.to_bytes() for part in parts)
+    return Message(name, expression, size, payload, attachment, query)
+
+
 class Bridge:
     """Carries messages between a service and Zenoh; from one thread.
 
-    Zenoh's own threads put what comes in into a queue and wake that one up.
+    Zenoh's own threads put messages into a queue and wake that one up. Methods that
+    take a message raise `DroppedError` if it does not count.
 
     Attributes:
         counts: Messages that were taken over, and dropped by cause.
@@ -101,43 +139,38 @@ class Bridge:
         self._woken, self._wake = socket.socketpair()
         self._woken.setblocking(False)
         self._wake.setblocking(False)
-        self._told = 0.0
-        self._shown: tuple[Any, ...] = ()
+        self._verdict_at = 0.0
+        self._verdict: tuple[Any, ...] = ()
         try:
             self._session: Any = open_session(settings)
         except BaseException:
             self._leave()
             raise
         root = settings.root
-        self._out = {name: self._publisher(name) for name in TOLD}
+        self._out = {name: self._publisher(name) for name in PUBLISHED}
         self._takes: dict[str, Callable[[Mark, dict[str, Any]], None]] = {
             "state": self._take_state,
-            "wish/velocities": self._take_velocities,
-            "wish/positions": self._take_positions,
-            "wish/twists": self._take_twists,
-            "stop": self._take_stop,
+            **{f"wish/{form}": partial(self._take_wish, form) for form in FORMS},
+            # Any role may order a stop.
+            "stop": lambda mark, message: self._client.stop(),
         }
         self._ends: list[Any] = [
-            self._session.declare_subscriber(f"{root}/{name}", self._hears(name))
+            self._session.declare_subscriber(f"{root}/{name}", self._puts(name))
             for name in self._takes
         ]
         self._ends.append(
-            self._session.declare_queryable(f"{root}/call/*", self._asked_for)
+            self._session.declare_queryable(f"{root}/call/*", self._put_query)
         )
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
-        """Carry messages until told otherwise.
-
-        Args:
-            until: Asked at least as often as there are heartbeats.
-        """
+        """Carry messages until `until` is true: asked at least at each heartbeat."""
         beat = time.monotonic()
         away = knocked = 0.0
         while not until():
             self._wait(beat)
             self._handle()
             while (answer := self._client.receive()) is not None:
-                self._tell(answer)
+                self._publish_answer(answer)
             for client in self._clients.values():
                 # The service sends commands to one of them only.
                 if client.connected and client is not self._client:
@@ -148,7 +181,7 @@ class Bridge:
             beat = max(beat + self._settings.heartbeat, now)
             latest = self._latest()
             if latest.cycle < 0 and latest.cause is not Cause.NOT_YOURS:
-                self._tell(latest)
+                self._publish_answer(latest)
             self._watch_commander(now)
             self._beat(latest)
             if latest.cause not in AWAY:
@@ -163,10 +196,10 @@ class Bridge:
                 self._knock()
 
     def close(self) -> None:
-        """A last stop for everybody, and everything closed."""
+        """Publish a last stop, and close everything."""
         self._leave()
         with suppress(zenoh.ZError):
-            self._tell(self._latest())
+            self._publish_answer(self._latest())
             self._beat(self._latest())
         for end in self._ends:
             end.undeclare()
@@ -175,10 +208,7 @@ class Bridge:
         self._wake.close()
 
     def _connect(self, timeout: float) -> None:
-        """Connect to a service, under the keys that it has now.
-
-        Args:
-            timeout: How long to wait for it [s].
+        """Connect to a service, under its present keys, within `timeout` [s].
 
         Raises:
             StationError: The key file has no keys, or no service answers.
@@ -203,7 +233,7 @@ class Bridge:
         self._leave()
         self._clients, self._client = clients, clients[main]
         self._welcome = welcome = self._client.welcome
-        # Where robots were told to be last; nothing is known of that yet.
+        # Positions that were published last; none yet.
         self._position = np.full(len(welcome.names), np.nan)
         watchdogs = welcome.watchdogs
         self._joints = Joints(welcome)
@@ -249,7 +279,7 @@ class Bridge:
             self._connect(KNOCK)
 
     def _publisher(self, name: str) -> Any:
-        """Where something is told: at once, and given up rather than waited for."""
+        """A publisher that sends at once, and drops rather than waits."""
         return self._session.declare_publisher(
             f"{self._settings.root}/{name}",
             encoding=zenoh.Encoding.APPLICATION_JSON,
@@ -258,16 +288,12 @@ class Bridge:
             express=True,
         )
 
-    def _hears(self, name: str) -> Callable[[Any], None]:
+    def _puts(self, name: str) -> Callable[[Any], None]:
         """What Zenoh calls with a sample of a key, on a thread of its own."""
         expression = f"{self._settings.root}/{name}"
+        return lambda sample: self._put(message_of(name, expression, sample))
 
-        def hear(sample: Any) -> None:
-            self._put(message_of(name, expression, sample))
-
-        return hear
-
-    def _asked_for(self, query: Any) -> None:
+    def _put_query(self, query: Any) -> None:
         """What Zenoh calls with a query, on a thread of its own."""
         self._put(message_of("call", str(query.key_expr), query, query))
 
@@ -311,21 +337,15 @@ class Bridge:
                 self._drop("fault", f"{name}: {type(error).__name__}: {error}")
 
     def _open(self, message: Message) -> Mark:
-        """Check the seal of a message, its age and its number.
-
-        Raises:
-            DroppedError: It is not sealed by a key, is late, or was here before.
-        """
+        """Check the seal of a message, its age and its number."""
         if message.size > MOST:
-            raise DroppedError(
-                "oversized", f"{message.size} bytes; {MOST} are the most"
-            )
+            text = f"{message.size} bytes; {MOST} are the most"
+            raise DroppedError("oversized", text)
         mark = mark_of(message.attachment, 1)
-        if mark.sender.role not in self._keys:
-            raise DroppedError(
-                "seal", f"the bridge has no key for role {mark.sender.role}"
-            )
-        key = self._keys[Role(mark.sender.role)]
+        role = mark.sender.role
+        if role not in self._keys:
+            raise DroppedError("seal", f"the bridge has no key for role {role}")
+        key = self._keys[Role(role)]
         check(message.attachment, 0, key, message.expression, message.payload)
         kind = message.kind
         if message.call == "clock":
@@ -361,11 +381,7 @@ class Bridge:
             del self._asked[next(iter(self._asked))]
 
     def _need(self, mark: Mark, what: str) -> None:
-        """Check that a sender has the key for commanding.
-
-        Raises:
-            DroppedError: It has another one.
-        """
+        """Check that a sender has the key for commanding."""
         if mark.sender.role < Role.COMMAND:
             word = Role(mark.sender.role).word
             raise DroppedError(
@@ -373,63 +389,47 @@ class Bridge:
             )
 
     def _commander(self, mark: Mark, what: str) -> Client:
-        """The client that sends what the commander asks for.
-
-        Raises:
-            DroppedError: The sender is not the commander.
-        """
+        """The client of a sender, which must be the commander."""
         self._need(mark, what)
         self._authority.check(mark.sender, time.monotonic())
         return self._clients[Role(mark.sender.role)]
 
-    def _take_velocities(self, mark: Mark, message: dict[str, Any]) -> None:
-        """The commander desires joint velocities."""
-        client = self._commander(mark, "a desired velocity")
-        client.send_velocities(self._joints.wish(message, "velocities"))
-
-    def _take_positions(self, mark: Mark, message: dict[str, Any]) -> None:
-        """The commander desires joint positions."""
-        client = self._commander(mark, "a desired position")
-        client.send_positions(self._joints.wish(message, "positions"))
-
-    def _take_twists(self, mark: Mark, message: dict[str, Any]) -> None:
-        """The commander desires velocities of tools."""
-        client = self._commander(mark, "a desired twist")
-        client.send_twists(self._joints.twists(message))
-
-    def _take_stop(self, mark: Mark, message: dict[str, Any]) -> None:
-        """Any role may order a stop."""
-        self._client.stop()
+    def _take_wish(self, form: str, mark: Mark, message: dict[str, Any]) -> None:
+        """The commander desires velocities, positions or twists."""
+        client = self._commander(mark, f"a desired {FORMS[form]}")
+        if form == "velocities":
+            client.send_velocities(self._joints.wish(message, form))
+        elif form == "positions":
+            client.send_positions(self._joints.wish(message, form))
+        else:
+            client.send_twists(self._joints.twists(message))
 
     def _answer(self, message: Message) -> None:
         """Answer a query: what was called for, done or refused."""
         call, query = message.call, message.query
         key, encoding = message.expression, zenoh.Encoding.APPLICATION_JSON
+        mark, reply = None, dict[str, Any]()
         try:
             mark = self._open(message)
-        except DroppedError as error:
-            self._drop(error.cause, f"call {call}: {error}")
-            reply = {"ok": False, "error": error.cause, "sentence": str(error)}
-            # Not sealed: it would vouch for an answer to a message of anybody.
-            with suppress(zenoh.ZError), query:
-                query.reply_err(json.dumps(reply), encoding=encoding)
-            return
-        try:
-            result = self._do(call, mark, read(message.payload))
-            reply = {"ok": True, "result": result}
+            reply = {"ok": True, "result": self._do(call, mark, read(message.payload))}
             self.counts["accepted_call"] += 1
-        except DroppedError as error:
-            self._drop(error.cause, f"call {call}: {error}")
-            reply = {"ok": False, "error": error.cause, "sentence": str(error)}
-        except RefusedError as error:
-            self.counts["calls_refused"] += 1
-            kind = error.kind or "RefusedError"
-            reply = {"ok": False, "error": kind, "sentence": str(error)}
         except Exception as error:  # whatever it is, the bridge goes on
             kind = type(error).__name__
-            self._drop("fault", f"call {call}: {kind}: {error}")
+            if isinstance(error, DroppedError):
+                kind = error.cause
+                self._drop(kind, f"call {call}: {error}")
+            elif isinstance(error, RefusedError):
+                kind = error.kind or "RefusedError"
+                self.counts["calls_refused"] += 1
+            else:
+                self._drop("fault", f"call {call}: {kind}: {error}")
             reply = {"ok": False, "error": kind, "sentence": str(error)}
         payload = json.dumps(reply).encode()
+        if mark is None:
+            # Not sealed: it would vouch for an answer to a message of anybody.
+            with suppress(zenoh.ZError), query:
+                query.reply_err(payload, encoding=encoding)
+            return
         seal = self._seal(key, payload, message.attachment[-MAC:])
         with suppress(zenoh.ZError), query:
             query.reply(key, payload, encoding=encoding, attachment=seal)
@@ -475,7 +475,7 @@ class Bridge:
         return {"watchdogs": dict(self._welcome.watchdogs)}
 
     def _watch_commander(self, now: float) -> None:
-        """Who is silent for too long does not command any more."""
+        """A commander that is silent for too long loses the command."""
         holder = self._authority.holder
         if holder is None:
             return
@@ -485,40 +485,32 @@ class Bridge:
             client.give_back()
             self._authority.lose()
 
-    def _tell(self, answer: Answer) -> None:
-        """Tell what robots are told, and what was judged if that is news."""
+    def _publish_answer(self, answer: Answer) -> None:
+        """Publish a command, and its verdict if that is news."""
         self._position = answer.position
         self._publish("command", command_of(answer, self._source))
         now = time.monotonic()
         levels = tuple(row.level for row in answer.numbers)
-        shown = answer.cause, answer.reason_number, answer.level_number, levels
-        if shown != self._shown or now - self._told > VERDICTS:
-            self._shown, self._told = shown, now
+        new = answer.cause, answer.reason_number, answer.level_number, levels
+        if new != self._verdict or now - self._verdict_at > VERDICTS:
+            self._verdict, self._verdict_at = new, now
             self._publish("verdict", verdict_of(answer))
 
     def _source(self, sender: int, sequence: int) -> dict[str, Any] | None:
-        """Who sent a state over Zenoh; None if it came another way, or long ago.
-
-        Args:
-            sender: Its sender, as the service knows it.
-            sequence: Its number there.
-        """
+        """Origin over Zenoh of a state, by the service's sender and number; or None."""
         mark = self._asked.get(sequence) if sender == self._client.sender else None
         return mark and {"sender": mark.sender.name, "sequence": mark.sequence}
 
     def _beat(self, latest: Answer) -> None:
         """Say that the bridge lives, and whether the service does."""
-        away = latest.cause in AWAY
-        self._publish(
-            "heartbeat",
-            {
-                "time": self._client.clock(),
-                "cycle": latest.cycle,
-                "service": latest.cause.name if away else "ALIVE",
-                "commander": self._authority.name,
-                "counts": dict(self.counts),
-            },
-        )
+        message = {
+            "time": self._client.clock(),
+            "cycle": latest.cycle,
+            "service": latest.cause.name if latest.cause in AWAY else "ALIVE",
+            "commander": self._authority.name,
+            "counts": dict(self.counts),
+        }
+        self._publish("heartbeat", message)
 
     def _publish(self, name: str, message: dict[str, Any]) -> None:
         """Publish a message under one of the bridge's own keys."""

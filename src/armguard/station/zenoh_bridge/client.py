@@ -88,7 +88,7 @@ class ZenohClient:
             timeout: How long to wait for an answer [s].
 
         Returns:
-            What the service tells about itself.
+            Description of the service.
 
         Raises:
             NoServiceError: No bridge answers that has the same key.
@@ -123,9 +123,10 @@ class ZenohClient:
             NoServiceError: `connect` was not called.
         """
         key = f"{self._root}/{name}"
-        payload = (
-            message if isinstance(message, bytes) else json.dumps(message).encode()
-        )
+        if isinstance(message, bytes):
+            payload = message
+        else:
+            payload = json.dumps(message).encode()
         with self._lock:
             seal = self._seal(key, payload)
             self._zenoh.put(key, payload, attachment=seal, express=True)
@@ -229,22 +230,14 @@ class ZenohClient:
         raise NoServiceError(f"no bridge answers at '{key}': {why}")
 
     def _seal(self, key: str, payload: bytes) -> bytes:
-        """The seal of a message that is sent now.
-
-        Raises:
-            NoServiceError: `connect` was not called.
-        """
+        """The seal of a message that is sent now; NoServiceError before `connect`."""
         if not self._key:
             raise NoServiceError("not connected: call connect() first")
         stamp = int(self.clock() / NANO)
         return self._sealer.seal(key, payload, stamp, self._bridge)
 
     def _mark(self, key: str, payload: bytes, attachment: Any) -> Mark:
-        """What the seal of a message of the bridge says.
-
-        Raises:
-            DroppedError: The bridge has not sealed it.
-        """
+        """The header of a message that the bridge has sealed; else DroppedError."""
         seal = b"" if attachment is None else attachment.to_bytes()
         mark = mark_of(seal, len(ROLES))
         if mark.sender.role != BRIDGE:
@@ -253,11 +246,7 @@ class ZenohClient:
         return mark
 
     def _check_new(self, name: str, mark: Mark) -> None:
-        """Check that a message is of this bridge, new and in order.
-
-        Raises:
-            DroppedError: It is not.
-        """
+        """Raise DroppedError unless a message is of this bridge, new and in order."""
         if mark.sender.session != self._bridge:
             raise DroppedError("session", "another session of the bridge")
         if not abs(self.clock() - mark.stamp * NANO) <= self._watchdog:

@@ -3,22 +3,20 @@
 import json
 import math
 from collections.abc import Callable, Mapping
+from enum import Enum
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.station.client import Answer, Welcome
+from armguard.respond.command import Held
+from armguard.station.client import Answer, Nearest, Welcome
 
 Floats = NDArray[np.float64]
 
 
 class DroppedError(ValueError):
-    """A message that is dropped.
-
-    Attributes:
-        cause: Under what it is counted.
-    """
+    """A message that is dropped, and counted under its cause."""
 
     def __init__(self, cause: str, sentence: str) -> None:
         super().__init__(sentence)
@@ -48,10 +46,10 @@ def no_number(word: str) -> NoReturn:
 
 
 class Joints:
-    """Which joint is where.
+    """Order of the joints in messages; each raises DroppedError, see docs/zenoh.md.
 
     Args:
-        welcome: What the service told about itself.
+        welcome: Description of the service.
     """
 
     def __init__(self, welcome: Welcome) -> None:
@@ -61,41 +59,25 @@ class Joints:
         self._orders: dict[tuple[str, ...], tuple[list[int], tuple[str, ...]]] = {}
 
     def state(self, message: Mapping[str, Any]) -> "State":
-        """What a controller measured.
-
-        Raises:
-            DroppedError: It is not what docs/zenoh.md says.
-        """
+        """Measurement of a controller."""
         order, robots = self._order(names_in(message, "names"))
         q = vector_in(message, "positions", len(order))[order]
         velocity = None
         if message.get("velocities") is not None:
             velocity = vector_in(message, "velocities", len(order))[order]
         stamp = message.get("stamp")
-        return State(
-            robots,
-            q,
-            velocity,
-            None if stamp is None else number_of("stamp", stamp),
-        )
+        at = None if stamp is None else number_of("stamp", stamp)
+        return State(robots, q, velocity, at)
 
     def wish(self, message: Mapping[str, Any], field: str) -> Floats:
-        """Velocities or positions of all joints, in the service's order.
-
-        Raises:
-            DroppedError: It is not what docs/zenoh.md says.
-        """
+        """Velocities or positions of all joints, in the service's order."""
         order, robots = self._order(names_in(message, "names"))
         if len(robots) != len(self._parts):
             raise DroppedError("names", "a wish names the joints of all robots")
         return vector_in(message, field, len(order))[order]
 
     def twists(self, message: Mapping[str, Any]) -> dict[str, Floats]:
-        """Twists by tool.
-
-        Raises:
-            DroppedError: It is not what docs/zenoh.md says.
-        """
+        """Twists by tool."""
         tools = names_in(message, "tools")
         rows = message.get("twists")
         if not isinstance(rows, list) or len(rows) != len(tools):
@@ -124,26 +106,19 @@ class Joints:
             raise DroppedError(
                 "names", "names must be all joints of one robot or more, each once"
             )
-        # Few orders occur; who makes up ever new ones does not fill the memory.
+        # Few orders occur; a sender of ever new ones does not fill the memory.
         if len(self._orders) < len(self._names):
             self._orders[names] = order, tuple(robots)
         return order, tuple(robots)
 
 
 class State(NamedTuple):
-    """What a controller measured.
-
-    Attributes:
-        robots: Of which robots.
-        q: Their positions in the service's order [rad or m].
-        velocity: Their velocities, None if there are none.
-        stamp: When, on the service's clock; None for now [s].
-    """
+    """Measurement of a controller, its joints in the service's order."""
 
     robots: tuple[str, ...]
-    q: Floats
-    velocity: Floats | None
-    stamp: float | None
+    q: Floats  # positions [rad or m]
+    velocity: Floats | None  # [rad/s or m/s]
+    stamp: float | None  # on the service's clock; None for now [s]
 
 
 def names_in(message: Mapping[str, Any], field: str) -> tuple[str, ...]:
@@ -175,69 +150,58 @@ def number_of(field: str, value: Any) -> float:
     return found
 
 
+# Fields of a verdict: attributes of an answer.
+VERDICT = (
+    *("cycle", "time", "level", "levels", "cause", "reason", "sentence", "slack"),
+    *("slack_time", "nearest", "urgency", "speed_scale", "blocked", "stopped_by"),
+    *("held", "ages"),
+)
+
+
 def command_of(
     answer: Answer, source: Callable[[int, int], dict[str, Any] | None]
 ) -> dict[str, Any]:
-    """What robots are told.
+    """The command of an answer.
 
     Args:
-        answer: What the service, or the client in its place, told.
+        answer: Answer of the service, or of the client in its place.
         source: The sender and number over Zenoh of a state, from those at the service.
     """
+    rows = zip(answer.welcome.robots, answer.numbers, strict=True)
     return {
         "cycle": answer.cycle,
         "time": answer.time,
         "began_by": source(*answer.began),
-        "states": {
-            name: source(row.sender, row.sequence)
-            for name, row in zip(answer.welcome.robots, answer.numbers, strict=True)
-        },
-        "names": list(answer.welcome.names),
-        "velocities": [finite(v) for v in answer.velocity.tolist()],
+        "states": {name: source(row.sender, row.sequence) for name, row in rows},
+        "names": answer.welcome.names,
+        "velocities": plain(answer.velocity),
         # A service that has seen no state yet does not know where joints are.
-        "positions": [finite(x) for x in answer.position.tolist()],
-        "action": answer.action.name,
-        "actions": {name: action.name for name, action in answer.actions.items()},
+        "positions": plain(answer.position),
+        "action": plain(answer.action),
+        "actions": plain(answer.actions),
         "stop": answer.stops,
-        "cause": answer.cause.name,
-        "reason": answer.reason.name,
+        "cause": plain(answer.cause),
+        "reason": plain(answer.reason),
     }
 
 
 def verdict_of(answer: Answer) -> dict[str, Any]:
-    """What was judged, and why."""
-    near = answer.nearest
-    return {
-        "cycle": answer.cycle,
-        "time": answer.time,
-        "level": answer.level.name,
-        "levels": {name: level.name for name, level in answer.levels.items()},
-        "cause": answer.cause.name,
-        "reason": answer.reason.name,
-        "sentence": answer.sentence,
-        "slack": finite(answer.slack),
-        "slack_time": finite(answer.slack_time),
-        "nearest": near
-        and {
-            "a": near.a,
-            "b": near.b,
-            "distance": finite(near.distance),
-            "clearance": finite(near.clearance),
-            "point_a": near.point_a.tolist(),
-            "point_b": near.point_b.tolist(),
-        },
-        "urgency": {name: finite(x) for name, x in answer.urgency.items()},
-        "speed_scale": {name: finite(x) for name, x in answer.speed_scale.items()},
-        "blocked": {name: why.name for name, why in answer.blocked.items()},
-        "stopped_by": {name: why.name for name, why in answer.stopped_by.items()},
-        "held": {
-            name: {"cause": one.cause, "remedy": one.remedy, "since": finite(one.since)}
-            for name, one in answer.held.items()
-        },
-        "ages": {name: finite(age) for name, age in answer.ages.items()},
-    }
+    """The verdict of an answer, and its reasons."""
+    return {name: plain(getattr(answer, name)) for name in VERDICT}
 
 
-def finite(value: float) -> float | None:
-    """A number; None for what JSON has no word for."""
-    return value if math.isfinite(value) else None
+def plain(value: Any) -> Any:
+    """A value as JSON has it: names of enumerations; None for NaN and infinity."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, np.ndarray):
+        return [plain(number) for number in value.tolist()]
+    if isinstance(value, Held):
+        value = {name: getattr(value, name) for name in ("cause", "remedy", "since")}
+    elif isinstance(value, Nearest):
+        value = {name: getattr(value, name) for name in value.__slots__}
+    if isinstance(value, dict):
+        return {name: plain(item) for name, item in value.items()}
+    return value

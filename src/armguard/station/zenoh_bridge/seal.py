@@ -29,15 +29,10 @@ ROLES = tuple(Role)
 
 
 class Sender(NamedTuple):
-    """A sender of sealed messages.
+    """A sender of sealed messages."""
 
-    Attributes:
-        role: Role whose key seals them; `BRIDGE` for the bridge.
-        session: Random, 16 bytes.
-    """
-
-    role: int
-    session: bytes
+    role: int  # whose key seals them; `BRIDGE` for the bridge
+    session: bytes  # random, 16 bytes
 
     @property
     def name(self) -> str:
@@ -46,19 +41,12 @@ class Sender(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """What a sealed message says about itself.
-
-    Attributes:
-        sender: Its sender.
-        sequence: Its number; rises within a session.
-        stamp: When it was sent, on the service's clock [ns].
-        about: The bridge's session, in messages to it; in a reply the MAC of the query.
-    """
+    """Header of a sealed message."""
 
     sender: Sender
-    sequence: int
-    stamp: int
-    about: bytes
+    sequence: int  # rises within a session
+    stamp: int  # when it was sent, on the service's clock [ns]
+    about: bytes  # to the bridge: its session; in a reply: the MAC of the query
 
 
 class Sealer:
@@ -90,18 +78,9 @@ class Sealer:
             about: What it refers to, 16 bytes.
         """
         self.sequence += 1
-        name = expression.encode()
-        header = HEADER.pack(
-            *(
-                MAGIC,
-                self.sender.role,
-                len(name),
-                self.sequence,
-                stamp,
-                self.sender.session,
-                about,
-            )
-        )
+        name, (role, session) = expression.encode(), self.sender
+        counts = role, len(name), self.sequence, stamp
+        header = HEADER.pack(MAGIC, *counts, session, about)
         macs = (mac(key, header, name, payload) for key in self._keys)
         return header + b"".join(macs)
 

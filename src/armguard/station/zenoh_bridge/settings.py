@@ -19,9 +19,8 @@ LOCAL_KINDS = ("unixsock-stream", "unixpipe", "shm")
 # Characters that mean something in Zenoh's key expressions.
 SPECIAL = frozenset("*$?#/")
 
-
 # What the bridge publishes, and what it takes.
-TOLD = ("command", "verdict", "heartbeat")
+PUBLISHED = ("command", "verdict", "heartbeat")
 TAKEN = ("state", "wish/velocities", "wish/positions", "wish/twists", "stop")
 
 
@@ -31,32 +30,18 @@ class BridgeError(StationError, RuntimeError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BridgeSettings:
-    """How the bridge runs.
+    """How the bridge runs."""
 
-    Attributes:
-        port: Port of the service.
-        host: Its address.
-        keys: File with its keys; if None the one it has written itself.
-        listen: Endpoints Zenoh listens on; on this machine only.
-        connect: Endpoints it connects to, a router's for instance; on this machine.
-        prefix: What all keys begin with.
-        name: What follows it, to tell one service from another.
-        watchdog: After that much silence of the service it is told as a stop [s].
-        heartbeat: Time between two heartbeats [s].
-        companion: Whether to end when the service is gone; else another one is waited
-            for.
-    """
-
-    port: int
-    host: str = "127.0.0.1"
-    keys: Path | None = None
-    listen: tuple[str, ...] = (LISTEN,)
-    connect: tuple[str, ...] = ()
-    prefix: str = "armguard"
-    name: str = "guard"
-    watchdog: float = 0.1
-    heartbeat: float = 0.04
-    companion: bool = False
+    port: int  # of the service
+    host: str = "127.0.0.1"  # of the service
+    keys: Path | None = None  # file of its keys; if None the one it has written
+    listen: tuple[str, ...] = (LISTEN,)  # endpoints, on this machine only
+    connect: tuple[str, ...] = ()  # likewise; a router's for instance
+    prefix: str = "armguard"  # of all keys
+    name: str = "guard"  # follows it, and differs from one service to another
+    watchdog: float = 0.1  # after that much silence of the service: a stop [s]
+    heartbeat: float = 0.04  # time between two heartbeats [s]
+    companion: bool = False  # ends with the service; else it waits for another one
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):
@@ -102,7 +87,7 @@ def access_control(root: str) -> dict[str, Any]:
     Args:
         root: What the keys of the bridge begin with.
     """
-    told = [f"{root}/{name}" for name in TOLD]
+    published = [f"{root}/{name}" for name in PUBLISHED]
     taken = [f"{root}/{name}" for name in TAKEN]
     calls = [f"{root}/call/*"]
     rules = [
@@ -116,19 +101,18 @@ def access_control(root: str) -> dict[str, Any]:
         for flow, messages, keys in (
             ("ingress", ["put"], taken),
             ("ingress", ["query"], calls),
-            # Others may ask for every key; they receive those that `told` lists.
+            # Others may ask for every key; they receive those that are published.
             ("ingress", ["declare_subscriber"], ["**"]),
-            ("egress", ["put"], told),
+            ("egress", ["put"], published),
             ("egress", ["reply", "declare_queryable"], calls),
             ("egress", ["declare_subscriber"], taken),
         )
     ]
-    everybody = {"id": "all"}
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": [everybody],
+        "subjects": [{"id": "all"}],
         "policies": [{"rules": [rule["id"] for rule in rules], "subjects": ["all"]}],
     }
 
@@ -140,7 +124,7 @@ def open_session(settings: BridgeSettings) -> zenoh.Session:
     every session everything; all of that is off.
 
     Raises:
-        BridgeError: An endpoint is taken, or nobody is there to connect to.
+        BridgeError: An endpoint is taken, or none answers.
     """
     config = zenoh.Config()
     for key, value in (

@@ -55,26 +55,21 @@ class ClosestPairs:
         open_ones = near[:, PROOF] == UNPROVEN
         nothing = np.unique(of_pair[open_ones] * len(rows) + block.owner[open_ones])
         unproven = np.bincount(nothing // len(rows), minlength=len(pairs))
-        for n, k in enumerate(nearest.tolist()):
-            pair = int(pairs[n])
-            of_a, of_b = self._bodies[int(a[k])], self._bodies[int(b[k])]
-            distance, row = float(near[k, WITNESS]), rows[int(block.owner[k])]
-            least, allowed = float(clearance[n]), bool(contract[k])
-            at, cycle, times = float(row.t), int(row.cycle), int(cycles[n])
+        for n, (pair, k) in enumerate(zip(pairs.tolist(), nearest, strict=True)):
+            row = rows[block.owner[k]]
             new = Closest(
-                of_a, of_b, distance, at, cycle, least, times, allowed, int(unproven[n])
+                *(self._bodies[a[k]], self._bodies[b[k]], float(near[k, WITNESS])),
+                *(float(row.t), int(row.cycle), float(clearance[n])),
+                *(int(cycles[n]), bool(contract[k]), int(unproven[n])),
             )
-            old = self._found.get(pair)
-            self._found[pair] = (
-                new
-                if old is None
-                else replace(
+            if old := self._found.get(pair):
+                new = replace(
                     min(old, new, key=lambda pair: pair.distance),
                     clearance=min(old.clearance, new.clearance),
                     cycles=old.cycles + new.cycles,
                     unproven=old.unproven + new.unproven,
                 )
-            )
+            self._found[pair] = new
 
     def pairs(self) -> list[Closest]:
         """All pairs that were near, nearest first."""

@@ -25,6 +25,9 @@ LEVEL_OF[list(Reason)] = [level_of(reason) for reason in Reason]
 # A gap is longer than this many periods, and than this time [s].
 GAP_PERIODS, LEAST_GAP = 10.0, 0.05
 
+# Times of a frame on the monotonic clock.
+CLOCKS = ("monotonic", "ended", "received")
+
 # Time between two runs of a machine if the wall clock does not give it [s].
 LEAST_BREAK = 1.0
 
@@ -192,13 +195,5 @@ def on_one_clock(frames: Iterable[Frame], notes: list[str]) -> Iterator[Frame]:
                 f"{before}; its monotonic clock began anew"
             )
         last, wall, before = frame.monotonic + shift, frame.wall, frame.cycle
-        yield (
-            frame
-            if not shift
-            else replace(
-                frame,
-                monotonic=frame.monotonic + shift,
-                ended=frame.ended + shift,
-                received=frame.received + shift,
-            )
-        )
+        times = {name: getattr(frame, name) + shift for name in CLOCKS}
+        yield replace(frame, **times) if shift else frame

@@ -12,7 +12,7 @@ from armguard.guard.layout import REASON
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Names, names_of
 from armguard.scene.compile import compile_scene
-from armguard.station.blackbox.plausible import believed
+from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.recording import Recording
 from armguard.station.blackbox.report.closest import Closest, ClosestPairs
 from armguard.station.blackbox.report.cycles import (
@@ -244,16 +244,12 @@ def gather(
                 take_block()
     if cycles:
         take_block()
-    lacks = [*problems, *breaks]
-    if foreign:
-        lacks.append(f"left out, since not of the scene in the file: {foreign} cycles")
-    if unknown:
-        lacks.append(
-            f"left out, since this version does not know their reasons: {unknown} "
-            "cycles; a newer one does"
-        )
-    if isnan(begin):
-        lacks.append("there is no cycle in it")
+    left = f"left out, since not of the scene in the file: {foreign} cycles"
+    new = (
+        f"left out, since this version does not know their reasons: {unknown} cycles; "
+        "a newer one does"
+    )
+    own = (foreign, left), (unknown, new), (isnan(begin), "there is no cycle in it")
     figures = [robot.stopping for robot in tables.robots]
     return Findings(
         source=source,
@@ -268,7 +264,7 @@ def gather(
         closeness=closeness,
         closest=closest.pairs(),
         events=events,
-        problems=lacks,
+        problems=[*problems, *breaks, *(what for holds, what in own if holds)],
         model=model,
         sensing=tuple(nan if own is None else own.sensing for own in figures),
     )
@@ -292,7 +288,7 @@ def findings_of(
     Raises:
         RecordingError: It has no scene, or content that no recorder writes.
     """
-    with believed(recording.paths[0]):
+    with reading(recording.paths[0]):
         recording, others = of_one_scene(recording)
         scene = recording.scene()
         first, *more = [path.name for path in recording.paths]

@@ -1,7 +1,7 @@
 """Slows, stops and near misses of a recording, with their causes."""
 
 from collections import Counter
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum, IntEnum
 from typing import Any
 
@@ -84,17 +84,18 @@ def text_of(frame: Frame, names: Names) -> VerdictText:
     if len(frame.verdict) < names.first_row + rows * NEAR_WIDTH:
         why = fault or f"{SENTENCES[reason]} (near pairs are not in the recording)"
         return VerdictText(level, reason, "", None, None, None, why)
-    subject, distance, needed, clearance, budget = verdict.subject, None, None, None, ""
+    text = VerdictText(level, reason, verdict.subject, None, None, None, verdict.why)
     pair, nuisance = verdict.nearest, verdict.nuisance
     if pair is not None and reason in ABOUT_PAIRS and not fault:
-        subject, distance = f"{pair.a} – {pair.b}", pair.distance
-        clearance, needed = pair.clearance, pair.needed
+        lengths = pair.distance, pair.needed, pair.clearance
         budget = "" if verdict.budget is None else verdict.budget.sentence
-    text = level, reason, subject, distance, needed, clearance, verdict.why, budget
+        subject = f"{pair.a} – {pair.b}"
+        text = VerdictText(level, reason, subject, *lengths, verdict.why, budget)
     if nuisance is None:
-        return VerdictText(*text)
-    cause, deficit = nuisance.cause, nuisance.deficit
-    return VerdictText(*text, cause, deficit, nuisance.remedy, sense_of(cause, deficit))
+        return text
+    cause, deficit, remedy = nuisance.cause, nuisance.deficit, nuisance.remedy
+    sense = sense_of(cause, deficit)
+    return replace(text, cause=cause, deficit=deficit, remedy=remedy, sense=sense)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +136,9 @@ class Halts:
             for k in np.flatnonzero(risen.any(axis=1)).tolist():
                 own = zip(self._robots, risen[k], strict=True)
                 robots, row = tuple(name for name, rose in own if rose), rows[k]
-                told = text_of(block.frames[k], self._names)
-                order = Reason(int(row.reason))
-                at, cycle = float(row.t), int(row.cycle)
-                self.found.append(Halt(at, cycle, robots, stopped, order, told))
+                text = text_of(block.frames[k], self._names)
+                begin, order = (float(row.t), int(row.cycle)), Reason(int(row.reason))
+                self.found.append(Halt(*begin, robots, stopped, order, text))
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,14 +162,10 @@ def by_cause(halts: list[Halt]) -> list[CauseCount]:
         if own:
             # A remedy for the greatest deficit is one for the others too.
             worst = max(stops or own, key=lambda halt: halt.told.deficit or 0.0).told
-            reasons, slows = (
-                Counter(halt.order for halt in stops),
-                len(own) - len(stops),
-            )
-            deficit, remedy = worst.deficit, worst.remedy
-            counts.append(
-                CauseCount(cause, len(stops), slows, reasons, deficit, remedy)
-            )
+            numbers = len(stops), len(own) - len(stops)
+            reasons = Counter(halt.order for halt in stops)
+            found = CauseCount(cause, *numbers, reasons, worst.deficit, worst.remedy)
+            counts.append(found)
     return sorted(counts, key=lambda count: (-count.stops, -count.slows))
 
 
@@ -253,16 +249,12 @@ class NearMisses:
         span, self._span = self._span, None
         if span is not None:
             # As words: a frame would keep its part of the file in memory.
-            main, near, level = (
-                span.stop or span.nearest,
-                span.nearest,
-                Level(span.level),
-            )
+            main, near = span.stop or span.nearest, span.nearest
             of_main, of_near = (text_of(frame, self._names) for frame in (main, near))
-            at, clearance = main.monotonic, span.clearance
-            times = span.began, span.ended, main.cycle, at
-            verdicts = near.monotonic, of_main, of_near
-            self._found.append(NearMiss(*times, level, clearance, *verdicts))
+            times, level = (main.cycle, main.monotonic), Level(span.level)
+            least, texts = (span.clearance, near.monotonic), (of_main, of_near)
+            miss = NearMiss(span.began, span.ended, *times, level, *least, *texts)
+            self._found.append(miss)
         return self._found
 
 

@@ -12,7 +12,7 @@ from plotly.io.json import to_json_plotly
 from plotly.offline import get_plotlyjs
 
 from armguard.guard.levels import SENTENCES, Level
-from armguard.station.blackbox.plausible import believed
+from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.report import plots
 from armguard.station.blackbox.report.cycles import Distribution, distribution
 from armguard.station.blackbox.report.findings import Findings
@@ -93,7 +93,7 @@ def write_page(findings: Findings, path: Path) -> None:
             recorder writes.
     """
     try:
-        with believed(findings.source):
+        with reading(findings.source):
             text = page(findings)
         path.write_text(text, encoding="utf-8")
     except OSError as error:

@@ -120,10 +120,10 @@ def level_bars(findings: Findings) -> go.Figure:
     names = [plot_text(name) for name, _ in columns]
     figure = go.Figure()
     for level in Level:
-        times = [times[level] for _, times in columns]
+        times, word = [times[level] for _, times in columns], WORDS[level]
         if not any(times):
             continue
-        shares, word = [time / judged for time in times], WORDS[level]
+        shares = [time / judged for time in times]
         pattern = {"shape": PATTERNS[level], "fgcolor": INK, "fgopacity": 0.22}
         bar = bars(
             [100.0 * part for part in shares],
@@ -198,11 +198,10 @@ def time_line(findings: Findings) -> go.Figure:
         annotation_position="bottom right",
         annotation_font={"color": VERMILLION},
     )
-    titles = ("level", "clearance [mm]", "slack [ms]", "cycle [µs]")
-    for row, title in enumerate(titles, start=1):
-        figure.update_yaxes(title_text=title, row=row)
-    figure.update_yaxes(autorange="reversed", row=1)
-    figure.update_yaxes(type="log", dtick=1, row=4)
+    figure.update_yaxes(title_text="level", autorange="reversed", row=1)
+    figure.update_yaxes(title_text="clearance [mm]", row=2)
+    figure.update_yaxes(title_text="slack [ms]", row=3)
+    figure.update_yaxes(title_text="cycle [µs]", type="log", dtick=1, row=4)
     figure.update_xaxes(range=[0.0, findings.series.duration / size])
     figure.update_xaxes(title_text=time_title(unit), row=4)
     return styled(figure, 640, showlegend=False, hovermode="x", barmode="overlay")
@@ -305,11 +304,8 @@ def slack_histogram(series: Series) -> go.Figure:
         number, weights = np.maximum(values[known] * 1e3, least), series.held[known]
         edges = np.linspace(least, most, 51)
         held, _ = np.histogram(number, edges, weights=weights)
-        hover, times = (
-            "%{x:.0f}: for %{hovertext}",
-            [duration(t) for t in held.tolist()],
-        )
-        bar = bars(middles(edges), held, colour, hover, hovertext=times)
+        times, hover = map(duration, held.tolist()), "%{x:.0f}: for %{hovertext}"
+        bar = bars(middles(edges), held, colour, hover, hovertext=list(times))
         figure.add_trace(bar, 1, col)
         figure.update_xaxes(title_text=title, col=col)
     figure.update_yaxes(title_text="for how long [s]")

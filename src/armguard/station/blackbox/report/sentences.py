@@ -25,10 +25,8 @@ def summary(findings: Findings) -> str:
         text += f" ({needless or 'none'} of them needless)"
     misses = count(len(findings.near_misses), "near miss", "near misses")
     text += f", {misses}. {nearest_sentence(findings)}"
-    if findings.faults:
-        text += (
-            f" In {count(findings.faults, 'cycle')} the input could not be believed."
-        )
+    if faults := findings.faults:
+        text += f" In {count(faults, 'cycle')} the input could not be believed."
     if findings.problems or series.missing:
         text += " The recording is not whole; see below."
     if gaps := len(series.gaps):

@@ -1,4 +1,4 @@
-"""What is recorded for people: joints, levels, lines, words, each at its rate."""
+"""Messages for people, each at its rate: joints, levels, lines, sentences."""
 
 from collections.abc import Iterator, Sequence
 
@@ -15,7 +15,7 @@ from armguard.station.frames import HEADER, JOINTS, ROBOTS, frame_of
 
 Floats = NDArray[np.float64]
 
-# How often each is told at most [s].
+# Least time between two messages of each kind [s].
 JOINTS_EVERY = 0.01
 NUMBERS_EVERY = 1.0 / 30.0
 LINES_EVERY = 0.1
@@ -23,22 +23,20 @@ LINES_EVERY = 0.1
 # Near pairs that are drawn at most.
 MOST_LINES = 64
 
-# Colours that those who do not see red and green apart can tell.
+# Colours that can be told apart without seeing red and green.
 CLEAR, SHORT, OVER = (0.34, 0.71, 0.91), (0.90, 0.62, 0.0), (0.80, 0.47, 0.65)
 
-# A pair that has no more than this beyond what it needs is drawn as one that is short
-# [m].
+# A pair with less clearance than this is drawn as one that is short [m].
 LITTLE = 0.01
 
 
-class Glance:
-    """The few numbers of a cycle that are looked at every time.
+class Summary:
+    """The few numbers of a cycle that are read every time.
 
     Attributes:
         level: Highest level of all robots.
-        clearance: What the nearest pair has beyond what it needs; infinite if none is
-            near [m].
-        slack: Time until a stop must be ordered, as far as it was looked [s].
+        clearance: Of the nearest pair; infinite if none is near [m].
+        slack: Time until a stop must be ordered, as far as it was predicted [s].
         levels: Level of each robot; of the scene where no stops are predicted.
     """
 
@@ -61,7 +59,7 @@ class Glance:
             self.clearance = float(numbers[at])
 
 
-class Narrator:
+class MessageMaker:
     """Makes messages of cycles.
 
     Args:
@@ -84,33 +82,32 @@ class Narrator:
         self._levels: tuple[int, ...] = ()
 
     def cycle(self, row: Floats, now: float, time: int) -> Iterator[Stored]:
-        """What is to be told of a cycle at `now` [s], `time` on the wall [ns]."""
+        """Messages of a cycle at `now` [s], `time` on the wall [ns]."""
         if now - self._joints_at >= JOINTS_EVERY:
             self._joints_at = now
             yield from self._motion(row, time)
-        glance = Glance(row, self.first_row)
+        summary = Summary(row, self.first_row)
         if now - self._numbers_at >= NUMBERS_EVERY:
             self._numbers_at = now
-            yield ros.message(ros.LEVEL, time, glance.level)
-            yield ros.message(ros.CLEARANCE, time, glance.clearance)
-            yield ros.message(ros.TIME_LEFT, time, glance.slack)
+            yield ros.message(ros.LEVEL, time, summary.level)
+            yield ros.message(ros.CLEARANCE, time, summary.clearance)
+            yield ros.message(ros.TIME_LEFT, time, summary.slack)
         if now - self._lines_at >= LINES_EVERY:
             self._lines_at = now
             yield self._lines(row, time)
-        if glance.levels != self._levels:
-            if self._levels or max(glance.levels) > Level.CLEAR:
-                yield self._change(row, glance, time)
-            self._levels = glance.levels
+        if summary.levels != self._levels:
+            if self._levels or max(summary.levels) > Level.CLEAR:
+                yield self._change(row, summary, time)
+            self._levels = summary.levels
 
     def _motion(self, row: Floats, time: int) -> Iterator[Stored]:
-        """Where the joints are, and what they are told."""
-        n = int(row[JOINTS])
-        q, v = row[HEADER : HEADER + n], row[HEADER + n : HEADER + 2 * n]
-        yield ros.joints(ros.JOINT_STATES, time, self._joints, q, v)
-        told, verdict, _, _ = places(row)
-        if verdict > told:
-            v, q = row[told : told + n], row[told + n : told + 2 * n]
-            yield ros.joints(ros.COMMANDS, time, self._joints, q, v)
+        """Positions and velocities of the joints, measured and commanded."""
+        n, (sent, verdict, _, _) = int(row[JOINTS]), places(row)
+        rows = row[HEADER : HEADER + 2 * n].reshape(2, n)
+        yield ros.joints(ros.JOINT_STATES, time, self._joints, *rows)
+        if verdict > sent:
+            velocity, position = row[sent : sent + 2 * n].reshape(2, n)
+            yield ros.joints(ros.COMMANDS, time, self._joints, position, velocity)
 
     def _lines(self, row: Floats, time: int) -> Stored:
         """Near pairs as lines."""
@@ -119,37 +116,31 @@ class Narrator:
         pairs = pairs[: len(pairs) // layout.NEAR_WIDTH * layout.NEAR_WIDTH]
         table = pairs.reshape(-1, layout.NEAR_WIDTH)
         order = np.argsort(table[:, layout.CLEARANCE], kind="stable")[:MOST_LINES]
-        lines = [
-            ros.Line(
-                pair[layout.WITNESS + 1 : layout.WITNESS + 4].tolist(),
-                pair[layout.WITNESS + 4 : layout.WITNESS + 7].tolist(),
-                colour_of(float(pair[layout.CLEARANCE])),
-            )
-            for pair in table[order]
-        ]
-        label = ""
-        if len(order):
-            label = f"{table[order[0], layout.WITNESS] * 1e3:.0f} mm"
+        distance, *ends = table[order, layout.WITNESS : layout.WITNESS + 7].T
+        points = np.array(ends).T.reshape(-1, 2, 3).tolist()
+        colours = map(colour_of, table[order, layout.CLEARANCE].tolist())
+        lines = list(zip(points, colours, strict=True))
+        label = f"{distance[0] * 1e3:.0f} mm" if lines else ""
         return ros.markers(time, lines, label)
 
-    def _change(self, row: Floats, glance: Glance, time: int) -> Stored:
+    def _change(self, row: Floats, summary: Summary, time: int) -> Stored:
         """A sentence on a level that changed."""
-        names = [Level(level).name for level in glance.levels]
+        names = [Level(level).name for level in summary.levels]
+        sentence = names[0]
         if len(names) == len(self._robots):
-            told = ", ".join(map(": ".join, zip(self._robots, names, strict=True)))
-        else:
-            told = names[0]
+            sentence = ", ".join(map(": ".join, zip(self._robots, names, strict=True)))
         if self._names is not None:
             frame = frame_of(row)
             fault = frame.text.get("fault", "")
-            told += f" ({Verdict(frame.verdict, self._names, None, 0.0, fault).why})"
-        level = ros.INFO if glance.level < Level.SLOW else ros.WARN
-        level = ros.ERROR if glance.level >= Level.STOP else level
-        return ros.log(time, level, told)
+            verdict = Verdict(frame.verdict, self._names, None, 0.0, fault)
+            sentence += f" ({verdict.why})"
+        level = ros.INFO if summary.level < Level.SLOW else ros.WARN
+        level = ros.ERROR if summary.level >= Level.STOP else level
+        return ros.log(time, level, sentence)
 
 
 def colour_of(clearance: float) -> tuple[float, float, float]:
-    """Colour of a near pair by what it has beyond what it needs [m]."""
+    """Colour of a near pair by its clearance [m]."""
     if not clearance >= 0.0:
         return OVER
     return SHORT if clearance < LITTLE else CLEAR
