@@ -7,13 +7,10 @@ python benchmarks/accuracy_campaign.py --show box-hull nested 12     one case
 
 import argparse
 import multiprocessing
-import sys
 from concurrent.futures import Executor, ProcessPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from accuracy.judge import judge
 from accuracy.nan_laws import swallowed

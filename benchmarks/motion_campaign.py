@@ -6,12 +6,9 @@ python benchmarks/motion_campaign.py --page   the page anew from the last figure
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.benchmark.machine import describe_machine
 from armguard.cli.console import say
