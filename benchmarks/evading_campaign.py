@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from episodes import records
 from episodes.campaign import Campaign, Episode
 from evading.episode import run_episode
-from evading.summary import EXTREME, digest, is_broken, page, sentence, summed_up
+from evading.summary import EXTREME, digest, is_broken, summed_up
 
 HERE = Path(__file__).parent
 
@@ -54,11 +54,8 @@ CAMPAIGN = Campaign(
     extreme=EXTREME,
     summed_up=lambda _, episodes: summed_up(episodes),
     digest=digest,
-    sentence=sentence,
-    page=page,
     is_broken=is_broken,
     is_told=is_told,
-    untold=("cycle_times",),
     count=500,
     written=20,
 )

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from episodes import records
 from episodes.campaign import Campaign, Episode
 from gripping import changing_intent, panda_episode, pick_and_place, unintended
-from gripping.summary import EXTREME, digest, is_broken, page, sentence, summed_up
+from gripping.summary import EXTREME, digest, is_broken, summed_up
 
 HERE = Path(__file__).parent
 
@@ -66,8 +66,6 @@ CAMPAIGN = Campaign(
     extreme=EXTREME,
     summed_up=summed_up,
     digest=digest,
-    sentence=sentence,
-    page=page,
     is_broken=is_broken,
     is_told=is_told,
     shares={"panda": 0.05, "unintended": 0.1},

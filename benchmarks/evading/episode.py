@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armguard.respond import Guard
+from episodes.classes import classes
 from evading.judge import Findings
 from evading.places import MOVER, PERIOD, Place
 from evading.plant import Plant
@@ -15,6 +16,9 @@ from evading.throws import BEFORE, SPEEDS, Throw, drawn_thing, drawn_throw
 
 # How many cycles pass until the thing is seen again, and how old that is, at most.
 SEEN_EVERY, SEEN_LATE = 5, 2
+
+# Width of a class of cycle times [us].
+CLASS = 10
 
 
 class Sight:
@@ -95,7 +99,8 @@ def run_episode(name: str, seed: int, *, evade: bool = True) -> dict[str, Any]:
         "others_least": found.others,
         "touched": [[*pair, time] for pair, time in found.touched.items()],
         "stops": [reason for time, _, reason in plant.stops if time <= until],
-        "cycle_times": plant.cycle_times,
+        "cycle_us": classes((1e6 * t for t in plant.cycle_times), CLASS),
+        "slowest_cycle_us": 1e6 * max(plant.cycle_times),
         "simulated_s": plant.time,
         "worked_s": process_time() - begin,
     }

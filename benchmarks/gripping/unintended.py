@@ -35,16 +35,6 @@ TARGET, NEIGHBOUR = "target", "neighbour"
 # Every kind comes as often as every other one.
 KINDS = ("hand", "speed", "closing", "neighbour", "undeclared", "held")
 
-# What each of them is, on the page.
-WORDS = {
-    "hand": "the palm, without a contract, is pushed onto an object",
-    "speed": "closed fingers run into it at 0.1 to 0.8 m/s, from above or from a side",
-    "closing": "fingers close on it at 0.1 to 0.6 m/s",
-    "neighbour": "a finger comes down on the neighbour 10 to 25 mm beside it",
-    "undeclared": "fingers close slowly on an object not declared as graspable",
-    "held": "the held object is driven into another one",
-}
-
 # How fast each kind is driven [m/s].
 SPEEDS = {
     "hand": (0.02, 0.8),
