@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from episodes.kernels import UNKNOWN, is_todays, kernels_of
 from episodes.records import read, versions_of
 

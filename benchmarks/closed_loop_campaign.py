@@ -22,13 +22,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from closed_loop.plan import Plan, work
-from closed_loop.settings import SCENES
+from closed_loop.settings import FILTERED_TERMS, SCENES, TERMS
 from closed_loop.summary import EXTREME, beside, derived, digest, sums
-from closed_loop.zeroing import FILTERED as FILTERED_TERMS
-from closed_loop.zeroing import TERMS
 from episodes import records
 from episodes.campaign import Campaign, Episode, LeftOut, parser_of
 

@@ -17,8 +17,6 @@ import sys
 from functools import cache, partial
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from episodes import records
 from episodes.campaign import Campaign, Episode
 from evading.episode import run_episode

@@ -20,8 +20,6 @@ import sys
 from functools import cache
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from episodes import records
 from episodes.campaign import Campaign, Episode
 from gripping import changing_intent, panda_episode, pick_and_place, unintended

@@ -17,9 +17,6 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.benchmark.memory import resident_kib
 from armguard.benchmark.motion import sway
@@ -28,8 +25,6 @@ from armguard.scene import bay_scene
 from episodes import records
 from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures
-
-Floats = NDArray[np.float64]
 
 HERE = Path(__file__).parent
 

@@ -20,18 +20,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.cli.console import say
 from armguard.respond import Blocked, Guard
 from armguard.scene import Scene, bay_scene
+from arrays import Floats
 from closed_loop.scenes import build_scene
 from closed_loop.settings import setting_of
 from episodes.records import keep
-
-Floats = NDArray[np.float64]
 
 RESULTS = Path(__file__).parents[1] / "docs" / "ways_out.json"
 

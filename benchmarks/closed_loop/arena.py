@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.compile import compile_scene
+from arrays import Floats, Ints
 from closed_loop.answers import Guarding
 from closed_loop.guards import GUARDS
 from closed_loop.judge import Judge
@@ -17,9 +17,6 @@ from closed_loop.scenes import ROOM, build_scene, declared, movers_of
 from closed_loop.settings import Setting
 from closed_loop.torque import TorqueArms
 from closed_loop.torque_model import torque_model
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Least clearance of a starting state [m].
 START_CLEARANCE = 0.02

@@ -8,10 +8,9 @@ so nothing gets through the surface unseen.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # Triangles are divided if that makes their hulls smaller than this share [-], and so
 # often in turn at most.

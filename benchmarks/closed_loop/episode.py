@@ -1,31 +1,35 @@
 """One episode: operator, plant, measurements, guard, orders, judge, cycle by cycle."""
 
-from collections.abc import Mapping
+from collections import Counter
 from enum import IntEnum
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Bools, Floats
 from closed_loop import plant as plants
 from closed_loop.answers import BRAKE, STOP
 from closed_loop.arena import Arena
-from closed_loop.casting import OBEDIENT, SPEEDS, cast, drawn
 from closed_loop.judge_model import SIGHT
 from closed_loop.keeping import Stopping, broken, declared_of
 from closed_loop.measuring import Measuring
 from closed_loop.movers import Movers
-from closed_loop.operators import View, wish_within
+from closed_loop.operators import (
+    OBEDIENT,
+    SPEEDS,
+    View,
+    drawn_operator,
+    wish_within,
+)
 from closed_loop.outcome import Outcome, Stop
 from closed_loop.reference import THOROUGH
 from closed_loop.settings import SUBSTEP
 from closed_loop.torque import driven_figures
-from closed_loop.truth import Styles, Truth
+from closed_loop.truth import Styles, Truth, pick
 from closed_loop.watch import Watch
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+Stamps = dict[str, float]
 
 # An episode goes on this long after a contact, to see how deep it gets, and after the
 # last arm came to rest, to see whether one is given back [s].
@@ -37,7 +41,7 @@ AFTER_REST = 0.15
 SIGHTING = 0.01
 SIGHTING_AGE = 0.01
 
-# Terms of which a guard that was told nothing would notice errors that jump.
+# Terms of which a guard that knows of none would notice errors that jump.
 UNNOTICED = ("position_error", "velocity_error")
 
 # Substeps after which operators look at the world again.
@@ -56,7 +60,7 @@ class Episode:
         duration: Its longest time [s].
         attack: Whether plant and operator are the worst there are.
         weak: Factor on the plant's decelerations [-].
-        zeroed: Term of the budget the guard is told to be nothing, if any.
+        zeroed: Term of the budget that is declared as nothing, if any.
         large: Term that is as large, but declared, if any.
         needless: Whether to search, for every stop, for a future that asked for it.
         limited: Whether arms with motors of limited torque follow the plant.
@@ -108,8 +112,8 @@ class Episode:
         if self.arms is not None:
             self.arms.start(q, np.random.default_rng([seed, 1]), full=styles.full)
         own = np.arange(len(q)) < arena.first[1]
-        name, self.operator = cast(rng, judge, arena.movers, own, attack)
-        self.speed = 1.0 if attack else float(drawn(rng, SPEEDS))
+        name, self.operator = drawn_operator(rng, judge, arena.movers, own, attack)
+        self.speed = 1.0 if attack else pick(rng, SPEEDS)
         self.obedient = not attack and rng.random() < OBEDIENT
         places = dict(zip(self.movers.names, self.movers.p, strict=True))
         self.watch = Watch(judge, arena.first, q, outer, places)
@@ -133,7 +137,7 @@ class Episode:
         )
         self.driven: set[int] = set()
         self.braked: dict[str, float] = {}
-        self.levels: list[dict[IntEnum, int]] = [{} for _ in arena.robots]
+        self.levels: list[Counter[IntEnum]] = [Counter() for _ in arena.robots]
         self.times: list[float] = []
         self.last: Any = None
 
@@ -142,15 +146,18 @@ class Episode:
         begin = perf_counter()
         arena, outcome = self.arena, self.outcome
         arena.guard.reset()
-        self.tick = cycle = 0
-        rested = 0
-        sees = self.sees_nearest()
+        self.tick = cycle = rested = 0
+        styles = self.truth.styles
+        follows = styles.stops == "adverse" or styles.errors in ("adverse", "quiet")
         looked = -THINK
         while True:
             thinks = self.tick - looked >= THINK
             if thinks:
                 looked = self.tick
-                outward = self.look_around() if sees else self.blank()
+                outward = self.outward() if follows else np.zeros(len(self.q))
+                if not follows:
+                    # The operator looks at the present state.
+                    arena.judge.place(self.q)
             self.one_cycle(cycle, outward, thinks)
             cycle += 1
             if plants.FREE in self.plant.phase.tolist():
@@ -161,7 +168,7 @@ class Episode:
             if (
                 target > self.ticks
                 or (self.tick - rested) * SUBSTEP > AFTER_REST
-                or (contact and self.tick * SUBSTEP > contact.time + AFTER_CONTACT)
+                or (contact and self.now > contact.time + AFTER_CONTACT)
             ):
                 break
             self.move(max(target, self.tick + 1))
@@ -169,6 +176,11 @@ class Episode:
         self.sum_up()
         outcome.wall = perf_counter() - begin
         return outcome
+
+    @property
+    def now(self) -> float:
+        """Time [s]."""
+        return self.tick * SUBSTEP
 
     @property
     def q(self) -> Floats:
@@ -180,17 +192,7 @@ class Episode:
         """True velocities now, shape (n,) [rad/s or m/s]."""
         return self.v_rows[self.tick]
 
-    def sees_nearest(self) -> bool:
-        """Whether somebody needs the gradient of the least distance."""
-        styles = self.truth.styles
-        return styles.stops == "adverse" or styles.errors in ("adverse", "quiet")
-
-    def blank(self) -> Floats:
-        """No gradient; the state is placed for the operator."""
-        self.arena.judge.place(self.q)
-        return np.zeros(len(self.q))
-
-    def look_around(self) -> Floats:
+    def outward(self) -> Floats:
         """Gradient of the least distance now, zero if nothing is near, shape (n,)."""
         judge = self.arena.judge
         self.watch.see_last(self.tick)
@@ -200,55 +202,75 @@ class Episode:
             return np.zeros(len(self.q))
         return judge.gradient(near.geoms, near.normal, near.point, near.point)
 
+    def measure(self, cycle: int, outward: Floats) -> tuple[Floats, Floats, Stamps]:
+        """What arrives for a cycle: positions, velocities, and the arms' stamps."""
+        self.sight(self.now)
+        q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
+        if self.zeroed == "sensing":
+            stamps = [self.now] * len(stamps)
+        return q, v, dict(zip(self.arena.robots, stamps, strict=True))
+
     def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
-        """Measurements to the guard, its orders to the plant, the operator's wish.
+        """Measurements to the guard, its orders to the plant, what the operator asks.
 
         Args:
             cycle: Its number.
             outward: Gradient of the least distance, shape (n,).
-            thinks: Whether the operator makes up his mind anew.
+            thinks: Whether the operator looks at the world again.
         """
-        arena, plant, now = self.arena, self.plant, self.tick * SUBSTEP
-        self.sight(now)
-        q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
-        if self.zeroed == "sensing":
-            stamps = [now] * len(stamps)
-        stamp = dict(zip(arena.robots, stamps, strict=True))
+        arena, plant, now = self.arena, self.plant, self.now
+        q, v, stamp = self.measure(cycle, outward)
         verdict = arena.guard.step(q, stamp, velocity=v, now=now)
-        self.times.append(getattr(verdict, "cycle_time", 0.0))
-        levels = verdict.levels
+        self.times.append(verdict.cycle_time)
         for arm, name in enumerate(arena.robots):
-            level, counts = levels[name], self.levels[arm]
-            counts[level] = counts.get(level, 0) + 1
+            level = verdict.levels[name]
+            self.levels[arm][level] += 1
             if level >= STOP:
                 if self.stop(arm, name, now, outward, verdict) and self.needless:
                     needless = self.is_needless(q, v, stamp, now)
                     self.outcome.stops[-1].needless = needless
             elif plants.release(plant, arm):
-                # At first an arm is given, not given back.
-                self.outcome.releases += arm in self.driven
-                self.driven.add(arm)
+                self.released(arm)
             if level >= BRAKE:
-                self.braked.setdefault(name, now)
-                plants.order_brake(plant, arm, now + self.truth.brake_delay(arm))
+                self.brake(arm, name)
         self.last = verdict
+        if self.obedient and verdict.speed_scale is not None:
+            self.shares[:] = [verdict.speed_scale[name] for name in arena.robots]
+        free = np.repeat(plant.phase == plants.FREE, arena.joint_counts)
+        self.ask(thinks, free)
+
+    def ask(self, thinks: bool, free: Bools) -> None:
+        """What the operator desires now, within the limits of the joints.
+
+        Args:
+            thinks: Whether he looks at the world again.
+            free: Whether each joint's arm is his, shape (n,).
+        """
+        arena = self.arena
         if thinks:
-            free = np.repeat(plant.phase == plants.FREE, arena.joint_counts)
-            view = View(now, arena.judge, self.q, self.v, free)
+            view = View(self.now, arena.judge, self.q, self.v, free)
             self.asked = self.speed * self.operator.desired(view)
-        if self.obedient:
-            self.slow_down(getattr(verdict, "speed_scale", None))
         self.wished = wish_within(
             self.asked,
             self.shares,
             arena.first,
-            plant.velocity,
-            plant.q,
+            self.plant.velocity,
+            self.plant.q,
             arena.lower,
             arena.upper,
             self.truth.slowest,
             self.wish,
         )
+
+    def released(self, arm: int) -> None:
+        """Count an arm that is given back; at first it is given."""
+        self.outcome.releases += arm in self.driven
+        self.driven.add(arm)
+
+    def brake(self, arm: int, name: str) -> None:
+        """Order the brake of an arm."""
+        self.braked.setdefault(name, self.now)
+        plants.order_brake(self.plant, arm, self.now + self.truth.brake_delay(arm))
 
     def stop(
         self, arm: int, name: str, now: float, outward: Floats, verdict: Any
@@ -258,26 +280,16 @@ class Episode:
         if plant.phase[arm] != plants.FREE or plant.stop_at[arm] < np.inf:
             return False
         figures = self.truth.stop(-outward * self.v)
-        at = now + self.truth.command_delay(arm)
-        plants.order_stop(plant, arm, at, figures)
+        plants.order_stop(plant, arm, now + self.truth.command_delay(arm), figures)
         own = slice(self.arena.first[arm], self.arena.first[arm + 1])
-        shares = np.abs(self.v[own]) / self.truth.figures[arm].velocity
-        slack = getattr(self.last, "slack", None)
-        self.outcome.stops.append(
-            Stop(
-                arm=name,
-                time=now,
-                reason=verdict.reason.name,
-                speed=float(shares.max()),
-                clearance=self.arena.judge.clearance(self.q),
-                slack=None if slack is None else slack.s,
-            )
-        )
+        share = np.abs(self.v[own]) / self.truth.figures[arm].velocity
+        clearance = self.arena.judge.clearance(self.q)
+        reason = verdict.reason.name
+        stop = Stop(name, now, reason, float(share.max()), clearance)
+        self.outcome.stops.append(stop)
         return True
 
-    def is_needless(
-        self, q: Floats, v: Floats, stamp: Mapping[str, float], now: float
-    ) -> bool:
+    def is_needless(self, q: Floats, v: Floats, stamp: Stamps, now: float) -> bool:
         """Whether a thorough search finds no future in which a floor is broken.
 
         What the guard was given is searched, one cycle longer without a stop.
@@ -290,33 +302,32 @@ class Episode:
             search.place(name, pose, at * SUBSTEP)
         return search.breach(q, stamp, v, now, THOROUGH) is None
 
-    def slow_down(self, scales: Mapping[str, float] | None) -> None:
-        """Have the operator take back what the guard asks for."""
-        if scales is not None:
-            self.shares[:] = [scales[name] for name in self.arena.robots]
-
     def move(self, target: int) -> None:
         """Let time pass until the next cycle, and judge it."""
         rows = slice(self.tick + 1, target + 1)
         q_rows, p_rows = self.q_rows[rows], self.p_rows[rows]
-        self.drive(
-            self.tick, self.wish, q_rows, self.v_rows[rows], self.free_rows[rows]
-        )
+        self.drive(target)
         self.outcome.joint_wish += self.wished * (target - self.tick) * SUBSTEP
+        judge = self.arena.judge
         if self.movers.names:
-            tips = self.arena.judge.tips()
-            self.movers.advance(self.tick * SUBSTEP, SUBSTEP, tips, p_rows)
+            self.movers.advance(self.now, SUBSTEP, judge.tips(), p_rows)
         self.watch.look(self.tick, q_rows, p_rows)
         for name, p in zip(self.movers.names, self.movers.p, strict=True):
-            self.arena.judge.stand_at(name, p)
+            judge.stand_at(name, p)
         self.tick = target
 
-    def drive(
-        self, tick: int, desired: Floats, q_rows: Floats, v_rows: Floats, free: Bools
-    ) -> None:
+    def drive(self, target: int) -> None:
+        """Move the arms until the next cycle."""
+        self.follow(self.tick, target, self.wish)
+
+    def follow(self, tick: int, target: int, desired: Floats) -> None:
         """Move the arms over some substeps; see `plant.advance`."""
         plant, before = self.plant, self.plant.began.copy()
-        plants.advance(plant, tick, SUBSTEP, desired, q_rows, v_rows, free)
+        rows = slice(tick + 1, target + 1)
+        q_rows, v_rows = self.q_rows[rows], self.v_rows[rows]
+        plants.advance(
+            plant, tick, SUBSTEP, desired, q_rows, v_rows, self.free_rows[rows]
+        )
         if self.arms is None:
             return
         for arm in np.flatnonzero(plant.began != before).tolist():
@@ -326,7 +337,6 @@ class Episode:
 
     def broke(self) -> str | None:
         """The declared figure the arms broke, None if they kept all."""
-        declared = declared_of(self.arena.figures, self.truth)
         rows = slice(self.tick + 1)
         return broken(
             self.q_rows[rows],
@@ -334,11 +344,11 @@ class Episode:
             self.free_rows[rows],
             self.arena.first,
             self.stopped,
-            declared,
+            declared_of(self.arena.figures, self.truth),
         )
 
     def sight(self, now: float) -> None:
-        """Tell the guard where moving objects were a moment ago."""
+        """Place moving objects for the guard where they were a moment ago."""
         for i, name in enumerate(self.movers.names):
             if self.tick < self.due[i]:
                 continue
@@ -354,7 +364,7 @@ class Episode:
     def sum_up(self) -> None:
         """The figures of the whole episode."""
         outcome, watch, judge = self.outcome, self.watch, self.arena.judge
-        outcome.duration = self.tick * SUBSTEP
+        outcome.duration = self.now
         watch.judge_meetings(self.p_rows[: self.tick + 1])
         outcome.contact, outcome.met_at_rest = watch.contact, watch.met_at_rest
         outcome.least, outcome.judged = watch.least, watch.judged
@@ -380,6 +390,5 @@ class Episode:
         if len(tips) > 1:
             ways = np.linalg.norm(np.diff(tips, axis=0), axis=2)
             outcome.tool_way = float((ways * free[::TOOL_STEP][1:]).sum())
-        times = np.array(self.times)
-        found = (float(x) for x in np.percentile(times, (50, 99, 100)))
-        outcome.cycle_times = tuple(found)
+        found = np.percentile(self.times, (50, 99, 100))
+        outcome.cycle_times = tuple(found.tolist())

@@ -4,7 +4,6 @@ from itertools import combinations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.benchmark.peers.mujoco_margin import as_text, quaternion
 from armguard.geometry.shapes import Box, Shape, ShapeKind, Sphere
@@ -13,9 +12,8 @@ from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import link_frame
+from arrays import Floats
 from closed_loop.convex_parts import convex_parts
-
-Floats = NDArray[np.float64]
 
 # Distance up to which the model reports pairs [m].
 SIGHT = 0.06

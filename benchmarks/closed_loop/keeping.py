@@ -8,15 +8,11 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
+from arrays import Bools, Floats, Ints
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Truth
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Figures are kept to rounding errors [rad, rad/s].
 GRAIN = 1e-9

@@ -4,13 +4,10 @@ from collections.abc import Sequence
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats, Ints
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Truth
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Errors that go unnoticed change from nothing to the largest in a quarter second [1/s].
 DRIFT = 4.0

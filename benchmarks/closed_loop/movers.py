@@ -4,9 +4,8 @@ from collections.abc import Mapping
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # Shortest and longest time between two changes of mind of an object [s].
 MIND = (0.1, 0.6)

@@ -1,17 +1,15 @@
-"""Operators: what velocities somebody asks for who means no good."""
+"""Operators that try to cause contact: the velocities they ask for."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from arrays import Bools, Floats
 from closed_loop.judge import Judge
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from closed_loop.truth import pick
 
 # Joints with less room than this, grippers, are left alone [rad or m].
 ROOM = 0.1
@@ -256,3 +254,69 @@ def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, w
             wish[j] = min(max(asked[j] * shares[arm] * velocity[j], -down), up)
             total += abs(wish[j])
     return total
+
+
+# Operators by name, and how often an episode gets each.
+SHARES = {
+    "rough": 0.08,
+    "smooth": 0.07,
+    "one joint": 0.06,
+    "reversals": 0.09,
+    "chase any": 0.20,
+    "chase arms": 0.20,
+    "chase fixtures": 0.14,
+    "chase movers": 0.16,
+}
+OTHERS = {"rough": Rough, "smooth": Smooth, "one joint": OneJoint}
+OTHERS |= {"reversals": Reversals}
+
+# How those that chase go about it, and how often.
+PACES = {"full": 0.45, "feint": 0.3, "creep": 0.25}
+
+# Shares of the top speed an episode is driven at, and how often.
+SPEEDS = {1.0: 0.6, 0.5: 0.2, 0.2: 0.12, 0.05: 0.08}
+
+# How often the arms have different operators.
+MIXED = 0.25
+
+# How often an operator slows down as much as the guard asks for.
+OBEDIENT = 0.4
+
+
+def drawn_operator(
+    rng: np.random.Generator,
+    judge: Judge,
+    movers: tuple[str, ...],
+    first_arm: Bools,
+    attack: bool,
+) -> tuple[str, Operator]:
+    """The operator of an episode, and its name.
+
+    Args:
+        rng: Of the episode.
+        judge: The judge.
+        movers: Names of objects that move.
+        first_arm: Which joints are the first arm's, shape (n,).
+        attack: Whether it must be one that chases; moving objects, if there are any.
+    """
+    name, operator = _one_of(rng, judge, movers, attack)
+    if attack or first_arm.all() or rng.random() > MIXED:
+        return name, operator
+    other_name, other = _one_of(rng, judge, movers, False)
+    return f"{name} + {other_name}", Mixed(operator, other, first_arm)
+
+
+def _one_of(
+    rng: np.random.Generator, judge: Judge, movers: tuple[str, ...], attack: bool
+) -> tuple[str, Operator]:
+    if attack:
+        names = [n for n in SHARES if n.startswith("chase")]
+        names = ["chase movers"] if movers else names[:-1]
+    else:
+        names = [n for n in SHARES if movers or n != "chase movers"]
+    name = pick(rng, {n: SHARES[n] for n in names})
+    if not name.startswith("chase"):
+        return name, OTHERS[name](rng, judge)
+    pace = pick(rng, PACES)
+    kind = name.removeprefix("chase ")
+    return f"{name}, {pace}", Chase(rng, judge, kind, movers, pace)

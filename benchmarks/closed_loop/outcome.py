@@ -1,4 +1,4 @@
-"""What came out of an episode, as one line of JSON."""
+"""What came out of an episode."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -16,7 +16,6 @@ class Stop:
         reason: Why, in one word of the guard.
         speed: Largest joint speed at the order, in shares of its declared top [-].
         clearance: Least distance of any checked pair at the order [m].
-        slack: Time the verdict before it said was left, None if it says nothing [s].
         needless: Whether nothing could have happened without it; None if not asked.
     """
 
@@ -25,7 +24,6 @@ class Stop:
     reason: str
     speed: float
     clearance: float
-    slack: float | None = None
     needless: bool | None = None
 
 
@@ -36,7 +34,7 @@ class Outcome:
     Attributes:
         seed: Number of the episode.
         setting: Name of its setting.
-        operator: Who drove.
+        operator: Its operators.
         worst: Whether the plant used every declared figure up.
         duration: How long it was [s].
         contact: The first contact that counts.
@@ -44,9 +42,9 @@ class Outcome:
             it at rest as well.
         least: Least distance of a pair of which an arm moved, no more than what the
             judge sees [m].
-        floor: Distance the guard was told to keep [m].
-        braked_before: Whether an arm of the contact had been told to brake before it.
-        brakes: How many arms were told to brake.
+        floor: Distance the guard is to keep [m].
+        braked_before: Whether an arm of the contact was ordered to brake before it.
+        brakes: How many arms were ordered to brake.
         broke: The figure the plant broke, None if it kept all that were checked.
         saturated: Share of the time in which a motor gave all its torque [-].
         rest: Least distance of any checked pair at the end [m].
@@ -57,7 +55,7 @@ class Outcome:
         judged: States judged.
         levels: Cycles at each level, by arm.
         joint_way: Way of all joints under their operator [rad and m].
-        joint_wish: Way they would have made had the operator had his way [rad and m].
+        joint_wish: The same of what the operator desired [rad and m].
         tool_way: Way of the last bodies under their operator [m].
         stop_jerk: Greatest jerk of commands to an arm that is to stop; 0 where none
             are sent [rad/s³ or m/s³].

@@ -1,14 +1,21 @@
 """Which episodes a campaign consists of, and the work of one process."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from closed_loop.arena import Arena
 from closed_loop.episode import Episode
 from closed_loop.filtered import FilteredEpisode
-from closed_loop.settings import PROFILES, SERVO_PROFILES, Setting, setting_of
-from closed_loop.zeroing import enlarged, told
+from closed_loop.settings import (
+    PROFILES,
+    SERVO_PROFILES,
+    Setting,
+    enlarged,
+    setting_of,
+    understated,
+)
 
 # Arenas a process keeps; each holds a guard and a judge.
 KEPT = 24
@@ -22,9 +29,9 @@ class Plan:
         scene: Name of the scene.
         mode: Mode of all robots.
         guard: Name of the guard.
-        zero: Term of the budget the guard is told to be nothing, or None.
-        large: Term that is as large as when it is told to be nothing, but told as it
-            is, or None: what shows that the term, and not its size, is the cause.
+        zero: Term of the budget that is declared as nothing, or None.
+        large: Term that is as large, but declared as it is, or None: it shows that the
+            term, and not its size, is the cause.
         weak_brake: Factor on the plant's decelerations [-].
         floor: Distance to be kept, in place of the settings' [m], or None.
         duration: Longest time of an episode [s].
@@ -60,8 +67,8 @@ class Plan:
         parts += [f"for-{self.duration:g}"] if self.duration != 1.0 else []
         return "_".join(parts)
 
-    def truth_and_told(self, seed: int) -> tuple[Setting, Setting]:
-        """What is true in an episode, and what the guard is told."""
+    def truth_and_declared(self, seed: int) -> tuple[Setting, Setting]:
+        """What is true in an episode, and what is declared to the guard."""
         profiles = SERVO_PROFILES if self.plant == "torque" else PROFILES
         truth = setting_of(self.scene, self.mode, seed, profiles)
         if self.floor is not None:
@@ -69,25 +76,15 @@ class Plan:
         term = self.zero or self.large
         if term:
             truth = enlarged(truth, term)
-        return truth, told(truth, self.zero) if self.zero else truth
-
-    def to_dict(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
+        return truth, understated(truth, self.zero) if self.zero else truth
 
 
-_arenas: dict[str, Arena] = {}
+_arena = lru_cache(KEPT)(Arena)
 
 
 def arena_of(plan: Plan, seed: int) -> Arena:
     """The arena of an episode; built once in a process."""
-    truth, said = plan.truth_and_told(seed)
-    key = f"{plan.name} {truth.name} {said.name}"
-    if key not in _arenas:
-        while len(_arenas) >= KEPT:
-            del _arenas[next(iter(_arenas))]
-        _arenas[key] = Arena(truth, said, plan.guard)
-    return _arenas[key]
+    return _arena(*plan.truth_and_declared(seed), plan.guard)
 
 
 def work(task: tuple[Plan, int]) -> Mapping[str, Any]:

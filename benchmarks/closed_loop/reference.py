@@ -1,27 +1,24 @@
 """A slow guard that asks the search every cycle: how much freedom there could be."""
 
-from collections.abc import Mapping, Sequence
-from time import perf_counter
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
-from closed_loop.answers import Answer, Graded, Said, Why
+from arrays import Floats
+from closed_loop.answers import Guarding
 from closed_loop.exact_world import ExactWorld
 from closed_loop.search import Breach, Search
 from closed_loop.settings import Setting
-
-Floats = NDArray[np.float64]
 
 # How often the search turns every joint for a verdict, and to call a stop needless.
 SWEEPS = 0
 THOROUGH = 2
 
 
-class Reference:
+class Reference(Guarding):
     """Stops the arms of a pair as soon as some admissible future breaks its floor.
 
     Far too slow for a loop. It stops later than a guard may that has to prove what this
@@ -42,14 +39,14 @@ class Reference:
         movers: Sequence[str],
     ) -> None:
         tables = compile_scene(scene)
-        self._robots = tuple(scene.robots)
+        super().__init__(scene.robots)
         self._origins = {n: scene.objects[n].pose.matrix()[:3, 3] for n in movers}
         self._world = ExactWorld(scene, tables)
         sizes = [len(f.velocity) for f in figures]
         self._search = Search(
             self._world,
             figures,
-            self._robots,
+            self.robots,
             np.cumsum([0, *sizes]).astype(np.int64),
             wait=setting.period + setting.late,
             floor=setting.floor,
@@ -62,19 +59,13 @@ class Reference:
         self._world.shift(name, T[:3, 3] - self._origins[name])
         self._seen[name] = stamp
 
-    def step(
-        self, q: Floats, stamp: Mapping[str, float], *, velocity: Floats, now: float
-    ) -> Answer:
+    def stopped(
+        self, q: Floats, stamp: Mapping[str, float], velocity: Floats, now: float
+    ) -> Collection[str]:
         """See `Guarding`."""
-        begin = perf_counter()
         breach = self.breach(q, stamp, velocity, now, SWEEPS)
-        levels = dict.fromkeys(self._robots, Graded.CLEAR)
-        if breach is not None:
-            for side in breach.pair:
-                if "/" in side:
-                    levels[side.split("/")[0]] = Graded.STOP
-        why = Why.OK if breach is None else Why.TOO_CLOSE
-        return Said(levels, why, perf_counter() - begin)
+        sides = () if breach is None else breach.pair
+        return {side.split("/")[0] for side in sides if "/" in side}
 
     def breach(
         self,
@@ -85,7 +76,7 @@ class Reference:
         sweeps: int,
     ) -> Breach | None:
         """A future in which a pair breaks its floor if no stop is ordered now."""
-        stamps = np.array([stamp[name] for name in self._robots])
+        stamps = np.array([stamp[name] for name in self.robots])
         seen = min(self._seen.values(), default=now)
         return self._search.breach(q, velocity, stamps, seen, now, sweeps)
 

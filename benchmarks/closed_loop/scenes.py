@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator
 from functools import cache
-from inspect import signature
-from typing import Any
 
 from armguard.geometry import Box, Capsule, Pose, Sphere
 from armguard.robot.stopping import StoppingFigures, stopping_figures
@@ -32,13 +30,10 @@ def build_scene(setting: Setting) -> Scene:
     """The scene of a setting."""
     bare = bare_scene(setting.scene)
     scene = Scene(
-        **known(
-            Scene.__init__,
-            mode=setting.mode,
-            period=setting.period,
-            late=setting.late,
-            buffer=setting.floor,
-        ),
+        mode=setting.mode,
+        period=setting.period,
+        late=setting.late,
+        buffer=setting.floor,
         index=bare.index,
     )
     figures = declared(setting, bare)
@@ -48,7 +43,7 @@ def build_scene(setting: Setting) -> Scene:
             name=name,
             base=robot.base,
             home=robot.home,
-            **known(Scene.add_robot, stopping=figures[name]),
+            stopping=figures[name],
         )
     for name, thing in bare.objects.items():
         speed = setting.top_speed if name in MOVERS else 0.0
@@ -56,17 +51,11 @@ def build_scene(setting: Setting) -> Scene:
             [*thing.shapes, *thing.surfaces],
             name=name,
             pose=thing.pose,
-            **known(Scene.add, top_speed=speed),
+            top_speed=speed,
         )
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     return scene
-
-
-def known(function: Any, **arguments: Any) -> dict[str, Any]:
-    """Those of the arguments a function takes."""
-    taken = signature(function).parameters
-    return {name: value for name, value in arguments.items() if name in taken}
 
 
 @cache

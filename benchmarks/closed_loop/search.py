@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
+from arrays import Floats, Ints
 from closed_loop import plant as plants
 from closed_loop.exact_world import ExactWorld
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Time between two states of a future that is sampled [s].
 STEP = 0.002

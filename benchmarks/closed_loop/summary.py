@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from closed_loop.plan import Plan
@@ -90,7 +90,7 @@ def derived(plan: Plan, found: Figures) -> Figures:
     """What follows from the sums of a plan's episodes."""
     time, wish = found["seconds_of_motion"], found["joint_wish"]
     follows: Figures = {
-        "plan": plan.to_dict(),
+        "plan": asdict(plan),
         "contacts_below_at_95_percent": bound(found["contacts"], found["episodes"]),
         "contact_cases": found["contact_cases"][:TOLD],
         "breach_seeds": found["breach_seeds"][:TOLD],

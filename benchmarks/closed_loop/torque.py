@@ -11,14 +11,12 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
+from arrays import Floats
 from closed_loop.settings import SUBSTEP
 from closed_loop.torque_model import LIGHT, TorqueModel, carry
 from closed_loop.truth import UNKNOWN
-
-Floats = NDArray[np.float64]
 
 # Substeps between two looks of the feed-forward at the arms' model: 1 kHz.
 FEED_FORWARD = 4

@@ -6,7 +6,6 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armguard.benchmark.peers.mujoco_margin import as_text, quaternion
@@ -15,9 +14,8 @@ from armguard.robot.stopping import StoppingFigures
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import SceneRobot
+from arrays import Floats, Ints
 from closed_loop.settings import SUBSTEP
-
-Floats = NDArray[np.float64]
 
 # Friction of a joint: Coulomb, and viscous at top speed, in shares of its torque [-].
 COULOMB = 0.02
@@ -63,7 +61,7 @@ class TorqueModel(NamedTuple):
     """
 
     model: mujoco.MjModel
-    driven: NDArray[np.int64]
+    driven: Ints
     stiffness: Floats
     damping: Floats
     inertia: Floats
@@ -136,7 +134,7 @@ def carry(model: mujoco.MjModel, body: int, mass: float) -> None:
 
 def heaviest_payload(
     model: mujoco.MjModel,
-    places: NDArray[np.int64],
+    places: Ints,
     payloads: list[int],
     scene: Scene,
     figures: Sequence[StoppingFigures],

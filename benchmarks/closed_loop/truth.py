@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armguard.robot.stopping import StoppingFigures
-
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # A stop of which nobody knows the greatest deceleration is up to this many times
 # stronger than its least [-].
@@ -64,11 +63,10 @@ class Styles:
         )
 
 
-def pick(rng: np.random.Generator, weights: Mapping[str, float]) -> str:
-    """One of some names, by weight."""
-    names = list(weights)
+def pick(rng: np.random.Generator, weights: Mapping[Any, float]) -> Any:
+    """One of some things, by weight."""
     shares = np.array(list(weights.values()))
-    return names[int(rng.choice(len(names), p=shares / shares.sum()))]
+    return list(weights)[int(rng.choice(len(shares), p=shares / shares.sum()))]
 
 
 class Truth:

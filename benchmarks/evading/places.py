@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Pose, Sphere
 from armguard.robot.stopping import StoppingFigures
@@ -13,10 +12,9 @@ from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseSettings
 from armguard.scene.tables import SceneTables
+from arrays import Floats
 from closed_loop.scenes import bare_scene
 from evading.judge import Judge
-
-Floats = NDArray[np.float64]
 
 # Time from one cycle to the next [s], and the distance that is asked for [m].
 PERIOD, BUFFER = 0.004, 0.005

@@ -10,13 +10,11 @@ that errors do not average out. Nothing swings.
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.guard import Level
 from armguard.respond import Action, Blocked, Command, Guard
+from arrays import Bools, Floats
 from evading.places import PERIOD, Place
-
-Floats = NDArray[np.float64]
 
 # Grid of all instants: delays and ages are multiples of it [s].
 SUBSTEP = 0.001
@@ -104,7 +102,7 @@ class Plant:
         self.cycles += 1
         return command
 
-    def _move(self, told: Floats, drives: NDArray[np.bool_]) -> None:
+    def _move(self, told: Floats, drives: Bools) -> None:
         """Move the joints on by a substep."""
         aim = told + drives * self._error
         most = self._acceleration * SUBSTEP

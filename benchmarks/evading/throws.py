@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from evading.places import PERIOD, SIZES, Place, Thing
-
-Floats = NDArray[np.float64]
 
 # Speeds of what comes [m/s], and by how much more is declared at most [-].
 SPEEDS, DECLARED = (0.1, 1.0), (1.0, 1.3)

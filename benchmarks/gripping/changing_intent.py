@@ -11,17 +11,15 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.respond import Guard
+from arrays import Floats
 from gripping.gantry import BELOW
 from gripping.judge import FINGERS, Judge
 from gripping.leaving import leave
 from gripping.plant import Plant
 from gripping.solids import box, gaps
 from gripping.workplace import GANTRY, PERIOD, side_by_side
-
-Floats = NDArray[np.float64]
 
 # How long he is of one mind, and how long an episode is [s].
 OF_ONE_MIND, DURATION = (0.1, 5.0), 15.0

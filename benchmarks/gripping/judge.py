@@ -3,13 +3,11 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from gripping.gantry import BELOW, CLOSED, FINGER, HAND
 from gripping.solids import Solid, box, gaps
 from gripping.workplace import Workplace
-
-Floats = NDArray[np.float64]
 
 PARTS = ("hand", "left", "right")
 FINGERS = ("left", "right")

@@ -4,15 +4,13 @@ from math import pi
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Pose
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Joint, JointKind, MeshFile, RobotModel
+from arrays import Floats
 from closed_loop.judge_model import kind_and_size
 from gripping.solids import Solid
-
-Floats = NDArray[np.float64]
 
 # Where it stands: its base is beside the table [m].
 BASE = (-0.6, 0.0, 0.0)

@@ -7,13 +7,13 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
 from armguard.geometry import Pose
 from armguard.respond import Action, Command, Guard
 from armguard.scene import Gripper, Scene
 from armguard.scene.settings import IndexSettings
+from arrays import Floats
 from gripping.panda_arm import ARM, BASE, HAND, POSTURE, PandaArm
 from gripping.panda_judge import GRIPPER, PandaJudge
 from gripping.pick_and_place import (
@@ -27,8 +27,6 @@ from gripping.pick_and_place import (
 from gripping.plant import Plant
 from gripping.solids import box
 from gripping.workplace import PERIOD, STOPPING, Tool, Workplace, cluttered
-
-Floats = NDArray[np.float64]
 
 # The hand and its fingers, about the frame `panda_hand`.
 PANDA = Tool(

@@ -2,14 +2,12 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.panda_arm import PandaArm
 from gripping.solids import Solid
 from gripping.workplace import PERIOD, Workplace
-
-Floats = NDArray[np.float64]
 
 # Distance beyond which nobody asks how far something is [m].
 SIGHT = 0.03

@@ -7,19 +7,17 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.errors import GraspError
 from armguard.geometry import Pose
 from armguard.guard import Reason
 from armguard.respond import Action, Command, Guard
+from arrays import Floats
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.leaving import leave
 from gripping.plant import Plant
 from gripping.solids import gaps
 from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered
-
-Floats = NDArray[np.float64]
 
 # How the operator leads: speed by what is left of the way [1/s], how near is near
 # enough [m], and how little in what time is no progress [m, s].

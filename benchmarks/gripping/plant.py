@@ -10,12 +10,10 @@ errors do not average out.
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.respond import Action, Command, Guard
+from arrays import Floats
 from gripping.workplace import STOPPING
-
-Floats = NDArray[np.float64]
 
 # Longest time for which a joint misses its commands by the same [s].
 SAME_ERROR = 0.3

@@ -7,9 +7,8 @@ distance along z and the distance in the plane are told apart.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)

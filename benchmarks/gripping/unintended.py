@@ -10,9 +10,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.respond import Action, Guard
+from arrays import Floats
 from episodes.campaign import LeftOut
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.pick_and_place import Picker, pick, rest
@@ -27,8 +27,6 @@ from gripping.workplace import (
     settings,
     table,
 )
-
-Floats = NDArray[np.float64]
 
 TARGET, NEIGHBOUR = "target", "neighbour"
 

@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Cylinder, Pose
 from armguard.scene import Gripper, Scene
 from armguard.scene.settings import IndexSettings
+from arrays import Floats
 from gripping.gantry import BELOW, CLOSED, FIGURES, FINGER, HAND, WIDEST, gantry
 from gripping.solids import Solid, box, cylinder, gaps
-
-Floats = NDArray[np.float64]
 
 # Time from one cycle to the next, and how the gantry stops: it is as late as that [s].
 PERIOD = 0.004

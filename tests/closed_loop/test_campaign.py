@@ -7,9 +7,8 @@ import pytest
 
 import closed_loop_campaign
 from closed_loop.plan import Plan
-from closed_loop.settings import PROFILES, RATES, SUBSTEP, setting_of
+from closed_loop.settings import PROFILES, RATES, SUBSTEP, TERMS, setting_of
 from closed_loop.summary import EXTREME, bound, derived, digest, summed_up, sums
-from closed_loop.zeroing import TERMS
 from closed_loop_campaign import campaign_of, run_episode
 from episodes.campaign import LeftOut
 from episodes.page import page
@@ -163,7 +162,7 @@ def test_settings_lie_on_the_grid_and_come_in_turns():
 
 @pytest.mark.parametrize("term", TERMS)
 def test_the_guard_is_told_something_else_than_the_truth(term):
-    truth, told = Plan(zero=term).truth_and_told(4)
-    assert truth != told and truth.floor == told.floor == 0.0
-    larger, same = Plan(large=term).truth_and_told(4)
+    truth, wrong = Plan(zero=term).truth_and_declared(4)
+    assert truth != wrong and truth.floor == wrong.floor == 0.0
+    larger, same = Plan(large=term).truth_and_declared(4)
     assert larger == same == truth
