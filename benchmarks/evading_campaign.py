@@ -28,7 +28,7 @@ PLACES = ("bay", "pandas")
 
 # Files that tell of episodes, and do not change any; and those of others that do.
 TELLING = ("summary.py",)
-SHARED = ("judge.py", "judge_model.py", "scenes.py")
+SHARED = ("judge.py", "judge_model.py", "scenes.py", "truth.py")
 
 
 @cache
@@ -36,6 +36,7 @@ def version(place: str) -> str:
     """Hash of all that decides what comes of an episode."""
     own = sorted((HERE / "evading").glob("*.py"))
     others = [HERE / "closed_loop" / name for name in SHARED]
+    others.append(HERE / "episodes" / "follower.py")
     files = [path for path in [*own, *others] if path.name not in TELLING]
     return records.version(place, files)
 

@@ -44,7 +44,8 @@ def version(kind: str) -> str:
         if path.name not in TELLING
         and (path.name.startswith(kind) or not path.name.startswith(OF_ONE_KIND))
     ]
-    return records.version(kind, files)
+    shared = [HERE / "episodes" / "follower.py", HERE / "closed_loop" / "truth.py"]
+    return records.version(kind, [*files, *shared])
 
 
 def is_told(episode: Episode) -> bool:

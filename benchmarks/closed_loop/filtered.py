@@ -20,6 +20,7 @@ from closed_loop import plant as plants
 from closed_loop.episode import Episode
 from closed_loop.keeping import Commanded, declared_of, misses
 from closed_loop.settings import SUBSTEP
+from closed_loop.truth import joined
 
 # Where the tracking error is the term, commands are missed only below this distance of
 # the nearest pair [m].
@@ -54,7 +55,7 @@ class FilteredEpisode(Episode):
         self.halted = np.zeros(arms, dtype=bool)
         self.recent: deque[tuple[float, Floats]] = deque(maxlen=3)
         self.log: list[Commanded] = []
-        self.tracking = np.concatenate([f.tracking_error for f in self.truth.figures])
+        self.tracking = joined(self.truth.figures, "tracking_error")
 
     def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
         """Measurements and desired velocities to the guard, its commands to the arms.

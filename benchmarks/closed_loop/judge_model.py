@@ -95,7 +95,7 @@ def mjcf(scene: Scene, tables: SceneTables, elements: Elements) -> str:
             else [primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own]
         )
         for k, (geometry, T) in enumerate(elements.get(owner, [])):
-            at = f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
+            at = placed(T)
             if not isinstance(geometry, MeshFile):
                 shapes.append(f"<geom {kind_and_size(geometry)} {MARGIN} {at}/>")
                 continue
@@ -129,15 +129,18 @@ def mjcf(scene: Scene, tables: SceneTables, elements: Elements) -> str:
 def joint(tables: SceneTables, b: int) -> str:
     """A body of the tables with its joint; left open for what rides on it."""
     T = tables.T_parent_joint[b].reshape(3, 4)
-    at = f'pos="{as_text(T[:, 3])}" quat="{quaternion(T[:, :3])}"'
-    text = (
-        f'<body name="b{b}" {at}><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    )
+    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    text = f'<body name="b{b}" {placed(T)}>{inertial}'
     kind = {1: "hinge", 2: "slide"}.get(int(tables.joint_kind[b]))
     if kind is None:
         return text
     axis = as_text(tables.axis[b])
     return text + f'<joint name="j{b}" type="{kind}" axis="{axis}"/>'
+
+
+def placed(T: Floats) -> str:
+    """A frame of three or four rows as attributes."""
+    return f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
 
 
 def kind_and_size(geometry: Shape | Cylinder) -> str:
@@ -161,18 +164,16 @@ def primitive(kind: int, row: Floats) -> str:
     Raises:
         ValueError: The judge has no such shape.
     """
-    common = f"<geom {MARGIN} "
-    if kind == ShapeKind.SPHERE:
-        at = as_text(row[1:4])
-        return common + f'type="sphere" size="{float(row[0])!r}" pos="{at}"/>'
+    at = f'pos="{as_text(row[1:4])}"'
+    size = repr(float(row[0]))
     if kind == ShapeKind.CAPSULE:
-        ends = as_text(row[1:7])
-        return common + f'type="capsule" size="{float(row[0])!r}" fromto="{ends}"/>'
-    if kind == ShapeKind.BOX and row[0] == 0.0:
-        half, R = as_text(row[4:7]), row[7:16].reshape(3, 3)
-        at = f'pos="{as_text(row[1:4])}" quat="{quaternion(R)}"'
-        return common + f'type="box" size="{half}" {at}/>'
-    raise ValueError(f"the judge has no shape for {ShapeKind(kind).name}")
+        at = f'fromto="{as_text(row[1:7])}"'
+    elif kind == ShapeKind.BOX and row[0] == 0.0:
+        size = as_text(row[4:7])
+        at += f' quat="{quaternion(row[7:16].reshape(3, 3))}"'
+    elif kind != ShapeKind.SPHERE:
+        raise ValueError(f"the judge has no shape for {ShapeKind(kind).name}")
+    return f'<geom {MARGIN} type="{ShapeKind(kind).name.lower()}" size="{size}" {at}/>'
 
 
 def exclusions(tables: SceneTables, owned: dict[str, list[int]]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from armguard.robot.stopping import StoppingFigures
 from arrays import Bools, Floats, Ints
 from closed_loop.settings import SUBSTEP
-from closed_loop.truth import Truth
+from closed_loop.truth import Truth, joined
 
 # Figures are kept to rounding errors [rad, rad/s].
 GRAIN = 1e-9
@@ -65,26 +65,22 @@ def declared_of(figures: Sequence[StoppingFigures], truth: Truth) -> Declared:
         truth: True figures of the episode; what its sensors leave of the declared
             errors is the arm's.
     """
-
-    def joined(name: str) -> Floats:
-        values = [np.broadcast_to(getattr(f, name), f.velocity.shape) for f in figures]
-        return np.concatenate(values).astype(np.float64)
-
-    settle = joined("settle")
-    return Declared(
-        velocity=joined("velocity"),
-        acceleration=joined("acceleration"),
-        deceleration=joined("deceleration"),
-        most=joined("deceleration_most"),
-        ramp=joined("ramp"),
-        settle=settle,
-        back=settle if truth.swings_back else np.zeros_like(settle),
-        settle_time=joined("settle_time"),
-        brake=joined("brake_deceleration"),
-        tracking=joined("tracking_error"),
-        position=joined("position_error") - truth.position_error + GRAIN,
-        speed=joined("velocity_error") - truth.velocity_error + GRAIN,
-    )
+    known = {
+        field: joined(figures, name)
+        for field, name in {
+            "most": "deceleration_most",
+            "brake": "brake_deceleration",
+            "tracking": "tracking_error",
+            "position": "position_error",
+            "speed": "velocity_error",
+        }.items()
+    }
+    for name in ("velocity", "acceleration", "deceleration", "ramp", "settle"):
+        known[name] = joined(figures, name)
+    known["settle_time"] = joined(figures, "settle_time")
+    known["position"] += GRAIN - truth.position_error
+    known["speed"] += GRAIN - truth.velocity_error
+    return Declared(**known, back=known["settle"] * truth.swings_back)
 
 
 class Stopping(NamedTuple):

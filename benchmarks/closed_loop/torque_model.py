@@ -8,14 +8,16 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from armguard.benchmark.peers.mujoco_margin import as_text, quaternion
+from armguard.benchmark.peers.mujoco_margin import as_text
 from armguard.robot.kinematics import REVOLUTE, KinematicTable, kinematic_table
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import SceneRobot
 from arrays import Floats, Ints
+from closed_loop.judge_model import placed
 from closed_loop.settings import SUBSTEP
+from closed_loop.truth import joined
 
 # Friction of a joint: Coulomb, and viscous at top speed, in shares of its torque [-].
 COULOMB = 0.02
@@ -157,10 +159,9 @@ def heaviest_payload(
     tables = compile_scene(scene)
     lower = np.maximum(tables.lower[places], -np.pi)
     upper = np.minimum(tables.upper[places], np.pi)
-    speed = np.concatenate([f.velocity for f in figures])[places]
-    hardest = np.concatenate(
-        [np.maximum(f.acceleration, f.deceleration_most) for f in figures]
-    )[places]
+    speed = joined(figures, "velocity")[places]
+    most = joined(figures, "deceleration_most")
+    hardest = np.maximum(joined(figures, "acceleration"), most)[places]
     limit = NEEDED * model.jnt_actfrcrange[:, 1]
     states = [
         (
@@ -219,7 +220,7 @@ def arm(robot: SceneRobot, table: KinematicTable, motors: list[Motor]) -> str:
         inner = joint(own[name], table.axis[body]) if name in own else ""
         for link, place in table.body_of_link.items():
             if place == body and link in inertials:
-                frame = at(table.T_body_link[link])
+                frame = placed(table.T_body_link[link])
                 inner += f"<body {frame}>{inertials[link]}</body>"
         if name == motors[-1].name:
             arms = PAYLOAD_ARM * np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
@@ -228,7 +229,7 @@ def arm(robot: SceneRobot, table: KinematicTable, motors: list[Motor]) -> str:
                 f'pos="{as_text(arms)}" diaginertia="1e-3 1e-3 1e-3"/></body>'
             )
         below = "".join(body_of(child) for child in children.get(body, []))
-        return f"<body {at(T)}>{inner}{below}</body>"
+        return f"<body {placed(T)}>{inner}{below}</body>"
 
     return "".join(body_of(root) for root in children[-1])
 
@@ -257,13 +258,8 @@ def inertials_of(robot: SceneRobot) -> Iterator[tuple[str, str]]:
         mass = float(found.find("mass").get("value"))
         yield (
             link.get("name", ""),
-            f'<inertial mass="{mass!r}" {at(T)} diaginertia="{as_text(moments)}"/>',
+            f'<inertial mass="{mass!r}" {placed(T)} diaginertia="{as_text(moments)}"/>',
         )
-
-
-def at(T: Floats) -> str:
-    """A frame as attributes."""
-    return f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
 
 
 def joint(motor: Motor, axis: Floats) -> str:

@@ -71,14 +71,14 @@ def run_episode(name: str, seed: int, *, evade: bool = True) -> dict[str, Any]:
     place = Place(name, thing, evade=evade)
     throw = drawn_throw(rng, place, thing, speed)
     guard = Guard(place.scene, self_test=False)
-    plant = Plant(guard, place, throw.q, rng)
+    plant = Plant(guard, throw.q, rng)
     sight, found = Sight(guard, throw, rng), Findings()
     first = (BEFORE, plant.q, plant.v)
     while plant.time < throw.duration:
         if plant.time <= BEFORE:
             first = (BEFORE, plant.q, plant.v)
         sight.tell(plant)
-        plant.cycle(throw.wish(plant.time))
+        plant.drive(throw.wish(plant.time))
         place.judge.look(plant.q, throw.mover(plant.time), plant.time, found)
     search = Search(place, throw, first, rng)
     evadable = search.finds()

@@ -14,6 +14,7 @@ from armguard.scene.settings import ResponseSettings
 from armguard.scene.tables import SceneTables
 from arrays import Floats
 from closed_loop.scenes import bare_scene
+from closed_loop.truth import joined
 from evading.judge import Judge
 
 # Time from one cycle to the next [s], and the distance that is asked for [m].
@@ -84,7 +85,7 @@ class Place:
 
     def joined(self, figure: str) -> Floats:
         """A figure of all joints, shape (n,)."""
-        return np.concatenate([getattr(f, figure) for f in self.figures.values()])
+        return joined(self.figures.values(), figure)
 
 
 def built(name: str, thing: Thing, evade: bool) -> Scene:

@@ -16,7 +16,6 @@ from armguard.respond import Guard
 from arrays import Floats
 from gripping.gantry import BELOW
 from gripping.judge import FINGERS, Judge
-from gripping.leaving import leave
 from gripping.plant import Plant
 from gripping.solids import box, gaps
 from gripping.workplace import GANTRY, PERIOD, side_by_side
@@ -112,7 +111,7 @@ class Fickle:
             self.mean(self.headed_for(wish[:3]))
         self.plant.cycle(wish)
         if self.plant.stopped_for > STOPPED:
-            leave(self.plant, fingers=True)
+            self.plant.leave(fingers=True)
         self.forget()
 
     def is_at(self, q: Floats, name: str) -> bool:

@@ -1,5 +1,6 @@
-"""Who touched whom: true distances of the gantry and of what it carries, by hand."""
+"""True distances of the gantry and of what it carries, by closed forms."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -90,21 +91,25 @@ class Judge:
             return
         # The last row that was judged is where contacts of the next one begin.
         begin = max(self._seen - 1, 0)
-        q = np.array(rows[begin:])
+        new = np.array(rows[begin:])
         self._seen = len(rows)
         if self.held is not None:
-            slipped = float(np.abs(q[:, 3:] - self._fingers).max())
+            fingers = new[:, -len(self._fingers) :]
+            slipped = float(np.abs(fingers - self._fingers).max())
             self.findings.slipped = max(self.findings.slipped, slipped)
+        for pair, found in self._distances(new):
+            if pair in may_touch:
+                self._meant(pair, found)
+            else:
+                self._not_meant(pair, found, begin)
+
+    def _distances(self, q: Floats) -> Iterator[tuple[Pair, Floats]]:
+        """True distances of each pair in rows of positions, shape (n,) [m]."""
         for part, solid in self._arm(q).items():
             for name, other in self.solids.items():
                 # What is gripped presses against its gripper, and that is no contact.
-                if name == self.held:
-                    continue
-                found = gaps(solid, other)
-                if (part, name) in may_touch:
-                    self._meant((part, name), found)
-                else:
-                    self._not_meant((part, name), found, begin)
+                if name != self.held:
+                    yield (part, name), gaps(solid, other)
 
     def _arm(self, q: Floats) -> dict[str, Solid]:
         """Bodies of the arm, and what it holds, at rows or at one."""

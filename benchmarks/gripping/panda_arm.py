@@ -5,11 +5,12 @@ from math import pi
 import mujoco
 import numpy as np
 
+from armguard.benchmark.peers.mujoco_margin import as_text
 from armguard.geometry import Pose
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Joint, JointKind, MeshFile, RobotModel
 from arrays import Floats
-from closed_loop.judge_model import kind_and_size
+from closed_loop.judge_model import kind_and_size, placed
 from gripping.solids import Solid
 
 # Where it stands: its base is beside the table [m].
@@ -123,15 +124,15 @@ def mjcf(model: RobotModel, solids: dict[str, Solid]) -> str:
     for joint in model.joints.values():
         children.setdefault(joint.parent, []).append(joint)
 
-    def tree(link: str, placed: str, moved: str) -> str:
+    def tree(link: str, frame: str, moved: str) -> str:
         below = ""
         for joint in children.get(link, []):
-            below += tree(joint.child, as_pose(joint.T_parent_joint), as_joint(joint))
+            below += tree(joint.child, placed(joint.T_parent_joint), as_joint(joint))
         inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
         own = geoms(model, link, assets)
-        return f'<body name="{link}" {placed}>{inertia}{moved}{own}{below}</body>'
+        return f'<body name="{link}" {frame}>{inertia}{moved}{own}{below}</body>'
 
-    robot = tree(model.root, as_pose(Pose(xyz=BASE).matrix()), "")
+    robot = tree(model.root, placed(Pose(xyz=BASE).matrix()), "")
     around = "".join(as_geom(name, solid) for name, solid in solids.items())
     return (
         f"<mujoco><asset>{''.join(assets)}</asset>"
@@ -145,12 +146,12 @@ def geoms(model: RobotModel, link: str, assets: list[str]) -> str:
     for k, element in enumerate(model.links[link].collisions):
         if isinstance(element.geometry, MeshFile):
             corners = load_triangles(element.geometry).reshape(-1, 3)
-            vertices = numbers(np.unique(corners, axis=0).ravel())
+            vertices = as_text(np.unique(corners, axis=0).ravel())
             assets.append(f'<mesh name="{link}{k}" vertex="{vertices}"/>')
             kind = f'type="mesh" mesh="{link}{k}"'
         else:
             kind = kind_and_size(element.geometry)
-        text += f"<geom {kind} {as_pose(element.T_link_geometry)}/>"
+        text += f"<geom {kind} {placed(element.T_link_geometry)}/>"
     return text
 
 
@@ -159,25 +160,13 @@ def as_joint(joint: Joint) -> str:
     kind = {JointKind.REVOLUTE: "hinge", JointKind.PRISMATIC: "slide"}.get(joint.kind)
     if kind is None:
         return ""
-    return f'<joint type="{kind}" axis="{numbers(joint.axis)}"/>'
-
-
-def as_pose(T: Floats) -> str:
-    """A frame as text."""
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(T[:3, :3]).ravel())
-    return f'pos="{numbers(T[:3, 3])}" quat="{numbers(quaternion)}"'
+    return f'<joint type="{kind}" axis="{as_text(joint.axis)}"/>'
 
 
 def as_geom(name: str, solid: Solid) -> str:
     """Something that stands, as text."""
-    at = f'name="solid:{name}" pos="{numbers(solid.at)}"'
+    at = f'name="solid:{name}" pos="{as_text(solid.at)}"'
     if solid.radius:
         sizes = f"{solid.radius!r} {float(solid.half[2])!r}"
         return f'<geom type="cylinder" size="{sizes}" {at}/>'
-    return f'<geom type="box" size="{numbers(solid.half)}" {at}/>'
-
-
-def numbers(values: Floats) -> str:
-    """Numbers as text, each exactly."""
-    return " ".join(repr(float(x)) for x in values)
+    return f'<geom type="box" size="{as_text(solid.half)}" {at}/>'

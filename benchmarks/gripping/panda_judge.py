@@ -1,4 +1,7 @@
-"""Who touched whom: true distances of a Panda's own meshes, by MuJoCo."""
+"""True distances of a Panda's own meshes, by MuJoCo."""
+
+from collections.abc import Iterator
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -9,7 +12,7 @@ from gripping.panda_arm import PandaArm
 from gripping.solids import Solid
 from gripping.workplace import PERIOD, Workplace
 
-# Distance beyond which nobody asks how far something is [m].
+# Distance up to which pairs are measured [m].
 SIGHT = 0.03
 
 # What is held touches the hand and its fingers, and that is no contact.
@@ -76,39 +79,13 @@ class PandaJudge(Judge):
                 found[pair] = min(found.get(pair, SIGHT), distance)
         return found
 
-    def look(self, rows: list[Floats], may_touch: set[Pair]) -> None:
-        """Judge the rows that are new; the same is carried and meant in all of them.
-
-        Args:
-            rows: True joint positions of all cycles so far, shape (8,) each.
-            may_touch: Contacts that are meant: part of the arm, and what it touches.
-        """
-        if len(rows) == self._seen:
-            return
-        begin = max(self._seen - 1, 0)
-        new = rows[begin:]
-        self._seen = len(rows)
-        if self.held is not None:
-            slipped = max(abs(float(q[-1] - self._fingers[0])) for q in new)
-            self.findings.slipped = max(self.findings.slipped, slipped)
-        pairs = [(p, n) for p in self._parts() for n in self.solids]
-        pairs = [pair for pair in pairs if self._judged(*pair)]
-        place = {pair: i for i, pair in enumerate(pairs)}
-        found = np.full((len(pairs), len(new)), SIGHT)
-        for k, q in enumerate(new):
-            for pair, distance in self.near(q).items():
-                if pair in place:
-                    found[place[pair], k] = distance
-        for pair, distances in zip(pairs, found, strict=True):
-            if pair in may_touch:
-                self._meant(pair, distances)
-            else:
-                self._not_meant(pair, distances, begin)
-
-    def _parts(self) -> list[str]:
-        """Parts of the arm, and of what it holds."""
-        parts = list(dict.fromkeys(self.arm.parts.values()))
-        return parts if self.held is None else [*parts, HELD]
+    def _distances(self, q: Floats) -> Iterator[tuple[Pair, Floats]]:
+        """See `Judge`."""
+        parts = dict.fromkeys([*self.arm.parts.values(), *[HELD] * bool(self.held)])
+        near = [self.near(row) for row in q]
+        for pair in product(parts, self.solids):
+            if self._judged(*pair):
+                yield pair, np.array([found.get(pair, SIGHT) for found in near])
 
     def _judged(self, part: str, name: str) -> bool:
         """Whether a part of the arm and something else are two."""

@@ -14,7 +14,6 @@ from armguard.guard import Reason
 from armguard.respond import Action, Command, Guard
 from arrays import Floats
 from gripping.judge import FINGERS, HELD, Judge, Pair
-from gripping.leaving import leave
 from gripping.plant import Plant
 from gripping.solids import gaps
 from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered
@@ -154,7 +153,7 @@ class Picker:
         self.blocked_by = what_blocks(self.plant.command) or self.blocked_by
         self.tries += 1
         self.hurry = np.inf
-        leave(self.plant, fingers=fingers)
+        self.plant.leave(fingers=fingers)
 
 
 def run_episode(seed: int) -> dict[str, Any]:

@@ -80,7 +80,8 @@ class Unguarded:
 
     def filter(self, _q: Floats, wish: Floats, *_: Any, **__: Any) -> SimpleNamespace:
         """See `Guard.filter`."""
-        return SimpleNamespace(velocity=wish, action=Action.FOLLOW)
+        follow = Action.FOLLOW
+        return SimpleNamespace(velocity=wish, action=follow, actions={"arm": follow})
 
     def grasp(self, _robot: str, _name: str) -> None:
         """See `Guard.grasp`."""
