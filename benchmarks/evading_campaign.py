@@ -26,8 +26,8 @@ HERE = Path(__file__).parent
 
 PLACES = ("bay", "pandas")
 
-# Files that tell of episodes, and do not change any; and those of others that do.
-TELLING = ("summary.py",)
+# Files that change no episode; and those of others that do.
+REPORTING = ("summary.py",)
 SHARED = ("judge.py", "judge_model.py", "scenes.py", "truth.py")
 
 
@@ -37,7 +37,7 @@ def version(place: str) -> str:
     own = sorted((HERE / "evading").glob("*.py"))
     others = [HERE / "closed_loop" / name for name in SHARED]
     others.append(HERE / "episodes" / "follower.py")
-    files = [path for path in [*own, *others] if path.name not in TELLING]
+    files = [path for path in [*own, *others] if path.name not in REPORTING]
     return records.version(place, files)
 
 

@@ -27,8 +27,8 @@ from gripping.summary import EXTREME, digest, is_broken, summed_up
 
 HERE = Path(__file__).parent
 
-# Files that tell of episodes, and do not change any; and kinds with files of their own.
-TELLING = ("summary.py",)
+# Files that change no episode; and kinds with files of their own.
+REPORTING = ("summary.py",)
 OF_ONE_KIND = ("panda", "unintended")
 
 
@@ -41,7 +41,7 @@ def version(kind: str) -> str:
     files = [
         path
         for path in sorted((HERE / "gripping").glob("*.py"))
-        if path.name not in TELLING
+        if path.name not in REPORTING
         and (path.name.startswith(kind) or not path.name.startswith(OF_ONE_KIND))
     ]
     shared = [HERE / "episodes" / "follower.py", HERE / "closed_loop" / "truth.py"]

@@ -11,8 +11,8 @@ from arrays import Bools, Floats
 from closed_loop import plant as plants
 from closed_loop.answers import BRAKE, STOP
 from closed_loop.arena import Arena
+from closed_loop.conformance import Stopping, broken, declared_of
 from closed_loop.judge_model import SIGHT
-from closed_loop.keeping import Stopping, broken, declared_of
 from closed_loop.measuring import Measuring
 from closed_loop.movers import Movers
 from closed_loop.operators import (
@@ -24,7 +24,7 @@ from closed_loop.operators import (
 )
 from closed_loop.outcome import Outcome, Stop
 from closed_loop.reference import THOROUGH
-from closed_loop.settings import SUBSTEP
+from closed_loop.settings import SUBSTEP, Plan
 from closed_loop.torque import driven_figures
 from closed_loop.truth import Styles, Truth, pick
 from closed_loop.watch import Watch
@@ -51,20 +51,18 @@ THINK = 16
 TOOL_STEP = 40
 
 
+# What an episode is of unless it is said.
+PLAN = Plan()
+
+
 class Episode:
     """One episode, from a random start to its end.
 
     Args:
         arena: Where.
         seed: Its number; the same number is the same episode.
-        duration: Its longest time [s].
-        attack: Whether plant and operator are the worst there are.
-        weak: Factor on the plant's decelerations [-].
-        zeroed: Term of the budget that is declared as nothing, if any.
-        large: Term that is as large, but declared, if any.
-        needless: Whether to search, for every stop, for a future that asked for it.
-        limited: Whether arms with motors of limited torque follow the plant.
-        swings_back: Whether joints may swing back before their rest.
+        duration: Its longest time [s]; the plan's if None.
+        plan: What it is an episode of.
     """
 
     def __init__(
@@ -72,28 +70,21 @@ class Episode:
         arena: Arena,
         seed: int,
         *,
-        duration: float = 1.0,
-        attack: bool = False,
-        weak: float = 1.0,
-        zeroed: str | None = None,
-        large: str | None = None,
-        needless: bool = False,
-        limited: bool = False,
-        swings_back: bool = False,
+        duration: float | None = None,
+        plan: Plan = PLAN,
     ) -> None:
-        self.arena = arena
+        self.arena, self.plan = arena, plan
         self.rng = rng = np.random.default_rng(seed)
-        errors = "quiet" if zeroed in UNNOTICED else "adverse"
-        styles = Styles.worst(errors) if attack else Styles.drawn(rng)
+        errors = "quiet" if plan.zero in UNNOTICED else "adverse"
+        styles = Styles.worst(errors) if plan.attack else Styles.drawn(rng)
         figures = arena.figures
-        self.arms = arena.arms if limited else None
-        if limited:
+        self.arms = arena.arms if plan.plant == "torque" else None
+        if self.arms is not None:
             figures = [driven_figures(f) for f in figures]
-        self.truth = truth = Truth(rng, figures, styles, weak, swings_back=swings_back)
-        self.zeroed = zeroed
-        self.term = zeroed or large
+        self.truth = truth = Truth(
+            rng, figures, styles, plan.weak_brake, swings_back=plan.swing == "both"
+        )
         self.nearest = SIGHT
-        self.needless = needless
         judge = arena.judge
         for name, shift in zip(arena.robots, truth.base_shifts, strict=True):
             judge.displace_base(name, shift)
@@ -112,12 +103,12 @@ class Episode:
         if self.arms is not None:
             self.arms.start(q, np.random.default_rng([seed, 1]), full=styles.full)
         own = np.arange(len(q)) < arena.first[1]
-        name, self.operator = drawn_operator(rng, judge, arena.movers, own, attack)
-        self.speed = 1.0 if attack else pick(rng, SPEEDS)
-        self.obedient = not attack and rng.random() < OBEDIENT
+        name, self.operator = drawn_operator(rng, judge, arena.movers, own, plan.attack)
+        self.speed = 1.0 if plan.attack else pick(rng, SPEEDS)
+        self.obedient = not plan.attack and rng.random() < OBEDIENT
         places = dict(zip(self.movers.names, self.movers.p, strict=True))
         self.watch = Watch(judge, arena.first, q, outer, places)
-        self.ticks = round(duration / SUBSTEP)
+        self.ticks = round((duration or plan.duration) / SUBSTEP)
         self.q_rows = np.tile(q, (self.ticks + 1, 1))
         self.v_rows = np.zeros_like(self.q_rows)
         self.p_rows = np.tile(self.movers.p, (self.ticks + 1, 1, 1))
@@ -206,7 +197,7 @@ class Episode:
         """What arrives for a cycle: positions, velocities, and the arms' stamps."""
         self.sight(self.now)
         q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
-        if self.zeroed == "sensing":
+        if self.plan.zero == "sensing":
             stamps = [self.now] * len(stamps)
         return q, v, dict(zip(self.arena.robots, stamps, strict=True))
 
@@ -226,7 +217,7 @@ class Episode:
             level = verdict.levels[name]
             self.levels[arm][level] += 1
             if level >= STOP:
-                if self.stop(arm, name, now, outward, verdict) and self.needless:
+                if self.stop(arm, name, now, outward, verdict) and self.plan.needless:
                     needless = self.is_needless(q, v, stamp, now)
                     self.outcome.stops[-1].needless = needless
             elif plants.release(plant, arm):

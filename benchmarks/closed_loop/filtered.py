@@ -17,8 +17,8 @@ from armguard.guard import Level
 from armguard.respond import Action, Blocked
 from arrays import Floats
 from closed_loop import plant as plants
+from closed_loop.conformance import Commanded, declared_of, misses
 from closed_loop.episode import Episode
-from closed_loop.keeping import Commanded, declared_of, misses
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import joined
 
@@ -105,7 +105,7 @@ class FilteredEpisode(Episode):
         else:
             missed = -np.sign(outward) * part
         self.missed = missed * self.tracking
-        if self.term == "tracking_error" and self.nearest > LAST_MOMENT:
+        if self.plan.term == "tracking_error" and self.nearest > LAST_MOMENT:
             # Missed all the time it would be seen long before anything is near.
             self.missed[:] = 0.0
 

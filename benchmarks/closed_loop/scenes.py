@@ -1,7 +1,8 @@
 """The scenes of the campaign, with figures declared for their arms."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
+from typing import Any
 
 from armguard.geometry import Box, Capsule, Pose, Sphere
 from armguard.robot.stopping import StoppingFigures, stopping_figures
@@ -37,22 +38,35 @@ def build_scene(setting: Setting) -> Scene:
         index=bare.index,
     )
     figures = declared(setting, bare)
+    speeds = dict.fromkeys(movers_of(bare), setting.top_speed)
+    return filled(
+        scene,
+        bare,
+        lambda name: {"stopping": figures[name]},
+        lambda name: {"top_speed": speeds.get(name, 0.0)},
+    )
+
+
+def filled(
+    scene: Scene,
+    bare: Scene,
+    robots: Callable[[str], dict[str, Any]],
+    objects: Callable[[str], dict[str, Any]] = lambda _: {},
+) -> Scene:
+    """An empty scene with all that is in another one.
+
+    Args:
+        scene: The empty scene.
+        bare: The other one.
+        robots: Further arguments of `Scene.add_robot` by the robot's name.
+        objects: Further arguments of `Scene.add` by the object's name.
+    """
     for name, robot in bare.robots.items():
-        scene.add_robot(
-            robot.model,
-            name=name,
-            base=robot.base,
-            home=robot.home,
-            stopping=figures[name],
-        )
-    for name, thing in bare.objects.items():
-        speed = setting.top_speed if name in MOVERS else 0.0
-        scene.add(
-            [*thing.shapes, *thing.surfaces],
-            name=name,
-            pose=thing.pose,
-            top_speed=speed,
-        )
+        where = {"base": robot.base, "home": robot.home}
+        scene.add_robot(robot.model, name=name, **where, **robots(name))
+    for name, seen in bare.objects.items():
+        shapes = [*seen.shapes, *seen.surfaces]
+        scene.add(shapes, name=name, pose=seen.pose, **objects(name))
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     return scene

@@ -229,3 +229,70 @@ def understated(setting: Setting, term: str) -> Setting:
         most = max(least, figures["deceleration_most"])
         changes = {"deceleration": least, "deceleration_most": most}
     return replace(setting, changes={**setting.changes, **changes})
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A series of episodes.
+
+    Attributes:
+        scene: Name of the scene.
+        mode: Mode of all robots.
+        guard: Name of the guard.
+        zero: Term of the budget that is declared as nothing, or None.
+        large: Term that is as large, but declared as it is, or None: it shows that the
+            term, and not its size, is the cause.
+        weak_brake: Factor on the plant's decelerations [-].
+        floor: Distance to be kept, in place of the settings' [m], or None.
+        duration: Longest time of an episode [s].
+        needless: Whether every stop is searched for a future that asked for it.
+        plant: "exact" for double integrators, "torque" for arms in MuJoCo that follow
+            them with motors of limited torque.
+        swing: "onwards" if joints swing beyond their rest only, "both" if back as well.
+    """
+
+    scene: str = "bay"
+    mode: str = "path"
+    guard: str = "armguard"
+    zero: str | None = None
+    large: str | None = None
+    weak_brake: float = 1.0
+    floor: float | None = None
+    duration: float = 1.0
+    needless: bool = False
+    plant: str = "exact"
+    swing: str = "onwards"
+
+    @property
+    def name(self) -> str:
+        """One word that tells plans apart; the name of a file."""
+        parts = [self.scene, self.mode, self.guard]
+        parts += [f"zero-{self.zero}"] if self.zero else []
+        parts += [f"large-{self.large}"] if self.large else []
+        parts += [f"weak-{self.weak_brake:g}"] if self.weak_brake != 1.0 else []
+        parts += [f"floor-{1e3 * self.floor:g}"] if self.floor is not None else []
+        parts += [self.plant] if self.plant != "exact" else []
+        parts += [f"swing-{self.swing}"] if self.swing != "onwards" else []
+        parts += ["needless"] if self.needless else []
+        parts += [f"for-{self.duration:g}"] if self.duration != 1.0 else []
+        return "_".join(parts)
+
+    @property
+    def term(self) -> str | None:
+        """The term that is large, declared as nothing or as it is."""
+        return self.zero or self.large
+
+    @property
+    def attack(self) -> bool:
+        """Whether plant and operator are the worst there are."""
+        return self.term is not None or self.weak_brake != 1.0
+
+    def truth_and_declared(self, seed: int) -> tuple[Setting, Setting]:
+        """What is true in an episode, and what is declared to the guard."""
+        profiles = SERVO_PROFILES if self.plant == "torque" else PROFILES
+        truth = setting_of(self.scene, self.mode, seed, profiles)
+        if self.floor is not None:
+            truth = replace(truth, floor=self.floor)
+        if self.term:
+            truth = enlarged(truth, self.term)
+        return truth, understated(truth, self.zero) if self.zero else truth

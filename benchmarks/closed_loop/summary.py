@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from closed_loop.plan import Plan
+from closed_loop.settings import Plan
 from episodes.classes import classes, counted, percentile
 from episodes.records import Digest, Extreme
 

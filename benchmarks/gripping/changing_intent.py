@@ -204,9 +204,6 @@ def run_episode(seed: int) -> dict[str, Any]:
         "simulated_s": len(operator.plant.rows) * PERIOD,
         "worked_s": process_time() - begin,
         "stops": operator.plant.stops,
-        "touched": found.touched,
-        "least": found.least,
-        "depth": found.depth,
-        "speed": found.speed,
+        **found.figures(),
         "response": place.response,
     }

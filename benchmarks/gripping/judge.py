@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,11 @@ class Findings:
     speed: float = 0.0
     meant: set[Pair] = field(default_factory=set)
     slipped: float = 0.0
+
+    def figures(self, *names: str) -> dict[str, Any]:
+        """The figures of every kind of episodes, and those of these names."""
+        names = ("touched", "least", "depth", "speed", *names)
+        return {name: getattr(self, name) for name in names}
 
 
 class Judge:

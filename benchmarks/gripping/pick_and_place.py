@@ -192,11 +192,7 @@ def told(picker: Picker, place: Workplace, outcome: Outcome) -> dict[str, Any]:
     return {
         **asdict(outcome),
         "stops": picker.plant.stops,
-        "touched": found.touched,
-        "least": found.least,
-        "depth": found.depth,
-        "speed": found.speed,
-        "slipped": found.slipped,
+        **found.figures("slipped"),
         "response": place.response,
     }
 

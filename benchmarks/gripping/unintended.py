@@ -107,10 +107,7 @@ def run_episode(seed: int) -> dict[str, Any]:
         "simulated_s": len(picker.plant.rows) * PERIOD,
         "worked_s": process_time() - begin,
         "stops": picker.plant.stops,
-        "touched": found.touched,
-        "least": found.least,
-        "depth": found.depth,
-        "speed": found.speed,
+        **found.figures(),
         "response": place.response,
     }
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 import closed_loop_campaign
-from closed_loop.plan import Plan
-from closed_loop.settings import PROFILES, RATES, SUBSTEP, TERMS, setting_of
+from closed_loop.settings import PROFILES, RATES, SUBSTEP, TERMS, Plan, setting_of
 from closed_loop.summary import EXTREME, bound, derived, digest, summed_up, sums
 from closed_loop_campaign import campaign_of, run_episode
 from episodes.campaign import LeftOut
