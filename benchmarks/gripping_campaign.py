@@ -22,7 +22,7 @@ from pathlib import Path
 
 from episodes import records
 from episodes.campaign import Campaign, Episode
-from gripping import changing_intent, panda_episode, pick_and_place, unintended
+from gripping import changing_intent, panda, pick_and_place, unintended
 from gripping.summary import EXTREME, digest, is_broken, summed_up
 
 HERE = Path(__file__).parent
@@ -58,7 +58,7 @@ CAMPAIGN = Campaign(
     kinds={
         "placing": pick_and_place.run_episode,
         "changing": changing_intent.run_episode,
-        "panda": panda_episode.run_episode,
+        "panda": panda.run_episode,
         "unintended": unintended.run_episode,
     },
     version=version,

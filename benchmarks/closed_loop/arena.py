@@ -12,11 +12,10 @@ from closed_loop.answers import Guarding
 from closed_loop.guards import GUARDS
 from closed_loop.judge import Judge
 from closed_loop.movers import Movers
-from closed_loop.reference import Reference
 from closed_loop.scenes import ROOM, build_scene, declared, movers_of
+from closed_loop.search import Reference
 from closed_loop.settings import Setting
-from closed_loop.torque import TorqueArms
-from closed_loop.torque_model import torque_model
+from closed_loop.torque import TorqueArms, torque_model
 
 # Least clearance of a starting state [m].
 START_CLEARANCE = 0.02

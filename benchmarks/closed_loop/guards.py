@@ -8,8 +8,8 @@ from armguard import Guard
 from armguard.scene import Scene
 from arrays import Floats
 from closed_loop.answers import STOP, Guarding
-from closed_loop.reference import Reference
 from closed_loop.scenes import build_scene, declared, movers_of
+from closed_loop.search import Reference
 from closed_loop.settings import Setting
 
 

@@ -17,8 +17,7 @@ from arrays import Floats
 from gripping.gantry import BELOW
 from gripping.judge import FINGERS, Judge
 from gripping.plant import Plant
-from gripping.solids import box, gaps
-from gripping.workplace import GANTRY, PERIOD, side_by_side
+from gripping.workplace import GANTRY, PERIOD, box, gaps, side_by_side
 
 # How long he is of one mind, and how long an episode is [s].
 OF_ONE_MIND, DURATION = (0.1, 5.0), 15.0

@@ -8,8 +8,7 @@ import numpy as np
 
 from arrays import Floats
 from gripping.gantry import BELOW, CLOSED, FINGER, HAND
-from gripping.solids import Solid, box, gaps
-from gripping.workplace import Workplace
+from gripping.workplace import Solid, Workplace, box, gaps
 
 PARTS = ("hand", "left", "right")
 FINGERS = ("left", "right")

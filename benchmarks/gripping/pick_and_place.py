@@ -15,8 +15,7 @@ from armguard.respond import Action, Command, Guard
 from arrays import Floats
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.plant import Plant
-from gripping.solids import gaps
-from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered
+from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered, gaps
 
 # How the operator leads: speed by what is left of the way [1/s], how near is near
 # enough [m], and how little in what time is no progress [m, s].

@@ -17,10 +17,10 @@ from episodes.campaign import LeftOut
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.pick_and_place import Picker, pick, rest
 from gripping.plant import Plant
-from gripping.solids import Solid
 from gripping.workplace import (
     GANTRY,
     PERIOD,
+    Solid,
     Workplace,
     drawn_object,
     half_width,

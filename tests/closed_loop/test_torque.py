@@ -13,8 +13,7 @@ from closed_loop.conformance import Commanded, Stopping, broken, declared_of, mi
 from closed_loop.plan import arena_of, work
 from closed_loop.scenes import bare_scene, declared
 from closed_loop.settings import SERVO_PROFILES, SUBSTEP, Plan, setting_of
-from closed_loop.torque import TorqueArms, driven_figures
-from closed_loop.torque_model import LIGHT, carry, torque_model
+from closed_loop.torque import LIGHT, TorqueArms, carry, driven_figures, torque_model
 from closed_loop.truth import Styles, Truth
 
 N = 3
