@@ -1,4 +1,4 @@
-"""Gripping: what is meant succeeds, what is not meant is never touched.
+"""Gripping: what is intended succeeds, what is not intended is never touched.
 
 make gripping                              10,000 episodes each, 500 of a Panda
 make gripping ARGS="--episodes 500 --seconds 600"   some of them, for so long at most

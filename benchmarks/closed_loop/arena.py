@@ -31,7 +31,7 @@ class Arena:
 
     Attributes:
         setting: What is true.
-        guard: The guard; it may have been told something else.
+        guard: The guard; something else may be declared to it.
         judge: The judge.
         robots: Names of the arms.
         figures: Declared figures of each arm, as they are true.
@@ -44,17 +44,17 @@ class Arena:
 
     Args:
         setting: What is true.
-        told: What the guard is told.
+        known: What is declared to the guard.
         guard: Name of the guard, in `GUARDS`.
     """
 
-    def __init__(self, setting: Setting, told: Setting, guard: str) -> None:
+    def __init__(self, setting: Setting, known: Setting, guard: str) -> None:
         scene = build_scene(setting)
         tables = compile_scene(scene)
         self._scene = scene
         figures = declared(setting, scene)
         self.setting = setting
-        self.guard: Guarding = GUARDS[guard](build_scene(told), told)
+        self.guard: Guarding = GUARDS[guard](build_scene(known), known)
         self.judge = Judge(scene, tables)
         self.robots = tuple(scene.robots)
         self.figures: Sequence[StoppingFigures] = [figures[r] for r in self.robots]

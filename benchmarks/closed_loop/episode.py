@@ -21,7 +21,7 @@ from closed_loop.operators import (
     SPEEDS,
     View,
     drawn_operator,
-    wish_within,
+    within_limits,
 )
 from closed_loop.search import THOROUGH
 from closed_loop.settings import SUBSTEP, Plan
@@ -210,8 +210,8 @@ class Episode:
         self.due = [0] * len(self.movers.names)
         self.seen_at = [0] * len(self.movers.names)
         self.shares = np.ones(len(arena.robots))
-        self.wished = 0.0
-        self.asked, self.wish = np.zeros((2, len(q)))
+        self.desired_way = 0.0
+        self.asked, self.desired = np.zeros((2, len(q)))
         self.outcome = Outcome(
             seed=seed,
             setting=arena.setting.name,
@@ -334,7 +334,7 @@ class Episode:
         if thinks:
             view = View(self.now, arena.judge, self.q, self.v, free)
             self.asked = self.speed * self.operator.desired(view)
-        self.wished = wish_within(
+        self.desired_way = within_limits(
             self.asked,
             self.shares,
             arena.first,
@@ -343,7 +343,7 @@ class Episode:
             arena.lower,
             arena.upper,
             self.truth.slowest,
-            self.wish,
+            self.desired,
         )
 
     def released(self, arm: int) -> None:
@@ -391,7 +391,7 @@ class Episode:
         rows = slice(self.tick + 1, target + 1)
         q_rows, p_rows = self.q_rows[rows], self.p_rows[rows]
         self.drive(target)
-        self.outcome.joint_wish += self.wished * (target - self.tick) * SUBSTEP
+        self.outcome.joint_wish += self.desired_way * (target - self.tick) * SUBSTEP
         judge = self.arena.judge
         if self.movers.names:
             self.movers.advance(self.now, SUBSTEP, judge.tips(), p_rows)
@@ -402,7 +402,7 @@ class Episode:
 
     def drive(self, target: int) -> None:
         """Move the arms until the next cycle."""
-        self.follow(self.tick, target, self.wish)
+        self.follow(self.tick, target, self.desired)
 
     def follow(self, tick: int, target: int, desired: Floats) -> None:
         """Move the arms over some substeps; see `plant.advance`."""

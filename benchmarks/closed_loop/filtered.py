@@ -68,7 +68,7 @@ class FilteredEpisode(Episode):
         arena, now = self.arena, self.now
         q, v, stamp = self.measure(cycle, outward)
         self.ask(thinks, np.ones(len(q), dtype=bool))
-        command = arena.guard.filter(q, self.wish, stamp, velocity=v, now=now)
+        command = arena.guard.filter(q, self.desired, stamp, velocity=v, now=now)
         verdict = self.last = command.verdict
         self.times.append(verdict.cycle_time)
         for arm, name in enumerate(arena.robots):

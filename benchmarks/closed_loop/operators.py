@@ -61,15 +61,15 @@ class Rough:
         n = len(judge.reach)
         self._hold = 10.0 ** rng.uniform(-2.3, -0.7)
         self._until = np.zeros(n)
-        self._wish = np.zeros(n)
+        self._desired = np.zeros(n)
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
         due = view.now >= self._until
         count = int(due.sum())
-        self._wish[due] = self._rng.uniform(-1.0, 1.0, count)
+        self._desired[due] = self._rng.uniform(-1.0, 1.0, count)
         self._until[due] = view.now + self._rng.exponential(self._hold, count)
-        return self._wish
+        return self._desired
 
 
 class Smooth:
@@ -93,15 +93,15 @@ class OneJoint:
         self._rng = rng
         self._n = len(judge.reach)
         self._until = 0.0
-        self._wish = np.zeros(self._n)
+        self._desired = np.zeros(self._n)
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
         if view.now >= self._until:
             self._until = view.now + self._rng.uniform(0.2, 1.0)
-            self._wish = np.zeros(self._n)
-            self._wish[self._rng.integers(self._n)] = self._rng.choice([-1.0, 1.0])
-        return self._wish
+            self._desired = np.zeros(self._n)
+            self._desired[self._rng.integers(self._n)] = self._rng.choice([-1.0, 1.0])
+        return self._desired
 
 
 class Reversals:
@@ -111,15 +111,15 @@ class Reversals:
         self._rng = rng
         self._hold = 10.0 ** rng.uniform(-2.3, -0.5)
         self._until = 0.0
-        self._wish = rng.choice([-1.0, 1.0], len(judge.reach))
+        self._desired = rng.choice([-1.0, 1.0], len(judge.reach))
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
         if view.now >= self._until:
             self._until = view.now + self._rng.exponential(self._hold)
-            flips = self._rng.random(len(self._wish)) < 0.7
-            self._wish = np.where(flips, -self._wish, self._wish)
-        return self._wish
+            flips = self._rng.random(len(self._desired)) < 0.7
+            self._desired = np.where(flips, -self._desired, self._desired)
+        return self._desired
 
 
 class Chase:
@@ -220,12 +220,14 @@ class Mixed:
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
-        wishes = self._one.desired(view), self._other.desired(view)
-        return np.where(self._joints, *wishes)
+        desired = self._one.desired(view), self._other.desired(view)
+        return np.where(self._joints, *desired)
 
 
 @numba.njit(cache=True)
-def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, wish):
+def within_limits(
+    asked, shares, first, velocity, q, lower, upper, deceleration, desired
+):
     """Velocities an operator has his way with: slowed down, within the joint limits.
 
     Args:
@@ -237,7 +239,7 @@ def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, w
         lower: Least positions, shape (n,).
         upper: Greatest positions, shape (n,).
         deceleration: Of each joint, shape (n,).
-        wish: Desired velocities, shape (n,), overwritten.
+        desired: Desired velocities, shape (n,), overwritten.
 
     Returns:
         Sum of the desired speeds.
@@ -245,14 +247,14 @@ def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, w
     total = 0.0
     for arm in range(len(shares)):
         for j in range(first[arm], first[arm + 1]):
-            wish[j] = 0.0
+            desired[j] = 0.0
             if upper[j] - lower[j] < ROOM:
                 continue
             # Half of the deceleration leaves room for delays.
             down = np.sqrt(deceleration[j] * max(q[j] - lower[j] - LIMIT_MARGIN, 0.0))
             up = np.sqrt(deceleration[j] * max(upper[j] - q[j] - LIMIT_MARGIN, 0.0))
-            wish[j] = min(max(asked[j] * shares[arm] * velocity[j], -down), up)
-            total += abs(wish[j])
+            desired[j] = min(max(asked[j] * shares[arm] * velocity[j], -down), up)
+            total += abs(desired[j])
     return total
 
 

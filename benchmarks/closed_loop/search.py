@@ -43,16 +43,16 @@ FLAT = 1e-3
 
 
 class Future(NamedTuple):
-    """A continuation: an operator's wish, then a stop.
+    """A continuation: an operator's desired velocities, then a stop.
 
     Attributes:
-        wish: Desired velocities in shares of the top speeds, shape (n,).
+        desired: Desired velocities in shares of the top speeds, shape (n,).
         strength: Strength of each joint's stop, 0 the least, 1 the most, shape (n,);
             the least one is late and swings as well.
         error: Errors of the measured state in shares of the largest, shape (n,).
     """
 
-    wish: Floats
+    desired: Floats
     strength: Floats
     error: Floats
 
@@ -178,9 +178,9 @@ class Search:
             if sweeps and (found := self._descend(int(k), outward, m, sweeps)):
                 return found
         for _ in range(RANDOM):
-            wish, error = self._rng.choice([-1.0, 1.0], (2, len(q)))
+            desired, error = self._rng.choice([-1.0, 1.0], (2, len(q)))
             strength = self._rng.integers(0, 2, len(q)).astype(float)
-            if found := self._first_breach(Future(wish, strength, error), m, near):
+            if found := self._first_breach(Future(desired, strength, error), m, near):
                 return found
         return None
 
@@ -189,8 +189,8 @@ class Search:
         closing = np.where(np.abs(outward) > FLAT, -np.sign(outward), 0.0)
         apart = (v * outward > 0.0).astype(float)
         return [
-            Future(wish, strength, closing)
-            for wish in (closing, np.sign(v))
+            Future(desired, strength, closing)
+            for desired in (closing, np.sign(v))
             for strength in (apart, np.zeros(len(v)))
         ]
 
@@ -309,8 +309,8 @@ class Search:
         count = int(self._ways(plant.v, ages)[1] / STEP) + 2
         rows, speeds = np.zeros((2, count, len(q)))
         free = np.zeros((count, len(ages)), dtype=np.bool_)
-        wish = future.wish * self._velocity
-        plants.advance(plant, 0, STEP, wish, rows, speeds, free)
+        desired = future.desired * self._velocity
+        plants.advance(plant, 0, STEP, desired, rows, speeds, free)
         return np.vstack([q + future.error * self._position_error, rows])
 
     def _ways(self, v: Floats, ages: Floats) -> tuple[Floats, float]:
@@ -338,14 +338,14 @@ class Search:
 
 # What is tried of each joint; in between, since not all distances fall to an end.
 CHOICES = {
-    "wish": (-1.0, 0.0, 1.0),
+    "desired": (-1.0, 0.0, 1.0),
     "strength": (0.0, 0.1, 0.4, 1.0),
     "error": (-1.0, 1.0),
 }
 
 
 def turned(future: Future, j: int) -> list[Future]:
-    """The future with one joint another way: its wish, its stop, or its error."""
+    """The future with one joint another way: its velocity, its stop, or its error."""
     found = []
     for name, values in CHOICES.items():
         own = getattr(future, name)

@@ -1,4 +1,4 @@
-"""A campaign: kinds of episodes, what is run of each, and how what came is told."""
+"""A campaign: kinds of episodes, how many of each, and what is written of them."""
 
 import argparse
 import json
@@ -132,10 +132,10 @@ class Campaign:
 
     def figures_of(self, kind: str, episodes: list[Episode]) -> Figures:
         """Figures of episodes of a kind, and of which, and how many were left out."""
-        told = [e for e in episodes if "left_out" not in e]
+        counted = [e for e in episodes if "left_out" not in e]
         return {
             "episodes": 0,
-            **(self.summed_up(kind, told) if told else {}),
+            **(self.summed_up(kind, counted) if counted else {}),
             "seeds": ranges_of(e["seed"] for e in episodes),
             "left_out": Counter(e["left_out"] for e in episodes if "left_out" in e),
         }

@@ -74,13 +74,13 @@ class Follower:
         """What the guard's clock shows at a time: its first measurement is at 0 [s]."""
         return time + self._age * self.substep
 
-    def drive(self, wish: Floats) -> Command:
+    def drive(self, desired: Floats) -> Command:
         """One cycle in which velocities of all joints are asked for, shape (n,)."""
         q, v = self._past[0]
         self.measured = q + self.noise("position_error")
         stamp, now = self.time, self.clock(self.time)
         command = self.guard.filter(
-            self.measured, wish, stamp, velocity=self.measured_speeds(v), now=now
+            self.measured, desired, stamp, velocity=self.measured_speeds(v), now=now
         )
         self.note(command)
         may_draw = self.may_draw(command)

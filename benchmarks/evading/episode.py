@@ -147,7 +147,7 @@ def run_episode(name: str, seed: int, *, evade: bool = True) -> dict[str, Any]:
         if plant.time <= BEFORE:
             first = (BEFORE, plant.q, plant.v)
         sight.tell(plant)
-        plant.drive(throw.wish(plant.time))
+        plant.drive(throw.desired(plant.time))
         place.judge.look(plant.q, throw.mover(plant.time), plant.time, found)
     search = Search(place, throw, first, rng)
     evadable = search.finds()

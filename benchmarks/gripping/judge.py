@@ -24,12 +24,11 @@ class Findings:
     """What an episode came to.
 
     Attributes:
-        touched: Contacts that were not meant: part of the arm, what it touched, and the
-            cycle.
-        least: Least distance of what is not meant to touch [m].
-        depth: Greatest overlap of what is meant to touch [m].
-        speed: Greatest closing speed of a contact that is meant, when it begins [m/s].
-        meant: Contacts that were meant and happened.
+        touched: Unintended contacts: part of the arm, what it touched, and the cycle.
+        least: Least distance of what is not intended to touch [m].
+        depth: Greatest overlap of what is intended to touch [m].
+        speed: Greatest closing speed of an intended contact when it begins [m/s].
+        intended: Contacts that were intended and happened.
         slipped: How far a finger moved while the gripper held something [m].
     """
 
@@ -37,7 +36,7 @@ class Findings:
     least: float = np.inf
     depth: float = 0.0
     speed: float = 0.0
-    meant: set[Pair] = field(default_factory=set)
+    intended: set[Pair] = field(default_factory=set)
     slipped: float = 0.0
 
     def figures(self, *names: str) -> dict[str, Any]:
@@ -86,11 +85,11 @@ class Judge:
         return float(gaps(self._arm(q)[part], self.solids[other]))
 
     def look(self, rows: list[Floats], may_touch: set[Pair]) -> None:
-        """Judge the rows that are new; the same is carried and meant in all of them.
+        """Judge the rows that are new; the same is carried and intended in all of them.
 
         Args:
             rows: True positions of all cycles so far, shape (5,) each [m].
-            may_touch: Contacts that are meant: part of the arm, and what it touches.
+            may_touch: Contacts that are intended: part of the arm, and what it touches.
         """
         if len(rows) == self._seen:
             return
@@ -129,19 +128,19 @@ class Judge:
         return found
 
     def _meant(self, pair: Pair, found: Floats) -> None:
-        """Note depth and speed of a contact that is meant."""
+        """Note depth and speed of a contact that is intended."""
         out = self.findings
         least = float(found.min())
         if least > 0.0:
             return
-        out.meant.add(pair)
+        out.intended.add(pair)
         out.depth = max(out.depth, -least)
         begins = (found[:-1] > 0.0) & (found[1:] <= 0.0)
         closing = (found[:-1] - found[1:]) / self.period
         out.speed = max(out.speed, float(closing[begins].max(initial=0.0)))
 
     def _not_meant(self, pair: Pair, found: Floats, begin: int) -> None:
-        """Note how near something came that is not meant."""
+        """Note how near something came that is not intended."""
         out = self.findings
         k = int(np.argmin(found))
         out.least = min(out.least, float(found[k]))

@@ -27,8 +27,8 @@ from gripping.pick_and_place import (
     Picker,
     carries_clear,
     ends_of_way,
+    figures_of,
     pick_and_place,
-    told,
 )
 from gripping.plant import Plant
 from gripping.workplace import PERIOD, STOPPING, Solid, Tool, Workplace, box, cluttered
@@ -300,7 +300,7 @@ PANDA = Tool(
     tips=0.113, palm=0.084, hand=(0.035, 0.106), finger=(0.011, 0.026), widest=0.04
 )
 
-# Joints stop, are late and miss what they are told as those of the gantry; their top
+# Joints stop, are late and miss their commands as those of the gantry; their top
 # speeds are Franka's. Nothing swings, as the plant does not.
 FIGURES = {key: value for key, value in STOPPING.items() if key != "velocity"} | {
     "velocity_error": 1e-3,
@@ -362,7 +362,7 @@ class PandaPlace(Workplace):
 
 
 class PandaPlant(Plant):
-    """A Panda that is late and misses what it is told, led by its hand.
+    """A Panda that is late and misses its commands, led by its hand.
 
     Args:
         guard: The guard.
@@ -382,27 +382,27 @@ class PandaPlant(Plant):
         at = self.arm.hand(self.measured)[:3, 3]
         return np.array([*at, self.measured[ARM], self.measured[ARM]])
 
-    def cycle(self, wish: Floats) -> Command:
+    def cycle(self, desired: Floats) -> Command:
         """One cycle in which velocities of hand and fingers are asked for [m/s]."""
-        if not wish.any():
+        if not desired.any():
             return self.drive(np.zeros(ARM + 1))
-        joints = self.arm.lead(self.measured, wish[:3])
-        return self.drive(np.array([*joints, 0.5 * (wish[3] + wish[4])]))
+        joints = self.arm.lead(self.measured, desired[:3])
+        return self.drive(np.array([*joints, 0.5 * (desired[3] + desired[4])]))
 
 
 class PandaPicker(Picker):
     """An operator who brings a hand back that slides while he pushes."""
 
-    def push(self, wish: Floats, part_of: tuple[str, ...], other: str) -> bool:
+    def push(self, desired: Floats, part_of: tuple[str, ...], other: str) -> bool:
         """Ask for the same until all these parts are felt to touch; whether they do."""
         here = self.plant.seen[:3]
         for _ in range(int(PUSHED / PERIOD)):
             q = self.plant.q
             if all(self.judge.gap(q, part, other) <= 0.0 for part in part_of):
                 return True
-            held = wish.copy()
+            held = desired.copy()
             back = STIFF * (here - self.plant.seen[:3])
-            held[:3] = np.where(wish[:3] == 0.0, back, wish[:3])
+            held[:3] = np.where(desired[:3] == 0.0, back, desired[:3])
             if self.plant.cycle(held).action >= Action.STOP:
                 return False
         return False
@@ -429,7 +429,7 @@ def run_episode(seed: int) -> dict[str, Any]:
     picker = PandaPicker(PandaPlant(guard, rng, arm), judge, PANDA, rng)
     pick_and_place(picker, place, name, goal, outcome)
     outcome.worked_s = process_time() - begin
-    return told(picker, place, outcome)
+    return figures_of(picker, place, outcome)
 
 
 def certified(
@@ -456,10 +456,10 @@ def certified(
     except ArmguardError:
         # Something stands where the arm begins.
         return None
-    meant = place.objects[name]
+    target = place.objects[name]
     guard.remove(name)
     clear = guard.check_path(np.array([at_home[-1], *rows])).clear
-    guard.place(name, Pose(xyz=tuple(meant.at.tolist())))
+    guard.place(name, Pose(xyz=tuple(target.at.tolist())))
     return (guard, arm, with_panda) if clear else None
 
 

@@ -47,13 +47,13 @@ class Plant(Follower):
         """Where hand and fingers are as measured last: x, y, z, left, right [m]."""
         return self.measured
 
-    def cycle(self, wish: Floats) -> Command:
+    def cycle(self, desired: Floats) -> Command:
         """One cycle in which velocities of hand and fingers are asked for [m/s]."""
-        return self.drive(wish)
+        return self.drive(desired)
 
-    def drive(self, wish: Floats) -> Command:
+    def drive(self, desired: Floats) -> Command:
         """One cycle in which velocities of all joints are asked for."""
-        command = super().drive(wish)
+        command = super().drive(desired)
         self.rows.append(self.q)
         return command
 

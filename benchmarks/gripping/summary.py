@@ -8,7 +8,7 @@ from episodes.records import TOLD, Digest, Extreme, Figures
 from gripping.gantry import FIGURES
 from gripping.pick_and_place import UNNAMED
 
-# Joints miss what they are told, so a contact may be as much faster than creep: two of
+# Joints miss commands, so a contact may be as much faster than creep: two of
 # the gantry, or those of a Panda, by their levers and that of a finger; and the judge's
 # rounding on top [m/s].
 LEVERS = {"panda": 4.5}
@@ -17,7 +17,7 @@ CREEP = {
     for kind in ("placing", "changing", "panda", "unintended")
 }
 
-# How far a contact that is meant may go, where what is held is as well known as a
+# How far a contact that is intended may go, where what is held is as well known as a
 # measured position [m].
 DEPTH = Grasp().depth + 1e-4
 

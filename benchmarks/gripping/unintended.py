@@ -78,10 +78,12 @@ class Unguarded:
         self.home = guard.home
         self.tables = guard.tables
 
-    def filter(self, _q: Floats, wish: Floats, *_: Any, **__: Any) -> SimpleNamespace:
+    def filter(
+        self, _q: Floats, desired: Floats, *_: Any, **__: Any
+    ) -> SimpleNamespace:
         """See `Guard.filter`."""
         follow = Action.FOLLOW
-        return SimpleNamespace(velocity=wish, action=follow, actions={"arm": follow})
+        return SimpleNamespace(velocity=desired, action=follow, actions={"arm": follow})
 
     def grasp(self, _robot: str, _name: str) -> None:
         """See `Guard.grasp`."""
@@ -103,7 +105,7 @@ def run_episode(seed: int) -> dict[str, Any]:
         "seed": seed,
         "kind": kind,
         "speed_asked": accident.speed,
-        "meant": len({name for _, name in found.meant}),
+        "meant": len({name for _, name in found.intended}),
         "simulated_s": len(picker.plant.rows) * PERIOD,
         "worked_s": process_time() - begin,
         "stops": picker.plant.stops,
@@ -176,15 +178,15 @@ def run_into(picker: Picker, accident: Accident, target: Solid) -> None:
         # The tips are at half of its height, and clear of the table.
         level = float(max(z, 0.01)) + tips
         begin = np.array([x - FROM, y, level])
-        wish = (accident.speed, 0.0, 0.0, 0.0, 0.0)
+        desired = (accident.speed, 0.0, 0.0, 0.0, 0.0)
     else:
         begin = np.array([x, y, z + target.half[2] + tips + FROM])
-        wish = (0.0, 0.0, -accident.speed, 0.0, 0.0)
+        desired = (0.0, 0.0, -accident.speed, 0.0, 0.0)
     above = np.array([*begin[:2], max(begin[2], picker.plant.seen[2])])
     there = picker.lead(above, picker.fast, open_to=NARROW)
     if not (there and picker.lead(begin, picker.fast, open_to=NARROW)):
         raise LeftOut("the operator did not get there (speed)")
-    drive(picker, wish)
+    drive(picker, desired)
 
 
 def carry_into(picker: Picker, accident: Accident, place: Workplace) -> None:
@@ -202,9 +204,9 @@ def carry_into(picker: Picker, accident: Accident, place: Workplace) -> None:
     picker.look()
 
 
-def drive(picker: Picker, wish: tuple[float, ...]) -> None:
+def drive(picker: Picker, desired: tuple[float, ...]) -> None:
     """Ask for the same for as long as a way takes, and then some."""
-    asked = np.array(wish)
+    asked = np.array(desired)
     cycles = int((WAY / np.abs(asked).max() + PUSHES) / PERIOD)
     for _ in range(cycles):
         picker.plant.cycle(asked)

@@ -81,7 +81,7 @@ BESIDE, OFF_WIDEST = 0.015, 0.004
 # Least distance of fingers from the table, and of the hand from what it grips [m].
 OVER_TABLE, OVER_OBJECT = 0.01, 0.012
 
-# Whoever grips or puts down keeps at least this to all that is not meant [m].
+# An operator who grips or puts down keeps at least this to all other things [m].
 ROOM = 0.012
 
 # What is carried passes above everything by this [m].
@@ -232,7 +232,7 @@ def settings(rng: np.random.Generator) -> dict[str, object]:
 def cluttered(
     rng: np.random.Generator, tool: Tool = GANTRY
 ) -> tuple[Workplace, str, Floats]:
-    """A table with clutter, the object that is meant, and a free place for it.
+    """A table with clutter, the object that is intended, and a free place for it.
 
     Args:
         rng: Draws them.
@@ -249,13 +249,13 @@ def cluttered(
                 objects[f"thing{k}"] = solid
         walls = [drawn_wall(rng) for _ in range(int(rng.integers(1, 6)))]
         name = str(rng.choice(list(objects)))
-        meant = objects[name]
+        target = objects[name]
         rest = [s for n, s in objects.items() if n != name] + walls
         clear = [w for w in walls if all(gaps(w, o) >= ROOM for o in objects.values())]
         goal = rng.uniform(-FIELD, FIELD, 2)
-        if clear != walls or not tool.is_free(meant, meant.at[:2], rest):
+        if clear != walls or not tool.is_free(target, target.at[:2], rest):
             continue
-        if not tool.is_free(meant, goal, rest):
+        if not tool.is_free(target, goal, rest):
             continue
         fixtures = {f"wall{k}": wall for k, wall in enumerate(walls)}
         fixtures["table"] = table()
