@@ -18,7 +18,6 @@ from armguard.respond import Action, Command, Guard
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Joint, JointKind, MeshFile, RobotModel
 from armguard.scene import Gripper, Scene
-from armguard.scene.settings import IndexSettings
 from arrays import Floats
 from closed_loop.judge_model import kind_and_size, placed
 from gripping.judge import FINGERS, HELD, Judge, Pair
@@ -340,25 +339,16 @@ class PandaPlace(Workplace):
 
     posture: Floats
 
-    def scene(self) -> Scene:
-        """The scene, with the Panda named 'arm'."""
-        scene = Scene(mode="path", period=PERIOD, index=IndexSettings(kind=self.index))
+    def robot(self) -> tuple[Any, dict[str, Any]]:
+        """See `Workplace`."""
         names = [f"panda_joint{k + 1}" for k in range(ARM)] + ["panda_finger_joint1"]
-        scene.add_robot(
-            "panda",
-            name="arm",
-            base=Pose(xyz=BASE),
-            stopping=FIGURES,
-            home=dict(zip(names, self.posture.tolist(), strict=True)),
-            gripper=Gripper(
-                link=HAND,
-                fingers=("panda_leftfinger", "panda_rightfinger"),
-                coarse=self.coarse,
-            ),
-            response=self.response,
-        )
-        self.add_solids(scene)
-        return scene
+        fingers = "panda_leftfinger", "panda_rightfinger"
+        return "panda", {
+            "base": Pose(xyz=BASE),
+            "stopping": FIGURES,
+            "home": dict(zip(names, self.posture.tolist(), strict=True)),
+            "gripper": Gripper(link=HAND, fingers=fingers, coarse=self.coarse),
+        }
 
 
 class PandaPlant(Plant):

@@ -1,6 +1,7 @@
 """Tables with things to grip, walls and a shelf between them, drawn at random."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -168,22 +169,10 @@ class Workplace:
     home: Floats
 
     def scene(self) -> Scene:
-        """The scene, with the gantry named 'arm'."""
+        """The scene, with its robot named 'arm'."""
         scene = Scene(mode="path", period=PERIOD, index=IndexSettings(kind=self.index))
-        names = ("x", "y", "z", "open_left", "open_right")
-        scene.add_robot(
-            gantry(),
-            name="arm",
-            stopping=STOPPING,
-            home=dict(zip(names, self.home.tolist(), strict=True)),
-            gripper=Gripper(link="hand", fingers=("left", "right"), coarse=self.coarse),
-            response=self.response,
-        )
-        self.add_solids(scene)
-        return scene
-
-    def add_solids(self, scene: Scene) -> None:
-        """Add all that stands there to a scene."""
+        model, known = self.robot()
+        scene.add_robot(model, name="arm", response=self.response, **known)
         for name, solid in {**self.fixtures, **self.objects}.items():
             shape = (
                 Cylinder(radius=solid.radius, height=2.0 * float(solid.half[2]))
@@ -192,6 +181,18 @@ class Workplace:
             )
             pose = Pose(xyz=tuple(solid.at.tolist()))
             scene.add(shape, name=name, pose=pose, graspable=name in self.objects)
+        return scene
+
+    def robot(self) -> tuple[Any, dict[str, Any]]:
+        """The robot's model, and what else `Scene.add_robot` is to know of it."""
+        names = ("x", "y", "z", "open_left", "open_right")
+        return gantry(), {
+            "stopping": STOPPING,
+            "home": dict(zip(names, self.home.tolist(), strict=True)),
+            "gripper": Gripper(
+                link="hand", fingers=("left", "right"), coarse=self.coarse
+            ),
+        }
 
     def travel(self, tool: Tool) -> float:
         """Height of a hand that carries something above everything [m]."""
