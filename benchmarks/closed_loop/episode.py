@@ -278,13 +278,9 @@ class Episode:
 
     def outward(self) -> Floats:
         """Gradient of the least distance now, zero if nothing is near, shape (n,)."""
-        judge = self.arena.judge
         self.watch.see_last(self.tick)
-        near = judge.nearest()
-        self.nearest = SIGHT if near is None else near.distance
-        if near is None:
-            return np.zeros(len(self.q))
-        return judge.gradient(near.geoms, near.normal, near.point, near.point)
+        self.nearest, outward = self.arena.judge.nearest()
+        return outward
 
     def measure(self, cycle: int, outward: Floats) -> tuple[Floats, Floats, Stamps]:
         """What arrives for a cycle: positions, velocities, and the arms' stamps."""

@@ -1,7 +1,6 @@
 """Distances and contacts on the true states by MuJoCo's collision detection."""
 
 from math import sqrt
-from typing import NamedTuple
 
 import mujoco
 import numba
@@ -27,22 +26,6 @@ CLOSED_FORM[_CAPSULE, _ROUND] = CLOSED_FORM[_ROUND, _CAPSULE] = True
 
 # Distance beyond which nothing is looked for [m].
 FAR = 3.0
-
-
-class Nearest(NamedTuple):
-    """The nearest checked pair within sight.
-
-    Attributes:
-        distance: Signed distance [m].
-        geoms: Its two geoms.
-        normal: Unit vector from the first to the second, shape (3,).
-        point: Point midway, shape (3,) [m].
-    """
-
-    distance: float
-    geoms: tuple[int, int]
-    normal: Floats
-    point: Floats
 
 
 class Judge:
@@ -131,15 +114,20 @@ class Judge:
         distances, _ = self.measure(q)
         return float(distances.min(initial=SIGHT))
 
-    def nearest(self) -> Nearest | None:
-        """The nearest pair of the state measured last; None if none is in sight."""
+    def nearest(self) -> tuple[float, Floats]:
+        """Least distance in the state measured last, and its gradient over q.
+
+        Returns:
+            Signed distance [m], `SIGHT` and no gradient if no pair is in sight; shape
+            (n,) [m/rad or 1].
+        """
         if len(self._distances) == 0:
-            return None
+            return SIGHT, np.zeros(len(self.reach))
         k = int(np.argmin(self._distances))
-        a, b = self._geoms[k].tolist()
         contact = self.data.contact[k]
-        normal, point = contact.frame[:3].copy(), contact.pos.copy()
-        return Nearest(float(self._distances[k]), (a, b), normal, point)
+        normal, midway = contact.frame[:3].copy(), contact.pos.copy()
+        a, b = self._geoms[k].tolist()
+        return float(self._distances[k]), self.gradient((a, b), normal, midway, midway)
 
     def apart(self, pair: tuple[int, int], limit: float = FAR) -> tuple[float, Floats]:
         """Signed distance of a pair of geoms [m] and its gradient over q, shape (n,).

@@ -64,7 +64,6 @@ class TorqueModel(NamedTuple):
         driven: Places of q that motors drive, shape (k,); grippers hold theirs.
         stiffness: Position gain of each servo, shape (k,) [N m/rad].
         damping: Velocity gain of each servo, shape (k,) [N m s/rad].
-        inertia: Nominal inertia of each joint, shape (k,) [kg m²].
         payloads: Bodies of the payloads, one for each arm.
         heaviest: Greatest payload of an arm [kg].
     """
@@ -73,7 +72,6 @@ class TorqueModel(NamedTuple):
     driven: Ints
     stiffness: Floats
     damping: Floats
-    inertia: Floats
     payloads: list[int]
     heaviest: float
 
@@ -126,7 +124,7 @@ def torque_model(scene: Scene, figures: Sequence[StoppingFigures]) -> TorqueMode
     stiffness, damping = BANDWIDTH**2 * inertia, 2 * DAMPING * BANDWIDTH * inertia
     model.actuator_gainprm[:, 0] = stiffness
     model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2] = -stiffness, -damping
-    return TorqueModel(model, places, stiffness, damping, inertia, payloads, heaviest)
+    return TorqueModel(model, places, stiffness, damping, payloads, heaviest)
 
 
 def carry(model: mujoco.MjModel, body: int, mass: float) -> None:
@@ -307,57 +305,35 @@ FEED_FORWARD = 4
 KNOWN = (0.85, 1.05)
 
 
-class Reserve(NamedTuple):
-    """How much of each declared figure is left to the servo; the rest is the drive's.
-
-    Attributes:
-        velocity: Share of the top speed [-].
-        acceleration: Share of the acceleration [-].
-        deceleration: Share of the least and of the greatest deceleration [-].
-        ramp: Part of the ramp [s].
-        command: Part of the delay of orders [s].
-        position: Part of the error of positions [-].
-        speed: Part of the errors of velocities and of driven velocities [-].
-    """
-
-    velocity: float = 0.03
-    acceleration: float = 0.15
-    deceleration: float = 0.15
-    ramp: float = 0.5
-    command: float = 0.001
-    position: float = 0.5
-    speed: float = 0.5
+# What is left to the servos of each declared figure; the rest is the drives'. Shares of
+# speeds, of accelerations and decelerations, of ramps and errors [-], and part of the
+# delays [s].
+FASTER, HARDER, HALF, LATER = 0.03, 0.15, 0.5, 0.001
 
 
-RESERVE = Reserve()
-
-
-def driven_figures(
-    figures: StoppingFigures, keep: Reserve = RESERVE
-) -> StoppingFigures:
+def driven_figures(figures: StoppingFigures) -> StoppingFigures:
     """Figures of the drives and sensors alone, so that the arm keeps the declared.
 
     Args:
         figures: Declared figures of an arm.
-        keep: What is left to its servos.
     """
-    least = figures.deceleration / (1.0 - keep.deceleration)
+    least = figures.deceleration / (1.0 - HARDER)
     most = np.minimum(figures.deceleration_most, UNKNOWN * figures.deceleration)
     return replace(
         figures,
-        velocity=(1.0 - keep.velocity) * figures.velocity,
-        acceleration=(1.0 - keep.acceleration) * figures.acceleration,
+        velocity=(1.0 - FASTER) * figures.velocity,
+        acceleration=(1.0 - HARDER) * figures.acceleration,
         deceleration=least,
-        deceleration_most=np.maximum((1.0 - keep.deceleration) * most, least),
-        brake_deceleration=figures.brake_deceleration / (1.0 - keep.deceleration),
-        ramp=(1.0 - keep.ramp) * figures.ramp,
+        deceleration_most=np.maximum((1.0 - HARDER) * most, least),
+        brake_deceleration=figures.brake_deceleration / (1.0 - HARDER),
+        ramp=HALF * figures.ramp,
         # The swing is the arm's own.
         settle=np.zeros_like(figures.settle),
-        command=figures.command - keep.command,
-        brake_delay=figures.brake_delay - keep.command,
-        position_error=(1.0 - keep.position) * figures.position_error,
-        velocity_error=(1.0 - keep.speed) * figures.velocity_error,
-        tracking_error=(1.0 - keep.speed) * figures.tracking_error,
+        command=figures.command - LATER,
+        brake_delay=figures.brake_delay - LATER,
+        position_error=HALF * figures.position_error,
+        velocity_error=HALF * figures.velocity_error,
+        tracking_error=HALF * figures.tracking_error,
     )
 
 
