@@ -7,23 +7,21 @@ python benchmarks/accuracy_campaign.py --show box-hull nested 12     one case
 
 import argparse
 import multiprocessing
-import sys
 from concurrent.futures import Executor, ProcessPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from accuracy.judge import judge
 from accuracy.nan_laws import swallowed
-from accuracy.page import page
-from accuracy.peer_runs import compare, tasks
+from accuracy.peer_runs import NOTABLE, VERDICTS, compare, tasks
 from accuracy.peers import PEERS
 from accuracy.regimes import REGIMES
-from accuracy.summary import NAMES, merged, summed_up
+from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, merged, summed_up
 from armguard.geometry.pairs import has_closed_form
+from episodes.kernels import told_of
 from episodes.records import keep, read
+from pages import rendered
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -148,6 +146,27 @@ def write_page() -> None:
     """Write docs/accuracy.md from docs/accuracy.json."""
     (DOCS / "accuracy.md").write_text(page(read(RESULTS)), encoding="utf-8")
     print("wrote docs/accuracy.md")
+
+
+def page(results: dict[str, Any]) -> str:
+    """The whole page."""
+    kinds = results["kinds"]
+    return rendered(
+        "accuracy",
+        kinds=kinds,
+        regimes=REGIMES,
+        figures=FIGURES,
+        targets=TARGETS,
+        missed=MISSED,
+        worst={
+            figure: max(kinds, key=lambda kind: kinds[kind][figure]["worst"])
+            for figure in FIGURES
+        },
+        peers=results["peers"],
+        notable=NOTABLE,
+        verdicts=VERDICTS,
+        kernels=told_of(results),
+    )
 
 
 if __name__ == "__main__":

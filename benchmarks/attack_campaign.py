@@ -18,8 +18,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from armguard.cli.console import jsonable, say
 from attack.page import write_table
 from episodes.kernels import GUARD, told_of

@@ -9,7 +9,6 @@ pair that is proven apart may touch, and each contact that belies a row must be 
 
 import json
 import sys
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene
 from armguard.scene.scene import SceneRobot
 from mesh_contact import MeshContact
+from pages import rendered
 
 ROBOTS = ("panda", "ur5", "xarm7", "baxter")
 DOCS = Path(__file__).parents[1] / "docs"
@@ -37,6 +37,13 @@ SAMPLES = 2000
 # confirm that one, and how far from it they are [rad or m].
 NEIGHBOURS = 5000
 SPREAD = 0.2
+
+# Statuses whose rows are listed, with their titles.
+TITLES = {
+    "contradicted": "Contradicted",
+    "sometimes": "Touch in some configurations",
+    "open": "Open",
+}
 
 
 def main() -> None:
@@ -132,130 +139,17 @@ def as_json(results: list[dict[str, Any]]) -> str:
 
 def report(results: list[dict[str, Any]]) -> str:
     """The document."""
-    lines = [
-        "# Allowed pairs, proven",
-        "",
-        "An SRDF switches off the check of pairs of links and gives a reason in a",
-        "word: `Never`, found by sampling, `Default`, `Adjacent`, `User`. "
-        "`armguard check --prove`",
-        "proves it, or finds the configuration that belies it. Written by",
-        "`python benchmarks/audit_pairs.py`; all rows, with configurations, are in",
-        "[allowed-pairs.json](allowed-pairs.json).",
-        "",
-        "**proved**: the pair never touches, or always does, anywhere within the joint",
-        "limits. **contradicted**: the file says never, and here is a contact.",
-        "**sometimes**: it touches in some configurations and not in others, which the",
-        "file's reason does not deny; a guard that takes the row does not see it.",
-        "**open**: not decided.",
-        "",
-        "| robot | rows | proved | contradicted | sometimes | open | pairs | boxes "
-        "| time [s] |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    by_word = [
+        {
+            **result,
+            "rows": [
+                {**row, "word": row["reason"].rpartition(": ")[2]}
+                for row in result["rows"]
+            ],
+        }
+        for result in results
     ]
-    for result in results:
-        count = Counter(row["status"] for row in result["rows"])
-        cells = [count[status] for status in STATUSES]
-        lines.append(
-            f"| {result['robot']} | {len(result['rows'])} | "
-            + " | ".join(map(str, cells))
-            + f" | {result['pairs']} | {result['boxes']:,} | {result['seconds']:.0f} |"
-        )
-    lines += ["", *method()]
-    for result in results:
-        lines += ["", *robot_section(result)]
-    return "\n".join(lines) + "\n"
-
-
-def method() -> list[str]:
-    """How the proof is done."""
-    return [
-        "## How",
-        "",
-        "Only the joints between two links matter. Their box of positions is halved",
-        "again and again; each part is done when the distance in its middle outweighs",
-        "what the joints can change it: by the farthest points of the links about each",
-        "axis, or along the normal by the first and the second derivative of both",
-        "sides' reach (`src/armguard/prove/box_bound.py`). A link is its hulls and its",
-        "primitives, whichever shows more distance. Where the solids can touch and a",
-        "mesh is hollow, the surface is cut into small convex parts: if these never",
-        "meet anywhere in the box, which is connected, and the links were seen outside",
-        "each other once, they stay so. Touching is a distance of up to a micrometre.",
-        "",
-        "A joint without limits is looked at for a whole turn. Other joints count with",
-        "the limits of the URDF: a row may be wrong in a configuration that the",
-        "controller never lets happen, or that lies behind a contact of another pair.",
-        "",
-        "Meshes are judged by Coal, on Pinocchio's kinematics: at random",
-        "configurations for each pair proven apart, and at the configuration of each",
-        "contact, or around it. Coal's meshes are surfaces.",
-    ]
-
-
-def robot_section(result: dict[str, Any]) -> list[str]:
-    """Results of one robot."""
-    rows = result["rows"]
-    lines = [f"## {result['robot']}", ""]
-    words = sorted({row["reason"].rpartition(": ")[2] for row in rows})
-    lines += [
-        "| reason | " + " | ".join(STATUSES) + " |",
-        "| --- |" + " --- |" * len(STATUSES),
-    ]
-    for word in words:
-        own = [row for row in rows if row["reason"].rpartition(": ")[2] == word]
-        count = Counter(row["status"] for row in own)
-        cells = " | ".join(str(count[status]) for status in STATUSES)
-        lines.append(f"| {word} | {cells} |")
-    bad = len(result["touching_though_proven_apart"])
-    bare = sum(row["verdict"] == "never" and row["boxes"] == 0 for row in rows)
-    if bare:
-        lines += [
-            "",
-            f"{bare} of the proved rows name a link without collision geometry.",
-        ]
-    lines += [
-        "",
-        f"Coal, asked {result['asked']:,} times about pairs proven apart: "
-        f"{bad} contacts.",
-    ]
-    for status, title in (
-        ("contradicted", "Contradicted"),
-        ("sometimes", "Touch in some configurations"),
-        ("open", "Open"),
-    ):
-        own = [row for row in rows if row["status"] == status]
-        if own:
-            lines += ["", f"### {title}", "", *row_table(own, status)]
-    return lines
-
-
-def row_table(rows: list[dict[str, Any]], status: str) -> list[str]:
-    """Rows of one status."""
-    if status == "open":
-        lines = [
-            "| links | reason | proven above [mm] | least found [mm] | left |",
-            "| --- | --- | --- | --- | --- |",
-        ]
-        return lines + [
-            f"| {row['a']}, {row['b']} | {row['reason'].rpartition(': ')[2]} "
-            f"| {row['bound_mm']:.1f} | {row['least_mm']:.1f} "
-            f"| {100 * row['share_left']:.2g}% |"
-            for row in rows
-        ]
-    lines = [
-        "| links | reason | overlap [mm] | at [rad, m] | meshes touch |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    return lines + [
-        f"| {row['a']}, {row['b']} | {row['reason'].rpartition(': ')[2]} "
-        f"| {max(-row['least_mm'], 0.0):.1f} | {place(row['nearest'])} "
-        f"| {'yes' if row['touch_by_meshes'] else 'not seen'} |"
-        for row in rows
-    ]
-
-
-def place(q: dict[str, float]) -> str:
-    """Joint names and positions."""
-    return ", ".join(f"{name} {value:.3f}" for name, value in q.items())
+    return rendered("allowed-pairs", results=by_word, statuses=STATUSES, titles=TITLES)
 
 
 if __name__ == "__main__":

@@ -9,9 +9,7 @@ anew; a run goes on until it is as long as the row that it takes the place of.
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
-
-sys.path.insert(0, str(Path(__file__).parent))
+from typing import NamedTuple
 
 from episodes.kernels import UNKNOWN, is_todays, kernels_of
 from episodes.records import read, versions_of
@@ -61,24 +59,19 @@ def due(docs: Path) -> Iterator[Due]:
                     yield Due(f"{name} {part}", size, kernels, again)
 
 
-def table(rows: list[Any]) -> str:
-    """Rows in columns of their own width."""
-    cells = [
-        tuple(f"{c:g}" if isinstance(c, float) else str(c) for c in r) for r in rows
-    ]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return "\n".join(
-        "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    )
-
-
 def main() -> int:
     """Print them; always 0."""
     found = list(due(DOCS))
     print(f"kernels of today: {kernels_of()}; rows of other kernels: {len(found)}")
     if found:
-        print(table([("row", "run", "kernels", "again"), *found]))
+        rows = [("row", "run", "kernels", "again")]
+        for d in found:
+            size = f"{d.size:g}" if isinstance(d.size, float) else str(d.size)
+            rows.append((d.row, size, d.kernels, d.command))
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for row in rows:
+            cells = (c.ljust(w) for c, w in zip(row, widths, strict=True))
+            print("  ".join(cells).rstrip())
     return 0
 
 

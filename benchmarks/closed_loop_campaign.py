@@ -18,25 +18,21 @@ known from docs/closed_loop.json.
 import argparse
 import sys
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from closed_loop.page import page
-from closed_loop.plan import Plan, work
-from closed_loop.settings import SCENES
+from closed_loop.plan import work
+from closed_loop.settings import FILTERED_TERMS, SCENES, TERMS, Plan
 from closed_loop.summary import EXTREME, beside, derived, digest, sums
-from closed_loop.zeroing import FILTERED as FILTERED_TERMS
-from closed_loop.zeroing import TERMS
 from episodes import records
 from episodes.campaign import Campaign, Episode, LeftOut, parser_of
 
 HERE = Path(__file__).parent
 
-# Files that tell of episodes, and do not change any.
-TELLING = ("page.py", "summary.py")
+# Files that change no episode.
+REPORTING = ("summary.py",)
 
 # Guards whose episodes are kept; the others are the tests'.
 GUARDS = ("armguard", "filter", "reference")
@@ -73,20 +69,11 @@ def arguments() -> argparse.Namespace:
 
 
 def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
-    """What is to be run, and how many episodes of it."""
+    """Plans to be run, and how many episodes of each."""
     scenes = [chosen.scene] if chosen.scene else list(SCENES)
     modes = [chosen.mode] if chosen.mode else ["path", "speed"]
-    asked = {
-        "guard": chosen.guard,
-        "zero": chosen.zero,
-        "large": chosen.large,
-        "weak_brake": chosen.weak_brake,
-        "floor": chosen.floor,
-        "duration": chosen.duration,
-        "needless": chosen.needless,
-        "plant": chosen.plant,
-        "swing": chosen.swing,
-    }
+    names = {field.name for field in fields(Plan)} - {"scene", "mode"}
+    asked = {name: value for name, value in vars(chosen).items() if name in names}
     count = chosen.episodes
     found = [(Plan(s, m, **asked), count) for s in scenes for m in modes]
     attacked = chosen.zero or chosen.large or chosen.weak_brake != 1.0
@@ -113,7 +100,7 @@ def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
 def version(name: str) -> str:
     """Hash of all that decides what comes of an episode of a plan."""
     files = sorted((HERE / "closed_loop").glob("*.py"))
-    return records.version(name, [f for f in files if f.name not in TELLING])
+    return records.version(name, [f for f in files if f.name not in REPORTING])
 
 
 def run_episode(plan: Plan, seed: int) -> Episode:
@@ -131,24 +118,11 @@ def run_episode(plan: Plan, seed: int) -> Episode:
     return found
 
 
-def sentence(name: str, figures: Mapping[str, Any]) -> str:
-    """The figures that matter."""
-    return (
-        f"{name}: {figures['episodes']} episodes, "
-        f"{figures['contacts']} contacts ({figures['braked_before_contact']} after a "
-        f"brake), least {figures['least_distance_mm']:.2f} mm, "
-        f"{figures['breaches_of_floor']} below the floor, {figures['stops']} stops, "
-        f"{figures['brakes']} brakes, "
-        f"{figures['share_of_wish']:.0%} of the desired motion, "
-        f"{figures['wall_s_an_episode']:.2f} s an episode"
-    )
-
-
 def is_broken(figures: Mapping[str, Any]) -> bool:
-    """Whether there were contacts though the guard was told the truth."""
+    """Whether there were contacts though what is declared is true."""
     plan = figures["plan"]
-    kept = not plan["zero"] and plan["weak_brake"] == 1.0
-    return bool(kept and figures["contacts"] > 0)
+    honest = not plan["zero"] and plan["weak_brake"] == 1.0
+    return bool(honest and figures["contacts"] > 0)
 
 
 def campaign_of(plans: Mapping[str, Plan]) -> Campaign:
@@ -161,8 +135,6 @@ def campaign_of(plans: Mapping[str, Plan]) -> Campaign:
         summed_up=lambda name, episodes: sums(plans[name], episodes),
         derived=lambda name, found: derived(plans[name], found),
         digest=digest,
-        sentence=sentence,
-        page=page,
         is_broken=is_broken,
         is_told=lambda episode: episode["contact"] is not None,
     )

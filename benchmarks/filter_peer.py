@@ -15,9 +15,6 @@ from pathlib import Path
 from time import perf_counter_ns
 
 import numpy as np
-from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.benchmark.filter import FREQUENCY, PERIOD, SPEED, crowded_scene
 from armguard.benchmark.machine import describe_machine
@@ -27,8 +24,6 @@ from armguard.respond import Guard
 from closed_loop.judge import Judge
 from episodes.records import keep
 from reach.peer import MinkPeer, is_installed
-
-Floats = NDArray[np.float64]
 
 RESULTS = Path(__file__).parents[1] / "docs" / "filter_peer.json"
 

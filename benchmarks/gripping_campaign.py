@@ -1,4 +1,4 @@
-"""Gripping: what is meant succeeds, what is not meant is never touched.
+"""Gripping: what is intended succeeds, what is not intended is never touched.
 
 make gripping                              10,000 episodes each, 500 of a Panda
 make gripping ARGS="--episodes 500 --seconds 600"   some of them, for so long at most
@@ -20,17 +20,15 @@ import sys
 from functools import cache
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from episodes import records
 from episodes.campaign import Campaign, Episode
-from gripping import changing_intent, panda_episode, pick_and_place, unintended
-from gripping.summary import EXTREME, digest, is_broken, page, sentence, summed_up
+from gripping import changing_intent, panda, pick_and_place, unintended
+from gripping.summary import EXTREME, digest, is_broken, summed_up
 
 HERE = Path(__file__).parent
 
-# Files that tell of episodes, and do not change any; and kinds with files of their own.
-TELLING = ("summary.py",)
+# Files that change no episode; and kinds with files of their own.
+REPORTING = ("summary.py",)
 OF_ONE_KIND = ("panda", "unintended")
 
 
@@ -43,10 +41,11 @@ def version(kind: str) -> str:
     files = [
         path
         for path in sorted((HERE / "gripping").glob("*.py"))
-        if path.name not in TELLING
+        if path.name not in REPORTING
         and (path.name.startswith(kind) or not path.name.startswith(OF_ONE_KIND))
     ]
-    return records.version(kind, files)
+    shared = [HERE / "episodes" / "follower.py", HERE / "closed_loop" / "truth.py"]
+    return records.version(kind, [*files, *shared])
 
 
 def is_told(episode: Episode) -> bool:
@@ -59,15 +58,13 @@ CAMPAIGN = Campaign(
     kinds={
         "placing": pick_and_place.run_episode,
         "changing": changing_intent.run_episode,
-        "panda": panda_episode.run_episode,
+        "panda": panda.run_episode,
         "unintended": unintended.run_episode,
     },
     version=version,
     extreme=EXTREME,
     summed_up=summed_up,
     digest=digest,
-    sentence=sentence,
-    page=page,
     is_broken=is_broken,
     is_told=is_told,
     shares={"panda": 0.05, "unintended": 0.1},

@@ -6,29 +6,27 @@ python benchmarks/motion_campaign.py --page   the page anew from the last figure
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from armguard.benchmark.machine import describe_machine
 from armguard.cli.console import say
+from episodes.kernels import told_of
 from episodes.records import keep, read
 from motions.clocks import clock_figures
 from motions.contact_time import approach_figures, contact_figures
 from motions.contradictions import clean_figures, contradiction_figures
-from motions.page import page
 from motions.refused import refused_figures
 from motions.slower import slower_figures
 from motions.thin import thin_figures
+from pages import rendered
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 RESULTS = DOCS / "motion.json"
 
-Progress = Callable[[str], None]
+Figures = dict[str, Any]
 
 # Lines past thin things; motions to contact; episodes of a plant that gets slower.
 LINES = 10_000
@@ -40,23 +38,19 @@ WRONG_CYCLES = 10_000
 PLAYS = 100
 CLEAN = 10_000_000
 
-PARTS: Mapping[str, Callable[[float, int, Progress], dict[str, Any]]] = {
-    "thin": lambda share, seed, tell: thin_figures(int(share * LINES), seed, tell),
-    "contact": lambda share, seed, tell: contact_figures(
-        int(share * MOTIONS), seed, tell
+PARTS: Mapping[str, Callable[[float, int], Figures]] = {
+    "thin": lambda share, seed: thin_figures(int(share * LINES), seed, say),
+    "contact": lambda share, seed: contact_figures(int(share * MOTIONS), seed, say),
+    "approach": lambda _, seed: approach_figures(seed, say),
+    "slower": lambda share, seed: slower_figures(int(share * EPISODES), seed, say),
+    "clocks": lambda *_: clock_figures(say),
+    "refused": lambda share, seed: refused_figures(
+        int(share * WRONG_CYCLES), seed, DOCS, say
     ),
-    "approach": lambda share, seed, tell: approach_figures(seed, tell),
-    "slower": lambda share, seed, tell: slower_figures(
-        int(share * EPISODES), seed, tell
+    "contradictions": lambda share, seed: contradiction_figures(
+        max(int(share * PLAYS), 1), seed, say
     ),
-    "clocks": lambda share, seed, tell: clock_figures(tell),
-    "refused": lambda share, seed, tell: refused_figures(
-        int(share * WRONG_CYCLES), seed, DOCS, tell
-    ),
-    "contradictions": lambda share, seed, tell: contradiction_figures(
-        max(int(share * PLAYS), 1), seed, tell
-    ),
-    "clean": lambda share, seed, tell: clean_figures(int(share * CLEAN), seed, tell),
+    "clean": lambda share, seed: clean_figures(int(share * CLEAN), seed, say),
 }
 
 
@@ -74,10 +68,27 @@ def main() -> None:
     output: Path = chosen.output
     parts = [] if chosen.page else [chosen.part] if chosen.part else list(PARTS)
     for name in parts:
-        figures = PARTS[name](chosen.share, chosen.seed, say)
+        figures = PARTS[name](chosen.share, chosen.seed)
         found = {"machine": describe_machine(), **figures}
         keep(output, name, found, chosen.share)
     output.with_suffix(".md").write_text(page(read(output)), encoding="utf-8")
+
+
+def page(results: Figures) -> str:
+    """The page, of the parts there are.
+
+    Args:
+        results: Figures by part.
+    """
+    lags = results.get("clocks", {}).get("lags", [])
+    by_stop = {(lag["delay_ms"], lag["left"], lag["speed"]): lag["ms"] for lag in lags}
+    return rendered(
+        "motion",
+        **results,
+        lags=by_stop,
+        lag_kinds=dict.fromkeys((delay, left) for delay, left, _ in by_stop),
+        kernels=told_of(results),
+    )
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.errors import OctreeError
 from armguard.geometry.bounds import row_bounds
@@ -23,9 +22,7 @@ from armguard.geometry.shapes import ShapeKind
 from armguard.index import Octree, World
 from armguard.index import octree_state as places
 from armguard.kernel import kernel
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from arrays import Bools, Floats
 
 PRIMITIVES, MOVING = 160, 60
 

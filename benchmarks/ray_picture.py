@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # Where the light comes from, world [-].
 LIGHT = np.array([-0.64, -0.24, 0.73])

@@ -21,8 +21,6 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from armguard.cli.console import say
 from episodes import records
 from episodes.campaign import Campaign, Episode, parser_of

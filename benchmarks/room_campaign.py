@@ -6,12 +6,9 @@ make room ARGS="--page"              the page from the last results
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.cli.console import say
 from episodes.records import keep, read

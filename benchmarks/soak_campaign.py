@@ -17,19 +17,14 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.benchmark.memory import resident_kib
 from armguard.benchmark.motion import sway
 from armguard.respond import Action, Guard
 from armguard.scene import bay_scene
-from episodes import kernels, records
+from episodes import records
 from episodes.campaign import Campaign, Episode
-from episodes.records import Digest, Figures, rows_of
-
-Floats = NDArray[np.float64]
+from episodes.records import Digest, Figures
 
 HERE = Path(__file__).parent
 
@@ -216,44 +211,6 @@ def is_broken(figures: Figures) -> bool:
     return bool(found > 0 or figures["most_growth_kib"] > GROWTH)
 
 
-def sentence(kind: str, figures: Figures) -> str:
-    """The figures that matter."""
-    return (
-        f"{kind}: {figures['cycles']:,} cycles, {figures['exceptions']} exceptions, "
-        f"{figures['most_growth_kib']} KiB more at most, {figures['not_as_new']} times "
-        "not as new"
-    )
-
-
-def page(results: Mapping[str, Figures]) -> str:
-    """docs/soak.md."""
-    rows = [
-        f"| {kind} | {f['cycles']:,} | {f['most_in_a_row']:,} | {f['exceptions']} | "
-        f"{f['most_growth_kib']} | {f['not_as_new']} of {f['episodes']} | "
-        f"{1e6 * f['worked_s'] / f['cycles']:.1f} | {kernels.told(f)} |"
-        for kind, found in results.items()
-        for f in rows_of(found)
-    ]
-    return PAGE.format(rows="\n".join(rows), note=kernels.note())
-
-
-PAGE = """# A hundred million cycles
-
-`make soak` writes this page, and goes on where it was left. One guard of the bay lives as
-long as its process. *step*: a motion of all joints is judged, buffers are fixed. *filter*:
-an operator of random wishes drives both arms in mode `path`, at up to 0.3 of their top
-speeds. One measurement in ten thousand is NaN. Asked for are no exception, at most 1 MiB
-more memory than after the first 50,000 cycles of the process, and after every million
-cycles the same verdicts as before the first one, bit for bit.
-
-| what | cycles | in one process | exceptions | more memory [KiB] | not as new | a cycle [us] | kernels |
-| --- | --- | --- | --- | --- | --- | --- | --- |
-{rows}
-
-{note}
-"""  # noqa: E501
-
-
 CAMPAIGN = Campaign(
     results=HERE.parent / "docs" / "soak.json",
     kinds={kind: partial(run_episode, kind) for kind in KINDS},
@@ -261,8 +218,6 @@ CAMPAIGN = Campaign(
     extreme={"most_in_a_row": max, "most_growth_kib": max},
     summed_up=summed_up,
     digest=digest,
-    sentence=sentence,
-    page=page,
     is_broken=is_broken,
     is_told=lambda episode: not episode["same"] or raised(episode["counts"]) > 0,
     count=100,

@@ -20,18 +20,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from armguard.cli.console import say
 from armguard.respond import Blocked, Guard
 from armguard.scene import Scene, bay_scene
+from arrays import Floats
 from closed_loop.scenes import build_scene
 from closed_loop.settings import setting_of
 from episodes.records import keep
-
-Floats = NDArray[np.float64]
 
 RESULTS = Path(__file__).parents[1] / "docs" / "ways_out.json"
 
@@ -55,7 +51,7 @@ GRAIN = 2e-6
 
 @dataclass
 class Count:
-    """What came of some states."""
+    """Counts of states."""
 
     states: int = 0
     too_near: int = 0
@@ -90,7 +86,7 @@ def states(guard: Guard, rng: np.random.Generator) -> Iterator[Floats]:
 
 
 def least(guard: Guard, q: Floats) -> float:
-    """Least clearance at rest, as far as it is told [m]."""
+    """Least clearance at rest, as far as it is known [m]."""
     nearest = guard.judge_at_rest(q).nearest
     return np.inf if nearest is None else nearest.clearance
 
@@ -103,8 +99,10 @@ def clearances(guard: Guard, q: Floats) -> dict[tuple[str, str], float]:
     }
 
 
-def told(guard: Guard, q: Floats, wish: Floats) -> tuple[Floats, tuple[Blocked, ...]]:
-    """What arms that rest at q are told that are asked to move."""
+def commanded(
+    guard: Guard, q: Floats, wish: Floats
+) -> tuple[Floats, tuple[Blocked, ...]]:
+    """Commands to arms that rest at q and are asked to move."""
     guard.reset()
     still = np.zeros_like(q)
     time = 0.0
@@ -115,21 +113,19 @@ def told(guard: Guard, q: Floats, wish: Floats) -> tuple[Floats, tuple[Blocked, 
     return command.velocity, tuple(command.blocked.values())
 
 
+def changes(guard: Guard, q: Floats, way: Floats) -> list[float]:
+    """Changes of the clearances of pairs that are too near by a motion [m]."""
+    before, after = clearances(guard, q), clearances(guard, q + STEP * way)
+    return [after.get(p, np.inf) - c for p, c in before.items() if c < 0.0]
+
+
 def leads_out(guard: Guard, q: Floats, velocity: Floats) -> bool:
     """Whether a motion opens what is too near, and brings nothing of it nearer."""
     size = float(np.abs(velocity).max())
     if size < 1e-9:
         return False
-    before = clearances(guard, q)
-    after = clearances(guard, q + STEP * velocity / size)
-    changes = [
-        after.get(pair, np.inf) - clearance
-        for pair, clearance in before.items()
-        if clearance < 0.0
-    ]
-    if not changes:
-        return True
-    return min(changes) >= -GRAIN and max(changes) > GRAIN
+    found = changes(guard, q, velocity / size)
+    return not found or (min(found) >= -GRAIN and max(found) > GRAIN)
 
 
 def judge(guard: Guard, q: Floats, count: Count) -> None:
@@ -142,18 +138,15 @@ def judge(guard: Guard, q: Floats, count: Count) -> None:
     still = np.zeros_like(q)
     cues = guard.step(q, 0.0, velocity=still, now=0.0).cues
     wish = SPEED * top * np.concatenate([cue.escape for cue in cues.values()])
-    velocity, blocked = told(guard, q, wish)
+    velocity, blocked = commanded(guard, q, wish)
     if leads_out(guard, q, velocity):
         count.out_by_cue += 1
         return
-    for j in range(len(q)):
-        for sign in (1.0, -1.0):
-            wish = np.zeros_like(q)
-            wish[j] = sign * SPEED * top[j]
-            velocity, _ = told(guard, q, wish)
-            if leads_out(guard, q, velocity):
-                count.out_by_joint += 1
-                return
+    for way in ways(len(q)):
+        velocity, _ = commanded(guard, q, SPEED * top * way)
+        if leads_out(guard, q, velocity):
+            count.out_by_joint += 1
+            return
     if Blocked.PINCHED in blocked:
         count.pinched += 1
         count.pinched_in_truth += is_pinched(guard, q)
@@ -161,24 +154,17 @@ def judge(guard: Guard, q: Floats, count: Count) -> None:
         count.neither += 1
 
 
+def ways(n: int) -> Iterator[Floats]:
+    """Each joint alone, both ways, shape (n,)."""
+    yield from (sign * row for row in np.eye(n) for sign in (1.0, -1.0))
+
+
 def is_pinched(guard: Guard, q: Floats) -> bool:
     """Whether every joint, both ways, brings nearer what is too near."""
-    for j in range(len(q)):
-        for sign in (1.0, -1.0):
-            way = np.zeros_like(q)
-            way[j] = sign
-            if moves_any(guard, q, way) and leads_out(guard, q, way):
-                return False
-    return True
-
-
-def moves_any(guard: Guard, q: Floats, way: Floats) -> bool:
-    """Whether a motion changes the distance of a pair that is too near."""
-    before, after = clearances(guard, q), clearances(guard, q + STEP * way)
-    return any(
-        abs(after.get(pair, np.inf) - clearance) > GRAIN
-        for pair, clearance in before.items()
-        if clearance < 0.0
+    return not any(
+        max(np.abs(changes(guard, q, way)), default=0.0) > GRAIN
+        and leads_out(guard, q, way)
+        for way in ways(len(q))
     )
 
 

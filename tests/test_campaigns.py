@@ -58,7 +58,6 @@ def toy(tmp_path):
             extreme={"least_mm": min},
             summed_up=summed_up,
             digest=digest,
-            sentence=lambda kind, _: kind,
             page=" ".join,
             is_broken=lambda figures: figures["contacts"] > 0,
             is_told=lambda _: False,

@@ -4,12 +4,10 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import shape_row
-
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 
 def measured(pair: Any) -> Floats:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import (
     SHAPES,
@@ -22,8 +21,8 @@ from armguard.geometry import (
     Sphere,
     Triangle,
 )
+from arrays import Floats
 
-Floats = NDArray[np.float64]
 Rng = np.random.Generator
 
 # Ratio of the thinnest size to the others, by form [-].

@@ -1,60 +1,55 @@
-"""What the loop asks of a guard, and what it reads of an answer."""
+"""What the loop asks of a guard, and what it reads of a verdict."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from time import perf_counter
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from armguard.guard import Level, Reason
+from arrays import Floats
 
 # The levels from which on an arm is to be stopped by a controlled stop, by its brake.
-STOP = 30
-BRAKE = 40
+STOP, BRAKE = Level.STOP, Level.BRAKE
 
 
-class Answer(Protocol):
+@dataclass(frozen=True, slots=True)
+class Answer:
     """What the loop reads of a verdict."""
 
     levels: Mapping[str, IntEnum]
     reason: IntEnum
+    cycle_time: float = 0.0
+    speed_scale: Mapping[str, float] | None = None
 
 
-class Guarding(Protocol):
-    """What the loop asks of a guard."""
+class Guarding:
+    """What the loop asks of a guard; this one never stops anything.
+
+    Args:
+        robots: Names of the arms.
+    """
+
+    def __init__(self, robots: Iterable[str]) -> None:
+        self.robots = tuple(robots)
 
     def place(self, name: str, T: Floats, stamp: float) -> None:
         """An object was seen there, at that time."""
+
+    def reset(self) -> None:
+        """Forget what was."""
 
     def step(
         self, q: Floats, stamp: Mapping[str, float], *, velocity: Floats, now: float
     ) -> Answer:
         """Judge a cycle."""
+        begin = perf_counter()
+        stopped = self.stopped(q, stamp, velocity, now)
+        levels = {r: STOP if r in stopped else Level.CLEAR for r in self.robots}
+        reason = Reason.TOO_CLOSE if stopped else Reason.OK
+        return Answer(levels, reason, perf_counter() - begin)
 
-    def reset(self) -> None:
-        """Forget what was."""
-
-
-class Graded(IntEnum):
-    """Levels of the guards here."""
-
-    CLEAR = 0
-    STOP = STOP
-
-
-class Why(IntEnum):
-    """Reasons of the guards here."""
-
-    OK = 0
-    TOO_CLOSE = 20
-
-
-@dataclass(frozen=True, slots=True)
-class Said:
-    """Answer of a guard here."""
-
-    levels: Mapping[str, Graded]
-    reason: Why
-    cycle_time: float = 0.0
+    def stopped(
+        self, q: Floats, stamp: Mapping[str, float], velocity: Floats, now: float
+    ) -> Collection[str]:
+        """Arms that are to be stopped in a cycle."""
+        return ()

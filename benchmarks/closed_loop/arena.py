@@ -4,22 +4,18 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.compile import compile_scene
+from arrays import Floats, Ints
 from closed_loop.answers import Guarding
 from closed_loop.guards import GUARDS
 from closed_loop.judge import Judge
 from closed_loop.movers import Movers
-from closed_loop.reference import Reference
 from closed_loop.scenes import ROOM, build_scene, declared, movers_of
+from closed_loop.search import Reference
 from closed_loop.settings import Setting
-from closed_loop.torque import TorqueArms
-from closed_loop.torque_model import torque_model
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from closed_loop.torque import TorqueArms, torque_model
 
 # Least clearance of a starting state [m].
 START_CLEARANCE = 0.02
@@ -35,7 +31,7 @@ class Arena:
 
     Attributes:
         setting: What is true.
-        guard: The guard; it may have been told something else.
+        guard: The guard; something else may be declared to it.
         judge: The judge.
         robots: Names of the arms.
         figures: Declared figures of each arm, as they are true.
@@ -48,17 +44,17 @@ class Arena:
 
     Args:
         setting: What is true.
-        told: What the guard is told.
+        known: What is declared to the guard.
         guard: Name of the guard, in `GUARDS`.
     """
 
-    def __init__(self, setting: Setting, told: Setting, guard: str) -> None:
+    def __init__(self, setting: Setting, known: Setting, guard: str) -> None:
         scene = build_scene(setting)
         tables = compile_scene(scene)
         self._scene = scene
         figures = declared(setting, scene)
         self.setting = setting
-        self.guard: Guarding = GUARDS[guard](build_scene(told), told)
+        self.guard: Guarding = GUARDS[guard](build_scene(known), known)
         self.judge = Judge(scene, tables)
         self.robots = tuple(scene.robots)
         self.figures: Sequence[StoppingFigures] = [figures[r] for r in self.robots]

@@ -1,31 +1,128 @@
 """One episode: operator, plant, measurements, guard, orders, judge, cycle by cycle."""
 
-from collections.abc import Mapping
+from collections import Counter
+from dataclasses import asdict, dataclass, field
 from enum import IntEnum
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Bools, Floats
 from closed_loop import plant as plants
 from closed_loop.answers import BRAKE, STOP
 from closed_loop.arena import Arena
-from closed_loop.casting import OBEDIENT, SPEEDS, cast, drawn
+from closed_loop.conformance import Stopping, broken, declared_of
 from closed_loop.judge_model import SIGHT
-from closed_loop.keeping import Stopping, broken, declared_of
 from closed_loop.measuring import Measuring
 from closed_loop.movers import Movers
-from closed_loop.operators import View, wish_within
-from closed_loop.outcome import Outcome, Stop
-from closed_loop.reference import THOROUGH
-from closed_loop.settings import SUBSTEP
+from closed_loop.operators import (
+    OBEDIENT,
+    SPEEDS,
+    View,
+    drawn_operator,
+    within_limits,
+)
+from closed_loop.search import THOROUGH
+from closed_loop.settings import SUBSTEP, Plan
 from closed_loop.torque import driven_figures
-from closed_loop.truth import Styles, Truth
-from closed_loop.watch import Watch
+from closed_loop.truth import Styles, Truth, pick
+from closed_loop.watch import Contact, Watch
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+
+@dataclass(slots=True)
+class Stop:
+    """One stop of one arm.
+
+    Attributes:
+        arm: Its name.
+        time: When it was ordered [s].
+        reason: Why, in one word of the guard.
+        speed: Largest joint speed at the order, in shares of its declared top [-].
+        clearance: Least distance of any checked pair at the order [m].
+        needless: Whether nothing could have happened without it; None if not asked.
+    """
+
+    arm: str
+    time: float
+    reason: str
+    speed: float
+    clearance: float
+    needless: bool | None = None
+
+
+@dataclass(slots=True)
+class Outcome:
+    """Figures of an episode.
+
+    Attributes:
+        seed: Number of the episode.
+        setting: Name of its setting.
+        operator: Its operators.
+        worst: Whether the plant used every declared figure up.
+        duration: How long it was [s].
+        contact: The first contact that counts.
+        met_at_rest: How often an object met an arm on its way out that would have met
+            it at rest as well.
+        least: Least distance of a pair of which an arm moved, no more than what the
+            judge sees [m].
+        floor: Distance the guard is to keep [m].
+        braked_before: Whether an arm of the contact was ordered to brake before it.
+        brakes: How many arms were ordered to brake.
+        broke: The figure the plant broke, None if it kept all that were checked.
+        saturated: Share of the time in which a motor gave all its torque [-].
+        rest: Least distance of any checked pair at the end [m].
+        rest_q: Positions at the end, in the order of q [rad or m].
+        stops: All stops.
+        releases: How often an arm was given back.
+        cycles: Cycles of the guard.
+        judged: States judged.
+        levels: Cycles at each level, by arm.
+        joint_way: Way of all joints under their operator [rad and m].
+        joint_wish: The same of what the operator desired [rad and m].
+        tool_way: Way of the last bodies under their operator [m].
+        stop_jerk: Greatest jerk of commands to an arm that is to stop; 0 where none
+            are sent [rad/s³ or m/s³].
+        cycle_times: Median, 99th percentile and longest cycle of the guard [s].
+        wall: Time the whole episode took to compute [s].
+    """
+
+    seed: int
+    setting: str
+    operator: str
+    worst: bool
+    duration: float = 0.0
+    contact: Contact | None = None
+    met_at_rest: int = 0
+    least: float = 0.0
+    floor: float = 0.0
+    braked_before: bool = False
+    brakes: int = 0
+    broke: str | None = None
+    saturated: float = 0.0
+    rest: float = 0.0
+    rest_q: list[float] = field(default_factory=list)
+    stops: list[Stop] = field(default_factory=list)
+    releases: int = 0
+    cycles: int = 0
+    judged: int = 0
+    levels: dict[str, dict[str, int]] = field(default_factory=dict)
+    joint_way: float = 0.0
+    joint_wish: float = 0.0
+    tool_way: float = 0.0
+    stop_jerk: float = 0.0
+    cycle_times: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wall: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain numbers, lists and strings."""
+        found = asdict(self)
+        if self.contact is not None:
+            found["contact"] = self.contact._asdict()
+        return found
+
+
+Stamps = dict[str, float]
 
 # An episode goes on this long after a contact, to see how deep it gets, and after the
 # last arm came to rest, to see whether one is given back [s].
@@ -37,7 +134,7 @@ AFTER_REST = 0.15
 SIGHTING = 0.01
 SIGHTING_AGE = 0.01
 
-# Terms of which a guard that was told nothing would notice errors that jump.
+# Terms of which a guard that knows of none would notice errors that jump.
 UNNOTICED = ("position_error", "velocity_error")
 
 # Substeps after which operators look at the world again.
@@ -47,20 +144,18 @@ THINK = 16
 TOOL_STEP = 40
 
 
+# What an episode is of unless it is said.
+PLAN = Plan()
+
+
 class Episode:
     """One episode, from a random start to its end.
 
     Args:
         arena: Where.
         seed: Its number; the same number is the same episode.
-        duration: Its longest time [s].
-        attack: Whether plant and operator are the worst there are.
-        weak: Factor on the plant's decelerations [-].
-        zeroed: Term of the budget the guard is told to be nothing, if any.
-        large: Term that is as large, but declared, if any.
-        needless: Whether to search, for every stop, for a future that asked for it.
-        limited: Whether arms with motors of limited torque follow the plant.
-        swings_back: Whether joints may swing back before their rest.
+        duration: Its longest time [s]; the plan's if None.
+        plan: What it is an episode of.
     """
 
     def __init__(
@@ -68,28 +163,21 @@ class Episode:
         arena: Arena,
         seed: int,
         *,
-        duration: float = 1.0,
-        attack: bool = False,
-        weak: float = 1.0,
-        zeroed: str | None = None,
-        large: str | None = None,
-        needless: bool = False,
-        limited: bool = False,
-        swings_back: bool = False,
+        duration: float | None = None,
+        plan: Plan = PLAN,
     ) -> None:
-        self.arena = arena
+        self.arena, self.plan = arena, plan
         self.rng = rng = np.random.default_rng(seed)
-        errors = "quiet" if zeroed in UNNOTICED else "adverse"
-        styles = Styles.worst(errors) if attack else Styles.drawn(rng)
+        errors = "quiet" if plan.zero in UNNOTICED else "adverse"
+        styles = Styles.worst(errors) if plan.attack else Styles.drawn(rng)
         figures = arena.figures
-        self.arms = arena.arms if limited else None
-        if limited:
+        self.arms = arena.arms if plan.plant == "torque" else None
+        if self.arms is not None:
             figures = [driven_figures(f) for f in figures]
-        self.truth = truth = Truth(rng, figures, styles, weak, swings_back=swings_back)
-        self.zeroed = zeroed
-        self.term = zeroed or large
+        self.truth = truth = Truth(
+            rng, figures, styles, plan.weak_brake, swings_back=plan.swing == "both"
+        )
         self.nearest = SIGHT
-        self.needless = needless
         judge = arena.judge
         for name, shift in zip(arena.robots, truth.base_shifts, strict=True):
             judge.displace_base(name, shift)
@@ -108,12 +196,12 @@ class Episode:
         if self.arms is not None:
             self.arms.start(q, np.random.default_rng([seed, 1]), full=styles.full)
         own = np.arange(len(q)) < arena.first[1]
-        name, self.operator = cast(rng, judge, arena.movers, own, attack)
-        self.speed = 1.0 if attack else float(drawn(rng, SPEEDS))
-        self.obedient = not attack and rng.random() < OBEDIENT
+        name, self.operator = drawn_operator(rng, judge, arena.movers, own, plan.attack)
+        self.speed = 1.0 if plan.attack else pick(rng, SPEEDS)
+        self.obedient = not plan.attack and rng.random() < OBEDIENT
         places = dict(zip(self.movers.names, self.movers.p, strict=True))
         self.watch = Watch(judge, arena.first, q, outer, places)
-        self.ticks = round(duration / SUBSTEP)
+        self.ticks = round((duration or plan.duration) / SUBSTEP)
         self.q_rows = np.tile(q, (self.ticks + 1, 1))
         self.v_rows = np.zeros_like(self.q_rows)
         self.p_rows = np.tile(self.movers.p, (self.ticks + 1, 1, 1))
@@ -122,8 +210,8 @@ class Episode:
         self.due = [0] * len(self.movers.names)
         self.seen_at = [0] * len(self.movers.names)
         self.shares = np.ones(len(arena.robots))
-        self.wished = 0.0
-        self.asked, self.wish = np.zeros((2, len(q)))
+        self.desired_way = 0.0
+        self.asked, self.desired = np.zeros((2, len(q)))
         self.outcome = Outcome(
             seed=seed,
             setting=arena.setting.name,
@@ -133,7 +221,7 @@ class Episode:
         )
         self.driven: set[int] = set()
         self.braked: dict[str, float] = {}
-        self.levels: list[dict[IntEnum, int]] = [{} for _ in arena.robots]
+        self.levels: list[Counter[IntEnum]] = [Counter() for _ in arena.robots]
         self.times: list[float] = []
         self.last: Any = None
 
@@ -142,15 +230,18 @@ class Episode:
         begin = perf_counter()
         arena, outcome = self.arena, self.outcome
         arena.guard.reset()
-        self.tick = cycle = 0
-        rested = 0
-        sees = self.sees_nearest()
+        self.tick = cycle = rested = 0
+        styles = self.truth.styles
+        follows = styles.stops == "adverse" or styles.errors in ("adverse", "quiet")
         looked = -THINK
         while True:
             thinks = self.tick - looked >= THINK
             if thinks:
                 looked = self.tick
-                outward = self.look_around() if sees else self.blank()
+                outward = self.outward() if follows else np.zeros(len(self.q))
+                if not follows:
+                    # The operator looks at the present state.
+                    arena.judge.place(self.q)
             self.one_cycle(cycle, outward, thinks)
             cycle += 1
             if plants.FREE in self.plant.phase.tolist():
@@ -161,7 +252,7 @@ class Episode:
             if (
                 target > self.ticks
                 or (self.tick - rested) * SUBSTEP > AFTER_REST
-                or (contact and self.tick * SUBSTEP > contact.time + AFTER_CONTACT)
+                or (contact and self.now > contact.time + AFTER_CONTACT)
             ):
                 break
             self.move(max(target, self.tick + 1))
@@ -169,6 +260,11 @@ class Episode:
         self.sum_up()
         outcome.wall = perf_counter() - begin
         return outcome
+
+    @property
+    def now(self) -> float:
+        """Time [s]."""
+        return self.tick * SUBSTEP
 
     @property
     def q(self) -> Floats:
@@ -180,75 +276,81 @@ class Episode:
         """True velocities now, shape (n,) [rad/s or m/s]."""
         return self.v_rows[self.tick]
 
-    def sees_nearest(self) -> bool:
-        """Whether somebody needs the gradient of the least distance."""
-        styles = self.truth.styles
-        return styles.stops == "adverse" or styles.errors in ("adverse", "quiet")
-
-    def blank(self) -> Floats:
-        """No gradient; the state is placed for the operator."""
-        self.arena.judge.place(self.q)
-        return np.zeros(len(self.q))
-
-    def look_around(self) -> Floats:
+    def outward(self) -> Floats:
         """Gradient of the least distance now, zero if nothing is near, shape (n,)."""
-        judge = self.arena.judge
         self.watch.see_last(self.tick)
-        near = judge.nearest()
-        self.nearest = SIGHT if near is None else near.distance
-        if near is None:
-            return np.zeros(len(self.q))
-        return judge.gradient(near.geoms, near.normal, near.point, near.point)
+        self.nearest, outward = self.arena.judge.nearest()
+        return outward
+
+    def measure(self, cycle: int, outward: Floats) -> tuple[Floats, Floats, Stamps]:
+        """What arrives for a cycle: positions, velocities, and the arms' stamps."""
+        self.sight(self.now)
+        q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
+        if self.plan.zero == "sensing":
+            stamps = [self.now] * len(stamps)
+        return q, v, dict(zip(self.arena.robots, stamps, strict=True))
 
     def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
-        """Measurements to the guard, its orders to the plant, the operator's wish.
+        """Measurements to the guard, its orders to the plant, what the operator asks.
 
         Args:
             cycle: Its number.
             outward: Gradient of the least distance, shape (n,).
-            thinks: Whether the operator makes up his mind anew.
+            thinks: Whether the operator looks at the world again.
         """
-        arena, plant, now = self.arena, self.plant, self.tick * SUBSTEP
-        self.sight(now)
-        q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
-        if self.zeroed == "sensing":
-            stamps = [now] * len(stamps)
-        stamp = dict(zip(arena.robots, stamps, strict=True))
+        arena, plant, now = self.arena, self.plant, self.now
+        q, v, stamp = self.measure(cycle, outward)
         verdict = arena.guard.step(q, stamp, velocity=v, now=now)
-        self.times.append(getattr(verdict, "cycle_time", 0.0))
-        levels = verdict.levels
+        self.times.append(verdict.cycle_time)
         for arm, name in enumerate(arena.robots):
-            level, counts = levels[name], self.levels[arm]
-            counts[level] = counts.get(level, 0) + 1
+            level = verdict.levels[name]
+            self.levels[arm][level] += 1
             if level >= STOP:
-                if self.stop(arm, name, now, outward, verdict) and self.needless:
+                if self.stop(arm, name, now, outward, verdict) and self.plan.needless:
                     needless = self.is_needless(q, v, stamp, now)
                     self.outcome.stops[-1].needless = needless
             elif plants.release(plant, arm):
-                # At first an arm is given, not given back.
-                self.outcome.releases += arm in self.driven
-                self.driven.add(arm)
+                self.released(arm)
             if level >= BRAKE:
-                self.braked.setdefault(name, now)
-                plants.order_brake(plant, arm, now + self.truth.brake_delay(arm))
+                self.brake(arm, name)
         self.last = verdict
+        if self.obedient and verdict.speed_scale is not None:
+            self.shares[:] = [verdict.speed_scale[name] for name in arena.robots]
+        free = np.repeat(plant.phase == plants.FREE, arena.joint_counts)
+        self.ask(thinks, free)
+
+    def ask(self, thinks: bool, free: Bools) -> None:
+        """What the operator desires now, within the limits of the joints.
+
+        Args:
+            thinks: Whether he looks at the world again.
+            free: Whether each joint's arm is his, shape (n,).
+        """
+        arena = self.arena
         if thinks:
-            free = np.repeat(plant.phase == plants.FREE, arena.joint_counts)
-            view = View(now, arena.judge, self.q, self.v, free)
+            view = View(self.now, arena.judge, self.q, self.v, free)
             self.asked = self.speed * self.operator.desired(view)
-        if self.obedient:
-            self.slow_down(getattr(verdict, "speed_scale", None))
-        self.wished = wish_within(
+        self.desired_way = within_limits(
             self.asked,
             self.shares,
             arena.first,
-            plant.velocity,
-            plant.q,
+            self.plant.velocity,
+            self.plant.q,
             arena.lower,
             arena.upper,
             self.truth.slowest,
-            self.wish,
+            self.desired,
         )
+
+    def released(self, arm: int) -> None:
+        """Count an arm that is given back; at first it is given."""
+        self.outcome.releases += arm in self.driven
+        self.driven.add(arm)
+
+    def brake(self, arm: int, name: str) -> None:
+        """Order the brake of an arm."""
+        self.braked.setdefault(name, self.now)
+        plants.order_brake(self.plant, arm, self.now + self.truth.brake_delay(arm))
 
     def stop(
         self, arm: int, name: str, now: float, outward: Floats, verdict: Any
@@ -258,26 +360,16 @@ class Episode:
         if plant.phase[arm] != plants.FREE or plant.stop_at[arm] < np.inf:
             return False
         figures = self.truth.stop(-outward * self.v)
-        at = now + self.truth.command_delay(arm)
-        plants.order_stop(plant, arm, at, figures)
+        plants.order_stop(plant, arm, now + self.truth.command_delay(arm), figures)
         own = slice(self.arena.first[arm], self.arena.first[arm + 1])
-        shares = np.abs(self.v[own]) / self.truth.figures[arm].velocity
-        slack = getattr(self.last, "slack", None)
-        self.outcome.stops.append(
-            Stop(
-                arm=name,
-                time=now,
-                reason=verdict.reason.name,
-                speed=float(shares.max()),
-                clearance=self.arena.judge.clearance(self.q),
-                slack=None if slack is None else slack.s,
-            )
-        )
+        share = np.abs(self.v[own]) / self.truth.figures[arm].velocity
+        clearance = self.arena.judge.clearance(self.q)
+        reason = verdict.reason.name
+        stop = Stop(name, now, reason, float(share.max()), clearance)
+        self.outcome.stops.append(stop)
         return True
 
-    def is_needless(
-        self, q: Floats, v: Floats, stamp: Mapping[str, float], now: float
-    ) -> bool:
+    def is_needless(self, q: Floats, v: Floats, stamp: Stamps, now: float) -> bool:
         """Whether a thorough search finds no future in which a floor is broken.
 
         What the guard was given is searched, one cycle longer without a stop.
@@ -290,33 +382,32 @@ class Episode:
             search.place(name, pose, at * SUBSTEP)
         return search.breach(q, stamp, v, now, THOROUGH) is None
 
-    def slow_down(self, scales: Mapping[str, float] | None) -> None:
-        """Have the operator take back what the guard asks for."""
-        if scales is not None:
-            self.shares[:] = [scales[name] for name in self.arena.robots]
-
     def move(self, target: int) -> None:
         """Let time pass until the next cycle, and judge it."""
         rows = slice(self.tick + 1, target + 1)
         q_rows, p_rows = self.q_rows[rows], self.p_rows[rows]
-        self.drive(
-            self.tick, self.wish, q_rows, self.v_rows[rows], self.free_rows[rows]
-        )
-        self.outcome.joint_wish += self.wished * (target - self.tick) * SUBSTEP
+        self.drive(target)
+        self.outcome.joint_wish += self.desired_way * (target - self.tick) * SUBSTEP
+        judge = self.arena.judge
         if self.movers.names:
-            tips = self.arena.judge.tips()
-            self.movers.advance(self.tick * SUBSTEP, SUBSTEP, tips, p_rows)
+            self.movers.advance(self.now, SUBSTEP, judge.tips(), p_rows)
         self.watch.look(self.tick, q_rows, p_rows)
         for name, p in zip(self.movers.names, self.movers.p, strict=True):
-            self.arena.judge.stand_at(name, p)
+            judge.stand_at(name, p)
         self.tick = target
 
-    def drive(
-        self, tick: int, desired: Floats, q_rows: Floats, v_rows: Floats, free: Bools
-    ) -> None:
+    def drive(self, target: int) -> None:
+        """Move the arms until the next cycle."""
+        self.follow(self.tick, target, self.desired)
+
+    def follow(self, tick: int, target: int, desired: Floats) -> None:
         """Move the arms over some substeps; see `plant.advance`."""
         plant, before = self.plant, self.plant.began.copy()
-        plants.advance(plant, tick, SUBSTEP, desired, q_rows, v_rows, free)
+        rows = slice(tick + 1, target + 1)
+        q_rows, v_rows = self.q_rows[rows], self.v_rows[rows]
+        plants.advance(
+            plant, tick, SUBSTEP, desired, q_rows, v_rows, self.free_rows[rows]
+        )
         if self.arms is None:
             return
         for arm in np.flatnonzero(plant.began != before).tolist():
@@ -326,7 +417,6 @@ class Episode:
 
     def broke(self) -> str | None:
         """The declared figure the arms broke, None if they kept all."""
-        declared = declared_of(self.arena.figures, self.truth)
         rows = slice(self.tick + 1)
         return broken(
             self.q_rows[rows],
@@ -334,11 +424,11 @@ class Episode:
             self.free_rows[rows],
             self.arena.first,
             self.stopped,
-            declared,
+            declared_of(self.arena.figures, self.truth),
         )
 
     def sight(self, now: float) -> None:
-        """Tell the guard where moving objects were a moment ago."""
+        """Place moving objects for the guard where they were a moment ago."""
         for i, name in enumerate(self.movers.names):
             if self.tick < self.due[i]:
                 continue
@@ -354,7 +444,7 @@ class Episode:
     def sum_up(self) -> None:
         """The figures of the whole episode."""
         outcome, watch, judge = self.outcome, self.watch, self.arena.judge
-        outcome.duration = self.tick * SUBSTEP
+        outcome.duration = self.now
         watch.judge_meetings(self.p_rows[: self.tick + 1])
         outcome.contact, outcome.met_at_rest = watch.contact, watch.met_at_rest
         outcome.least, outcome.judged = watch.least, watch.judged
@@ -380,6 +470,5 @@ class Episode:
         if len(tips) > 1:
             ways = np.linalg.norm(np.diff(tips, axis=0), axis=2)
             outcome.tool_way = float((ways * free[::TOOL_STEP][1:]).sum())
-        times = np.array(self.times)
-        found = (float(x) for x in np.percentile(times, (50, 99, 100)))
-        outcome.cycle_times = tuple(found)
+        found = np.percentile(self.times, (50, 99, 100))
+        outcome.cycle_times = tuple(found.tolist())

@@ -5,17 +5,15 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armguard.benchmark.peers.pinocchio_coal import build_models, coal_shape
 from armguard.geometry.shapes import Box, Shape, Sphere
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
+from arrays import Floats
 from closed_loop.judge import STROKE
 from closed_loop.judge_model import own_elements
-
-Floats = NDArray[np.float64]
 
 
 class ExactWorld:

@@ -1,7 +1,6 @@
-"""Who touches whom: MuJoCo's collision detection on the true states."""
+"""Distances and contacts on the true states by MuJoCo's collision detection."""
 
 from math import sqrt
-from typing import NamedTuple
 
 import mujoco
 import numba
@@ -9,46 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.scene import Scene, SceneTables
+from arrays import Bools, Floats, Ints
 from closed_loop.judge_model import SIGHT, JudgeModel
-
-Floats = NDArray[np.float64]
 
 # Pairs of kinds whose distance in a contact is exact, apart too. That of others can be
 # too large by a quarter while they are apart, since `mj_collision` grows both sides by
 # the margin and takes the depth; they are measured by `mj_geomDistance`.
 CLOSED_FORM = np.zeros((mujoco.mjtGeom.mjNGEOMTYPES,) * 2, dtype=bool)
-for _a, _b in (
-    (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_SPHERE),
-    (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE),
-    (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX),
-    (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CAPSULE),
-    (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_BOX),
-):
-    CLOSED_FORM[_a, _b] = CLOSED_FORM[_b, _a] = True
+_SPHERE, _CAPSULE, _BOX = (
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
+    for kind in ("SPHERE", "CAPSULE", "BOX")
+)
+_ROUND = [_SPHERE, _CAPSULE, _BOX]
+CLOSED_FORM[_SPHERE, _ROUND] = CLOSED_FORM[_ROUND, _SPHERE] = True
+CLOSED_FORM[_CAPSULE, _ROUND] = CLOSED_FORM[_ROUND, _CAPSULE] = True
 
 
 # Distance beyond which nothing is looked for [m].
 FAR = 3.0
 
 
-class Nearest(NamedTuple):
-    """The nearest checked pair within sight.
-
-    Attributes:
-        distance: Signed distance [m].
-        geoms: Its two geoms.
-        normal: Unit vector from the first to the second, shape (3,).
-        point: Point midway, shape (3,) [m].
-    """
-
-    distance: float
-    geoms: tuple[int, int]
-    normal: Floats
-    point: Floats
-
-
 class Judge:
-    """Distances of all checked pairs, by other people's code.
+    """Distances of all checked pairs, by MuJoCo.
 
     Attributes:
         owners: 'robot/link' or object of each geom.
@@ -72,9 +53,10 @@ class Judge:
         self.address = np.array([int(j.qposadr[0]) for j in joints])
         self.source = tables.q_index[moving]
         self.gain = tables.gain[moving]
-        self._joints = np.array([j.id for j in joints])
+        ids = np.array([j.id for j in joints])
+        self._followers = ids, self.source, np.ascontiguousarray(self.gain[:, 0])
         self._slides = self.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-        self._carries = carriers(self.model, self._joints)
+        self._carries = carriers(self.model, ids)
         self.reach = np.zeros(len(tables.q_names))
         for j, place, gain in zip(joints, self.source, self.gain, strict=True):
             body = int(self.model.jnt_bodyid[j.id])
@@ -122,9 +104,9 @@ class Judge:
         contact = self.data.contact
         self._distances, self._geoms = contact.dist.copy(), contact.geom.copy()
         if self._estimates:
-            for k in estimates(self._geoms, self._estimated):
-                a, b = self._geoms[k].tolist()
-                self._distances[k] = self.gap((a, b))
+            a, b = self._geoms.T
+            for k in np.flatnonzero(self._estimated[a, b]).tolist():
+                self._distances[k] = self.gap((int(a[k]), int(b[k])))
         return self._distances, self._geoms
 
     def clearance(self, q: Floats) -> float:
@@ -132,15 +114,20 @@ class Judge:
         distances, _ = self.measure(q)
         return float(distances.min(initial=SIGHT))
 
-    def nearest(self) -> Nearest | None:
-        """The nearest pair of the state measured last; None if none is in sight."""
+    def nearest(self) -> tuple[float, Floats]:
+        """Least distance in the state measured last, and its gradient over q.
+
+        Returns:
+            Signed distance [m], `SIGHT` and no gradient if no pair is in sight; shape
+            (n,) [m/rad or 1].
+        """
         if len(self._distances) == 0:
-            return None
+            return SIGHT, np.zeros(len(self.reach))
         k = int(np.argmin(self._distances))
-        a, b = self._geoms[k].tolist()
         contact = self.data.contact[k]
-        normal, point = contact.frame[:3].copy(), contact.pos.copy()
-        return Nearest(float(self._distances[k]), (a, b), normal, point)
+        normal, midway = contact.frame[:3].copy(), contact.pos.copy()
+        a, b = self._geoms[k].tolist()
+        return float(self._distances[k]), self.gradient((a, b), normal, midway, midway)
 
     def apart(self, pair: tuple[int, int], limit: float = FAR) -> tuple[float, Floats]:
         """Signed distance of a pair of geoms [m] and its gradient over q, shape (n,).
@@ -177,17 +164,13 @@ class Judge:
         """
         found = np.zeros(len(self.reach))
         slopes(
-            self._carries[pair[0]],
-            self._carries[pair[1]],
+            self._carries[list(pair)],
             normal,
-            a,
-            b,
+            (a, b),
             self._axes,
             self._anchors,
             self._slides,
-            self._joints,
-            self.source,
-            self.gain,
+            self._followers,
             found,
         )
         return found
@@ -198,55 +181,34 @@ class Judge:
 
 
 @numba.njit(cache=True)
-def slopes(
-    carries_a,
-    carries_b,
-    normal,
-    a,
-    b,
-    axes,
-    anchors,
-    slides,
-    joints,
-    source,
-    gain,
-    found,
-):
+def slopes(carries, normal, points, axes, anchors, slides, followers, found):
     """Change of a distance by each place of q.
 
     Args:
-        carries_a: Whether each of the joints moves the first side, shape (k,).
-        carries_b: The same of the second.
-        normal: Unit vector from the first to the second, shape (3,).
-        a: Nearest point of the first, shape (3,) [m].
-        b: Nearest point of the second, shape (3,) [m].
+        carries: Whether each of k joints that follow q moves either side, shape (2, k).
+        normal: Unit vector from the first side to the second, shape (3,).
+        points: Nearest point of each side, shape (3,) [m].
         axes: Axis of every joint of the model, world, shape (j, 3).
         anchors: A point of each axis, world, shape (j, 3) [m].
         slides: Which of them slide, shape (j,).
-        joints: Joints that follow q, shape (k,).
-        source: Place of q each of them follows, shape (k,).
-        gain: Factor and offset of each, shape (k, 2).
-        found: Overwritten, shape (n,) [m/rad or 1].
+        followers: Joint of the model, place of q it follows, and factor of each of the
+            k joints.
+        found: Added to, shape (n,) [m/rad or 1].
     """
-    found[:] = 0.0
+    joints, source, factors = followers
     for k in range(len(joints)):
         u, at = axes[joints[k]], anchors[joints[k]]
         rate = 0.0
-        for sign, point, carried in (
-            (-1.0, a, carries_a[k]),
-            (1.0, b, carries_b[k]),
-        ):
-            if not carried:
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            if not carries[side, k]:
                 continue
-            if slides[joints[k]]:
-                x, y, z = u[0], u[1], u[2]
-            else:
-                rx, ry, rz = point[0] - at[0], point[1] - at[1], point[2] - at[2]
-                x = u[1] * rz - u[2] * ry
-                y = u[2] * rx - u[0] * rz
-                z = u[0] * ry - u[1] * rx
+            x, y, z = u[0], u[1], u[2]
+            if not slides[joints[k]]:
+                p = points[side]
+                rx, ry, rz = p[0] - at[0], p[1] - at[1], p[2] - at[2]
+                x, y, z = y * rz - z * ry, z * rx - x * rz, x * ry - y * rx
             rate += sign * (normal[0] * x + normal[1] * y + normal[2] * z)
-        found[source[k]] += gain[k, 0] * rate
+        found[source[k]] += factors[k] * rate
 
 
 @numba.njit(cache=True)
@@ -256,18 +218,7 @@ def follow(q, source, gain, address, qpos):
         qpos[address[k]] = gain[k, 0] * q[source[k]] + gain[k, 1]
 
 
-@numba.njit(cache=True)
-def estimates(geoms, estimated):
-    """Which pairs of geoms are such whose distances are only estimated.
-
-    Args:
-        geoms: Pairs, shape (k, 2).
-        estimated: Whether that of each two is, shape (g, g).
-    """
-    return [k for k in range(len(geoms)) if estimated[geoms[k, 0], geoms[k, 1]]]
-
-
-def carriers(model: mujoco.MjModel, joints: NDArray[np.int64]) -> NDArray[np.bool_]:
+def carriers(model: mujoco.MjModel, joints: Ints) -> Bools:
     """Which of some joints move each geom, shape (g, k)."""
     found = np.zeros((model.ngeom, len(joints)), dtype=np.bool_)
     for g in range(model.ngeom):

@@ -1,10 +1,11 @@
 """A scene's true geometry as a MuJoCo model: capsules, boxes, spheres, raw meshes."""
 
+from collections.abc import Iterator
 from itertools import combinations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from armguard.benchmark.peers.mujoco_margin import as_text, quaternion
 from armguard.geometry.shapes import Box, Shape, ShapeKind, Sphere
@@ -13,9 +14,7 @@ from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import link_frame
-from closed_loop.convex_parts import convex_parts
-
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # Distance up to which the model reports pairs [m].
 SIGHT = 0.06
@@ -97,7 +96,7 @@ def mjcf(scene: Scene, tables: SceneTables, elements: Elements) -> str:
             else [primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own]
         )
         for k, (geometry, T) in enumerate(elements.get(owner, [])):
-            at = f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
+            at = placed(T)
             if not isinstance(geometry, MeshFile):
                 shapes.append(f"<geom {kind_and_size(geometry)} {MARGIN} {at}/>")
                 continue
@@ -131,15 +130,18 @@ def mjcf(scene: Scene, tables: SceneTables, elements: Elements) -> str:
 def joint(tables: SceneTables, b: int) -> str:
     """A body of the tables with its joint; left open for what rides on it."""
     T = tables.T_parent_joint[b].reshape(3, 4)
-    at = f'pos="{as_text(T[:, 3])}" quat="{quaternion(T[:, :3])}"'
-    text = (
-        f'<body name="b{b}" {at}><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    )
+    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    text = f'<body name="b{b}" {placed(T)}>{inertial}'
     kind = {1: "hinge", 2: "slide"}.get(int(tables.joint_kind[b]))
     if kind is None:
         return text
     axis = as_text(tables.axis[b])
     return text + f'<joint name="j{b}" type="{kind}" axis="{axis}"/>'
+
+
+def placed(T: Floats) -> str:
+    """A frame of three or four rows as attributes."""
+    return f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
 
 
 def kind_and_size(geometry: Shape | Cylinder) -> str:
@@ -163,18 +165,16 @@ def primitive(kind: int, row: Floats) -> str:
     Raises:
         ValueError: The judge has no such shape.
     """
-    common = f"<geom {MARGIN} "
-    if kind == ShapeKind.SPHERE:
-        at = as_text(row[1:4])
-        return common + f'type="sphere" size="{float(row[0])!r}" pos="{at}"/>'
+    at = f'pos="{as_text(row[1:4])}"'
+    size = repr(float(row[0]))
     if kind == ShapeKind.CAPSULE:
-        ends = as_text(row[1:7])
-        return common + f'type="capsule" size="{float(row[0])!r}" fromto="{ends}"/>'
-    if kind == ShapeKind.BOX and row[0] == 0.0:
-        half, R = as_text(row[4:7]), row[7:16].reshape(3, 3)
-        at = f'pos="{as_text(row[1:4])}" quat="{quaternion(R)}"'
-        return common + f'type="box" size="{half}" {at}/>'
-    raise ValueError(f"the judge has no shape for {ShapeKind(kind).name}")
+        at = f'fromto="{as_text(row[1:7])}"'
+    elif kind == ShapeKind.BOX and row[0] == 0.0:
+        size = as_text(row[4:7])
+        at += f' quat="{quaternion(row[7:16].reshape(3, 3))}"'
+    elif kind != ShapeKind.SPHERE:
+        raise ValueError(f"the judge has no shape for {ShapeKind(kind).name}")
+    return f'<geom {MARGIN} type="{ShapeKind(kind).name.lower()}" size="{size}" {at}/>'
 
 
 def exclusions(tables: SceneTables, owned: dict[str, list[int]]) -> str:
@@ -185,3 +185,63 @@ def exclusions(tables: SceneTables, owned: dict[str, list[int]]) -> str:
         for a, b in combinations(owned, 2)
         if not tables.checked[group[a], group[b]]
     )
+
+
+# Triangles are divided if that makes their hulls smaller than this share [-], and so
+# often in turn at most.
+SMALLER = 0.9
+DEEPEST = 5
+
+# What flat parts are made thick by, for a hull to have a volume, each way [m].
+THICK = 1e-6
+
+
+def convex_parts(triangles: Floats, depth: int = 0) -> Iterator[Floats]:
+    """Vertices of convex parts that cover a mesh, each of shape (k, 3).
+
+    Args:
+        triangles: Corners of its triangles, shape (n, 3, 3) [m].
+        depth: How often they were divided already.
+    """
+    halves = best_halves(triangles) if depth < DEEPEST else None
+    if halves is None:
+        yield solid_vertices(triangles)
+        return
+    for half in halves:
+        yield from convex_parts(half, depth + 1)
+
+
+def best_halves(triangles: Floats) -> tuple[Floats, Floats] | None:
+    """The division across an axis with the smallest hulls; None if none is worth it."""
+    whole = hull_volume(triangles)
+    best, found = SMALLER * whole, None
+    middles = triangles.mean(axis=1)
+    for axis in range(3):
+        for cut in np.quantile(middles[:, axis], (0.25, 0.5, 0.75)):
+            low = middles[:, axis] < cut
+            if not 0 < low.sum() < len(low):
+                continue
+            volume = hull_volume(triangles[low]) + hull_volume(triangles[~low])
+            if volume < best:
+                best, found = volume, (triangles[low], triangles[~low])
+    return found
+
+
+def hull_volume(triangles: Floats) -> float:
+    """Volume of the convex hull of triangles, 0 if they are flat [m³]."""
+    try:
+        return float(ConvexHull(triangles.reshape(-1, 3)).volume)
+    except QhullError:
+        return 0.0
+
+
+def solid_vertices(triangles: Floats) -> Floats:
+    """Their vertices, each once; flat ones are made thick by next to nothing."""
+    vertices = np.unique(triangles.reshape(-1, 3), axis=0)
+    try:
+        ConvexHull(vertices)
+    except QhullError:
+        sides = [-THICK, THICK]
+        offsets = np.stack(np.meshgrid(sides, sides, sides), axis=-1).reshape(-1, 1, 3)
+        vertices = (vertices + offsets).reshape(-1, 3)
+    return vertices

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # Shortest and longest time between two changes of mind of an object [s].
 MIND = (0.1, 0.6)
@@ -17,48 +15,6 @@ SHARES = (0.35, 0.5, 0.15)
 
 # An object aims at an arm no nearer than this [m].
 THERE = 1e-9
-
-
-@numba.njit(cache=True)
-def fly(p, velocity, homing, origins, room, substep, targets, rows):
-    """Move objects over some substeps.
-
-    Args:
-        p: Displacements, shape (m, 3) [m], written in place.
-        velocity: Velocities, shape (m, 3) [m/s], written in place.
-        homing: Whether each comes at an arm, shape (m,).
-        origins: Where the scene has each object, shape (m, 3) [m].
-        room: Corners of the box in which they bounce, shape (2, 3) [m].
-        substep: Length of a substep [s].
-        targets: Points of the arms, shape (a, 3) [m].
-        rows: Displacements after each substep, shape (k, m, 3), overwritten [m].
-    """
-    for i in range(p.shape[0]):
-        if homing[i]:
-            aim(p[i] + origins[i], velocity[i], targets)
-        for k in range(rows.shape[0]):
-            for x in range(3):
-                rows[k, i, x] = p[i, x] + (k + 1) * substep * velocity[i, x]
-        for x in range(3):
-            p[i, x] = rows[rows.shape[0] - 1, i, x]
-            at = origins[i, x] + p[i, x]
-            if at < room[0, x]:
-                velocity[i, x] = abs(velocity[i, x])
-            elif at > room[1, x]:
-                velocity[i, x] = -abs(velocity[i, x])
-
-
-@numba.njit(cache=True)
-def aim(at, velocity, targets):
-    """Turn a velocity straight at the nearest of some points."""
-    nearest, length = 0, np.inf
-    for k in range(targets.shape[0]):
-        way = np.sqrt(((targets[k] - at) ** 2).sum())
-        if way < length:
-            nearest, length = k, way
-    if length > THERE:
-        speed = np.sqrt((velocity**2).sum())
-        velocity[:] = speed / length * (targets[nearest] - at)
 
 
 class Movers:
@@ -112,16 +68,21 @@ class Movers:
         for i, until in enumerate(self._until.tolist()):
             if now >= until:
                 self._change_mind(i, now)
-        fly(
-            self.p,
-            self._velocity,
-            self._homing,
-            self._origins,
-            self._room,
-            substep,
-            targets,
-            rows,
-        )
+        at = self._origins + self.p
+        for i in np.flatnonzero(self._homing):
+            ways = targets - at[i]
+            lengths = np.sqrt((ways**2).sum(axis=1))
+            k = int(lengths.argmin())
+            if lengths[k] > THERE:
+                speed = np.sqrt((self._velocity[i] ** 2).sum())
+                self._velocity[i] = speed / lengths[k] * ways[k]
+        times = np.arange(1, len(rows) + 1) * substep
+        rows[:] = self.p + times[:, None, None] * self._velocity
+        self.p[:] = rows[-1]
+        at = self._origins + self.p
+        inwards = np.abs(self._velocity)
+        self._velocity[at < self._room[0]] = inwards[at < self._room[0]]
+        self._velocity[at > self._room[1]] = -inwards[at > self._room[1]]
 
     def _change_mind(self, i: int, now: float) -> None:
         """Another way to move, in another direction."""

@@ -1,17 +1,15 @@
-"""Operators: what velocities somebody asks for who means no good."""
+"""Operators that try to cause contact: the velocities they ask for."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from arrays import Bools, Floats
 from closed_loop.judge import Judge
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from closed_loop.truth import pick
 
 # Joints with less room than this, grippers, are left alone [rad or m].
 ROOM = 0.1
@@ -63,15 +61,15 @@ class Rough:
         n = len(judge.reach)
         self._hold = 10.0 ** rng.uniform(-2.3, -0.7)
         self._until = np.zeros(n)
-        self._wish = np.zeros(n)
+        self._desired = np.zeros(n)
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
         due = view.now >= self._until
         count = int(due.sum())
-        self._wish[due] = self._rng.uniform(-1.0, 1.0, count)
+        self._desired[due] = self._rng.uniform(-1.0, 1.0, count)
         self._until[due] = view.now + self._rng.exponential(self._hold, count)
-        return self._wish
+        return self._desired
 
 
 class Smooth:
@@ -95,15 +93,15 @@ class OneJoint:
         self._rng = rng
         self._n = len(judge.reach)
         self._until = 0.0
-        self._wish = np.zeros(self._n)
+        self._desired = np.zeros(self._n)
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
         if view.now >= self._until:
             self._until = view.now + self._rng.uniform(0.2, 1.0)
-            self._wish = np.zeros(self._n)
-            self._wish[self._rng.integers(self._n)] = self._rng.choice([-1.0, 1.0])
-        return self._wish
+            self._desired = np.zeros(self._n)
+            self._desired[self._rng.integers(self._n)] = self._rng.choice([-1.0, 1.0])
+        return self._desired
 
 
 class Reversals:
@@ -113,15 +111,15 @@ class Reversals:
         self._rng = rng
         self._hold = 10.0 ** rng.uniform(-2.3, -0.5)
         self._until = 0.0
-        self._wish = rng.choice([-1.0, 1.0], len(judge.reach))
+        self._desired = rng.choice([-1.0, 1.0], len(judge.reach))
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
         if view.now >= self._until:
             self._until = view.now + self._rng.exponential(self._hold)
-            flips = self._rng.random(len(self._wish)) < 0.7
-            self._wish = np.where(flips, -self._wish, self._wish)
-        return self._wish
+            flips = self._rng.random(len(self._desired)) < 0.7
+            self._desired = np.where(flips, -self._desired, self._desired)
+        return self._desired
 
 
 class Chase:
@@ -222,12 +220,14 @@ class Mixed:
 
     def desired(self, view: View) -> Floats:
         """See `Operator`."""
-        wishes = self._one.desired(view), self._other.desired(view)
-        return np.where(self._joints, *wishes)
+        desired = self._one.desired(view), self._other.desired(view)
+        return np.where(self._joints, *desired)
 
 
 @numba.njit(cache=True)
-def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, wish):
+def within_limits(
+    asked, shares, first, velocity, q, lower, upper, deceleration, desired
+):
     """Velocities an operator has his way with: slowed down, within the joint limits.
 
     Args:
@@ -239,7 +239,7 @@ def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, w
         lower: Least positions, shape (n,).
         upper: Greatest positions, shape (n,).
         deceleration: Of each joint, shape (n,).
-        wish: Desired velocities, shape (n,), overwritten.
+        desired: Desired velocities, shape (n,), overwritten.
 
     Returns:
         Sum of the desired speeds.
@@ -247,12 +247,78 @@ def wish_within(asked, shares, first, velocity, q, lower, upper, deceleration, w
     total = 0.0
     for arm in range(len(shares)):
         for j in range(first[arm], first[arm + 1]):
-            wish[j] = 0.0
+            desired[j] = 0.0
             if upper[j] - lower[j] < ROOM:
                 continue
             # Half of the deceleration leaves room for delays.
             down = np.sqrt(deceleration[j] * max(q[j] - lower[j] - LIMIT_MARGIN, 0.0))
             up = np.sqrt(deceleration[j] * max(upper[j] - q[j] - LIMIT_MARGIN, 0.0))
-            wish[j] = min(max(asked[j] * shares[arm] * velocity[j], -down), up)
-            total += abs(wish[j])
+            desired[j] = min(max(asked[j] * shares[arm] * velocity[j], -down), up)
+            total += abs(desired[j])
     return total
+
+
+# Operators by name, and how often an episode gets each.
+SHARES = {
+    "rough": 0.08,
+    "smooth": 0.07,
+    "one joint": 0.06,
+    "reversals": 0.09,
+    "chase any": 0.20,
+    "chase arms": 0.20,
+    "chase fixtures": 0.14,
+    "chase movers": 0.16,
+}
+OTHERS = {"rough": Rough, "smooth": Smooth, "one joint": OneJoint}
+OTHERS |= {"reversals": Reversals}
+
+# How those that chase go about it, and how often.
+PACES = {"full": 0.45, "feint": 0.3, "creep": 0.25}
+
+# Shares of the top speed an episode is driven at, and how often.
+SPEEDS = {1.0: 0.6, 0.5: 0.2, 0.2: 0.12, 0.05: 0.08}
+
+# How often the arms have different operators.
+MIXED = 0.25
+
+# How often an operator slows down as much as the guard asks for.
+OBEDIENT = 0.4
+
+
+def drawn_operator(
+    rng: np.random.Generator,
+    judge: Judge,
+    movers: tuple[str, ...],
+    first_arm: Bools,
+    attack: bool,
+) -> tuple[str, Operator]:
+    """The operator of an episode, and its name.
+
+    Args:
+        rng: Of the episode.
+        judge: The judge.
+        movers: Names of objects that move.
+        first_arm: Which joints are the first arm's, shape (n,).
+        attack: Whether it must be one that chases; moving objects, if there are any.
+    """
+    name, operator = _one_of(rng, judge, movers, attack)
+    if attack or first_arm.all() or rng.random() > MIXED:
+        return name, operator
+    other_name, other = _one_of(rng, judge, movers, False)
+    return f"{name} + {other_name}", Mixed(operator, other, first_arm)
+
+
+def _one_of(
+    rng: np.random.Generator, judge: Judge, movers: tuple[str, ...], attack: bool
+) -> tuple[str, Operator]:
+    if attack:
+        names = [n for n in SHARES if n.startswith("chase")]
+        names = ["chase movers"] if movers else names[:-1]
+    else:
+        names = [n for n in SHARES if movers or n != "chase movers"]
+    name = pick(rng, {n: SHARES[n] for n in names})
+    if not name.startswith("chase"):
+        return name, OTHERS[name](rng, judge)
+    pace = pick(rng, PACES)
+    kind = name.removeprefix("chase ")
+    return f"{name}, {pace}", Chase(rng, judge, kind, movers, pace)

@@ -1,112 +1,28 @@
-"""Which episodes a campaign consists of, and the work of one process."""
+"""The work of one process: episodes of plans, in arenas that are built once."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from closed_loop.arena import Arena
 from closed_loop.episode import Episode
 from closed_loop.filtered import FilteredEpisode
-from closed_loop.settings import PROFILES, SERVO_PROFILES, Setting, setting_of
-from closed_loop.zeroing import enlarged, told
+from closed_loop.settings import Plan
 
 # Arenas a process keeps; each holds a guard and a judge.
 KEPT = 24
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """A series of episodes.
-
-    Attributes:
-        scene: Name of the scene.
-        mode: Mode of all robots.
-        guard: Name of the guard.
-        zero: Term of the budget the guard is told to be nothing, or None.
-        large: Term that is as large as when it is told to be nothing, but told as it
-            is, or None: what shows that the term, and not its size, is the cause.
-        weak_brake: Factor on the plant's decelerations [-].
-        floor: Distance to be kept, in place of the settings' [m], or None.
-        duration: Longest time of an episode [s].
-        needless: Whether every stop is searched for a future that asked for it.
-        plant: "exact" for double integrators, "torque" for arms in MuJoCo that follow
-            them with motors of limited torque.
-        swing: "onwards" if joints swing beyond their rest only, "both" if back as well.
-    """
-
-    scene: str = "bay"
-    mode: str = "path"
-    guard: str = "armguard"
-    zero: str | None = None
-    large: str | None = None
-    weak_brake: float = 1.0
-    floor: float | None = None
-    duration: float = 1.0
-    needless: bool = False
-    plant: str = "exact"
-    swing: str = "onwards"
-
-    @property
-    def name(self) -> str:
-        """One word that tells plans apart; the name of a file."""
-        parts = [self.scene, self.mode, self.guard]
-        parts += [f"zero-{self.zero}"] if self.zero else []
-        parts += [f"large-{self.large}"] if self.large else []
-        parts += [f"weak-{self.weak_brake:g}"] if self.weak_brake != 1.0 else []
-        parts += [f"floor-{1e3 * self.floor:g}"] if self.floor is not None else []
-        parts += [self.plant] if self.plant != "exact" else []
-        parts += [f"swing-{self.swing}"] if self.swing != "onwards" else []
-        parts += ["needless"] if self.needless else []
-        parts += [f"for-{self.duration:g}"] if self.duration != 1.0 else []
-        return "_".join(parts)
-
-    def truth_and_told(self, seed: int) -> tuple[Setting, Setting]:
-        """What is true in an episode, and what the guard is told."""
-        profiles = SERVO_PROFILES if self.plant == "torque" else PROFILES
-        truth = setting_of(self.scene, self.mode, seed, profiles)
-        if self.floor is not None:
-            truth = replace(truth, floor=self.floor)
-        term = self.zero or self.large
-        if term:
-            truth = enlarged(truth, term)
-        return truth, told(truth, self.zero) if self.zero else truth
-
-    def to_dict(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
-
-
-_arenas: dict[str, Arena] = {}
+_arena = lru_cache(KEPT)(Arena)
 
 
 def arena_of(plan: Plan, seed: int) -> Arena:
     """The arena of an episode; built once in a process."""
-    truth, said = plan.truth_and_told(seed)
-    key = f"{plan.name} {truth.name} {said.name}"
-    if key not in _arenas:
-        while len(_arenas) >= KEPT:
-            del _arenas[next(iter(_arenas))]
-        _arenas[key] = Arena(truth, said, plan.guard)
-    return _arenas[key]
+    return _arena(*plan.truth_and_declared(seed), plan.guard)
 
 
 def work(task: tuple[Plan, int]) -> Mapping[str, Any]:
     """Figures of one episode."""
     plan, seed = task
-    term = plan.zero or plan.large
-    # Who breaks his word does so in every way at once.
-    attack = term is not None or plan.weak_brake != 1.0
     kind = FilteredEpisode if plan.guard == "filter" else Episode
-    episode = kind(
-        arena_of(plan, seed),
-        seed,
-        duration=plan.duration,
-        attack=attack,
-        weak=plan.weak_brake,
-        zeroed=plan.zero,
-        large=plan.large,
-        needless=plan.needless,
-        limited=plan.plant == "torque",
-        swings_back=plan.swing == "both",
-    )
-    return episode.run().to_dict()
+    return kind(arena_of(plan, seed), seed, plan=plan).run().to_dict()

@@ -8,13 +8,10 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from arrays import Floats, Ints
 
-# Phases of an arm: the operator has it; a stop or a brake has it; it stands and holds.
+# Phases of an arm: it follows its operator; a stop or a brake; it rests and holds.
 FREE = 0
 STOPPING = 1
 HELD = 2
@@ -23,14 +20,10 @@ HELD = 2
 class Plant(NamedTuple):
     """State and true figures of all arms; n joints, a arms; written in place.
 
-    A stop that is ordered is carried out, whatever the guard says later. All but the
-    first four are rows of these, which are handed to compiled code much faster.
+    A stop that is ordered is carried out, whatever the guard answers later.
 
     Attributes:
         first: First joint of each arm, and n, shape (a + 1,).
-        states: Whole numbers of the arms, shape (2, a).
-        arms: Times of the arms, shape (4, a).
-        joints: Numbers of the joints, shape (11, n).
         phase: Phase of each arm, shape (a,).
         braked: 1 where it was the brake that took effect, shape (a,).
         stop_at: Time at which the ordered stop takes effect, inf if none, shape (a,).
@@ -52,9 +45,6 @@ class Plant(NamedTuple):
     """
 
     first: Ints
-    states: Ints
-    arms: Floats
-    joints: Floats
     phase: Ints
     braked: Ints
     stop_at: Floats
@@ -74,34 +64,6 @@ class Plant(NamedTuple):
     brake: Floats
 
 
-@numba.njit(cache=True)
-def plant_of(first, states, arms, joints):
-    """The plant whose numbers these are."""
-    return Plant(
-        first,
-        states,
-        arms,
-        joints,
-        states[0],
-        states[1],
-        arms[0],
-        arms[1],
-        arms[2],
-        arms[3],
-        joints[0],
-        joints[1],
-        joints[2],
-        joints[3],
-        joints[4],
-        joints[5],
-        joints[6],
-        joints[7],
-        joints[8],
-        joints[9],
-        joints[10],
-    )
-
-
 def plant_at(
     q: Floats, first: Ints, velocity: Floats, acceleration: Floats, brake: Floats
 ) -> Plant:
@@ -115,19 +77,16 @@ def plant_at(
         brake: True decelerations of the brakes, shape (n,).
     """
     n, arms = len(q), len(first) - 1
-    plant: Plant = plant_of(
+    plant = Plant(
         np.asarray(first, dtype=np.int64),
-        np.zeros((2, arms), dtype=np.int64),
-        np.zeros((4, arms)),
-        np.zeros((11, n)),
+        *np.zeros((2, arms), dtype=np.int64),
+        *np.zeros((4, arms)),
+        *np.zeros((11, n)),
     )
     plant.phase[:] = HELD
     plant.stop_at[:] = plant.brake_at[:] = np.inf
-    plant.velocity[:], plant.acceleration[:], plant.brake[:] = (
-        velocity,
-        acceleration,
-        brake,
-    )
+    plant.velocity[:], plant.acceleration[:] = velocity, acceleration
+    plant.brake[:] = brake
     plant.q[:] = plant.q0[:] = q
     plant.deceleration[:] = 1.0
     return plant
@@ -135,7 +94,7 @@ def plant_at(
 
 @numba.njit(cache=True)
 def rest_after(speed, deceleration, ramp):
-    """Time from the effect of a stop until the joint first stands [s].
+    """Time from the effect of a stop until the joint first rests [s].
 
     Args:
         speed: Speed at the effect, >= 0 [rad/s or m/s].
@@ -195,7 +154,7 @@ def swing_out(t, height, duration):
 
 @numba.njit(cache=True)
 def follow(p, arm, duration, desired):
-    """Move an arm as its operator wishes, within its true figures.
+    """Move an arm as its operator desires, within its true figures.
 
     Args:
         p: Plant.
@@ -275,30 +234,7 @@ def advance_arm(p, arm, t0, t1, desired):
 
 
 @numba.njit(cache=True)
-def advance_rows(
-    first, states, arms, joints, tick, substep, desired, q_rows, v_rows, free_rows
-):
-    """Compiled part of `advance`; the plant as its arrays."""
-    p = plant_of(first, states, arms, joints)
-    for k in range(q_rows.shape[0]):
-        t0, t1 = (tick + k) * substep, (tick + k + 1) * substep
-        for arm in range(p.phase.shape[0]):
-            advance_arm(p, arm, t0, t1, desired)
-            free_rows[k, arm] = p.phase[arm] == FREE
-        for j in range(p.q.shape[0]):
-            q_rows[k, j] = p.q[j]
-            v_rows[k, j] = p.v[j]
-
-
-def advance(
-    p: Plant,
-    tick: int,
-    substep: float,
-    desired: Floats,
-    q_rows: Floats,
-    v_rows: Floats,
-    free_rows: Bools,
-) -> None:
+def advance(p, tick, substep, desired, q_rows, v_rows, free_rows):
     """Move all arms over some substeps and write down every state.
 
     Args:
@@ -310,18 +246,13 @@ def advance(
         v_rows: Velocities after each substep, shape (k, n), overwritten.
         free_rows: Whether each arm is its operator's then, shape (k, a), overwritten.
     """
-    advance_rows(
-        p.first,
-        p.states,
-        p.arms,
-        p.joints,
-        tick,
-        substep,
-        desired,
-        q_rows,
-        v_rows,
-        free_rows,
-    )
+    for k in range(q_rows.shape[0]):
+        t0, t1 = (tick + k) * substep, (tick + k + 1) * substep
+        for arm in range(p.phase.shape[0]):
+            advance_arm(p, arm, t0, t1, desired)
+            free_rows[k, arm] = p.phase[arm] == FREE
+        q_rows[k] = p.q
+        v_rows[k] = p.v
 
 
 def order_stop(
@@ -339,10 +270,9 @@ def order_stop(
         return
     p.stop_at[arm] = at
     own = slice(p.first[arm], p.first[arm + 1])
-    for place, value in zip(
-        (p.deceleration, p.ramp, p.swing, p.swing_time), stop, strict=True
-    ):
-        place[own] = value[own]
+    p.deceleration[own], p.ramp[own], p.swing[own], p.swing_time[own] = (
+        figure[own] for figure in stop
+    )
 
 
 def order_brake(p: Plant, arm: int, at: float) -> None:

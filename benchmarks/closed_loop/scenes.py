@@ -1,8 +1,7 @@
 """The scenes of the campaign, with figures declared for their arms."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
-from inspect import signature
 from typing import Any
 
 from armguard.geometry import Box, Capsule, Pose, Sphere
@@ -32,41 +31,45 @@ def build_scene(setting: Setting) -> Scene:
     """The scene of a setting."""
     bare = bare_scene(setting.scene)
     scene = Scene(
-        **known(
-            Scene.__init__,
-            mode=setting.mode,
-            period=setting.period,
-            late=setting.late,
-            buffer=setting.floor,
-        ),
+        mode=setting.mode,
+        period=setting.period,
+        late=setting.late,
+        buffer=setting.floor,
         index=bare.index,
     )
     figures = declared(setting, bare)
+    speeds = dict.fromkeys(movers_of(bare), setting.top_speed)
+    return filled(
+        scene,
+        bare,
+        lambda name: {"stopping": figures[name]},
+        lambda name: {"top_speed": speeds.get(name, 0.0)},
+    )
+
+
+def filled(
+    scene: Scene,
+    bare: Scene,
+    robots: Callable[[str], dict[str, Any]],
+    objects: Callable[[str], dict[str, Any]] = lambda _: {},
+) -> Scene:
+    """An empty scene with all that is in another one.
+
+    Args:
+        scene: The empty scene.
+        bare: The other one.
+        robots: Further arguments of `Scene.add_robot` by the robot's name.
+        objects: Further arguments of `Scene.add` by the object's name.
+    """
     for name, robot in bare.robots.items():
-        scene.add_robot(
-            robot.model,
-            name=name,
-            base=robot.base,
-            home=robot.home,
-            **known(Scene.add_robot, stopping=figures[name]),
-        )
-    for name, thing in bare.objects.items():
-        speed = setting.top_speed if name in MOVERS else 0.0
-        scene.add(
-            [*thing.shapes, *thing.surfaces],
-            name=name,
-            pose=thing.pose,
-            **known(Scene.add, top_speed=speed),
-        )
+        where = {"base": robot.base, "home": robot.home}
+        scene.add_robot(robot.model, name=name, **where, **robots(name))
+    for name, seen in bare.objects.items():
+        shapes = [*seen.shapes, *seen.surfaces]
+        scene.add(shapes, name=name, pose=seen.pose, **objects(name))
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     return scene
-
-
-def known(function: Any, **arguments: Any) -> dict[str, Any]:
-    """Those of the arguments a function takes."""
-    taken = signature(function).parameters
-    return {name: value for name, value in arguments.items() if name in taken}
 
 
 @cache

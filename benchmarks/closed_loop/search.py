@@ -1,6 +1,6 @@
 """Is there an admissible future in which arms touch? Dense samples, exact shapes."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
+from armguard.scene import Scene
+from armguard.scene.compile import compile_scene
+from arrays import Floats, Ints
 from closed_loop import plant as plants
+from closed_loop.answers import Guarding
 from closed_loop.exact_world import ExactWorld
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from closed_loop.settings import Setting
+from closed_loop.truth import joined
 
 # Time between two states of a future that is sampled [s].
 STEP = 0.002
@@ -40,18 +43,34 @@ FLAT = 1e-3
 
 
 class Future(NamedTuple):
-    """A continuation: an operator's wish, then a stop.
+    """A continuation: an operator's desired velocities, then a stop.
 
     Attributes:
-        wish: Desired velocities in shares of the top speeds, shape (n,).
+        desired: Desired velocities in shares of the top speeds, shape (n,).
         strength: Strength of each joint's stop, 0 the least, 1 the most, shape (n,);
             the least one is late and swings as well.
         error: Errors of the measured state in shares of the largest, shape (n,).
     """
 
-    wish: Floats
+    desired: Floats
     strength: Floats
     error: Floats
+
+
+class Measured(NamedTuple):
+    """What is known in a cycle.
+
+    Attributes:
+        q: Measured positions, shape (n,).
+        v: Measured velocities, shape (n,).
+        ages: Ages of the arms' measurements, shape (a,) [s].
+        object_age: Age of the oldest sighting of an object [s].
+    """
+
+    q: Floats
+    v: Floats
+    ages: Floats
+    object_age: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +133,13 @@ class Search:
         self._ratio = most / self._least
         self._position_error = joined(figures, "position_error")
         self._velocity_error = joined(figures, "velocity_error")
-        self._ramp = spread(figures, "ramp")
+        self._ramp = joined(figures, "ramp")
         self._settle = joined(figures, "settle")
-        self._settle_time = spread(figures, "settle_time")
+        self._settle_time = joined(figures, "settle_time")
         self._command = np.array([f.command for f in figures])
-        self._drift = np.array([self._speed_of(p, speeds) for p in world.owners])
+        self._drift = np.array(
+            [sum(speeds.get(s, 0.0) for s in p) for p in world.owners]
+        )
         self._unknown = np.array([self._error_of(p) for p in world.owners])
 
     def breach(
@@ -134,15 +155,15 @@ class Search:
             now: Time of the cycle [s].
             sweeps: How often every joint of the best future is tried the other way.
         """
-        ages, object_age = now - stamps, now - seen
-        ways, last = self._ways(v, ages)
-        drift = self._drift * (object_age + last)
+        m = Measured(q, v, now - stamps, now - seen)
+        ways, last = self._ways(v, m.ages)
+        drift = self._drift * (m.object_age + last)
         levers = np.minimum(self.world.levers(q), self.world.reach)
         gaps = self.world.bounds(q) - self._unknown - self.floor - drift
         close = SPARE * levers @ ways
         for k in np.flatnonzero(gaps < close):
-            found = self.world.distance(int(k))
-            gaps[k] = found - self._unknown[k] - self.floor - drift[k]
+            distance = self.world.distance(int(k))
+            gaps[k] = distance - self._unknown[k] - self.floor - drift[k]
         near = np.flatnonzero(gaps < close)
         if len(near) == 0:
             return None
@@ -151,21 +172,15 @@ class Search:
         order = order[: ATTACKED_THOROUGHLY if sweeps else ATTACKED]
         for k in order:
             outward = self.world.gradient(int(k), q)
-            for future in self._attacks(outward, v):
-                found = self._first_breach(future, q, v, ages, object_age, near)
-                if found is not None:
+            for future in self._attacks(outward, m.v):
+                if found := self._first_breach(future, m, near):
                     return found
-            if sweeps:
-                found = self._descend(int(k), outward, q, v, ages, object_age, sweeps)
-                if found is not None:
-                    return found
+            if sweeps and (found := self._descend(int(k), outward, m, sweeps)):
+                return found
         for _ in range(RANDOM):
-            signs = self._rng.choice([-1.0, 1.0], (2, len(q)))
-            corner = Future(
-                signs[0], self._rng.integers(0, 2, len(q)).astype(float), signs[1]
-            )
-            found = self._first_breach(corner, q, v, ages, object_age, near)
-            if found is not None:
+            desired, error = self._rng.choice([-1.0, 1.0], (2, len(q)))
+            strength = self._rng.integers(0, 2, len(q)).astype(float)
+            if found := self._first_breach(Future(desired, strength, error), m, near):
                 return found
         return None
 
@@ -174,26 +189,20 @@ class Search:
         closing = np.where(np.abs(outward) > FLAT, -np.sign(outward), 0.0)
         apart = (v * outward > 0.0).astype(float)
         return [
-            Future(wish, strength, closing)
-            for wish in (closing, np.sign(v))
+            Future(desired, strength, closing)
+            for desired in (closing, np.sign(v))
             for strength in (apart, np.zeros(len(v)))
         ]
 
     def _first_breach(
-        self,
-        future: Future,
-        q: Floats,
-        v: Floats,
-        ages: Floats,
-        object_age: float,
-        near: NDArray[np.intp],
+        self, future: Future, m: Measured, near: NDArray[np.intp]
     ) -> Breach | None:
         """The first moment of a future at which a near pair breaks the floor.
 
         A pair is measured again only where it may have come as near as that.
         """
-        rows = self.rows(future, q, v, ages)
-        gone = np.zeros((len(rows), len(q)))
+        rows = self.rows(future, m.q, m.v, m.ages)
+        gone = np.zeros_like(rows)
         np.cumsum(np.abs(np.diff(rows, axis=0)), axis=0, out=gone[1:])
         times = np.arange(len(rows)) * STEP
         ways = gone @ self.world.reach[near].T
@@ -201,16 +210,14 @@ class Search:
         ends = [self._end_of(int(k), rows) for k in near]
         due = {0: list(range(len(near)))}
         for s in range(len(rows)):
-            waiting = due.pop(s, None)
-            if waiting is None:
+            if s not in due:
                 continue
             self.world.place(rows[s])
-            for n in waiting:
+            for n in due.pop(s):
                 if s > ends[n]:
                     continue
                 k = int(near[n])
-                lost = self._unknown[k] + self._drift[k] * (object_age + times[s])
-                kept = self.world.distance(k) - lost
+                kept = self._kept(k, float(times[s]), m)
                 if kept < self.floor:
                     return Breach(self.world.owners[k], float(times[s]), kept, future)
                 room = ways[s, n] + kept - self.floor
@@ -219,69 +226,56 @@ class Search:
         return None
 
     def _descend(
-        self,
-        k: int,
-        outward: Floats,
-        q: Floats,
-        v: Floats,
-        ages: Floats,
-        object_age: float,
-        sweeps: int,
+        self, k: int, outward: Floats, m: Measured, sweeps: int
     ) -> Breach | None:
         """Turn joint by joint what brings a pair nearer still."""
-        best = self._attacks(outward, v)[0]
-        state = least, _, there = self._least_of(k, best, q, v, ages, object_age)
+        best = self._attacks(outward, m.v)[0]
+        least, time, there = self._least_of(k, best, m)
         for _ in range(ANEW):
             # What brings a pair together may be another way where it is nearest.
             before = least
-            for change in self._attacks(self.world.gradient(k, there), v):
-                found = self._least_of(k, change, q, v, ages, object_age)
+            for change in self._attacks(self.world.gradient(k, there), m.v):
+                found = self._least_of(k, change, m)
                 if found[0] < least:
-                    state, best = found, change
-                    least, _, there = state
+                    (least, time, there), best = found, change
             if least == before:
                 break
         for _ in range(sweeps):
             before = least
             for j in np.flatnonzero(self.world.reach[k]):
                 for change in turned(best, int(j)):
-                    found = self._least_of(k, change, q, v, ages, object_age)
+                    found = self._least_of(k, change, m)
                     if found[0] < least:
-                        state, best = found, change
-                        least = found[0]
+                        (least, time, there), best = found, change
             if least < self.floor:
-                return Breach(self.world.owners[k], state[1], least, best)
+                return Breach(self.world.owners[k], time, least, best)
             if least == before:
                 break
         return None
 
     def _least_of(
-        self,
-        k: int,
-        future: Future,
-        q: Floats,
-        v: Floats,
-        ages: Floats,
-        object_age: float,
+        self, k: int, future: Future, m: Measured
     ) -> tuple[float, float, Floats]:
         """Least distance a pair keeps in a future [m], when [s], and where."""
-        rows = self.rows(future, q, v, ages)
+        rows = self.rows(future, m.q, m.v, m.ages)
         end = self._end_of(k, rows)
         least, at = np.inf, 0
-        for s in range(0, end + COARSE, COARSE):
-            kept = self._kept(k, min(s, end), rows, object_age)
-            if kept < least:
-                least, at = kept, min(s, end)
-        for s in range(max(at - COARSE + 1, 0), min(at + COARSE, end + 1)):
-            kept = self._kept(k, s, rows, object_age)
-            if kept < least:
-                least, at = kept, s
+
+        def look(states: Iterable[int]) -> None:
+            nonlocal least, at
+            for s in states:
+                self.world.place(rows[s])
+                kept = self._kept(k, s * STEP, m)
+                if kept < least:
+                    least, at = kept, s
+
+        look(min(s, end) for s in range(0, end + COARSE, COARSE))
+        look(range(max(at - COARSE + 1, 0), min(at + COARSE, end + 1)))
         return least, at * STEP, rows[at]
 
-    def _kept(self, k: int, s: int, rows: Floats, object_age: float) -> float:
-        """What a pair keeps in a state of a future, less what is not known [m]."""
-        self.world.place(rows[s])
-        lost = self._unknown[k] + self._drift[k] * (object_age + s * STEP)
+    def _kept(self, k: int, time: float, m: Measured) -> float:
+        """Distance of a pair in the state placed last, less what is not known [m]."""
+        lost = self._unknown[k] + self._drift[k] * (m.object_age + time)
         return self.world.distance(k) - lost
 
     def _end_of(self, k: int, rows: Floats) -> int:
@@ -315,8 +309,8 @@ class Search:
         count = int(self._ways(plant.v, ages)[1] / STEP) + 2
         rows, speeds = np.zeros((2, count, len(q)))
         free = np.zeros((count, len(ages)), dtype=np.bool_)
-        wish = future.wish * self._velocity
-        plants.advance(plant, 0, STEP, wish, rows, speeds, free)
+        desired = future.desired * self._velocity
+        plants.advance(plant, 0, STEP, desired, rows, speeds, free)
         return np.vstack([q + future.error * self._position_error, rows])
 
     def _ways(self, v: Floats, ages: Floats) -> tuple[Floats, float]:
@@ -327,10 +321,6 @@ class Search:
         stop = speed / self._least + self._ramp
         ways = speed * (free + 0.5 * stop) + self._settle + self._position_error
         return ways, float((free + stop + self._settle_time).max())
-
-    def _speed_of(self, pair: tuple[str, str], speeds: dict[str, float]) -> float:
-        """How fast a side of a pair may come nearer that is no arm [m/s]."""
-        return sum(speeds.get(side, 0.0) for side in pair)
 
     def _error_of(self, pair: tuple[str, str]) -> float:
         """What is not known of a pair's distance, whatever the arms do [m]."""
@@ -348,14 +338,14 @@ class Search:
 
 # What is tried of each joint; in between, since not all distances fall to an end.
 CHOICES = {
-    "wish": (-1.0, 0.0, 1.0),
+    "desired": (-1.0, 0.0, 1.0),
     "strength": (0.0, 0.1, 0.4, 1.0),
     "error": (-1.0, 1.0),
 }
 
 
 def turned(future: Future, j: int) -> list[Future]:
-    """The future with one joint another way: its wish, its stop, or its error."""
+    """The future with one joint another way: its velocity, its stop, or its error."""
     found = []
     for name, values in CHOICES.items():
         own = getattr(future, name)
@@ -367,11 +357,73 @@ def turned(future: Future, j: int) -> list[Future]:
     return found
 
 
-def joined(figures: Sequence[StoppingFigures], name: str) -> Floats:
-    """A figure of all joints, shape (n,)."""
-    return np.concatenate([getattr(f, name) for f in figures])
+# How often the search turns every joint for a verdict, and to call a stop needless.
+SWEEPS = 0
+THOROUGH = 2
 
 
-def spread(figures: Sequence[StoppingFigures], name: str) -> Floats:
-    """A figure of each arm for all its joints, shape (n,)."""
-    return np.concatenate([np.full(len(f.velocity), getattr(f, name)) for f in figures])
+class Reference(Guarding):
+    """Stops the arms of a pair as soon as some admissible future breaks its floor.
+
+    Far too slow for a loop. It stops later than a guard may that has to prove what this
+    one only samples: what it lets through is the most that can be asked for.
+
+    Args:
+        scene: The scene.
+        figures: Figures of each arm.
+        setting: Its period, lateness, floor and speeds.
+        movers: Objects that move.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        figures: Sequence[StoppingFigures],
+        setting: Setting,
+        movers: Sequence[str],
+    ) -> None:
+        tables = compile_scene(scene)
+        super().__init__(scene.robots)
+        self._origins = {n: scene.objects[n].pose.matrix()[:3, 3] for n in movers}
+        self._world = ExactWorld(scene, tables)
+        sizes = [len(f.velocity) for f in figures]
+        self._search = Search(
+            self._world,
+            figures,
+            self.robots,
+            np.cumsum([0, *sizes]).astype(np.int64),
+            wait=setting.period + setting.late,
+            floor=setting.floor,
+            speeds=dict.fromkeys(movers, setting.top_speed),
+        )
+        self._seen: dict[str, float] = {}
+
+    def place(self, name: str, T: Floats, stamp: float) -> None:
+        """See `Guarding`."""
+        self._world.shift(name, T[:3, 3] - self._origins[name])
+        self._seen[name] = stamp
+
+    def stopped(
+        self, q: Floats, stamp: Mapping[str, float], velocity: Floats, now: float
+    ) -> Collection[str]:
+        """See `Guarding`."""
+        breach = self.breach(q, stamp, velocity, now, SWEEPS)
+        sides = () if breach is None else breach.pair
+        return {side.split("/")[0] for side in sides if "/" in side}
+
+    def breach(
+        self,
+        q: Floats,
+        stamp: Mapping[str, float],
+        velocity: Floats,
+        now: float,
+        sweeps: int,
+    ) -> Breach | None:
+        """A future in which a pair breaks its floor if no stop is ordered now."""
+        stamps = np.array([stamp[name] for name in self.robots])
+        seen = min(self._seen.values(), default=now)
+        return self._search.breach(q, velocity, stamps, seen, now, sweeps)
+
+    def reset(self) -> None:
+        """See `Guarding`."""
+        self._seen.clear()

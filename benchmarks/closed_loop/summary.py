@@ -2,10 +2,10 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
-from closed_loop.plan import Plan
+from closed_loop.settings import Plan
 from episodes.classes import classes, counted, percentile
 from episodes.records import Digest, Extreme
 
@@ -16,8 +16,8 @@ Figures = dict[str, Any]
 # judge's own distances may be off [m].
 JUDGE_ERROR = 1e-5
 
-# At so many contacts none is told one by one.
-TOLD = 10
+# At so many contacts none is listed one by one.
+LISTED = 10
 
 # Figures that are no sums: how two of one name are put together.
 EXTREME: Extreme = {
@@ -55,11 +55,11 @@ def sums(plan: Plan, episodes: Episodes) -> Figures:
         "states_judged": sum(e["judged"] for e in episodes),
         "contacts": len(contacts),
         "met_at_rest_as_well": sum(e.get("met_at_rest", 0) for e in episodes),
-        "contact_cases": [case(e) for e in contacts[:TOLD]],
+        "contact_cases": [case(e) for e in contacts[:LISTED]],
         "braked_before_contact": sum(e["braked_before"] for e in contacts),
         "least_distance_mm": 1e3 * min(e["least"] for e in episodes),
         "breaches_of_floor": len(floored),
-        "breach_seeds": [e["seed"] for e in floored[:TOLD]],
+        "breach_seeds": [e["seed"] for e in floored[:LISTED]],
         "clearances_at_order": classes(1e3 * s["clearance"] for s in stops),
         "clearances_at_rest": classes(1e3 * e["rest"] for e in episodes),
         "episodes_with_a_stop": sum(bool(e["stops"]) for e in episodes),
@@ -88,12 +88,12 @@ def sums(plan: Plan, episodes: Episodes) -> Figures:
 
 def derived(plan: Plan, found: Figures) -> Figures:
     """What follows from the sums of a plan's episodes."""
-    time, wish = found["seconds_of_motion"], found["joint_wish"]
+    time, way = found["seconds_of_motion"], found["joint_wish"]
     follows: Figures = {
-        "plan": plan.to_dict(),
+        "plan": asdict(plan),
         "contacts_below_at_95_percent": bound(found["contacts"], found["episodes"]),
-        "contact_cases": found["contact_cases"][:TOLD],
-        "breach_seeds": found["breach_seeds"][:TOLD],
+        "contact_cases": found["contact_cases"][:LISTED],
+        "breach_seeds": found["breach_seeds"][:LISTED],
         "clearance_at_order_mm": quartiles(found["clearances_at_order"]),
         "clearance_at_rest_mm": quartiles(found["clearances_at_rest"]),
         "stops_a_second": found["stops"] / time if time else 0.0,
@@ -101,7 +101,7 @@ def derived(plan: Plan, found: Figures) -> Figures:
         "levels": dict(Counter(found["levels"]).most_common()),
         "joint_way_a_second": found["joint_way"] / time if time else 0.0,
         "tool_way_a_second": found["tool_way"] / time if time else 0.0,
-        "share_of_wish": found["joint_way"] / wish if wish else 0.0,
+        "share_of_wish": found["joint_way"] / way if way else 0.0,
         "cycle_us": {
             "median": middle(found["median_cycles"]),
             "p99": middle(found["slow_cycles"]),

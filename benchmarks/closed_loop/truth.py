@@ -1,15 +1,14 @@
 """The true figures of one episode: drawn inside the declared ones, often at corners."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armguard.robot.stopping import StoppingFigures
-
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # A stop of which nobody knows the greatest deceleration is up to this many times
 # stronger than its least [-].
@@ -64,11 +63,16 @@ class Styles:
         )
 
 
-def pick(rng: np.random.Generator, weights: Mapping[str, float]) -> str:
-    """One of some names, by weight."""
-    names = list(weights)
+def pick(rng: np.random.Generator, weights: Mapping[Any, float]) -> Any:
+    """One of some things, by weight."""
     shares = np.array(list(weights.values()))
-    return names[int(rng.choice(len(names), p=shares / shares.sum()))]
+    return list(weights)[int(rng.choice(len(shares), p=shares / shares.sum()))]
+
+
+def joined(figures: Iterable[StoppingFigures], name: str) -> Floats:
+    """A figure of all joints of some arms, shape (n,)."""
+    rows = [np.broadcast_to(getattr(f, name), f.velocity.shape) for f in figures]
+    return np.concatenate(rows).astype(np.float64)
 
 
 class Truth:
@@ -106,12 +110,12 @@ class Truth:
         self.figures = figures
         self.styles = styles
         self.weak = weak
-        self.velocity = self._joined("velocity") * self._share(0.5)
-        self.acceleration = self._joined("acceleration") * self._share(0.3)
-        self.brake = self._joined("brake_deceleration") / self._share(0.5)
-        self.slowest = self._joined("deceleration")
-        self.position_error = self._joined("position_error")
-        self.velocity_error = self._joined("velocity_error")
+        self.velocity = joined(self.figures, "velocity") * self._share(0.5)
+        self.acceleration = joined(self.figures, "acceleration") * self._share(0.3)
+        self.brake = joined(self.figures, "brake_deceleration") / self._share(0.5)
+        self.slowest = joined(self.figures, "deceleration")
+        self.position_error = joined(self.figures, "position_error")
+        self.velocity_error = joined(self.figures, "velocity_error")
         self.base_shifts = [self._shift(f) for f in figures]
         self.outer = np.array([f.model_error * self._share(0.0) for f in figures])
 
@@ -153,27 +157,26 @@ class Truth:
             for a swing back, and its time [s]; each shape (n,).
         """
         n = len(self.velocity)
-        least = self._joined("deceleration")
-        most = np.minimum(self._joined("deceleration_most"), UNKNOWN * least)
+        least = joined(self.figures, "deceleration")
+        most = np.minimum(joined(self.figures, "deceleration_most"), UNKNOWN * least)
         times = np.array([self.delay(1.0) for _ in range(n)])
         style = self.styles.stops
+        strength = np.full(n, float(style == "most"))
         if style == "random":
             strength = self.rng.uniform(0.0, 1.0, n)
         elif style == "corner":
             strength = self.rng.integers(0, 2, n).astype(np.float64)
         elif style == "adverse":
-            strength = np.where(closing < 0.0, 1.0, 0.0)
+            strength = (closing < 0.0).astype(np.float64)
             times = np.where(strength > 0.0, 0.0, times)
-        else:
-            strength = np.full(n, 1.0 if style == "most" else 0.0)
-        ramp = times * self._spread("ramp")
-        swing = times * self._joined("settle")
+        ramp = times * joined(self.figures, "ramp")
+        swing = times * joined(self.figures, "settle")
         if self.swings_back:
             # At the worst towards the nearest pair: back where a joint moves away.
             away = closing < 0.0 if style == "adverse" else self.rng.random(n) < 0.5
-            swing = np.where(away, -self._joined("settle"), swing)
-        swing *= self.velocity / self._joined("velocity")
-        duration = self._spread("settle_time") * self.rng.uniform(0.3, 1.0, n)
+            swing = np.where(away, -joined(self.figures, "settle"), swing)
+        swing *= self.velocity / joined(self.figures, "velocity")
+        duration = joined(self.figures, "settle_time") * self.rng.uniform(0.3, 1.0, n)
         return self.weak * (least + strength * (most - least)), ramp, swing, duration
 
     @property
@@ -196,16 +199,6 @@ class Truth:
         if style == "alternating":
             return signs if cycle % 2 else -signs
         return np.zeros(len(signs)) if style == "none" else signs
-
-    def _joined(self, figure: str) -> Floats:
-        """A figure of all joints, shape (n,)."""
-        return np.concatenate([getattr(f, figure) for f in self.figures])
-
-    def _spread(self, figure: str) -> Floats:
-        """A figure of each arm for all its joints, shape (n,)."""
-        return np.concatenate(
-            [np.full(len(f.velocity), getattr(f, figure)) for f in self.figures]
-        )
 
     def _share(self, least: float) -> float:
         """Share of a declared figure that is true."""

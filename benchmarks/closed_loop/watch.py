@@ -5,13 +5,11 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Bools, Floats, Ints
 from closed_loop.judge import Judge
 from closed_loop.judge_model import SIGHT
 from closed_loop.settings import SUBSTEP
-
-Floats = NDArray[np.float64]
 
 # A state is judged anew once things may have moved by this share of the distance found
 # last, or be nearer than NEAR [m]: no contact can hide between two judged states.
@@ -96,8 +94,13 @@ def step_ways(q, p, q_rows, p_rows, reach, first, ways, moving):
     return total
 
 
-@numba.njit(cache=True)
-def nearest_of(distances, geoms, outer, arm_of, moving):
+def nearest_of(
+    distances: Floats,
+    geoms: Ints,
+    outer: Floats,
+    arm_of: Ints,
+    moving: Bools,
+) -> tuple[float, float, int]:
     """Least distance of all pairs, and the nearest of those that count.
 
     Args:
@@ -111,18 +114,15 @@ def nearest_of(distances, geoms, outer, arm_of, moving):
         Least distance of the true surfaces [m], infinite if there is no pair; the same
         of a pair of which an arm moved, and which that is.
     """
-    least = counting = np.inf
-    which = -1
-    for k in range(len(distances)):
-        counts, distance = False, distances[k]
-        for side in range(2):
-            arm = arm_of[geoms[k, side]]
-            counts |= arm >= 0 and moving[arm]
-            distance -= outer[geoms[k, side]]
-        least = min(least, distance)
-        if counts and distance < counting:
-            counting, which = distance, k
-    return least, counting, which
+    if len(distances) == 0:
+        return np.inf, np.inf, -1
+    a, b = geoms.T
+    true = distances - outer[a] - outer[b]
+    # Objects, of arm -1, never count.
+    moves = np.append(moving, False)
+    counting = np.where(moves[arm_of[a]] | moves[arm_of[b]], true, np.inf)
+    k = int(counting.argmin())
+    return float(true.min()), float(counting[k]), k
 
 
 class Watch:
@@ -156,7 +156,7 @@ class Watch:
     def __init__(
         self,
         judge: Judge,
-        first: NDArray[np.int64],
+        first: Ints,
         q: Floats,
         outer: Floats,
         movers: Mapping[str, Floats],
@@ -219,9 +219,7 @@ class Watch:
         """Judge the last state, its objects being where the judge has them."""
         self._see(tick * SUBSTEP, self._q, self._moving)
 
-    def _rest_before(
-        self, tick: int, q_rows: Floats, moving: NDArray[np.bool_]
-    ) -> None:
+    def _rest_before(self, tick: int, q_rows: Floats, moving: Bools) -> None:
         """Note where each arm rested last, and when."""
         for arm in range(moving.shape[1]):
             rests = np.flatnonzero(~moving[:, arm])
@@ -230,7 +228,7 @@ class Watch:
                 self._rest[own] = q_rows[rests[-1], own]
                 self._rested[arm] = tick + 1 + rests[-1]
 
-    def _see(self, time: float, q: Floats, moving: NDArray[np.bool_]) -> None:
+    def _see(self, time: float, q: Floats, moving: Bools) -> None:
         """Judge one state."""
         self.judged += 1
         self._moved = 0.0
@@ -257,9 +255,9 @@ class Watch:
         self,
         time: float,
         distances: Floats,
-        geoms: NDArray[np.int32],
-        moving: NDArray[np.bool_],
-    ) -> tuple[Floats, NDArray[np.int32]]:
+        geoms: Ints,
+        moving: Bools,
+    ) -> tuple[Floats, Ints]:
         """The pairs without those of arms that leave and objects that move.
 
         Those that touch are noted, to be judged by the resting arm.

@@ -1,1 +1,1 @@
-"""Campaigns of many episodes, each drawn from its seed: run, kept, told."""
+"""Campaigns of many episodes, each drawn from its seed: run and recorded."""

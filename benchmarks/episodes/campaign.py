@@ -1,4 +1,4 @@
-"""A campaign: kinds of episodes, what is run of each, and how what came is told."""
+"""A campaign: kinds of episodes, how many of each, and what is written of them."""
 
 import argparse
 import json
@@ -6,7 +6,7 @@ import multiprocessing
 import signal
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,6 +16,7 @@ from time import monotonic
 from typing import Any
 
 from armguard.cli.console import jsonable, say
+from episodes.page import page
 from episodes.records import Digest, Extreme, Figures, Records, ranges_of
 
 Episode = dict[str, Any]
@@ -32,6 +33,12 @@ class LeftOut(Exception):
     """An episode that tells nothing: its message is the reason it is counted by."""
 
 
+def numbers(kind: str, figures: Figures) -> str:
+    """The plain numbers among figures, in one line."""
+    found = ((n, f) for n, f in figures.items() if isinstance(f, int | float))
+    return f"{kind}: " + ", ".join(f"{name} {figure:g}" for name, figure in found)
+
+
 @dataclass(frozen=True)
 class Campaign:
     """What is run, and who tells of it.
@@ -43,15 +50,14 @@ class Campaign:
         extreme: Figures that are no sums, and how two of one name are put together.
         summed_up: Figures of episodes of a kind.
         digest: What came of an episode, in short.
-        sentence: Sentence about the figures of a kind.
-        page: The page, from the figures of all kinds.
         is_broken: Whether figures break a promise.
         is_told: Whether something is to be looked at in an episode.
-        untold: Keys of an episode that say nothing to who looks at it.
         count: How many episodes of each kind are run if nothing is said.
         shares: How many of them are run of a kind, 1 if left out [-].
         written: After so many what they came to is written down.
         derived: Figures of a kind that follow from its sums.
+        sentence: Sentence about the figures of a kind.
+        page: The page, from the figures of all kinds; None for its template.
     """
 
     results: Path
@@ -60,15 +66,14 @@ class Campaign:
     extreme: Extreme
     summed_up: Callable[[str, list[Episode]], Figures]
     digest: Callable[[Episode], Digest]
-    sentence: Callable[[str, Figures], str]
-    page: Callable[[Mapping[str, Figures]], str]
     is_broken: Callable[[Figures], bool]
     is_told: Callable[[Episode], bool]
-    untold: Sequence[str] = ()
     count: int = 10_000
     shares: Mapping[str, float] = field(default_factory=dict)
     written: int = 100
     derived: Callable[[str, Figures], Figures] = lambda _, __: {}
+    sentence: Callable[[str, Figures], str] = numbers
+    page: Callable[[Mapping[str, Figures]], str] | None = None
 
     @property
     def records(self) -> Records:
@@ -97,15 +102,11 @@ class Campaign:
             if end is not None and monotonic() > end:
                 return
 
-    def told_of(self, episode: Episode) -> Episode:
-        """What of an episode somebody may look at."""
-        return {key: e for key, e in episode.items() if key not in self.untold}
-
     def show(self, kind: str, chosen: argparse.Namespace) -> bool:
         """Run episodes and print them, each in full; whether a promise is broken."""
         seeds = range(chosen.first, chosen.first + chosen.episodes)
         found = list(self.run(kind, seeds, processes=chosen.processes))
-        print(json.dumps(jsonable([self.told_of(e) for e in found]), indent=1))
+        print(json.dumps(jsonable(found), indent=1))
         figures = self.figures_of(kind, found)
         figures |= self.derived(kind, figures) if figures["episodes"] else {}
         return figures["episodes"] > 0 and self.is_broken(figures)
@@ -131,10 +132,10 @@ class Campaign:
 
     def figures_of(self, kind: str, episodes: list[Episode]) -> Figures:
         """Figures of episodes of a kind, and of which, and how many were left out."""
-        told = [e for e in episodes if "left_out" not in e]
+        counted = [e for e in episodes if "left_out" not in e]
         return {
             "episodes": 0,
-            **(self.summed_up(kind, told) if told else {}),
+            **(self.summed_up(kind, counted) if counted else {}),
             "seeds": ranges_of(e["seed"] for e in episodes),
             "left_out": Counter(e["left_out"] for e in episodes if "left_out" in e),
         }
@@ -158,7 +159,7 @@ class Campaign:
             kind, todo, processes=chosen.processes, seconds=chosen.seconds
         ):
             if "left_out" in episode or self.is_told(episode):
-                print(kind, json.dumps(jsonable(self.told_of(episode))), flush=True)
+                print(kind, json.dumps(jsonable(episode)), flush=True)
             waiting.append(episode)
             if len(waiting) >= self.written:
                 self.write(kind, waiting, records)
@@ -201,7 +202,8 @@ class Campaign:
             return int(any(found))
         todo = {} if chosen.page else counts
         broken = [self.go_on(kind, chosen, count) for kind, count in todo.items()]
-        text = self.page(self.records.kinds)
+        written = self.page or partial(page, self.results.stem)
+        text = written(self.records.kinds)
         self.results.with_suffix(".md").write_text(text, encoding="utf-8")
         say(f"wrote {self.results.name} and its page")
         return int(any(broken))

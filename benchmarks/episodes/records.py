@@ -24,7 +24,7 @@ from episodes.kernels import GUARD, kernels_of
 Figures = dict[str, Any]
 Extreme = Mapping[str, Callable[[float, float], float]]
 
-# So many seeds in which something was found are told.
+# So many seeds in which something was found are listed.
 TOLD = 20
 
 # What figures have beside what was measured.
@@ -60,25 +60,20 @@ def version(what: str, files: Iterable[Path]) -> str:
     return digest.hexdigest()[:16]
 
 
-def joined(ranges: Iterable[Sequence[int]]) -> list[list[int]]:
-    """Ranges of seeds, each with its end, where one follows another as one."""
+def ranges_of(seeds: Iterable[int]) -> list[list[int]]:
+    """Seeds as ranges, each with its end."""
     found: list[list[int]] = []
-    for first, end in sorted(ranges):
-        if found and found[-1][1] == first:
-            found[-1] = [found[-1][0], end]
+    for seed in sorted(seeds):
+        if found and found[-1][1] == seed:
+            found[-1][1] += 1
         else:
-            found.append([first, end])
+            found.append([seed, seed + 1])
     return found
 
 
-def ranges_of(seeds: Iterable[int]) -> list[list[int]]:
-    """Seeds as ranges, each with its end."""
-    return joined([seed, seed + 1] for seed in seeds)
-
-
-def overlap(one: list[list[int]], other: list[list[int]]) -> bool:
-    """Whether ranges of seeds have any in common."""
-    return any(a < d and c < b for a, b in one for c, d in other)
+def seeds_of(ranges: Iterable[Sequence[int]]) -> set[int]:
+    """Seeds of ranges, each with its end."""
+    return {seed for first, end in ranges for seed in range(first, end)}
 
 
 class Records:
@@ -111,10 +106,8 @@ class Records:
     def todo(self, kind: str, first: int, end: int) -> Iterator[int]:
         """Seeds of a range of which nothing is known yet."""
         self.kinds = read(self.path)
-        done = self._known(kind).get("seeds", [])
-        for seed in range(first, end):
-            if not any(a <= seed < b for a, b in done):
-                yield seed
+        done = seeds_of(self._known(kind).get("seeds", []))
+        yield from (seed for seed in range(first, end) if seed not in done)
 
     def add(
         self, kind: str, figures: Figures, digests: Iterable[Digest] = ()
@@ -124,7 +117,7 @@ class Records:
             # Another campaign may have added to the same file meanwhile.
             self.kinds = read(self.path)
             known = self._known(kind)
-            if known and overlap(known["seeds"], figures["seeds"]):
+            if known and seeds_of(known["seeds"]) & seeds_of(figures["seeds"]):
                 # Another campaign ran them as well, and was quicker.
                 return self.kinds[kind]
             found = merged(known, figures, self.extreme)
@@ -281,7 +274,7 @@ def digests_of(line: Figures) -> Iterator[Digest]:
     outcomes = {
         seed: name for name, seeds in line["outcomes"].items() for seed in seeds
     }
-    seeds = [seed for first, end in line["seeds"] for seed in range(first, end)]
+    seeds = sorted(seeds_of(line["seeds"]))
     for k, (seed, least) in enumerate(zip(seeds, line["least_mm"], strict=True)):
         counts = {
             name: some[k] if isinstance(some, list) else some.get(str(k), 0)
@@ -331,7 +324,7 @@ def merged(one: Figures, other: Figures, extreme: Extreme) -> Figures:
         if a is None or b is None:
             found[key] = b if a is None else a
         elif key == "seeds":
-            found[key] = joined([*a, *b])
+            found[key] = ranges_of(seeds_of([*a, *b]))
         elif key in extreme:
             found[key] = extreme[key](a, b)
         elif isinstance(b, dict):

@@ -3,13 +3,11 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.scene import Scene, SceneTables
+from arrays import Floats
 from closed_loop.judge import FAR, SIGHT
 from closed_loop.judge import Judge as PairJudge
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Pose, Sphere
 from armguard.robot.stopping import StoppingFigures
@@ -13,10 +12,10 @@ from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseSettings
 from armguard.scene.tables import SceneTables
-from closed_loop.scenes import bare_scene
+from arrays import Floats
+from closed_loop.scenes import bare_scene, filled
+from closed_loop.truth import joined
 from evading.judge import Judge
-
-Floats = NDArray[np.float64]
 
 # Time from one cycle to the next [s], and the distance that is asked for [m].
 PERIOD, BUFFER = 0.004, 0.005
@@ -86,26 +85,19 @@ class Place:
 
     def joined(self, figure: str) -> Floats:
         """A figure of all joints, shape (n,)."""
-        return np.concatenate([getattr(f, figure) for f in self.figures.values()])
+        return joined(self.figures.values(), figure)
 
 
 def built(name: str, thing: Thing, evade: bool) -> Scene:
-    """The scene as the guard is told of it."""
+    """The scene of the guard."""
     bare = bare_scene(name)
     scene = Scene(mode="path", period=PERIOD, index=bare.index, buffer=BUFFER)
-    for robot, known in bare.robots.items():
-        scene.add_robot(
-            known.model,
-            name=robot,
-            base=known.base,
-            home=known.home,
-            stopping=known.stopping,
-            response=ResponseSettings(evade=evade),
-        )
-    for other, seen in bare.objects.items():
-        scene.add([*seen.shapes, *seen.surfaces], name=other, pose=seen.pose)
-    for pair in bare.allowances:
-        scene.allow(pair.a, pair.b, reason=pair.reason)
+    evades = ResponseSettings(evade=evade)
+    filled(
+        scene,
+        bare,
+        lambda name: {"stopping": bare.robots[name].stopping, "response": evades},
+    )
     shape = (
         Box(half_extents=thing.half) if thing.is_box else Sphere(radius=thing.half[0])
     )

@@ -10,12 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from evading.places import BUFFER, PERIOD, Place
 from evading.throws import BEFORE, Throw
-
-Floats = NDArray[np.float64]
 
 # How far the joint goes that goes farthest by its top speed: time of it at that speed
 # [s].

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from evading.places import PERIOD, SIZES, Place, Thing
-
-Floats = NDArray[np.float64]
 
 # Speeds of what comes [m/s], and by how much more is declared at most [-].
 SPEEDS, DECLARED = (0.1, 1.0), (1.0, 1.3)
@@ -73,11 +71,11 @@ class Throw:
         """How fast it comes [m/s]."""
         return float(np.sqrt(self.velocity @ self.velocity))
 
-    def wish(self, time: float) -> Floats:
+    def desired(self, time: float) -> Floats:
         """What the operator asks for, shape (n,) [rad/s or m/s]."""
         return self.sway * np.sin(2.0 * pi * time / self.back)
 
-    def meant(self, time: float) -> Floats:
+    def nominal(self, time: float) -> Floats:
         """Where the arms are then if they do as asked, shape (n,) [rad or m]."""
         turned = self.back / (2.0 * pi) * (1.0 - np.cos(2.0 * pi * time / self.back))
         return self.q + turned * self.sway
@@ -144,7 +142,7 @@ def tried(
         sway[own] = rng.uniform(*WORK) * most * rng.uniform(-1.0, 1.0, len(most))
     back, until_hit = rng.uniform(*BACK), rng.uniform(*SEEN)
     throw = Throw(thing, robot, q, sway, back, np.zeros(3), np.zeros(3), until_hit, 0.0)
-    at_hit = throw.meant(BEFORE + until_hit)
+    at_hit = throw.nominal(BEFORE + until_hit)
     judge.put(at_hit, None)
     aim = judge.middle(int(rng.choice(judge.links[place.robots[robot]])))
     way = rng.normal(size=3)
@@ -184,7 +182,7 @@ def is_fair(place: Place, throw: Throw) -> bool:
     low, high = place.limits
     hit = False
     for time in np.arange(0.0, throw.duration, 4.0 * PERIOD):
-        q = throw.meant(float(time))
+        q = throw.nominal(float(time))
         if (q < low).any() or (q > high).any():
             return False
         at = throw.mover(float(time))

@@ -11,17 +11,13 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.respond import Guard
+from arrays import Floats
 from gripping.gantry import BELOW
 from gripping.judge import FINGERS, Judge
-from gripping.leaving import leave
 from gripping.plant import Plant
-from gripping.solids import box, gaps
-from gripping.workplace import GANTRY, PERIOD, side_by_side
-
-Floats = NDArray[np.float64]
+from gripping.workplace import GANTRY, PERIOD, box, gaps, side_by_side
 
 # How long he is of one mind, and how long an episode is [s].
 OF_ONE_MIND, DURATION = (0.1, 5.0), 15.0
@@ -86,7 +82,7 @@ class Fickle:
         self.names = [n for n in judge.solids if n != "table"]
         self.mind = self.another(0)
         # Things his fingers may touch: what he wants, and what he has not left yet.
-        self.meant = {self.mind.target}
+        self.intended = {self.mind.target}
         self.changes = 0
 
     def another(self, cycle: int) -> Mind:
@@ -107,14 +103,14 @@ class Fickle:
             self.look()
             self.mind = self.another(k)
             if self.mind.way != "random":
-                self.meant.add(self.mind.target)
+                self.intended.add(self.mind.target)
             self.changes += 1
-        wish = self.wish()
+        desired = self.desired()
         if self.mind.way == "random":
-            self.mean(self.headed_for(wish[:3]))
-        self.plant.cycle(wish)
+            self.intend(self.headed_for(desired[:3]))
+        self.plant.cycle(desired)
         if self.plant.stopped_for > STOPPED:
-            leave(self.plant, fingers=True)
+            self.plant.leave(fingers=True)
         self.forget()
 
     def is_at(self, q: Floats, name: str) -> bool:
@@ -134,33 +130,33 @@ class Fickle:
         solids = self.judge.solids
         return {n for n in near if float(gaps(points, solids[n]).min()) <= AIM}
 
-    def mean(self, names: set[str]) -> None:
+    def intend(self, names: set[str]) -> None:
         """From now on he may touch these as well."""
-        if not names <= self.meant:
+        if not names <= self.intended:
             self.look()
-            self.meant |= names
+            self.intended |= names
 
     def forget(self) -> None:
         """Forget what he turned away from, once he has left it."""
         q = self.plant.q
         kept = set() if self.mind.way == "random" else {self.mind.target}
-        left = {name for name in self.meant - kept if not self.is_at(q, name)}
+        left = {name for name in self.intended - kept if not self.is_at(q, name)}
         if left:
             self.look()
-            self.meant -= left
+            self.intended -= left
 
     def look(self) -> None:
-        """Have what happened judged by what is meant now."""
-        may = {(finger, name) for finger in FINGERS for name in self.meant}
+        """Have what happened judged by what is intended now."""
+        may = {(finger, name) for finger in FINGERS for name in self.intended}
         self.judge.look(self.plant.rows, may)
 
-    def wish(self) -> Floats:
+    def desired(self) -> Floats:
         """The velocities he asks for, shape (5,) [m/s]."""
         mind, seen = self.mind, self.plant.seen
-        wish = np.zeros(5)
+        desired = np.zeros(5)
         if mind.way == "random":
-            wish[:3] = mind.stick
-            return wish
+            desired[:3] = mind.stick
+            return desired
         solid = self.judge.solids[mind.target]
         low = GANTRY.height_over(solid)
         wide = GANTRY.opening(solid) if mind.way != "closed" else NARROW
@@ -174,18 +170,18 @@ class Fickle:
             if seen[2] < above - 0.02:
                 goal[:2] = seen[:2]
         way = goal - seen[:3]
-        wish[:3] = 8.0 * way
-        size = float(np.sqrt(wish[:3] @ wish[:3]))
+        desired[:3] = 8.0 * way
+        size = float(np.sqrt(desired[:3] @ desired[:3]))
         slow = mind.speed if way[2] < 0.0 and beside <= ALIGNED else 4.0 * mind.speed
         most = mind.speed if mind.way == "speed" else min(slow, 0.8)
         if size > most:
-            wish[:3] *= most / size
+            desired[:3] *= most / size
         down = abs(seen[2] - low) < 0.004 and beside <= ALIGNED
         if mind.way == "grip" and down:
-            wish[3:] = -0.04
+            desired[3:] = -0.04
         else:
-            wish[3:] = np.clip(8.0 * (wide - seen[3:]), -0.05, 0.05)
-        return wish
+            desired[3:] = np.clip(8.0 * (wide - seen[3:]), -0.05, 0.05)
+        return desired
 
 
 def run_episode(seed: int) -> dict[str, Any]:
@@ -203,13 +199,10 @@ def run_episode(seed: int) -> dict[str, Any]:
     return {
         "seed": seed,
         "changes": operator.changes,
-        "meant": len({name for _, name in found.meant}),
+        "meant": len({name for _, name in found.intended}),
         "simulated_s": len(operator.plant.rows) * PERIOD,
         "worked_s": process_time() - begin,
         "stops": operator.plant.stops,
-        "touched": found.touched,
-        "least": found.least,
-        "depth": found.depth,
-        "speed": found.speed,
+        **found.figures(),
         "response": place.response,
     }

@@ -5,7 +5,7 @@ import numpy as np
 from armguard.geometry import Box, Pose
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 
-# How it stops, late it is, and misses what it is told [SI].
+# How it stops, how late it is, and by how much it misses commands [SI].
 FIGURES = {
     "deceleration": 4.0,
     "acceleration": 8.0,

@@ -1,15 +1,14 @@
-"""Who touched whom: true distances of the gantry and of what it carries, by hand."""
+"""True distances of the gantry and of what it carries, by closed forms."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from gripping.gantry import BELOW, CLOSED, FINGER, HAND
-from gripping.solids import Solid, box, gaps
-from gripping.workplace import Workplace
-
-Floats = NDArray[np.float64]
+from gripping.workplace import Solid, Workplace, box, gaps
 
 PARTS = ("hand", "left", "right")
 FINGERS = ("left", "right")
@@ -25,12 +24,11 @@ class Findings:
     """What an episode came to.
 
     Attributes:
-        touched: Contacts that were not meant: part of the arm, what it touched, and the
-            cycle.
-        least: Least distance of what is not meant to touch [m].
-        depth: Greatest overlap of what is meant to touch [m].
-        speed: Greatest closing speed of a contact that is meant, when it begins [m/s].
-        meant: Contacts that were meant and happened.
+        touched: Unintended contacts: part of the arm, what it touched, and the cycle.
+        least: Least distance of what is not intended to touch [m].
+        depth: Greatest overlap of what is intended to touch [m].
+        speed: Greatest closing speed of an intended contact when it begins [m/s].
+        intended: Contacts that were intended and happened.
         slipped: How far a finger moved while the gripper held something [m].
     """
 
@@ -38,8 +36,13 @@ class Findings:
     least: float = np.inf
     depth: float = 0.0
     speed: float = 0.0
-    meant: set[Pair] = field(default_factory=set)
+    intended: set[Pair] = field(default_factory=set)
     slipped: float = 0.0
+
+    def figures(self, *names: str) -> dict[str, Any]:
+        """The figures of every kind of episodes, and those of these names."""
+        names = ("touched", "least", "depth", "speed", *names)
+        return {name: getattr(self, name) for name in names}
 
 
 class Judge:
@@ -82,31 +85,35 @@ class Judge:
         return float(gaps(self._arm(q)[part], self.solids[other]))
 
     def look(self, rows: list[Floats], may_touch: set[Pair]) -> None:
-        """Judge the rows that are new; the same is carried and meant in all of them.
+        """Judge the rows that are new; the same is carried and intended in all of them.
 
         Args:
             rows: True positions of all cycles so far, shape (5,) each [m].
-            may_touch: Contacts that are meant: part of the arm, and what it touches.
+            may_touch: Contacts that are intended: part of the arm, and what it touches.
         """
         if len(rows) == self._seen:
             return
         # The last row that was judged is where contacts of the next one begin.
         begin = max(self._seen - 1, 0)
-        q = np.array(rows[begin:])
+        new = np.array(rows[begin:])
         self._seen = len(rows)
         if self.held is not None:
-            slipped = float(np.abs(q[:, 3:] - self._fingers).max())
+            fingers = new[:, -len(self._fingers) :]
+            slipped = float(np.abs(fingers - self._fingers).max())
             self.findings.slipped = max(self.findings.slipped, slipped)
+        for pair, found in self._distances(new):
+            if pair in may_touch:
+                self._meant(pair, found)
+            else:
+                self._not_meant(pair, found, begin)
+
+    def _distances(self, q: Floats) -> Iterator[tuple[Pair, Floats]]:
+        """True distances of each pair in rows of positions, shape (n,) [m]."""
         for part, solid in self._arm(q).items():
             for name, other in self.solids.items():
                 # What is gripped presses against its gripper, and that is no contact.
-                if name == self.held:
-                    continue
-                found = gaps(solid, other)
-                if (part, name) in may_touch:
-                    self._meant((part, name), found)
-                else:
-                    self._not_meant((part, name), found, begin)
+                if name != self.held:
+                    yield (part, name), gaps(solid, other)
 
     def _arm(self, q: Floats) -> dict[str, Solid]:
         """Bodies of the arm, and what it holds, at rows or at one."""
@@ -121,19 +128,19 @@ class Judge:
         return found
 
     def _meant(self, pair: Pair, found: Floats) -> None:
-        """Note depth and speed of a contact that is meant."""
+        """Note depth and speed of a contact that is intended."""
         out = self.findings
         least = float(found.min())
         if least > 0.0:
             return
-        out.meant.add(pair)
+        out.intended.add(pair)
         out.depth = max(out.depth, -least)
         begins = (found[:-1] > 0.0) & (found[1:] <= 0.0)
         closing = (found[:-1] - found[1:]) / self.period
         out.speed = max(out.speed, float(closing[begins].max(initial=0.0)))
 
     def _not_meant(self, pair: Pair, found: Floats, begin: int) -> None:
-        """Note how near something came that is not meant."""
+        """Note how near something came that is not intended."""
         out = self.findings
         k = int(np.argmin(found))
         out.least = min(out.least, float(found[k]))

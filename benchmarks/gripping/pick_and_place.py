@@ -7,19 +7,15 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.errors import GraspError
 from armguard.geometry import Pose
 from armguard.guard import Reason
 from armguard.respond import Action, Command, Guard
+from arrays import Floats
 from gripping.judge import FINGERS, HELD, Judge, Pair
-from gripping.leaving import leave
 from gripping.plant import Plant
-from gripping.solids import gaps
-from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered
-
-Floats = NDArray[np.float64]
+from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered, gaps
 
 # How the operator leads: speed by what is left of the way [1/s], how near is near
 # enough [m], and how little in what time is no progress [m, s].
@@ -62,7 +58,7 @@ class Outcome:
     worked_s: float = 0.0
 
 
-# What is told of a failure whose reason the guard does not name.
+# Words for a failure whose reason the guard does not name.
 UNNAMED = "no reason is named"
 
 
@@ -105,23 +101,23 @@ class Picker:
                 return True
             if left < best - PROGRESS:
                 best, last = left, len(self.plant.rows)
-            wish = GAIN * way
-            size = sqrt(wish[0] ** 2 + wish[1] ** 2 + wish[2] ** 2)
+            desired = GAIN * way
+            size = sqrt(desired[0] ** 2 + desired[1] ** 2 + desired[2] ** 2)
             if size > speed:
-                wish[:3] *= speed / size
-            most = max(wish[3:].max(), -wish[3:].min())
+                desired[:3] *= speed / size
+            most = max(desired[3:].max(), -desired[3:].min())
             if most > OPENING:
-                wish[3:] *= OPENING / most
-            self.plant.cycle(wish)
+                desired[3:] *= OPENING / most
+            self.plant.cycle(desired)
         return False
 
-    def push(self, wish: Floats, part_of: tuple[str, ...], other: str) -> bool:
+    def push(self, desired: Floats, part_of: tuple[str, ...], other: str) -> bool:
         """Ask for the same until all these parts are felt to touch; whether they do."""
         for _ in range(int(LONGEST / PERIOD)):
             q = self.plant.q
             if all(self.judge.gap(q, part, other) <= 0.0 for part in part_of):
                 return True
-            if self.plant.cycle(wish).action >= Action.STOP:
+            if self.plant.cycle(desired).action >= Action.STOP:
                 return False
         return False
 
@@ -156,7 +152,7 @@ class Picker:
         self.blocked_by = what_blocks(self.plant.command) or self.blocked_by
         self.tries += 1
         self.hurry = np.inf
-        leave(self.plant, fingers=fingers)
+        self.plant.leave(fingers=fingers)
 
 
 def run_episode(seed: int) -> dict[str, Any]:
@@ -171,7 +167,7 @@ def run_episode(seed: int) -> dict[str, Any]:
     picker = Picker(Plant(guard, rng), judge, GANTRY, rng)
     pick_and_place(picker, place, name, goal, outcome)
     outcome.worked_s = process_time() - begin
-    return told(picker, place, outcome)
+    return figures_of(picker, place, outcome)
 
 
 def pick_and_place(
@@ -189,26 +185,22 @@ def pick_and_place(
     outcome.simulated_s = len(picker.plant.rows) * PERIOD
 
 
-def told(picker: Picker, place: Workplace, outcome: Outcome) -> dict[str, Any]:
+def figures_of(picker: Picker, place: Workplace, outcome: Outcome) -> dict[str, Any]:
     """Figures of an episode."""
     found = picker.judge.findings
     return {
         **asdict(outcome),
         "stops": picker.plant.stops,
-        "touched": found.touched,
-        "least": found.least,
-        "depth": found.depth,
-        "speed": found.speed,
-        "slipped": found.slipped,
+        **found.figures("slipped"),
         "response": place.response,
     }
 
 
 def ends_of_way(place: Workplace, name: str, goal: Floats, tool: Tool) -> Floats:
     """Where hand and fingers go from one to the other, shape (7, 5) [m]."""
-    meant = place.objects[name]
-    xy, opened = meant.at[:2], tool.opening(meant)
-    low, travel = tool.height_over(meant), place.travel(tool)
+    target = place.objects[name]
+    xy, opened = target.at[:2], tool.opening(target)
+    low, travel = tool.height_over(target), place.travel(tool)
     ends = [(*xy, travel), (*xy, low), (*xy, travel)]
     ends += [(*goal, travel), (*goal, low), (*goal, travel)]
     return np.array([place.home, *([*end, opened, opened] for end in ends)])
@@ -216,11 +208,11 @@ def ends_of_way(place: Workplace, name: str, goal: Floats, tool: Tool) -> Floats
 
 def is_certified(guard: Guard, place: Workplace, name: str, goal: Floats) -> bool:
     """Whether the way there is proven, and free for what is to be carried on."""
-    meant = place.objects[name]
+    target = place.objects[name]
     rows = ends_of_way(place, name, goal, GANTRY)
     guard.remove(name)
     clear = guard.check_path(rows).clear and carries_clear(place, name, rows)
-    guard.place(name, Pose(xyz=tuple(meant.at.tolist())))
+    guard.place(name, Pose(xyz=tuple(target.at.tolist())))
     return clear
 
 
@@ -244,15 +236,15 @@ def carries_clear(place: Workplace, name: str, ends: Floats) -> bool:
 
 def pick(picker: Picker, place: Workplace, name: str, travel: float) -> str | None:
     """Grip something; why not if it fails."""
-    meant = place.objects[name]
-    xy, low = meant.at[:2], picker.tool.height_over(meant)
-    if not picker.over(xy, travel, low, picker.tool.opening(meant)):
+    target = place.objects[name]
+    xy, low = target.at[:2], picker.tool.height_over(target)
+    if not picker.over(xy, travel, low, picker.tool.opening(target)):
         return why(picker, "above it")
     picker.look()
     closing = np.array([0.0, 0.0, 0.0, -picker.closing, -picker.closing])
     for _ in range(TRIES):
         arrived = picker.lead(
-            np.array([*xy, low]), picker.slow, open_to=picker.tool.opening(meant)
+            np.array([*xy, low]), picker.slow, open_to=picker.tool.opening(target)
         )
         closed = arrived and picker.push(closing, FINGERS, name)
         if closed:
@@ -277,7 +269,7 @@ def put_down(
     picker: Picker, place: Workplace, name: str, goal: Floats, travel: float
 ) -> str | None:
     """Carry what is gripped to a place and let go of it there; why not if it fails."""
-    meant = place.objects[name]
+    target = place.objects[name]
     standing = {(HELD, "table")}
     lifted = picker.lead(np.add(picker.plant.seen[:3], (0.0, 0.0, LIFTED)), picker.slow)
     picker.look(standing)
@@ -285,7 +277,7 @@ def put_down(
         return why(picker, "lifting it")
     lowering = np.array([0.0, 0.0, -picker.slow, 0.0, 0.0])
     for _ in range(TRIES):
-        above = picker.over(goal, travel, picker.tool.height_over(meant), None)
+        above = picker.over(goal, travel, picker.tool.height_over(target), None)
         picker.look()
         down = above and picker.push(lowering, (HELD,), "table")
         if down:
@@ -304,7 +296,7 @@ def put_down(
     picker.judge.release(picker.plant.q)
     picker.plant.grip(grips=False)
     here = picker.plant.seen[:3]
-    opened = picker.lead(here, picker.slow, open_to=picker.tool.opening(meant))
+    opened = picker.lead(here, picker.slow, open_to=picker.tool.opening(target))
     away = opened and picker.lead(np.add(here, (0.0, 0.0, AWAY)), picker.slow)
     picker.look({(finger, name) for finger in FINGERS})
     if not away:
@@ -330,8 +322,8 @@ def misplaced(picker: Picker, name: str, goal: Floats) -> str | None:
 
 def why(picker: Picker, when: str) -> str:
     """Why the arm did not get on, as the guard says it, or said it the last time."""
-    told = what_blocks(picker.plant.command) or picker.blocked_by
-    return f"{when}: {told or UNNAMED}"
+    reason = what_blocks(picker.plant.command) or picker.blocked_by
+    return f"{when}: {reason or UNNAMED}"
 
 
 def what_blocks(command: Command | None) -> str:

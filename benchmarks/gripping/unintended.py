@@ -10,17 +10,17 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.respond import Action, Guard
+from arrays import Floats
 from episodes.campaign import LeftOut
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.pick_and_place import Picker, pick, rest
 from gripping.plant import Plant
-from gripping.solids import Solid
 from gripping.workplace import (
     GANTRY,
     PERIOD,
+    Solid,
     Workplace,
     drawn_object,
     half_width,
@@ -28,22 +28,10 @@ from gripping.workplace import (
     table,
 )
 
-Floats = NDArray[np.float64]
-
 TARGET, NEIGHBOUR = "target", "neighbour"
 
 # Every kind comes as often as every other one.
 KINDS = ("hand", "speed", "closing", "neighbour", "undeclared", "held")
-
-# What each of them is, on the page.
-WORDS = {
-    "hand": "the palm, without a contract, is pushed onto an object",
-    "speed": "closed fingers run into it at 0.1 to 0.8 m/s, from above or from a side",
-    "closing": "fingers close on it at 0.1 to 0.6 m/s",
-    "neighbour": "a finger comes down on the neighbour 10 to 25 mm beside it",
-    "undeclared": "fingers close slowly on an object not declared as graspable",
-    "held": "the held object is driven into another one",
-}
 
 # How fast each kind is driven [m/s].
 SPEEDS = {
@@ -90,9 +78,12 @@ class Unguarded:
         self.home = guard.home
         self.tables = guard.tables
 
-    def filter(self, _q: Floats, wish: Floats, *_: Any, **__: Any) -> SimpleNamespace:
+    def filter(
+        self, _q: Floats, desired: Floats, *_: Any, **__: Any
+    ) -> SimpleNamespace:
         """See `Guard.filter`."""
-        return SimpleNamespace(velocity=wish, action=Action.FOLLOW)
+        follow = Action.FOLLOW
+        return SimpleNamespace(velocity=desired, action=follow, actions={"arm": follow})
 
     def grasp(self, _robot: str, _name: str) -> None:
         """See `Guard.grasp`."""
@@ -114,14 +105,11 @@ def run_episode(seed: int) -> dict[str, Any]:
         "seed": seed,
         "kind": kind,
         "speed_asked": accident.speed,
-        "meant": len({name for _, name in found.meant}),
+        "meant": len({name for _, name in found.intended}),
         "simulated_s": len(picker.plant.rows) * PERIOD,
         "worked_s": process_time() - begin,
         "stops": picker.plant.stops,
-        "touched": found.touched,
-        "least": found.least,
-        "depth": found.depth,
-        "speed": found.speed,
+        **found.figures(),
         "response": place.response,
     }
 
@@ -190,15 +178,15 @@ def run_into(picker: Picker, accident: Accident, target: Solid) -> None:
         # The tips are at half of its height, and clear of the table.
         level = float(max(z, 0.01)) + tips
         begin = np.array([x - FROM, y, level])
-        wish = (accident.speed, 0.0, 0.0, 0.0, 0.0)
+        desired = (accident.speed, 0.0, 0.0, 0.0, 0.0)
     else:
         begin = np.array([x, y, z + target.half[2] + tips + FROM])
-        wish = (0.0, 0.0, -accident.speed, 0.0, 0.0)
+        desired = (0.0, 0.0, -accident.speed, 0.0, 0.0)
     above = np.array([*begin[:2], max(begin[2], picker.plant.seen[2])])
     there = picker.lead(above, picker.fast, open_to=NARROW)
     if not (there and picker.lead(begin, picker.fast, open_to=NARROW)):
         raise LeftOut("the operator did not get there (speed)")
-    drive(picker, wish)
+    drive(picker, desired)
 
 
 def carry_into(picker: Picker, accident: Accident, place: Workplace) -> None:
@@ -216,9 +204,9 @@ def carry_into(picker: Picker, accident: Accident, place: Workplace) -> None:
     picker.look()
 
 
-def drive(picker: Picker, wish: tuple[float, ...]) -> None:
+def drive(picker: Picker, desired: tuple[float, ...]) -> None:
     """Ask for the same for as long as a way takes, and then some."""
-    asked = np.array(wish)
+    asked = np.array(desired)
     cycles = int((WAY / np.abs(asked).max() + PUSHES) / PERIOD)
     for _ in range(cycles):
         picker.plant.cycle(asked)

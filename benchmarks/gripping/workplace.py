@@ -1,17 +1,70 @@
 """Tables with things to grip, walls and a shelf between them, drawn at random."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Cylinder, Pose
 from armguard.scene import Gripper, Scene
 from armguard.scene.settings import IndexSettings
+from arrays import Floats
 from gripping.gantry import BELOW, CLOSED, FIGURES, FINGER, HAND, WIDEST, gantry
-from gripping.solids import Solid, box, cylinder, gaps
 
-Floats = NDArray[np.float64]
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A box along the axes, or a cylinder that stands.
+
+    Attributes:
+        half: Half of its sizes along x, y, z; of a cylinder 0, 0 and half its height,
+            shape (3,) [m].
+        radius: Radius of a cylinder; 0 of a box [m].
+        at: Its middle in the world, shape (3,), or in each of n cycles, (n, 3) [m].
+    """
+
+    half: Floats
+    radius: float
+    at: Floats
+
+    def moved_to(self, at: Floats) -> "Solid":
+        """The same elsewhere."""
+        return replace(self, at=np.asarray(at, dtype=np.float64))
+
+    @property
+    def reach(self) -> float:
+        """How far it reaches from its middle in the plane [m]."""
+        return float(np.hypot(self.half[0], self.half[1])) + self.radius
+
+
+def box(half, at) -> Solid:
+    """A box by half of its sizes and its middle [m]."""
+    return Solid(np.asarray(half, dtype=np.float64), 0.0, np.asarray(at, dtype=float))
+
+
+def cylinder(radius: float, half_height: float, at) -> Solid:
+    """A cylinder that stands, by its middle [m]."""
+    half = np.array([0.0, 0.0, half_height])
+    return Solid(half, radius, np.asarray(at, dtype=np.float64))
+
+
+def gaps(a: Solid, b: Solid) -> Floats:
+    """Signed distance of two solids in each cycle, shape () or (n,) [m].
+
+    Exact while they are apart. Where they overlap it is the least depth along z or in
+    the plane, negative; in the plane exact unless the axis of a cylinder is inside the
+    other solid.
+    """
+    apart = np.abs(b.at - a.at) - (a.half + b.half)
+    plane = _signed(apart[..., 0], apart[..., 1]) - (a.radius + b.radius)
+    return np.asarray(_signed(plane, apart[..., 2]))
+
+
+def _signed(u: Floats, v: Floats) -> Floats:
+    """Signed distance from two that are at right angles."""
+    outside = np.hypot(np.maximum(u, 0.0), np.maximum(v, 0.0))
+    return np.where(np.maximum(u, v) > 0.0, outside, np.maximum(u, v))
+
 
 # Time from one cycle to the next, and how the gantry stops: it is as late as that [s].
 PERIOD = 0.004
@@ -29,7 +82,7 @@ BESIDE, OFF_WIDEST = 0.015, 0.004
 # Least distance of fingers from the table, and of the hand from what it grips [m].
 OVER_TABLE, OVER_OBJECT = 0.01, 0.012
 
-# Whoever grips or puts down keeps at least this to all that is not meant [m].
+# An operator who grips or puts down keeps at least this to all other things [m].
 ROOM = 0.012
 
 # What is carried passes above everything by this [m].
@@ -116,22 +169,10 @@ class Workplace:
     home: Floats
 
     def scene(self) -> Scene:
-        """The scene, with the gantry named 'arm'."""
+        """The scene, with its robot named 'arm'."""
         scene = Scene(mode="path", period=PERIOD, index=IndexSettings(kind=self.index))
-        names = ("x", "y", "z", "open_left", "open_right")
-        scene.add_robot(
-            gantry(),
-            name="arm",
-            stopping=STOPPING,
-            home=dict(zip(names, self.home.tolist(), strict=True)),
-            gripper=Gripper(link="hand", fingers=("left", "right"), coarse=self.coarse),
-            response=self.response,
-        )
-        self.add_solids(scene)
-        return scene
-
-    def add_solids(self, scene: Scene) -> None:
-        """Add all that stands there to a scene."""
+        model, known = self.robot()
+        scene.add_robot(model, name="arm", response=self.response, **known)
         for name, solid in {**self.fixtures, **self.objects}.items():
             shape = (
                 Cylinder(radius=solid.radius, height=2.0 * float(solid.half[2]))
@@ -140,6 +181,18 @@ class Workplace:
             )
             pose = Pose(xyz=tuple(solid.at.tolist()))
             scene.add(shape, name=name, pose=pose, graspable=name in self.objects)
+        return scene
+
+    def robot(self) -> tuple[Any, dict[str, Any]]:
+        """The robot's model, and what else `Scene.add_robot` is to know of it."""
+        names = ("x", "y", "z", "open_left", "open_right")
+        return gantry(), {
+            "stopping": STOPPING,
+            "home": dict(zip(names, self.home.tolist(), strict=True)),
+            "gripper": Gripper(
+                link="hand", fingers=("left", "right"), coarse=self.coarse
+            ),
+        }
 
     def travel(self, tool: Tool) -> float:
         """Height of a hand that carries something above everything [m]."""
@@ -180,7 +233,7 @@ def settings(rng: np.random.Generator) -> dict[str, object]:
 def cluttered(
     rng: np.random.Generator, tool: Tool = GANTRY
 ) -> tuple[Workplace, str, Floats]:
-    """A table with clutter, the object that is meant, and a free place for it.
+    """A table with clutter, the object that is intended, and a free place for it.
 
     Args:
         rng: Draws them.
@@ -197,13 +250,13 @@ def cluttered(
                 objects[f"thing{k}"] = solid
         walls = [drawn_wall(rng) for _ in range(int(rng.integers(1, 6)))]
         name = str(rng.choice(list(objects)))
-        meant = objects[name]
+        target = objects[name]
         rest = [s for n, s in objects.items() if n != name] + walls
         clear = [w for w in walls if all(gaps(w, o) >= ROOM for o in objects.values())]
         goal = rng.uniform(-FIELD, FIELD, 2)
-        if clear != walls or not tool.is_free(meant, meant.at[:2], rest):
+        if clear != walls or not tool.is_free(target, target.at[:2], rest):
             continue
-        if not tool.is_free(meant, goal, rest):
+        if not tool.is_free(target, goal, rest):
             continue
         fixtures = {f"wall{k}": wall for k, wall in enumerate(walls)}
         fixtures["table"] = table()

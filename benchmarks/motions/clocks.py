@@ -5,16 +5,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.guard import Level, Reason
 from armguard.respond import Guard
+from arrays import Floats
 from closed_loop.plant import stopping_travel
 from closed_loop.scenes import build_scene
 from closed_loop.settings import Setting
 from motions.slower import LEFT
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 SETTING = Setting("bay", "path", "even", 0.001, 0.0005, 0.005)

@@ -4,14 +4,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.respond import Guard
 from armguard.scene import bay_scene
+from arrays import Floats
 from motions.free_motion import Motion, safe_time, state_at
 from motions.judge import Judge
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 # How far away pairs are told of, and motions are looked at [m].

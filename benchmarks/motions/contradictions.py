@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Pose, Sphere
 from armguard.guard import Reason
@@ -12,8 +11,8 @@ from armguard.guard.watch import RUNNING
 from armguard.respond import Guard
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene import Scene
+from arrays import Floats
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 # What the arm is: joints, and its figures.

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 
 class Motion(NamedTuple):

@@ -9,13 +9,11 @@ from typing import Any
 import coal
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.benchmark.peers.mujoco_margin import mjcf
 from armguard.scene import SceneTables
+from arrays import Floats
 from closed_loop.judge import extent
-
-Floats = NDArray[np.float64]
 
 
 class Judge:

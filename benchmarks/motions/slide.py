@@ -5,14 +5,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Pose, Sphere
 from armguard.respond import Guard
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene import Scene
-
-Floats = NDArray[np.float64]
 
 # Radius of the carriage, place of the wall's face, how far the joint goes [m].
 RADIUS = 0.05

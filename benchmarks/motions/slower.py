@@ -5,15 +5,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from closed_loop.answers import BRAKE
 from closed_loop.episode import Episode
 from closed_loop.plan import Plan, arena_of
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Styles
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 # What is left of the declared deceleration from the middle of a run on [-].

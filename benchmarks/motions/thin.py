@@ -6,17 +6,15 @@ from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armguard.geometry import Box, Capsule, Pose
 from armguard.guard.continuous import RESOLUTION
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, bay_task
+from arrays import Bools, Floats
 from motions.judge import Judge
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Progress = Callable[[str], None]
 
 # Wires and plates are this thin [m], and as long or wide as their halves are times two.

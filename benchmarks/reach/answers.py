@@ -5,17 +5,15 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard import Guard
 from armguard.respond.command import Action
 from armguard.scene.settings import ResponseName
+from arrays import Floats
 from reach.arena import Arena
 from reach.operators import Asked, Operator
 from reach.peer import PEERS, MinkPeer
 from reach.scenes import build_scene
-
-Floats = NDArray[np.float64]
 
 RESPONSES: tuple[ResponseName, ...] = ("deflect", "slow", "stop", "field")
 ANSWERS = (*RESPONSES, *PEERS)

@@ -11,11 +11,9 @@ from armguard import Guard
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseName
+from arrays import Floats, Ints
 from closed_loop.judge import Judge
 from reach.scenes import TOOLS, build_scene
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Joints with less room than this, grippers, keep their place [rad or m]; so does a
 # head.

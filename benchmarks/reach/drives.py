@@ -1,17 +1,15 @@
 """Robots that do as they are told, late and not quite, within their figures."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.respond.command import Action
+from arrays import Floats
 from closed_loop import plant as plants
 from closed_loop.measuring import Measuring
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Styles, Truth, pick
 from reach.arena import Arena
 from reach.scenes import PERIOD
-
-Floats = NDArray[np.float64]
 
 # Substeps of a cycle.
 STEPS = round(PERIOD / SUBSTEP)

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from reach.arena import Arena
 from reach.operators import Joints, Operator, Tools
 from reach.ways import find_way
-
-Floats = NDArray[np.float64]
 
 # Configurations tried for a start or a goal that keeps every buffer.
 TRIES = 4000

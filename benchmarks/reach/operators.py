@@ -5,12 +5,10 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from arrays import Floats
 from reach.arena import Arena
-
-Floats = NDArray[np.float64]
 
 # Share of their accelerations operators use, the top speed reached after a while [-].
 GENTLE = 0.3

@@ -8,15 +8,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
+from arrays import Floats
 from closed_loop.judge import Judge
 from closed_loop.judge_model import JudgeModel
 from reach.scenes import PERIOD
-
-Floats = NDArray[np.float64]
 
 # Settings of its limit. The first are its defaults: a pair may lose 85 % of what it has
 # left in one cycle. The second is the same limit told to begin far away, and to let a

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Floats
 from reach.answers import Answering
 from reach.arena import Arena
 from reach.operators import Push
 from reach.trial import Trial
-
-Floats = NDArray[np.float64]
 
 # Speeds along a surface and into it [m/s].
 ALONG = 0.12

@@ -1,10 +1,8 @@
 """How smooth a motion is: jerk, and how often it changes its mind."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from arrays import Bools, Floats
 
 # Share of its acceleration a joint must speed up or slow down by to count [-].
 COUNTS = 0.02

@@ -6,9 +6,9 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.guard import Verdict
+from arrays import Floats
 from closed_loop.watch import Watch
 from reach.answers import Answering, Told
 from reach.arena import Arena
@@ -16,8 +16,6 @@ from reach.drives import Drives
 from reach.operators import Operator
 from reach.scenes import PERIOD
 from reach.smoothness import chatter, held_back, jerk, share_blocked
-
-Floats = NDArray[np.float64]
 
 # A trial ends this long after the goal was reached, or a contact [s].
 AFTER = 0.3

@@ -3,9 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # Longest edge of a tree, in shares of what the joints can do [-].
 EDGE = 0.25

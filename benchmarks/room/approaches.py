@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard import Guard, bay_scene
 from armguard.cli.console import progress_bar
 from armguard.scene.tables import SceneTables
+from arrays import Floats
 from room.lines import JOINTS, STEP, Hand, Line, knots, line_through
 from room.warned import MODES, first_warnings, plain
-
-Floats = NDArray[np.float64]
 
 ARMS = ("left", "right")
 KINDS = ("fixture", "arm")

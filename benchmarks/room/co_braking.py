@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard import Box, Guard, Pose, Scene
 from armguard.guard import Verdict
 from armguard.robot.stopping import StoppingFigures
+from arrays import Floats
 from room.slides import (
     HALF,
     PERIOD,
@@ -24,8 +24,6 @@ from room.slides import (
     terms,
     worst_run,
 )
-
-Floats = NDArray[np.float64]
 
 SPEEDS = (0.1, 0.25, 0.4, 0.6)  # [m/s]
 TOP = 1.25  # [m/s]

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import paper_buffer as paper
 from armguard import Box, Guard, Scene
 from armguard.guard import Verdict
 from armguard.robot.stopping import StoppingFigures, stop_travel
 from armguard.scene.settings import Mode
+from arrays import Floats
 from room.slides import (
     HALF,
     PERIOD,
@@ -25,8 +25,6 @@ from room.slides import (
     terms,
     worst_run,
 )
-
-Floats = NDArray[np.float64]
 
 SPEEDS = (6.0 * paper.INCH, 12.0 * paper.INCH, 24.0 * paper.INCH)  # [m/s]
 

@@ -4,13 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.tables import SceneTables
-
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 JOINTS = 7
 PERIOD = 1e-3  # [s]

@@ -6,15 +6,13 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard import Box, Guard, Level, Scene, bay_scene
 from armguard.cli.console import progress_bar
 from armguard.scene.settings import Mode
+from arrays import Floats
 from room.lines import JOINTS, STEP, Hand, Line, knots, line_through
 from room.warned import MODES, first_warnings
-
-Floats = NDArray[np.float64]
 
 ARM, PANEL = "left", "panel"
 

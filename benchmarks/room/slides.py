@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Verdict
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.robot.stopping import StoppingFigures, stopping_figures
+from arrays import Floats
 from closed_loop.plant import FREE, HELD, Plant, advance, order_stop, plant_at
-
-Floats = NDArray[np.float64]
 
 # Half the edge of the cube that slides [m], and how far it can [m].
 HALF = 0.05

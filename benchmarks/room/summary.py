@@ -1,6 +1,6 @@
 """Figures of many runs in one table for each measurement."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -128,8 +128,3 @@ def passed_at(rows: Rows, level: str) -> dict[str, Any]:
 def mean(values: Sequence[float]) -> float | None:
     """Mean; None of nothing."""
     return float(np.mean(values)) if values else None
-
-
-def worst(rows: Rows, of: Callable[[Mapping[str, Any]], float]) -> float:
-    """Greatest of a figure of all rows."""
-    return max(of(row) for row in rows)

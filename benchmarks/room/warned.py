@@ -4,14 +4,10 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from armguard import Guard, Level
 from armguard.scene.settings import Mode
+from arrays import Floats
 from room.lines import PERIOD
-
-Floats = NDArray[np.float64]
 
 MODES: tuple[Mode, ...] = ("path", "speed", "fixed")
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from closed_loop.convex_parts import convex_parts
+from closed_loop.judge_model import convex_parts
 
 
 def table():

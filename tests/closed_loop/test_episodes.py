@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from closed_loop.plan import Plan, work
+from closed_loop.plan import work
+from closed_loop.settings import Plan
 from closed_loop.summary import summed_up
 
 BATCH = 25

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from closed_loop.plan import Plan, work
-from closed_loop.reference import SWEEPS, THOROUGH, Reference
+from closed_loop.plan import work
 from closed_loop.scenes import build_scene, declared, movers_of
-from closed_loop.search import STEP, Future
-from closed_loop.settings import setting_of
+from closed_loop.search import STEP, SWEEPS, THOROUGH, Future, Reference
+from closed_loop.settings import Plan, setting_of
 
 NOW = 0.002
 STAMP = {"left": 0.0, "right": 0.0}

@@ -9,12 +9,11 @@ from armguard.robot.stopping import stopping_figures
 from arms import simple_arm
 from closed_loop import plant as plants
 from closed_loop.arena import Arena
-from closed_loop.keeping import Commanded, Stopping, broken, declared_of, misses
-from closed_loop.plan import Plan, arena_of, work
+from closed_loop.conformance import Commanded, Stopping, broken, declared_of, misses
+from closed_loop.plan import arena_of, work
 from closed_loop.scenes import bare_scene, declared
-from closed_loop.settings import SERVO_PROFILES, SUBSTEP, setting_of
-from closed_loop.torque import TorqueArms, driven_figures
-from closed_loop.torque_model import LIGHT, carry, torque_model
+from closed_loop.settings import SERVO_PROFILES, SUBSTEP, Plan, setting_of
+from closed_loop.torque import LIGHT, TorqueArms, carry, driven_figures, torque_model
 from closed_loop.truth import Styles, Truth
 
 N = 3

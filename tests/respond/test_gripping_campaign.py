@@ -8,10 +8,16 @@ from armguard.geometry import Box, Cylinder, Pose
 from armguard.respond import Guard
 from armguard.scene import Scene
 from episodes.records import Records
-from gripping.panda_arm import BASE, HAND, POSTURE, PandaArm
-from gripping.panda_episode import PANDA, scene_of_panda
-from gripping.panda_judge import SIGHT, PandaJudge
-from gripping.solids import box, cylinder, gaps
+from gripping.panda import (
+    BASE,
+    HAND,
+    PANDA,
+    POSTURE,
+    SIGHT,
+    PandaArm,
+    PandaJudge,
+    scene_of_panda,
+)
 from gripping.summary import EXTREME, is_broken, summed_up
 from gripping.unintended import (
     KINDS,
@@ -21,7 +27,7 @@ from gripping.unintended import (
     carry_out,
     drawn_place,
 )
-from gripping.workplace import Workplace
+from gripping.workplace import Workplace, box, cylinder, gaps
 from gripping_campaign import CAMPAIGN
 
 

@@ -1,4 +1,4 @@
-"""Whether a plant kept its declared figures in an episode, from its true motion alone.
+"""Whether a plant conformed to its declared figures, from its true motion alone.
 
 Sensors use only a part of the declared errors. The rest is the arm's: it may move as if
 its state at any instant had been wrong by that much, which is all the proof assumes.
@@ -8,21 +8,26 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.robot.stopping import StoppingFigures
+from arrays import Bools, Floats, Ints
 from closed_loop.settings import SUBSTEP
-from closed_loop.truth import Truth
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from closed_loop.truth import Truth, joined
 
 # Figures are kept to rounding errors [rad, rad/s].
 GRAIN = 1e-9
 
 # Farthest instants that are compared with what was commanded [s].
 HORIZON = 0.01
+
+
+# Figures of `StoppingFigures` that have other names here.
+NAMES = {
+    "most": "deceleration_most",
+    "back": "settle",
+    "brake": "brake_deceleration",
+    "tracking": "tracking_error",
+}
 
 
 class Declared(NamedTuple):
@@ -69,25 +74,13 @@ def declared_of(figures: Sequence[StoppingFigures], truth: Truth) -> Declared:
         truth: True figures of the episode; what its sensors leave of the declared
             errors is the arm's.
     """
-
-    def joined(name: str) -> Floats:
-        values = [np.broadcast_to(getattr(f, name), f.velocity.shape) for f in figures]
-        return np.concatenate(values).astype(np.float64)
-
-    settle = joined("settle")
+    names = Declared._fields[:10]
+    known = {name: joined(figures, NAMES.get(name, name)) for name in names}
+    known["back"] *= truth.swings_back
     return Declared(
-        velocity=joined("velocity"),
-        acceleration=joined("acceleration"),
-        deceleration=joined("deceleration"),
-        most=joined("deceleration_most"),
-        ramp=joined("ramp"),
-        settle=settle,
-        back=settle if truth.swings_back else np.zeros_like(settle),
-        settle_time=joined("settle_time"),
-        brake=joined("brake_deceleration"),
-        tracking=joined("tracking_error"),
-        position=joined("position_error") - truth.position_error + GRAIN,
-        speed=joined("velocity_error") - truth.velocity_error + GRAIN,
+        **known,
+        position=joined(figures, "position_error") - truth.position_error + GRAIN,
+        speed=joined(figures, "velocity_error") - truth.velocity_error + GRAIN,
     )
 
 
@@ -147,16 +140,13 @@ def broken(
             gain = gained(v[period, own], figures.acceleration)
             if (gain > figures.speed).any():
                 return "acceleration"
-        for k, stop in enumerate(stops):
-            if stop.arm != arm:
-                continue
-            later = [s.at for s in stops[k + 1 :] if s.arm == arm]
-            end = min(later, default=np.inf)
+        ordered = [stop for stop in stops if stop.arm == arm]
+        ends = [*(stop.at for stop in ordered[1:]), np.inf]
+        for stop, end in zip(ordered, ends, strict=False):
             rows = stopped_rows(free[:, arm], stop.at, end)
-            name = "brake" if stop.brake else "stop"
             found = leaves(q[:, own], v[:, own], rows, stop, figures)
             if found is not None:
-                return f"{name}, {found}"
+                return f"{'brake' if stop.brake else 'stop'}, {found}"
     return None
 
 
@@ -320,29 +310,28 @@ def misses(
         delay = int(np.ceil(command[arm] / SUBSTEP - 1e-9))
         for period in runs(free[:, arm]):
             for sign in (1.0, -1.0):
-                speed, told = sign * v[period, own], sign * held[:, own]
-                if exceeds(speed, told, period.start, delay, error):
+                speed, sent_last = sign * v[period, own], sign * held[:, own]
+                if exceeds(speed, sent_last, period.start, delay, error):
                     return True
     return False
 
 
-def exceeds(speed: Floats, told: Floats, start: int, delay: int, error: Floats) -> bool:
+def exceeds(speed: Floats, held: Floats, start: int, delay: int, error: Floats) -> bool:
     """Whether speeds of a period exceed the commands under way.
 
     Args:
         speed: Speeds, shape (t, k) [rad/s].
-        told: The command sent last at every substep of the episode, shape (s, k).
+        held: The command sent last at every substep of the episode, shape (s, k).
         start: Substep at which the period begins.
         delay: Longest delay of a command in substeps.
         error: What is allowed beyond, shape (k,) [rad/s].
     """
     count = len(speed)
     rows = np.arange(start, start + count)
-    highest = np.full_like(speed, -np.inf)
-    for back in range(delay + 1):
-        highest = np.maximum(highest, told[np.maximum(rows - back, 0)])
+    sent = [held[np.maximum(rows - back, 0)] for back in range(delay + 1)]
+    highest = np.max(sent, axis=0)
     for back in range(1, min(round(HORIZON / SUBSTEP), count - 1) + 1):
-        earlier = told[np.maximum(rows - delay - back, 0)]
+        earlier = held[np.maximum(rows - delay - back, 0)]
         highest = np.maximum(highest, earlier)
         allowed = np.maximum(highest[back:], speed[:-back]) + error
         if (speed[back:] > allowed).any():
