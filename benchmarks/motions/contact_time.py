@@ -1,17 +1,15 @@
 """Time to contact: never told longer than it is, and how much shorter."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from armguard.cli.console import say
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from arrays import Floats
 from motions.free_motion import Motion, safe_time, state_at
 from motions.judge import Judge
-
-Progress = Callable[[str], None]
 
 # How far away pairs are told of, and motions are looked at [m].
 MARGIN = 0.15
@@ -232,20 +230,19 @@ class Row(NamedTuple):
     true: float
 
 
-def contact_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
+def contact_figures(count: int, seed: int) -> dict[str, Any]:
     """Times to contact of random motions, told and true.
 
     Args:
         count: Motions.
         seed: Of the motions.
-        progress: Called with a sentence now and then.
     """
     rng, bay = np.random.default_rng(seed), Bay()
     rows: list[Row] = []
     states = 0
     while len(rows) < count:
         if states % 250 == 0:
-            progress(f"{len(rows)} of {count} motions")
+            say(f"{len(rows)} of {count} motions")
         states += 1
         rows += state_rows(bay, rng)
     exact = [row for row in rows if row.exact]
@@ -356,12 +353,12 @@ def summed_up(rows: list[Row]) -> dict[str, Any]:
     }
 
 
-def approach_figures(seed: int, progress: Progress) -> dict[str, Any]:
+def approach_figures(seed: int) -> dict[str, Any]:
     """Whether the time falls evenly on straight approaches at constant speed."""
     rng, bay = np.random.default_rng(seed), Bay()
     found = {}
     for way in ("tool", "joints"):
-        progress(f"{APPROACHES} approaches, straight for the {way}")
+        say(f"{APPROACHES} approaches, straight for the {way}")
         rises: list[float] = []
         falls: list[float] = []
         cycles = 0

@@ -1,6 +1,5 @@
 """Lines past thin things: what a check of whole lines finds, and one of samples."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter, process_time
 from typing import Any, NamedTuple
@@ -8,14 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from armguard.cli.console import say
 from armguard.geometry import Box, Capsule, Pose
 from armguard.guard.continuous import RESOLUTION
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, bay_task
 from arrays import Bools, Floats
 from motions.judge import Judge
-
-Progress = Callable[[str], None]
 
 # Wires and plates are this thin [m], and as long or wide as their halves are times two.
 THIN = 0.002
@@ -197,18 +195,17 @@ class ThinWorld:
         return True, count
 
 
-def thin_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
+def thin_figures(count: int, seed: int) -> dict[str, Any]:
     """Figures of lines past thin things, all cases together and each.
 
     Args:
         count: Lines in all.
         seed: Of the lines.
-        progress: Called with a sentence before each part.
     """
     cases = []
     for k, (floor, needle) in enumerate(CASES):
         tool = "a needle" if needle else "none"
-        progress(f"{count // len(CASES)} lines, floor {floor * 1e3:g} mm, tool {tool}")
+        say(f"{count // len(CASES)} lines, floor {floor * 1e3:g} mm, tool {tool}")
         world = ThinWorld(floor, needle)
         cases.append(case_figures(world, count // len(CASES), seed + k))
     sums = (
@@ -231,7 +228,7 @@ def thin_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
         }
         for at, cost in enumerate(COSTS)
     ]
-    return {**total, "cases": cases, "plan": plan_figures(progress)}
+    return {**total, "cases": cases, "plan": plan_figures()}
 
 
 class Checked(NamedTuple):
@@ -340,9 +337,9 @@ def run_samples(
     return clear, looked, seconds
 
 
-def plan_figures(progress: Progress) -> dict[str, Any]:
+def plan_figures() -> dict[str, Any]:
     """Time of a check of a whole plan: a task of the bay, between all rows."""
-    progress(f"a plan of {PLAN} rows")
+    say(f"a plan of {PLAN} rows")
     scene = bay_scene("path")
     guard = Guard(scene)
     rows = bay_task(PLAN).for_scene(scene)
