@@ -1,5 +1,6 @@
 """One trial of a scene: its goal or slide, who answers, and what came of it."""
 
+from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
@@ -61,7 +62,7 @@ def work(scene: str, answer: str, what: str, seed: int) -> dict[str, Any]:
         operator = goal.operator(arena, led)
         answers = answers_of(scene, answer)
         outcome = Trial(arena, seed, goal.start, operator, answers).run()
-        found["runs"]["led" if led else goal.road] = outcome.to_dict()
+        found["runs"]["led" if led else goal.road] = asdict(outcome)
     return found
 
 

@@ -1,7 +1,7 @@
 """Tools pushed against a table or a board, and along it: how far do they get?"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -159,7 +159,7 @@ def slid(
     trial = Trial(
         arena, seed, start, push, answers, longest=duration + 0.5, patient=True
     )
-    outcome = trial.run().to_dict()
+    outcome = asdict(trial.run())
     rows = trial.drives.q_rows[: trial.drives.tick + 1 : 40]
     places = [arena.tools.index(name) for name in slide.tools]
     ways = np.array([[T[:3, 3] for T in arena.tool_poses(q)] for q in rows])[:, places]

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import paper_buffer as paper
@@ -16,18 +15,14 @@ from room.warned import MODES
 
 Rows = Sequence[Mapping[str, Any]]
 
+# Pixels of an inch.
+DPI = 110
+
 COLOURS = {"path": "#0072B2", "speed": "#D55E00", "fixed": "#009E73"}
 TERM_COLOURS = dict(
     zip(TERMS, ("#555555", "#CC79A7", "#4477aa", "#ee8866", "#ddcc77"), strict=True)
 )
 WAY_COLOURS = dict(zip(WAYS, ("#0072B2", "#E69F00", "#D55E00"), strict=True))
-
-
-def sheet(width: float, height: float) -> Figure:
-    """An empty figure [in]."""
-    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def tidy(axes: Axes) -> None:
@@ -40,7 +35,7 @@ def tidy(axes: Axes) -> None:
 
 def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
     """Clearance at the first slow and stop: approaches above, passing below."""
-    figure = sheet(9.0, 7.0)
+    figure = Figure(figsize=(9.0, 7.0), dpi=DPI, layout="constrained")
     places = figure.subplots(2, 2)
     for k, level in enumerate(LEVELS):
         for row, means, what in (
@@ -79,7 +74,7 @@ def speaks(mean: Mapping[str, Any]) -> bool:
 
 def draw_needs(rows: Rows, path: Path) -> None:
     """What the pair at the stop needs, by cause, in both modes."""
-    figure = sheet(9.0, 3.8)
+    figure = Figure(figsize=(9.0, 3.8), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
     for axes, mode in zip(places, ("path", "speed"), strict=True):
         means = needs(rows, mode)
@@ -108,7 +103,7 @@ def draw_needs(rows: Rows, path: Path) -> None:
 def draw_co_braking(rows: Rows, path: Path) -> None:
     """Gap at the stop, head-on, by who knows what."""
     arms = list(dict.fromkeys(row["arm"] for row in rows))
-    figure = sheet(11.0, 3.6)
+    figure = Figure(figsize=(11.0, 3.6), dpi=DPI, layout="constrained")
     for axes, arm in zip(figure.subplots(1, len(arms)), arms, strict=True):
         own = [row for row in rows if row["arm"] == arm]
         for way in WAYS:
@@ -130,7 +125,7 @@ def draw_co_braking(rows: Rows, path: Path) -> None:
 def draw_least(rows: Rows, path: Path) -> None:
     """Clearance at the stop beside the least fixed buffer that does."""
     arms = list(dict.fromkeys(row["arm"] for row in rows))
-    figure = sheet(9.0, 3.8)
+    figure = Figure(figsize=(9.0, 3.8), dpi=DPI, layout="constrained")
     for axes, arm in zip(figure.subplots(1, len(arms)), arms, strict=True):
         own = [row for row in rows if row["arm"] == arm]
         x = np.arange(len(own))
