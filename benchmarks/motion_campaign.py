@@ -1,4 +1,4 @@
-"""Observables of motion: lines past thin things, times to contact, supervision.
+"""Observables of motion: lines past thin bodies, times to contact, supervision.
 
 make motion                                   all of it, about an hour
 make motion ARGS="--part thin --share 0.02"   some of it, to try it out
@@ -27,7 +27,7 @@ RESULTS = DOCS / "motion.json"
 
 Figures = dict[str, Any]
 
-# Lines past thin things; motions to contact; episodes of a plant that gets slower.
+# Lines past thin bodies; motions to contact; episodes of a plant that gets slower.
 LINES = 10_000
 MOTIONS = 1_000_000
 EPISODES = 250

@@ -113,7 +113,7 @@ def compare(task: tuple[str, str, int]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in NAMES:
         if ShapeKind.SUPPORT in NAMES[name]:
-            # Known by its support alone: nobody else has it.
+            # Known by its support alone: no peer has it.
             continue
         found[name] = entry = {"asked": 0, "unsupported": 0, "worst": 0.0, "wrong": {}}
         batch = judge(*NAMES[name], regime, range(count))

@@ -67,7 +67,7 @@ class Fault:
         change: What it makes of an input.
         breaks: First cycle whose input breaks a declared figure, counted since it
             began; None if none does.
-        says_now: Whether the guard is told the time of the cycle.
+        says_now: Whether the guard gets the time of the cycle.
     """
 
     name: str

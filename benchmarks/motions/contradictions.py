@@ -40,7 +40,7 @@ SOON = 0.08
 
 
 class Moving:
-    """Joints that sway, each in its own time, and stand nowhere for long.
+    """Joints that sway, each in its own time, and rest nowhere for long.
 
     Args:
         speed: Their greatest speed [rad/s].

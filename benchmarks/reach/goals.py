@@ -12,7 +12,7 @@ from reach.ways import find_way
 # Configurations tried for a start or a goal that keeps every buffer.
 TRIES = 4000
 
-# What every pair has left at a start: nobody starts where he is held since errors of
+# What every pair has left at a start: no start is where he is held since errors of
 # measurement may hide that he is too near [m].
 START_ROOM = 0.02
 

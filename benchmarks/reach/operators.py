@@ -1,4 +1,4 @@
-"""Operators who steer straight at what they want, and plan nothing."""
+"""Operators that steer straight at what they want, and plan nothing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

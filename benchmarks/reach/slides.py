@@ -65,7 +65,7 @@ SLIDES: Mapping[str, Slide] = {
     ),
     # Across the table, from the post to the box.
     "pandas": Slide(("near",), ((-0.15, -0.20, -0.04),), (0.0, 1.0, 0.0)),
-    # Along the table's edge, past what stands on it.
+    # Along the table's edge, past what is on it.
     "panda_table": Slide(("panda",), ((0.339, 0.459, 0.2185),), (-0.862, 0.507, 0.0)),
     # Along the top of the shelf.
     "panda_shelf": Slide(("panda",), ((0.163, -0.612, 0.538),), (0.892, 0.452, 0.0)),
@@ -149,7 +149,7 @@ def slid(
         arena: Where.
         slide: What is slid.
         start: From where, shape (n,).
-        answers: Who answers.
+        answers: The guard or peer.
         seed: Draws the true figures of the robots.
     """
     along, into = np.array(slide.along), np.array(slide.into)

@@ -51,8 +51,8 @@ class Outcome:
         jerk_told: Root mean square and peak of the commanded jerk [rad/s³].
         jerk_true: The same of the true velocities.
         chatter: Changes of sign of the acceleration while held back [1/s].
-        held_back: Share of the time something else is told than is asked for [-].
-        blocked: Share of the time in which less than a tenth of it is told [-].
+        held_back: Share of the time something else is ordered than is asked for [-].
+        blocked: Share of the time in which less than a tenth of it is ordered [-].
         why_blocked: Cycles by what the guard says of each robot.
         unsolved: Cycles in which no solution was found.
         last: What was in the way at the end.
@@ -85,7 +85,7 @@ class Trial:
     """One trial, from a start at rest to its end.
 
     Attributes:
-        told: Velocities told, by cycle, shape (c, n).
+        ordered: Velocities ordered, by cycle, shape (c, n).
         asked: Velocities asked for, the same.
         drives: The robots.
 
@@ -93,8 +93,8 @@ class Trial:
         arena: Where.
         seed: Draws the true figures of the robots.
         start: Where the robots are at first, shape (n,).
-        operator: Who wants something.
-        answers: Who answers.
+        operator: The operator.
+        answers: The guard or peer.
         longest: Longest time [s]; if None, by how long an unobstructed robot needs.
         patient: Whether the operator goes on where he does not come nearer.
     """
@@ -124,8 +124,8 @@ class Trial:
         outer = np.append(truth.outer, 0.0)[judge.arm_of]
         self._watch = Watch(judge, arena.first, start, outer, {})
         self._still = np.zeros((self.drives.q_rows.shape[0], 0, 3))
-        self.told = np.zeros((self._cycles, len(start)))
-        self.asked = np.zeros_like(self.told)
+        self.ordered = np.zeros((self._cycles, len(start)))
+        self.asked = np.zeros_like(self.ordered)
         self._calls: list[float] = []
         self._why: Counter[str] = Counter()
         self._pause_until = 0.0
@@ -152,7 +152,7 @@ class Trial:
         return self.outcome
 
     def _cycle(self, cycle: int) -> Orders:
-        """Measurements and wishes to the filter, its orders to the robots."""
+        """Measurements and desires to the filter, its orders to the robots."""
         drives, outcome = self.drives, self.outcome
         now = drives.now
         seen = Seen(*drives.measure(), now)
@@ -166,7 +166,7 @@ class Trial:
         start = perf_counter()
         orders = self._answers.answer(seen, asked)
         self._calls.append(perf_counter() - start)
-        self.told[cycle], self.asked[cycle] = orders.velocity, asked.joints
+        self.ordered[cycle], self.asked[cycle] = orders.velocity, asked.joints
         for name in drives.obey(orders.velocity, dict(orders.actions)):
             outcome.stops.append(
                 {"time": now, "robot": name, "why": orders.why, **in_words(orders.near)}
@@ -208,7 +208,7 @@ class Trial:
         outcome, drives = self.outcome, self.drives
         arena = self._arena
         used = np.flatnonzero(arena.driven)
-        self.told, self.asked = self.told[:cycles], self.asked[:cycles]
+        self.ordered, self.asked = self.ordered[:cycles], self.asked[:cycles]
         v_true = drives.v_rows[: drives.tick + 1 : round(PERIOD / 0.00025)]
         outcome.time = drives.now
         outcome.stuck = self._best_at
@@ -217,23 +217,23 @@ class Trial:
         if contact is not None:
             outcome.contact = contact._asdict()
             outcome.end = "contact"
-        outcome.jerk_told = jerk(self.told[:, used], PERIOD)
+        outcome.jerk_told = jerk(self.ordered[:, used], PERIOD)
         outcome.jerk_true = jerk(v_true[:, used], PERIOD)
         # Faster than the robots can go is asked for in vain, but in that direction.
         excess = np.abs(self.asked) / arena.velocity
         self.asked /= np.maximum(excess.max(axis=1, keepdims=True), 1.0)
-        where = held_back(self.told[:, used], self.asked[:, used])
+        where = held_back(self.ordered[:, used], self.asked[:, used])
         outcome.held_back = float(where.mean())
         outcome.chatter = chatter(
-            self.told[:, used], arena.acceleration[used], PERIOD, where
+            self.ordered[:, used], arena.acceleration[used], PERIOD, where
         )
-        outcome.blocked = share_blocked(self.told[:, used], self.asked[:, used])
+        outcome.blocked = share_blocked(self.ordered[:, used], self.asked[:, used])
         outcome.why_blocked = dict(self._why)
         if orders is not None:
             outcome.last = {
                 "why": orders.why,
                 "asked": self.asked[-1].round(4).tolist(),
-                "told": self.told[-1].round(4).tolist(),
+                "ordered": self.ordered[-1].round(4).tolist(),
                 **in_words(orders.near),
             }
         median, rare, most = np.percentile(self._calls, (50, 99.9, 100)).tolist()

@@ -46,10 +46,10 @@ def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
             for mode in MODES:
                 if level == "SLOW" and mode == "fixed":
                     continue
-                told = {float(s): m[mode] for s, m in means.items() if speaks(m)}
+                known = {float(s): m[mode] for s, m in means.items() if speaks(m)}
                 axes.plot(
-                    list(told),
-                    [1e3 * d for d in told.values()],
+                    list(known),
+                    [1e3 * d for d in known.values()],
                     "o-",
                     color=COLOURS[mode],
                     label=mode,
@@ -63,7 +63,7 @@ def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
 
 
 def speaks(mean: Mapping[str, Any]) -> bool:
-    """Whether at least half of the motions tell something of a speed.
+    """Whether at least half of the motions say something of a speed.
 
     Others were warned of before the tool had it, or had no distance.
     """
@@ -101,7 +101,7 @@ def draw_needs(rows: Rows, path: Path) -> None:
 
 
 def draw_co_braking(rows: Rows, path: Path) -> None:
-    """Gap at the stop, head-on, by who knows what."""
+    """Gap at the stop, head-on, by what each guard knows."""
     arms = list(dict.fromkeys(row["arm"] for row in rows))
     figure = Figure(figsize=(11.0, 3.6), dpi=DPI, layout="constrained")
     for axes, arm in zip(figure.subplots(1, len(arms)), arms, strict=True):
