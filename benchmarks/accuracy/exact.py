@@ -129,7 +129,7 @@ def polytopes(a: list[Vector], b: list[Vector], axes: list[Vector], apart: Any) 
 
 def capsule_box(a: Row, b: Row) -> Any:
     """Signed distance of a segment and a box."""
-    ends = [a.origin, a.second]
+    ends = a.origin, a.second
     axes = [*b.axes, *(np.cross(axis, ends[1] - ends[0]) for axis in b.axes)]
 
     def apart() -> Any:

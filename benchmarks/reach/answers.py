@@ -152,6 +152,5 @@ def answering(arena: Arena, name: str) -> Answering:
         limits = arena.lower, arena.upper, arena.velocity
         scene = build_scene(arena.name, "deflect")
         return Peer(arena, MinkPeer(scene, arena.judge, limits, name))
-    if name == "field":
-        return Fielded(arena.guard(name), arena)
-    return Guarded(arena.guard(name))  # type: ignore[arg-type]
+    guard = arena.guard(name)  # type: ignore[arg-type]
+    return Fielded(guard, arena) if name == "field" else Guarded(guard)
