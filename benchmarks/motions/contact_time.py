@@ -246,8 +246,6 @@ def contact_figures(count: int, seed: int) -> dict[str, Any]:
         states += 1
         rows += state_rows(bay, rng)
     exact = [row for row in rows if row.exact]
-    wrong = [row for row in rows if not row.exact]
-    later = [row._replace(true=max(row.true - bay.age, 0.0)) for row in wrong]
     return {
         "motions": len(rows),
         "states": states,
@@ -260,10 +258,16 @@ def contact_figures(count: int, seed: int) -> dict[str, Any]:
             for kind in KINDS
         },
         "age_ms": bay.age * 1e3,
-        "wrong_from_stamp": summed_up(wrong),
-        "wrong_from_cycle": summed_up(later),
+        **wrong_figures(rows, bay),
         "close": close_figures(bay, rng),
     }
+
+
+def wrong_figures(rows: list[Row], bay: Bay) -> dict[str, Any]:
+    """Figures of wrong measurements, from their stamp and from the cycle."""
+    wrong = [row for row in rows if not row.exact]
+    later = [row._replace(true=max(row.true - bay.age, 0.0)) for row in wrong]
+    return {"wrong_from_stamp": summed_up(wrong), "wrong_from_cycle": summed_up(later)}
 
 
 def state_rows(bay: Bay, rng: np.random.Generator) -> list[Row]:
@@ -323,13 +327,8 @@ def close_figures(bay: Bay, rng: np.random.Generator) -> dict[str, Any]:
                 motion = draw_motion("towards", q, v, outward, bay, rng)
                 true = bay.contact(motion, nearest, HORIZON)
                 rows.append(Row(exact, "towards", True, True, given.time, true))
-    wrong = [row for row in rows if not row.exact]
-    later = [row._replace(true=max(row.true - bay.age, 0.0)) for row in wrong]
-    return {
-        "exact": summed_up([row for row in rows if row.exact]),
-        "wrong_from_stamp": summed_up(wrong),
-        "wrong_from_cycle": summed_up(later),
-    }
+    exact = [row for row in rows if row.exact]
+    return {"exact": summed_up(exact), **wrong_figures(rows, bay)}
 
 
 def summed_up(rows: list[Row]) -> dict[str, Any]:

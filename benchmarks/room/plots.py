@@ -25,8 +25,9 @@ TERM_COLOURS = dict(
 WAY_COLOURS = dict(zip(WAYS, ("#0072B2", "#E69F00", "#D55E00"), strict=True))
 
 
-def tidy(axes: Axes) -> None:
-    """What all plots have in common."""
+def tidy(axes: Axes, **words: str) -> None:
+    """What all plots have in common, and the words at their axes."""
+    axes.set(**words)
     axes.set_ylim(bottom=0.0)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.3)
@@ -54,10 +55,12 @@ def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
                     color=COLOURS[mode],
                     label=mode,
                 )
-            axes.set_title(f"{what}: {'first slow' if level == 'SLOW' else 'stop'}")
-            axes.set_xlabel("speed of the tool [m/s]")
-            axes.set_ylabel("mean clearance [mm]")
-            tidy(axes)
+            tidy(
+                axes,
+                title=f"{what}: {'first slow' if level == 'SLOW' else 'stop'}",
+                xlabel="speed of the tool [m/s]",
+                ylabel="mean clearance [mm]",
+            )
             axes.legend(title="mode", frameon=False)
     figure.savefig(path)
 
@@ -90,10 +93,8 @@ def draw_needs(rows: Rows, path: Path) -> None:
             axes.bar(x, heights, 0.6, bottom, color=TERM_COLOURS[term], label=label)
             bottom += heights
         axes.set_xticks(x, list(means))
-        axes.set_title(f"mode {mode}")
-        axes.set_xlabel("speed of the tool [m/s]")
-    for axes in places:
-        tidy(axes)
+    for axes, mode in zip(places, ("path", "speed"), strict=True):
+        tidy(axes, title=f"mode {mode}", xlabel="speed of the tool [m/s]")
     places[0].set_ylabel("mean need at the stop [mm]")
     handles, labels = places[1].get_legend_handles_labels()
     places[0].legend(handles[::-1], labels[::-1], frameon=False, loc="upper left")
@@ -114,10 +115,8 @@ def draw_co_braking(rows: Rows, path: Path) -> None:
                 color=WAY_COLOURS[way],
                 label=way,
             )
-        axes.set_title(arm)
-        axes.set_xlabel("speed of each arm [m/s]")
-        axes.set_ylabel("gap at the stop [mm]")
-        tidy(axes)
+        words = {"xlabel": "speed of each arm [m/s]", "ylabel": "gap at the stop [mm]"}
+        tidy(axes, title=arm, **words)
         axes.legend(frameon=False, fontsize=8)
     figure.savefig(path)
 
@@ -143,12 +142,9 @@ def draw_least(rows: Rows, path: Path) -> None:
                 label=label,
             )
         axes.axhline(1e3 * paper.FIXED, color="black", ls=":", label="paper, 1.2 in")
-        speeds = [round(s / paper.INCH) for s in speeds_of(own)]
-        axes.set_xticks(x, [f"{s}" for s in speeds])
-        axes.set_title(arm)
-        axes.set_xlabel("speed of the tool [in/s]")
-        axes.set_ylabel("clearance at the stop [mm]")
-        tidy(axes)
+        axes.set_xticks(x, [f"{s / paper.INCH:.0f}" for s in speeds_of(own)])
+        y = "clearance at the stop [mm]"
+        tidy(axes, title=arm, xlabel="speed of the tool [in/s]", ylabel=y)
         axes.legend(frameon=False, fontsize=8)
     figure.savefig(path)
 
