@@ -12,8 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from accuracy.judge import judge
-from accuracy.nan_laws import swallowed
+from accuracy.judge import judge, swallowed
 from accuracy.peer_runs import NOTABLE, VERDICTS, compare, tasks
 from accuracy.peers import PEERS
 from accuracy.regimes import REGIMES

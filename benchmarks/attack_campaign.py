@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from armguard.cli.console import jsonable, say
-from attack.page import write_table
+from attack.row import write_table
 from episodes.kernels import GUARD, told_of
 from episodes.records import keep, read
 

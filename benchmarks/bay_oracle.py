@@ -96,8 +96,8 @@ class BayOracle:
         ]
         fixed = [
             part
-            for name, thing in self.scene["objects"].items()
-            for part in read_object(name, thing)
+            for name, entry in self.scene["objects"].items()
+            for part in read_object(name, entry)
         ]
         self.primitives = (*moving, *fixed)
         self._select_pairs()
@@ -217,10 +217,10 @@ def read_capsules(urdf: Path) -> list[Primitive]:
     return found
 
 
-def read_object(name: str, thing: dict[str, Any]) -> list[Primitive]:
+def read_object(name: str, entry: dict[str, Any]) -> list[Primitive]:
     """Primitives of an object of the scene file, in the world."""
-    parts = thing.get("union", [{k: v for k, v in thing.items() if k != "at"}])
-    outer = se3(thing.get("at"))
+    parts = entry.get("union", [{k: v for k, v in entry.items() if k != "at"}])
+    outer = se3(entry.get("at"))
     return [read_shape(name, part, outer * se3(part.get("at"))) for part in parts]
 
 

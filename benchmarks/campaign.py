@@ -2,6 +2,7 @@
 
 make campaign                              all of it, about twenty minutes
 make campaign ARGS="--only cycle scale"    these anew, the others as they were
+make campaign ARGS=--only                  the page from the last results
 """
 
 import argparse

@@ -131,8 +131,8 @@ def follow(
             if frame.kind is Kind.CYCLE:
                 written[frame.cycle] = frame.wall
         # Beeps that only repeat what was said are of no cycle.
-        told = page.evaluate("window.stationBeeps")
-        beeps |= {(b["cycle"], b["at"]) for b in told if b["cycle"] is not None}
+        noted = page.evaluate("window.stationBeeps")
+        beeps |= {(b["cycle"], b["at"]) for b in noted if b["cycle"] is not None}
         turns |= {(k, at) for k, at in page.evaluate("window.stationTurns")}
     return sorted(turns), sorted(beeps), written
 

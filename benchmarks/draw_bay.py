@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 
 IMAGES = Path(__file__).parents[1] / "docs/images"
 
-# After Okabe and Ito's palette, lighter: colour-blind eyes tell them apart.
+# After Okabe and Ito's palette, lighter: colour-blind eyes can distinguish them.
 LEFT, RIGHT, OBJECT, FIXTURE = "#2F8FD0", "#E8743B", "#2FB38A", "#C3CAD2"
 BUFFER, INK = "#F2A900", "#1F2933"
 
@@ -175,7 +175,7 @@ def frame_detail(
 
 
 def save(figure: Any, name: str) -> None:
-    """Write a picture; nothing in the file tells when or by what it was made."""
+    """Write a picture; nothing in the file says when or by what it was made."""
     IMAGES.mkdir(parents=True, exist_ok=True)
     figure.savefig(IMAGES / name, facecolor="white", metadata={"Software": None})
     plt.close(figure)

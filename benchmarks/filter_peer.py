@@ -3,7 +3,7 @@
 make filter-peer                       20,000 cycles; writes docs/filter_peer.json
 
 The bay with balls close to both arms, so that 35 pairs are near. The arms do as the
-guard tells them; every twentieth state is given to the peer as well, mink with the
+guard orders; every twentieth state is given to the peer as well, mink with the
 settings it has by default, DAQP as its solver, and all pairs that the guard checks. It
 is left out where it is not installed: `pip install mink "qpsolvers"`.
 """
@@ -80,15 +80,15 @@ def measure(
     q, v = guard.home, np.zeros(n)
     times, peers, near = [], [], []
     for k in range(cycles + WARM):
-        wish = SPEED * np.sin(2.0 * np.pi * FREQUENCY * k * PERIOD + phases)
+        desired = SPEED * np.sin(2.0 * np.pi * FREQUENCY * k * PERIOD + phases)
         begin = perf_counter_ns()
-        command = guard.filter(q, wish, k * PERIOD, velocity=v)
+        command = guard.filter(q, desired, k * PERIOD, velocity=v)
         if k >= WARM:
             times.append(perf_counter_ns() - begin)
             near.append(len(command.verdict.near))
         if peer is not None and k % SHARE == 0 and k >= WARM:
             begin = perf_counter_ns()
-            peer.velocity(q, wish)
+            peer.velocity(q, desired)
             peers.append(perf_counter_ns() - begin)
         v = command.velocity
         q = q + v * PERIOD

@@ -25,7 +25,7 @@ RAMP = 0.25
 
 TASKS = {150: TASK_150, 700: TASK_700, 2000: TASK_2000}
 
-# What an arm is there to handle; all else that stands still is a fixture.
+# What an arm is there to handle; all else that rests is a fixture.
 HANDLED = ("oru_left", "oru_right", "battery", "tool")
 
 # The kinds of approach each task has to have.

@@ -22,7 +22,7 @@ class MeshContact:
         urdf: Its URDF.
         packages: Folders in which `package://` names are found.
         model: The same robot of ours; asked only which joints follow others.
-        home: Positions of the joints that are not told [rad or m].
+        home: Positions of the joints that are not given [rad or m].
     """
 
     def __init__(
@@ -46,8 +46,8 @@ class MeshContact:
         }
         self._home = dict(home)
         self._of_link: dict[str, list[int]] = {}
-        for k, thing in enumerate(self._geometry.geometryObjects):
-            link = self._model.frames[thing.parentFrame].name
+        for k, part in enumerate(self._geometry.geometryObjects):
+            link = self._model.frames[part.parentFrame].name
             self._of_link.setdefault(link, []).append(k)
 
     def touch(self, link_a: str, link_b: str, q: Mapping[str, float]) -> bool:
@@ -68,8 +68,8 @@ class MeshContact:
         shape = self._geometry.geometryObjects[k].geometry
         return shape, coal.Transform3s(T.rotation, T.translation)
 
-    def _q(self, told: Mapping[str, float]) -> np.ndarray:
-        known = {**self._home, **told}
+    def _q(self, given: Mapping[str, float]) -> np.ndarray:
+        known = {**self._home, **given}
         q = pin.neutral(self._model)
         for number in range(1, self._model.njoints):
             name, joint = self._model.names[number], self._model.joints[number]

@@ -1,4 +1,4 @@
-"""Observables of motion: lines past thin things, times to contact, supervision.
+"""Observables of motion: lines past thin bodies, times to contact, supervision.
 
 make motion                                   all of it, about an hour
 make motion ARGS="--part thin --share 0.02"   some of it, to try it out
@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from armguard.benchmark.machine import describe_machine
-from armguard.cli.console import say
 from episodes.kernels import told_of
 from episodes.records import keep, read
 from motions.clocks import clock_figures
@@ -28,7 +27,7 @@ RESULTS = DOCS / "motion.json"
 
 Figures = dict[str, Any]
 
-# Lines past thin things; motions to contact; episodes of a plant that gets slower.
+# Lines past thin bodies; motions to contact; episodes of a plant that gets slower.
 LINES = 10_000
 MOTIONS = 1_000_000
 EPISODES = 250
@@ -39,18 +38,18 @@ PLAYS = 100
 CLEAN = 10_000_000
 
 PARTS: Mapping[str, Callable[[float, int], Figures]] = {
-    "thin": lambda share, seed: thin_figures(int(share * LINES), seed, say),
-    "contact": lambda share, seed: contact_figures(int(share * MOTIONS), seed, say),
-    "approach": lambda _, seed: approach_figures(seed, say),
-    "slower": lambda share, seed: slower_figures(int(share * EPISODES), seed, say),
-    "clocks": lambda *_: clock_figures(say),
+    "thin": lambda share, seed: thin_figures(int(share * LINES), seed),
+    "contact": lambda share, seed: contact_figures(int(share * MOTIONS), seed),
+    "approach": lambda _, seed: approach_figures(seed),
+    "slower": lambda share, seed: slower_figures(int(share * EPISODES), seed),
+    "clocks": lambda *_: clock_figures(),
     "refused": lambda share, seed: refused_figures(
-        int(share * WRONG_CYCLES), seed, DOCS, say
+        int(share * WRONG_CYCLES), seed, DOCS
     ),
     "contradictions": lambda share, seed: contradiction_figures(
-        max(int(share * PLAYS), 1), seed, say
+        max(int(share * PLAYS), 1), seed
     ),
-    "clean": lambda share, seed: clean_figures(int(share * CLEAN), seed, say),
+    "clean": lambda share, seed: clean_figures(int(share * CLEAN), seed),
 }
 
 

@@ -103,7 +103,7 @@ def main() -> None:
         "machine": f"{machine['cpu']}, Python {machine['python']}",
     }
 
-    def told(mutant: Mutant, outcome: Outcome) -> None:
+    def keep(mutant: Mutant, outcome: Outcome) -> None:
         """Keep and print an outcome."""
         entry = record(mutant, outcome, ROOT)
         # Another run may have kept something meanwhile.
@@ -137,7 +137,7 @@ def main() -> None:
         },
         chosen.limit,
         chosen.workers,
-        told,
+        keep,
         lambda text: print(text, flush=True),
     )
     run_tests(trial, chosen.tests)

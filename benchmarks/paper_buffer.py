@@ -9,17 +9,16 @@ Speeds are those of the tool; the arm is taken as one joint that slides.
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
-from armguard.robot.model import Joint, JointKind, Link, RobotModel
 from armguard.robot.stopping import (
     StoppingFigures,
     StopTravel,
     stop_travel,
     stopping_figures,
 )
+from rail import carriage
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "buffer_by_speed.png"
 
@@ -49,10 +48,10 @@ def main() -> None:
     for speed in (TYPICAL, TOP):
         stop = controlled_stop(speed)
         ways = (stop.reaction, stop.braking, stop.settle, stop.travel)
-        told = ", ".join(f"{way / INCH:.2f}" for way in ways)
+        parts = ", ".join(f"{way / INCH:.2f}" for way in ways)
         print(
             f"{speed / INCH:.0f} in/s: latency, ramp and deceleration, swing, all: "
-            f"{told} in; {stop_time(stop):.2f} s"
+            f"{parts} in; {stop_time(stop):.2f} s"
         )
     print(f"the fixed buffer covers it up to {enough_up_to() / INCH:.1f} in/s")
     draw(IMAGE)
@@ -60,25 +59,8 @@ def main() -> None:
 
 def paper_figures() -> StoppingFigures:
     """The set above as stopping figures of one joint."""
-    joint = Joint(
-        name="tool",
-        kind=JointKind.PRISMATIC,
-        parent="base",
-        child="hand",
-        T_parent_joint=np.eye(4),
-        axis=np.array([1.0, 0.0, 0.0]),
-        lower=-1.0,
-        upper=1.0,
-    )
-    model = RobotModel(
-        name="paper",
-        path=None,
-        links={name: Link(name=name) for name in ("base", "hand")},
-        joints={"tool": joint},
-        root="base",
-    )
     return stopping_figures(
-        model,
+        carriage(None, 1.0),
         velocity=TOP,
         acceleration=ACCELERATION,
         deceleration=DECELERATION,
@@ -117,7 +99,6 @@ def enough_up_to() -> float:
 def draw(path: Path) -> None:
     """Buffer against speed, split by cause: controlled and braked stops."""
     figure = Figure(figsize=(11, 4.4), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     speeds = np.linspace(0.0, TOP, 200)
 

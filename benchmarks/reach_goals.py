@@ -1,4 +1,4 @@
-"""Operators with goals: who gets there, with each response and with a peer.
+"""Operators with goals: how many are reached, with each response and with a peer.
 
 make reach                                            all of it; it resumes
 make reach ARGS="--episodes 20 --scene bay --response deflect"
@@ -7,9 +7,9 @@ make reach ARGS="--slides 3 --episodes 0"             slides only
 make reach ARGS="--scene bay --show --first 17 --episodes 1"   one trial, in full
 make reach ARGS="--page"                              from what is known
 
-All who answer are given the same goals, some at a time, so that wherever it ends they
-can be compared. It resumes: trials that were run with the same kernels and operators
-are known from docs/episodes/reach.jsonl.
+All guards and peers are given the same goals, some at a time, so that wherever it ends
+they can be compared. It resumes: trials that were run with the same kernels and
+operators are known from docs/episodes/reach.jsonl.
 The peer, mink, is left out where it is not installed: `pip install mink "qpsolvers"`.
 """
 
@@ -35,7 +35,7 @@ from reach.summary import digest
 HERE = Path(__file__).parent
 RESULTS = HERE.parent / "docs" / "reach.json"
 
-# Files that tell of trials, and do not change any; and those of others that do.
+# Files that describe trials, and do not change any; and those of others that do.
 TELLING = ("page.py", "plots.py", "summary.py")
 SHARED = ("judge.py", "judge_model.py", "plant.py", "scenes.py", "settings.py")
 

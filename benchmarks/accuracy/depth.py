@@ -6,7 +6,6 @@ difference, by qhull. Curved cores: many directions, then descents from the best
 """
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
 from accuracy.bodies import Array, Bodies, unit
@@ -139,18 +138,3 @@ def descended(a: Bodies, b: Bodies, ways: Array) -> Array:
         step = np.where(better, 1.5 * step, 0.5 * step)
     final = np.concatenate([unit(ways[:, :1]), n], axis=1).astype(np.longdouble)
     return width(a, b, unit(final)).min(axis=1)
-
-
-def polished(a: Bodies, b: Bodies, start: Array) -> float:
-    """Least width of one pair near a direction, by a simplex search."""
-
-    def height(v: Array) -> float:
-        return float(width(a, b, unit(v.astype(np.longdouble))[None, None])[0, 0])
-
-    found = minimize(
-        height,
-        start.astype(float),
-        method="Nelder-Mead",
-        options={"xatol": 1e-13, "fatol": 1e-16, "maxiter": 2000},
-    )
-    return float(found.fun)

@@ -4,82 +4,60 @@ Every feature of one shape against every feature of the other, and every axis th
 separate: no case is left out, so none can be chosen wrongly.
 """
 
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import mpmath
+import numpy as np
 from mpmath import mp, mpf
 
 from armguard.geometry import ShapeKind
 
 mp.dps = 50
 
-Vector = list[Any]
+# Numbers of 50 digits, in numpy's arrays of objects.
+Vector = Any
 
 BOX_SIGNS = list(product((-1, 1), repeat=3))
 
-
-def sub(a: Vector, b: Vector) -> Vector:
-    """A vector less another."""
-    return [x - y for x, y in zip(a, b, strict=True)]
-
-
-def dot(a: Vector, b: Vector) -> Any:
-    """Inner product."""
-    return sum((x * y for x, y in zip(a, b, strict=True)), mpf(0))
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
-    return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
-
-
-def along(a: Vector, t: Any, u: Vector) -> Vector:
-    """A point and a multiple of a vector."""
-    return [x + t * y for x, y in zip(a, u, strict=True)]
+ZERO = mpf(0)
 
 
 def norm(a: Vector) -> Any:
     """Length."""
-    return mpmath.sqrt(dot(a, a))
+    return mpmath.sqrt(a @ a)
 
 
 def point_segment(p: Vector, a: Vector, b: Vector) -> Any:
     """Distance of a point from a segment."""
-    u = sub(b, a)
-    square = dot(u, u)
-    t = dot(sub(p, a), u) / square if square > 0 else mpf(0)
-    return norm(sub(p, along(a, min(max(t, mpf(0)), mpf(1)), u)))
+    u = b - a
+    t = (p - a) @ u / (u @ u) if u @ u > 0 else ZERO
+    return norm(p - (a + min(max(t, ZERO), mpf(1)) * u))
 
 
 def segment_segment(a: Vector, b: Vector, c: Vector, d: Vector) -> Any:
     """Distance of two segments: ends against segments, and lines inside both."""
     least = min(
-        point_segment(a, c, d),
-        point_segment(b, c, d),
-        point_segment(c, a, b),
-        point_segment(d, a, b),
+        *(point_segment(p, c, d) for p in (a, b)),
+        *(point_segment(p, a, b) for p in (c, d)),
     )
-    u, v, w = sub(b, a), sub(d, c), sub(c, a)
-    n = cross(u, v)
-    square = dot(n, n)
+    u, v, w = b - a, d - c, c - a
+    n = np.cross(u, v)
+    square = n @ n
     if square > 0:
-        s = dot(cross(w, v), n) / square
-        t = dot(cross(w, u), n) / square
+        s, t = (np.cross(w, x) @ n / square for x in (v, u))
         if 0 <= s <= 1 and 0 <= t <= 1:
-            least = min(least, abs(dot(w, n)) / mpmath.sqrt(square))
+            least = min(least, abs(w @ n) / mpmath.sqrt(square))
     return least
 
 
 def point_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Any:
     """Distance of a point from a triangle."""
-    least = min(point_segment(p, a, b), point_segment(p, b, c), point_segment(p, c, a))
-    n = cross(sub(b, a), sub(c, a))
-    square = dot(n, n)
-    if square > 0 and all(
-        dot(cross(sub(y, x), sub(p, x)), n) >= 0 for x, y in ((a, b), (b, c), (c, a))
-    ):
-        least = min(least, abs(dot(sub(p, a), n)) / mpmath.sqrt(square))
+    sides = ((a, b), (b, c), (c, a))
+    least = min(point_segment(p, *side) for side in sides)
+    n = np.cross(b - a, c - a)
+    if n @ n > 0 and all(np.cross(y - x, p - x) @ n >= 0 for x, y in sides):
+        least = min(least, abs((p - a) @ n) / norm(n))
     return least
 
 
@@ -87,41 +65,38 @@ class Row:
     """A row in 50 digits."""
 
     def __init__(self, row: Any) -> None:
-        values = [mpf(float(x)) for x in row]
+        values = np.array([mpf(float(x)) for x in row], dtype=object)
         self.radius, self.origin = values[0], values[1:4]
         self.second, self.third = values[4:7], values[7:10]
         self.sizes = values[4:7]
-        self.axes = [[values[7 + 3 * i + j] for i in range(3)] for j in range(3)]
+        self.axes = values[7:16].reshape(3, 3).T
 
     def local(self, p: Vector) -> Vector:
         """A point in the frame."""
-        w = sub(p, self.origin)
-        return [dot(w, axis) for axis in self.axes]
+        return self.axes @ (p - self.origin)
 
     def corner(self, signs: Any) -> Vector:
         """Corner of a box."""
-        p = self.origin
-        for sign, size, axis in zip(signs, self.sizes, self.axes, strict=True):
-            p = along(p, sign * size, axis)
-        return p
+        return self.origin + (np.array(signs) * self.sizes) @ self.axes
+
+    def corners(self) -> list[Vector]:
+        """All corners of a box."""
+        return [self.corner(signs) for signs in BOX_SIGNS]
 
     def edges(self) -> list[tuple[Vector, Vector]]:
         """Edges of a box."""
-        found = []
-        for signs in BOX_SIGNS:
-            for k in range(3):
-                if signs[k] < 0:
-                    other = [*signs[:k], 1, *signs[k + 1 :]]
-                    found.append((self.corner(signs), self.corner(other)))
-        return found
+        return [
+            (self.corner(signs), self.corner((*signs[:k], 1, *signs[k + 1 :])))
+            for signs in BOX_SIGNS
+            for k in range(3)
+            if signs[k] < 0
+        ]
 
 
 def point_box(p: Vector, box: Row) -> Any:
     """Signed distance of a point from a box."""
-    out = [abs(x) - h for x, h in zip(box.local(p), box.sizes, strict=True)]
-    if max(out) <= 0:
-        return max(out)
-    return norm([max(x, mpf(0)) for x in out])
+    out = abs(box.local(p)) - box.sizes
+    return max(out) if max(out) <= 0 else norm(np.maximum(out, ZERO))
 
 
 def point_cone(p: Vector, cone: Row) -> Any:
@@ -130,85 +105,75 @@ def point_cone(p: Vector, cone: Row) -> Any:
     lower, half, upper = cone.sizes
     r = mpmath.sqrt(x * x + y * y)
     slant = mpmath.sqrt(4 * half * half + (lower - upper) ** 2)
-    planes = [-half - z, z - half]
-    planes.append(((r - lower) * 2 * half + (z + half) * (lower - upper)) / slant)
-    if max(planes) <= 0:
-        return max(planes)
-    outline = [(0, -half), (lower, -half), (upper, half), (0, half)]
-    ends = [[mpf(u), mpf(v), mpf(0)] for u, v in outline]
-    q = [r, z, mpf(0)]
-    return min(point_segment(q, ends[k], ends[k + 1]) for k in range(3))
+    side = ((r - lower) * 2 * half + (z + half) * (lower - upper)) / slant
+    inside = max(-half - z, z - half, side)
+    if inside <= 0:
+        return inside
+    outline = [(ZERO, -half), (lower, -half), (upper, half), (ZERO, half)]
+    q, *ends = (np.array(v, dtype=object) for v in ((r, z), *outline))
+    return min(point_segment(q, *side) for side in pairwise(ends))
 
 
-def shadow(points: list[Vector], n: Vector) -> tuple[Any, Any]:
-    """Least and largest of points along n."""
-    heights = [dot(p, n) for p in points]
-    return min(heights), max(heights)
-
-
-def polytopes(
-    corners: tuple[list[Vector], list[Vector]], axes: list[Vector], apart: Any
-) -> Any:
+def polytopes(a: list[Vector], b: list[Vector], axes: list[Vector], apart: Any) -> Any:
     """Signed distance of polytopes: the widest gap of all axes, or the features'."""
     widest = mpf("-inf")
     for n in axes:
         size = norm(n)
         if size < mpf(10) ** -30:
             continue
-        low_a, high_a = shadow(corners[0], n)
-        low_b, high_b = shadow(corners[1], n)
-        widest = max(widest, (low_b - high_a) / size, (low_a - high_b) / size)
+        heights_a, heights_b = ([p @ n for p in corners] for corners in (a, b))
+        gaps = min(heights_b) - max(heights_a), min(heights_a) - max(heights_b)
+        widest = max(widest, *(gap / size for gap in gaps))
     return apart() if widest > 0 else widest
 
 
 def capsule_box(a: Row, b: Row) -> Any:
     """Signed distance of a segment and a box."""
-    start, end = a.origin, a.second
-    u = sub(end, start)
-    corners = [b.corner(s) for s in BOX_SIGNS]
-    axes = b.axes + [cross(axis, u) for axis in b.axes]
+    ends = a.origin, a.second
+    axes = [*b.axes, *(np.cross(axis, ends[1] - ends[0]) for axis in b.axes)]
 
     def apart() -> Any:
-        least = min(point_box(start, b), point_box(end, b))
-        return min(least, *(segment_segment(start, end, *edge) for edge in b.edges()))
+        least = min(point_box(p, b) for p in ends)
+        return min(least, *(segment_segment(*ends, *edge) for edge in b.edges()))
 
-    return polytopes(([start, end], corners), axes, apart)
+    return polytopes(ends, b.corners(), axes, apart)
 
 
 def box_box(a: Row, b: Row) -> Any:
     """Signed distance of two boxes."""
-    corners = [a.corner(s) for s in BOX_SIGNS], [b.corner(s) for s in BOX_SIGNS]
-    axes = a.axes + b.axes + [cross(u, v) for u in a.axes for v in b.axes]
+    axes = [*a.axes, *b.axes, *(np.cross(u, v) for u in a.axes for v in b.axes)]
 
     def apart() -> Any:
-        points = [point_box(p, b) for p in corners[0]]
-        points += [point_box(p, a) for p in corners[1]]
+        points = [point_box(p, b) for p in a.corners()]
+        points += [point_box(p, a) for p in b.corners()]
         lines = [segment_segment(*e, *f) for e in a.edges() for f in b.edges()]
         return min(points + lines)
 
-    return polytopes(corners, axes, apart)
+    return polytopes(a.corners(), b.corners(), axes, apart)
 
 
 def above_plane(kind: ShapeKind, a: Row, b: Row) -> Any | None:
     """Distance of a core from a plane; None for cores known by their support."""
-    up = [x / norm(b.second) for x in b.second]
-    if kind == ShapeKind.SPHERE:
-        reach = [mpf(0)]
-    elif kind in (ShapeKind.CAPSULE, ShapeKind.TRIANGLE):
-        ends = [a.origin, a.second, a.third][: 2 if kind == ShapeKind.CAPSULE else 3]
-        reach = [-dot(sub(p, a.origin), up) for p in ends]
-    elif kind in (ShapeKind.BOX, ShapeKind.ELLIPSOID):
-        parts = [h * dot(up, e) for h, e in zip(a.sizes, a.axes, strict=True)]
-        box = kind == ShapeKind.BOX
-        reach = [sum(abs(x) for x in parts) if box else norm(parts)]
-    elif kind in (ShapeKind.CYLINDER, ShapeKind.CONE):
-        x, y, z = (dot(up, e) for e in a.axes)
-        lower, half, upper = a.sizes
-        across = mpmath.sqrt(x * x + y * y)
-        reach = [lower * across + half * z, upper * across - half * z]
-    else:
-        return None
-    return dot(sub(a.origin, b.origin), up) - max(reach)
+    up = b.second / norm(b.second)
+    match kind:
+        case ShapeKind.SPHERE:
+            reach = ZERO
+        case ShapeKind.CAPSULE:
+            reach = max(ZERO, (a.origin - a.second) @ up)
+        case ShapeKind.TRIANGLE:
+            reach = max(ZERO, *((a.origin - p) @ up for p in (a.second, a.third)))
+        case ShapeKind.BOX:
+            reach = sum(abs(a.sizes * (a.axes @ up)))
+        case ShapeKind.ELLIPSOID:
+            reach = norm(a.sizes * (a.axes @ up))
+        case ShapeKind.CYLINDER | ShapeKind.CONE:
+            x, y, z = a.axes @ up
+            lower, half, upper = a.sizes
+            across = mpmath.sqrt(x * x + y * y)
+            reach = max(lower * across + half * z, upper * across - half * z)
+        case _:
+            return None
+    return (a.origin - b.origin) @ up - reach
 
 
 def point_ellipsoid(p: Vector, b: Row) -> Any:
@@ -218,40 +183,27 @@ def point_ellipsoid(p: Vector, b: Row) -> Any:
     (e y / (t + e²))² - 1; or, where that has none above minus the square of the
     shortest axis, it lies there, to either side of the point.
     """
-    away = sub(p, b.origin)
-    y = [abs(dot(away, e)) for e in b.axes]
-    squares = [h * h for h in b.sizes]
+    y = abs(b.local(p))
+    squares = b.sizes * b.sizes
     least = min(squares)
 
     def excess(t: Any) -> Any:
-        parts = [
-            q * v * v / (t + q) ** 2
-            for q, v in zip(squares, y, strict=True)
-            if v > 0 and t + q > 0
-        ]
-        return sum(parts, mpf(0)) - 1
+        """The sum less 1, of the parts that are not 0 by 0."""
+        own = (y > 0) & (t + squares > 0)
+        return sum(squares[own] * y[own] ** 2 / (t + squares[own]) ** 2, ZERO) - 1
 
     low, high = -least, norm(y) * max(b.sizes)
-    rest = [(q, v) for q, v in zip(squares, y, strict=True) if q > least]
-    shortest = [v for q, v in zip(squares, y, strict=True) if q == least]
-    if (
-        max(shortest) == 0
-        and sum((q * v * v / (q - least) ** 2 for q, v in rest), mpf(0)) <= 1
-    ):
-        x = [q * v / (q - least) for q, v in rest]
-        inside = 1 - sum(
-            (u * u / q for u, (q, _v) in zip(x, rest, strict=True)), mpf(0)
-        )
-        moved = sum(((u - v) ** 2 for u, (_q, v) in zip(x, rest, strict=True)), mpf(0))
-        return -mpmath.sqrt(moved + least * inside)
+    longer = squares > least
+    q, v = squares[longer], y[longer]
+    if max(y[~longer]) == 0 and sum(q * v * v / (q - least) ** 2, ZERO) <= 1:
+        x = q * v / (q - least)
+        inside = 1 - sum(x * x / q, ZERO)
+        return -mpmath.sqrt(sum((x - v) ** 2, ZERO) + least * inside)
     for _ in range(400):
         middle = (low + high) / 2
-        if excess(middle) > 0:
-            low = middle
-        else:
-            high = middle
-    gap = [v * low / (low + q) for q, v in zip(squares, y, strict=True)]
-    return norm(gap) if low >= 0 else -norm(gap)
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    gap = norm(y * low / (low + squares))
+    return gap if low >= 0 else -gap
 
 
 def signed_distance(
@@ -259,26 +211,25 @@ def signed_distance(
 ) -> Any | None:
     """Signed distance in 50 digits; None for pairs this file has nothing for."""
     a, b = Row(row_a), Row(row_b)
-    if kind_b == ShapeKind.HALF_SPACE:
-        core = above_plane(kind_a, a, b)
-    elif kind_a == ShapeKind.BOX:
-        core = box_box(a, b)
-    elif kind_a == ShapeKind.CAPSULE:
-        core = (
-            capsule_box(a, b)
-            if kind_b == ShapeKind.BOX
-            else segment_segment(a.origin, a.second, b.origin, b.second)
-        )
-    elif kind_b == ShapeKind.SPHERE:
-        core = norm(sub(a.origin, b.origin))
-    elif kind_b == ShapeKind.CAPSULE:
-        core = point_segment(a.origin, b.origin, b.second)
-    elif kind_b == ShapeKind.BOX:
-        core = point_box(a.origin, b)
-    elif kind_b == ShapeKind.TRIANGLE:
-        core = point_triangle(a.origin, b.origin, b.second, b.third)
-    elif kind_b == ShapeKind.ELLIPSOID:
-        core = point_ellipsoid(a.origin, b)
-    else:
-        core = point_cone(a.origin, b)
+    match kind_a, kind_b:
+        case _, ShapeKind.HALF_SPACE:
+            core = above_plane(kind_a, a, b)
+        case ShapeKind.BOX, _:
+            core = box_box(a, b)
+        case ShapeKind.CAPSULE, ShapeKind.BOX:
+            core = capsule_box(a, b)
+        case ShapeKind.CAPSULE, _:
+            core = segment_segment(a.origin, a.second, b.origin, b.second)
+        case _, ShapeKind.SPHERE:
+            core = norm(a.origin - b.origin)
+        case _, ShapeKind.CAPSULE:
+            core = point_segment(a.origin, b.origin, b.second)
+        case _, ShapeKind.BOX:
+            core = point_box(a.origin, b)
+        case _, ShapeKind.TRIANGLE:
+            core = point_triangle(a.origin, b.origin, b.second, b.third)
+        case _, ShapeKind.ELLIPSOID:
+            core = point_ellipsoid(a.origin, b)
+        case _:
+            core = point_cone(a.origin, b)
     return None if core is None else core - a.radius - b.radius

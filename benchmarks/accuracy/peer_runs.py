@@ -73,18 +73,14 @@ class Asked:
         """A distance, None, a list with a message, or the word hung or died."""
         try:
             self.pipe.send(pair)
-            if not self.pipe.poll(PATIENCE):
-                self.restart()
-                return "hung"
-            return self.pipe.recv()
+            if self.pipe.poll(PATIENCE):
+                return self.pipe.recv()
+            lost = "hung"
         except (EOFError, OSError):
-            self.restart()
-            return "died"
-
-    def restart(self) -> None:
-        """End the child, start another."""
+            lost = "died"
         self.stop()
         self.start()
+        return lost
 
     def stop(self) -> None:
         """End the child."""
@@ -117,7 +113,7 @@ def compare(task: tuple[str, str, int]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in NAMES:
         if ShapeKind.SUPPORT in NAMES[name]:
-            # Known by its support alone: nobody else has it.
+            # Known by its support alone: no peer has it.
             continue
         found[name] = entry = {"asked": 0, "unsupported": 0, "worst": 0.0, "wrong": {}}
         batch = judge(*NAMES[name], regime, range(count))
@@ -128,16 +124,14 @@ def compare(task: tuple[str, str, int]) -> dict[str, Any]:
             entry["asked"] += 1
             size = batch.scale[k]
             lower, upper = float(batch.lower[k]), float(batch.upper[k])
+            error = 0.0
             if isinstance(answer, float) and abs(answer) < 1e300:
-                error = max(answer - upper, lower - answer, 0.0) / size
-                entry["worst"] = max(entry["worst"], error)
+                error = max(answer - upper, lower - answer) / size
+            entry["worst"] = max(entry["worst"], error)
             word = verdict(answer, lower, upper, NOTABLE * size)
             if word:
                 case = entry["wrong"].setdefault(word, {"count": 0, "error": -1.0})
                 case["count"] += 1
-                error = 0.0
-                if isinstance(answer, float) and abs(answer) < 1e300:
-                    error = max(answer - upper, lower - answer) / size
                 if error > case["error"]:
                     case.update(
                         error=error,

@@ -25,14 +25,14 @@ TARGETS = {
     "exchange": 1e-7,
 }
 
-# Targets that single pairs of the million miss, and why; the page tells them.
+# Targets that single pairs of the million miss, and why; the page has them.
 MISSED = {
     ("apart", "cylinder-hull"): "a rod of 0.8 µm radius and 0.4 m length 0.2 µm from a "
     "flat hull: the simplices are slivers, and the answer, 27 nm too near, is no more "
     "than what could be proven",
     ("deep", "cylinder-ellipsoid"): "one about the other on the same axes, nearly as "
     "narrow all around: too deep by one part in a million",
-    ("witness", "cone-cone"): "their axes parallel, just touching: the place is told "
+    ("witness", "cone-cone"): "their axes parallel, just touching: the place is given "
     "3 µm beside",
     ("witness", "capsule-ellipsoid"): "an ellipsoid 1.5 µm thin and 0.6 m long",
 }

@@ -8,22 +8,9 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from attack.raw import (
-    BYE,
-    CHALLENGE,
-    COMMANDS,
-    HEADER,
-    LONGEST,
-    NO_COOKIE,
-    OBSERVE,
-    REFUSAL,
-    WELCOME,
-    Raw,
-)
+from attack.raw import HEADER, LONGEST, NO_COOKIE, Kind, Raw, Role
 from attack.row import Row
 from attack.target import Target
-
-DOOR = "service"
 
 # Processes that connect at a time.
 PROCESSES = 2
@@ -54,12 +41,12 @@ def come_and_go(port: int, key: bytes, count: int, done: Any) -> None:
         done: Shared: connections, and refusals.
     """
     for _ in range(count):
-        with Raw(port, key, OBSERVE) as raw:
+        with Raw(port, key, Role.OBSERVE) as raw:
             raw.socket.settimeout(AGAIN)
             while not connected(raw, done):
                 raw.session = 0
                 raw.sender += 2
-            raw.say(BYE)
+            raw.say(Kind.BYE)
             done[0] += 1
 
 
@@ -72,15 +59,15 @@ def connected(raw: Raw, done: Any) -> bool:
             while True:
                 message = raw.socket.recv(LONGEST)
                 kind = message[5]
-                if kind == CHALLENGE and cookie == NO_COOKIE:
+                if kind == Kind.CHALLENGE and cookie == NO_COOKIE:
                     raw.session = HEADER.unpack_from(message)[4]
                     cookie = message[HEADER.size + 8 : HEADER.size + 24]
                     raw.hello(cookie)
-                elif kind == WELCOME:
+                elif kind == Kind.WELCOME:
                     # A message of another scene is dropped, the good-bye too.
                     raw.scene = HEADER.unpack_from(message)[5]
                     return True
-                elif kind == REFUSAL:
+                elif kind == Kind.REFUSAL:
                     done[1] += 1
                     time.sleep(AGAIN)
                     return False
@@ -116,10 +103,10 @@ def crowd(port: int, key: bytes, count: int) -> Iterator[Callable[[], tuple[int,
 def connects(target: Target, count: int, seconds: float) -> Row:
     """Clients that connect and say good-bye; memory of the service and refusals."""
     before = target.counters.values()
-    come_and_go(target.port, target.keys[OBSERVE], WARM, [0, 0])
+    come_and_go(target.port, target.keys[Role.OBSERVE], WARM, [0, 0])
     memory = target.memory
     began = time.monotonic()
-    with crowd(target.port, target.keys[OBSERVE], count) as so_far:
+    with crowd(target.port, target.keys[Role.OBSERVE], count) as so_far:
         while so_far()[0] < count // PROCESSES * PROCESSES:
             if time.monotonic() - began > seconds:
                 break
@@ -130,10 +117,9 @@ def connects(target: Target, count: int, seconds: float) -> Row:
     grown = target.memory - memory
     counters = target.counters.values()
     full = counters["dropped_too_many_senders"] - before["dropped_too_many_senders"]
-    last = target.raw(COMMANDS)
+    last = target.raw(Role.COMMAND)
     last.socket.close()
     return Row(
-        door=DOOR,
         attack="clients that connect and say good-bye",
         tried=tried,
         had=refused + full,
@@ -151,15 +137,16 @@ def full_house(target: Target) -> Row:
     with ExitStack() as stack:
         there = 0
         for _ in range(STAY + 8):
-            one = stack.enter_context(Raw(target.port, target.keys[OBSERVE], OBSERVE))
+            one = stack.enter_context(
+                Raw(target.port, target.keys[Role.OBSERVE], Role.OBSERVE)
+            )
             there += connected_in_time(one)
         commander = stack.enter_context(
-            Raw(target.port, target.keys[COMMANDS], COMMANDS)
+            Raw(target.port, target.keys[Role.COMMAND], Role.COMMAND)
         )
         commander.connect()
         granted = commander.claim()
     return Row(
-        door=DOOR,
         attack=f"{there} observers that stay, then a commander",
         tried=1,
         had=int(not granted),

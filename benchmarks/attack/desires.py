@@ -7,11 +7,9 @@ from math import inf
 from pathlib import Path
 
 from armguard.station.faults.relay import Relay, Tamper
-from attack.raw import COMMANDS, HEARTBEAT, PATIENCE, WISH, Raw
+from attack.raw import PATIENCE, Kind, Raw, Role
 from attack.row import Row
 from attack.target import Arms, Target
-
-DOOR = "service"
 
 # Delays of all messages that desire motion [s].
 DELAYS = (0.15, 0.3, 2.0)
@@ -53,7 +51,6 @@ def delayed(target: Target, arms: Arms, delay: float) -> Row:
     counted = after["dropped_wish_late"] - before["dropped_wish_late"]
     obeyed = after["wishes"] - before["wishes"] + arms.moving - moving
     return Row(
-        door=DOOR,
         attack=f"desired motion that comes {delay} s late",
         tried=sent,
         had=obeyed,
@@ -81,14 +78,13 @@ def growing(target: Target, arms: Arms, times: int) -> Row:
                     tried += 1
                 released = time.monotonic()
                 while time.monotonic() < released + most + 0.5:
-                    raw.say(HEARTBEAT)
+                    raw.say(Kind.HEARTBEAT)
                     time.sleep(EVERY)
                 moved += arms.moving > before
                 longest = max(longest, arms.moved_at - released)
         finally:
             relay.close()
     return Row(
-        door=DOOR,
         attack="desired motion whose delay grows, to 0.085 s and to 2 s",
         tried=tried,
         had=int(longest > AGE + STOPS),
@@ -112,7 +108,7 @@ def grows(began: float, pace: float, most: float) -> Callable[[], float]:
 
 def operator(target: Target, relay: Relay) -> Raw:
     """A commander behind a relay."""
-    raw = Raw(relay.port, target.keys[COMMANDS], COMMANDS)
+    raw = Raw(relay.port, target.keys[Role.COMMAND], Role.COMMAND)
     raw.connect()
     end = time.monotonic() + PATIENCE
     while not raw.claim():
@@ -125,7 +121,7 @@ def press(raw: Raw, arms: Arms) -> None:
     """Desire motion once: to and fro, so that nothing is in the way."""
     found = [0.0] * len(arms.q)
     found[0] = SPEED if int(2.0 * time.monotonic()) % 2 else -SPEED
-    raw.say(WISH, raw.wish(found))
+    raw.say(Kind.WISH, raw.wish(found))
     time.sleep(EVERY)
 
 
@@ -143,7 +139,7 @@ def run(times: int) -> list[Row]:
         times: How often the delay grows.
     """
     with tempfile.TemporaryDirectory() as name, Target(Path(name)) as target:
-        with Arms(target.raw(COMMANDS), commands=False, still=7) as arms:
+        with Arms(target.raw(Role.COMMAND), commands=False, still=7) as arms:
             arms.wait_until(lambda _: True)
             rows = [delayed(target, arms, delay) for delay in DELAYS]
             rows.append(growing(target, arms, times))

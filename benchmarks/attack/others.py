@@ -1,6 +1,6 @@
 """Rows from the attacks on recordings, inputs, the browser's door and Zenoh."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from attack.row import Row, none
@@ -11,21 +11,18 @@ MEMORY, TIME = 1024.0, 20.0
 
 def recordings(count: int, seed: int) -> list[Row]:
     """Checkpoints and whole recordings with right checksums, changed at random."""
-    from attack import recordings as made
+    from attack.recordings import run
 
-    return [
-        mutants(
-            "recording", f"{kind} of recordings, changed, with right checksums", found
-        )
-        for kind, found in made.run(count, seed).items()
-    ]
+    words = "of recordings, changed, with right checksums"
+    found = run(count, seed)
+    return [mutants("recording", f"{kind} {words}", found[kind]) for kind in found]
 
 
 def inputs(count: int, seed: int) -> list[Row]:
     """Scenes, robots, meshes, keys and archives that are none, or much too large."""
-    from attack import inputs as made
+    from attack.inputs import run
 
-    found = made.run(count, seed)
+    found = run(count, seed)
     ended = {**found, "grown_mb": found["peak_MB"]}
     ended["signals"] += found["no_memory"]
     attack = "scenes, robots, meshes and recordings: bombs, then mutants of good files"
@@ -37,66 +34,59 @@ def mutants(door: str, attack: str, found: Mapping[str, Any]) -> Row:
     had = found["signals"] + found["tracebacks"]
     memory, time = found["grown_mb"], found["longest_s"]
     return Row(
+        attack,
+        found["tried"],
+        had,
+        "signals and tracebacks",
+        f"0, at most {MEMORY:.0f} MB and {TIME:.0f} s each",
+        had == 0 and memory <= MEMORY and time <= TIME,
+        f"at most {memory:.0f} MB and {time:.1f} s",
+        found,
         door=door,
-        attack=attack,
-        tried=found["tried"],
-        had=had,
-        unit="signals and tracebacks",
-        target=f"0, at most {MEMORY:.0f} MB and {TIME:.0f} s each",
-        passed=had == 0 and memory <= MEMORY and time <= TIME,
-        note=f"at most {memory:.0f} MB and {time:.1f} s",
-        figures=dict(found),
     )
 
 
 def browser(raw: int, sockets: int) -> list[Row]:
     """Messages sent with or right after a handshake, and pages of other origins."""
-    from attack import browser as made
+    from attack.browser import executed, run
 
-    found = made.run(raw, sockets)
-    names = {
-        "raw": "messages sent with the handshake, from other origins and without "
-        "the cookie",
-        "chromium": "sockets that pages of other origins open in Chromium",
-    }
+    found = run(raw, sockets)
     rows = []
-    for kind, attack in names.items():
+    for kind, attack in (
+        (
+            "raw",
+            "messages sent with the handshake, from other origins and without "
+            "the cookie",
+        ),
+        ("chromium", "sockets that pages of other origins open in Chromium"),
+    ):
         one = found[kind]
-        executed = sum(one["done"].values()) + (one["moved_rad"] > 0.0)
-        learnt = one.get("ports_told_from_closed_ones", 0)
-        rows.append(
-            none(
-                "browser",
-                attack,
-                one["tries"],
-                executed + one["opened"] + learnt,
-                unit="opened, executed or learnt",
-                **one,
-            )
-        )
+        had = executed(one) + one["opened"] + one.get("ports_told_from_closed_ones", 0)
+        unit = "opened, executed or learnt"
+        rows.append(none(attack, one["tries"], had, unit, door="browser", **one))
     return rows
 
 
 def zenoh(count: int) -> list[Row]:
     """Messages that are forged, replayed and moved, as peer, client and by a router."""
-    from attack import zenoh_bus as made
+    from attack.zenoh_bus import run
 
-    return [
-        row
-        for mode, found in made.run(count).items()
-        for row in over_zenoh(mode, found)
-    ]
-
-
-def over_zenoh(mode: str, found: Mapping[str, int]) -> Iterator[Row]:
-    """Rows of one mode."""
-    for attack, tried, had, unit in (
-        ("commands", "forged_commands", "forged_commands_obeyed", "obeyed"),
-        ("desires and states", "forged_wishes", "forged_wishes_accepted", "accepted"),
-        ("claims with force", "claims", "claims_granted", "granted"),
-    ):
-        name = f"{attack} forged over Zenoh, {mode}"
-        yield none("zenoh", name, found[tried], found[had], unit=unit)
-    name = f"tokens overheard over Zenoh, {mode}"
-    tried, had = found["claims"], found["tokens_overheard"]
-    yield none("zenoh", name, tried, had, unit="overheard", **found)
+    rows = []
+    for mode, found in run(count).items():
+        for attack, tried, had, unit in (
+            ("commands forged", "forged_commands", "forged_commands_obeyed", "obeyed"),
+            (
+                "desires and states forged",
+                "forged_wishes",
+                "forged_wishes_accepted",
+                "accepted",
+            ),
+            ("claims with force forged", "claims", "claims_granted", "granted"),
+            ("tokens overheard", "claims", "tokens_overheard", "overheard"),
+        ):
+            more = found if attack == "tokens overheard" else {}
+            name = f"{attack} over Zenoh, {mode}"
+            rows.append(
+                none(name, found[tried], found[had], unit, door="zenoh", **more)
+            )
+    return rows

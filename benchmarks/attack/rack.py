@@ -16,7 +16,7 @@ import numpy as np
 
 from armguard.scene import load_scene
 from armguard.scene.compile import compile_scene
-from attack.raw import CALL, COMMANDS, OBSERVE, SENSE, Raw
+from attack.raw import Kind, Raw, Role
 from attack.row import Row
 from attack.service import AWAY, GUESSES, fixed
 from attack.target import LATE, Arms, Target, patient_bay
@@ -24,8 +24,6 @@ from attack.target import LATE, Arms, Target, patient_bay
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from closed_loop.judge import Judge
-
-DOOR = "service"
 
 # What is driven into which fixture, by which joint, and how fast [rad/s].
 FIXTURE, LINK, JOINT, SPEED = "bench", "left/link7", 1, 0.3
@@ -90,7 +88,7 @@ def hostile(port: int, keys: dict[int, bytes], names: list[str], sent: Any) -> N
     """Remove all fixtures again and again, with all keys that may not and with none."""
     with ExitStack() as stack:
         crowd = []
-        for role in (OBSERVE, SENSE, COMMANDS):
+        for role in (Role.OBSERVE, Role.SENSE, Role.COMMAND):
             one = stack.enter_context(Raw(port, keys[role], role))
             one.connect()
             crowd.append(one)
@@ -99,8 +97,8 @@ def hostile(port: int, keys: dict[int, bytes], names: list[str], sent: Any) -> N
             stranger.session, stranger.scene = one.session, one.scene
             crowd.append(stranger)
         for name, raw in itertools.cycle(itertools.product(names, crowd)):
-            raw.say(CALL, raw.calling("remove", name=name))
-            raw.say(CALL, raw.calling("place", name=name, pose=AWAY))
+            raw.say(Kind.CALL, raw.calling("remove", name=name))
+            raw.say(Kind.CALL, raw.calling("place", name=name, pose=AWAY))
             sent.value += 2
             time.sleep(PAUSE)
 
@@ -121,7 +119,7 @@ def run(drives: int) -> list[Row]:
         words = (target.port, target.keys, fixed(), sent)
         enemy = context.Process(target=hostile, args=words, daemon=True)
         enemy.start()
-        raw = target.raw(COMMANDS)
+        raw = target.raw(Role.COMMAND)
         start = [float(x) for x in raw.welcome["home"]]
         start[JOINT] += NEARER
         arms = stack.enter_context(Arms(raw, keeps=True, start=start))
@@ -135,7 +133,6 @@ def run(drives: int) -> list[Row]:
         without = beyond(judge, start)
     return [
         Row(
-            door=DOOR,
             attack="fixtures removed with every key that may not, and without one, "
             f"while an arm is driven into the {FIXTURE}",
             tried=sent.value,

@@ -9,6 +9,7 @@ import secrets
 import socket
 import struct
 import time
+from enum import IntEnum
 from hashlib import blake2s
 from typing import Any, NamedTuple
 
@@ -17,17 +18,14 @@ HEADER = struct.Struct("<IBBHQQQQq")
 SEAL = 16
 LONGEST = 8192
 
-HELLO, WELCOME, STATE, WISH, COMMAND, HEARTBEAT, CLAIM, GRANT = range(1, 9)
-GIVE_BACK, CALL, REPLY, STOP, BYE, CHALLENGE, REFUSAL = range(9, 16)
 
-# What keys are for.
-OBSERVE, SENSE, COMMANDS, ADMINISTER = 1, 2, 3, 4
-ROLES = {
-    "observe": OBSERVE,
-    "sense": SENSE,
-    "command": COMMANDS,
-    "administer": ADMINISTER,
-}
+# Kinds of messages, and what keys are for; numbers of both begin at 1.
+Kind = IntEnum(
+    "Kind",
+    "HELLO WELCOME STATE WISH COMMAND HEARTBEAT CLAIM GRANT "
+    "GIVE_BACK CALL REPLY STOP BYE CHALLENGE REFUSAL",
+)
+Role = IntEnum("Role", "OBSERVE SENSE COMMAND ADMINISTER")
 
 NO_COOKIE = bytes(16)
 
@@ -83,7 +81,7 @@ class Raw:
     """
 
     def __init__(
-        self, port: int, key: bytes, role: int = OBSERVE, sender: int = 0
+        self, port: int, key: bytes, role: int = Role.OBSERVE, sender: int = 0
     ) -> None:
         self.key, self.role = key, role
         self.sender = sender or secrets.randbits(63) | 1
@@ -167,7 +165,9 @@ class Raw:
 
     def hello(self, cookie: bytes = NO_COOKIE, every: int = 0) -> bytes:
         """Say hello."""
-        return self.say(HELLO, struct.pack("<II16s", self.role, every, cookie) + b"raw")
+        return self.say(
+            Kind.HELLO, struct.pack("<II16s", self.role, every, cookie) + b"raw"
+        )
 
     def connect(self, every: int = 0, timeout: float = PATIENCE) -> tuple[bytes, bytes]:
         """Say hello in full; both HELLOs that did it.
@@ -179,12 +179,12 @@ class Raw:
         while time.monotonic() < end:
             self.session, self.scene, parts = 0, 0, {}
             first = self.hello(every=every)
-            challenge = self.hear(CHALLENGE, 0.5)
+            challenge = self.hear(Kind.CHALLENGE, 0.5)
             if challenge is None:
                 continue
             self.session = HEADER.unpack_from(challenge)[4]
             second = self.hello(challenge[HEADER.size + 8 : HEADER.size + 24], every)
-            while (part := self.hear(WELCOME, 0.5)) is not None:
+            while (part := self.hear(Kind.WELCOME, 0.5)) is not None:
                 self.scene = HEADER.unpack_from(part)[5]
                 number, count = struct.unpack_from("<II", part, HEADER.size)
                 parts[number] = part[HEADER.size + 40 : -SEAL]
@@ -193,15 +193,15 @@ class Raw:
                     self.welcome = json.loads(text)
                     return first, second
             # Part of it was lost, so this sender is known; another one begins anew.
-            self.say(BYE)
+            self.say(Kind.BYE)
             self.sender = secrets.randbits(63) | 1
         raise ConnectionError("the service does not answer")
 
     def claim(self, force: bool = False) -> bool:
         """Claim the command; whether it was granted."""
         for _ in range(20):
-            self.say(CLAIM, struct.pack("<II", force, 0))
-            grant = self.hear(GRANT, 0.5)
+            self.say(Kind.CLAIM, struct.pack("<II", force, 0))
+            grant = self.hear(Kind.GRANT, 0.5)
             if grant is not None:
                 granted, _, self.token = struct.unpack_from("<IIQ", grant, HEADER.size)
                 return bool(granted)
@@ -221,8 +221,8 @@ class Raw:
         """
         payload = self.calling(call, **arguments)
         for _ in range(20):
-            self.say(CALL, payload)
-            while (reply := self.hear(REPLY, 0.5)) is not None:
+            self.say(Kind.CALL, payload)
+            while (reply := self.hear(Kind.REPLY, 0.5)) is not None:
                 if struct.unpack_from("<Q", reply, HEADER.size)[0] == self.sequence:
                     answer: dict[str, Any] = json.loads(reply[HEADER.size + 8 : -SEAL])
                     return answer

@@ -16,32 +16,9 @@ from random import Random
 from typing import Any
 
 from armguard import bay_scene
-from attack.raw import (
-    ADMINISTER,
-    BYE,
-    CALL,
-    CLAIM,
-    COMMANDS,
-    GIVE_BACK,
-    HEADER,
-    HEARTBEAT,
-    HELLO,
-    LONGEST,
-    NO_COOKIE,
-    OBSERVE,
-    SEAL,
-    SENSE,
-    STATE,
-    STOP,
-    WELCOME,
-    WISH,
-    Raw,
-    sealed,
-)
+from attack.raw import HEADER, LONGEST, NO_COOKIE, SEAL, Kind, Raw, Role, sealed
 from attack.row import Row, none
 from attack.target import Arms, Target, commanding, new_keys
-
-DOOR = "service"
 
 # Messages that are under way at most: more, and the system drops some unread.
 BURST = 32
@@ -63,13 +40,6 @@ GUESSES = (b"armguard", b"armguard-public-", bytes(16), b"0123456789abcdef")
 
 # Another user of the machine.
 NOBODY = 65534
-
-WORDS = {
-    OBSERVE: "observe",
-    SENSE: "sense",
-    COMMANDS: "command",
-    ADMINISTER: "administer",
-}
 
 # Far from where anything stands, as a pose.
 AWAY = [[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
@@ -131,25 +101,29 @@ class Ledger:
 
 def paced(
     target: Target, messages: Iterator[tuple[Raw, bytes]], done: Callable[[], bool]
-) -> int:
-    """Send messages as fast as a service reads them; how many.
+) -> None:
+    """Send messages as fast as a service reads them.
 
     Args:
         target: The service.
         messages: Messages and who sends them.
         done: Whether it is enough.
     """
-    sent = 0
     while not done():
-        read = target.counters.value("received")
-        for raw, message in itertools.islice(messages, BURST):
-            raw.send(message)
-            sent += 1
-        end = time.monotonic() + READ
-        while target.counters.value("received") - read < BURST:
-            if time.monotonic() > end:
-                break
-            time.sleep(0.0002)
+        burst(target, messages)
+
+
+def burst(target: Target, messages: Iterator[tuple[Raw, bytes]]) -> int:
+    """Send some messages and wait until the service has read them; how many."""
+    read, sent = target.counters.value("received"), 0
+    for raw, message in itertools.islice(messages, BURST):
+        raw.send(message)
+        sent += 1
+    end = time.monotonic() + READ
+    while target.counters.value("received") - read < BURST:
+        if time.monotonic() > end:
+            break
+        time.sleep(0.0002)
     return sent
 
 
@@ -176,16 +150,16 @@ def lies(raw: Raw, arms: Arms, rng: Random) -> Iterator[tuple[Raw, bytes]]:
         cookie = rng.choice([NO_COOKIE, secrets.token_bytes(16)])
         kind, payload = rng.choice(
             [
-                (HELLO, struct.pack("<II16s", role, 1, cookie) + b"stranger"),
-                (CLAIM, struct.pack("<II", 1, 0)),
-                (GIVE_BACK, struct.pack("<Q", token)),
-                (STATE, raw.state(arms.q, forged, raw.wish(forged, token))),
-                (WISH, raw.wish(forged, token)),
-                (CALL, raw.calling("remove", name="rack")),
-                (CALL, raw.calling("engage")),
-                (STOP, b""),
-                (BYE, b""),
-                (HEARTBEAT, b""),
+                (Kind.HELLO, struct.pack("<II16s", role, 1, cookie) + b"stranger"),
+                (Kind.CLAIM, struct.pack("<II", 1, 0)),
+                (Kind.GIVE_BACK, struct.pack("<Q", token)),
+                (Kind.STATE, raw.state(arms.q, forged, raw.wish(forged, token))),
+                (Kind.WISH, raw.wish(forged, token)),
+                (Kind.CALL, raw.calling("remove", name="rack")),
+                (Kind.CALL, raw.calling("engage")),
+                (Kind.STOP, b""),
+                (Kind.BYE, b""),
+                (Kind.HEARTBEAT, b""),
             ]
         )
         yield raw, raw.message(kind, payload, **sender)
@@ -198,17 +172,15 @@ def without_key(target: Target, arms: Arms, count: int) -> Row:
         messages = lies(raw, arms, Random(1))
         paced(target, messages, lambda: ledger.refused >= count)
     had = ledger.had("hellos", "stop_orders")
-    return none(DOOR, "client without a key", ledger.refused, had, wanted=count)
+    return none("client without a key", ledger.refused, had, wanted=count)
 
 
 def other_user(target: Target, arms: Arms, count: int) -> Row:
     """The same by another user of the machine, who looks for the keys first."""
     attack = "another user (uid 65534) without a key"
     if os.getuid() != 0:
-        return Row(
-            door=DOOR, attack=attack, tried=0, had=0, unit="accepted", target="0",
-            passed=True, note="not tried: it takes root to become another user",
-        )  # fmt: skip
+        note = "not tried: it takes root to become another user"
+        return Row(attack, 0, 0, "accepted", "0", True, note)
     ledger = Ledger(target, arms)
     secret = (
         target.key_file,
@@ -242,7 +214,7 @@ def other_user(target: Target, arms: Arms, count: int) -> Row:
     opened = told[0] if told else len(secret)
     had = ledger.had("hellos", "stop_orders") + opened
     return none(
-        DOOR, attack, ledger.refused, had, wanted=count // 2,
+        attack, ledger.refused, had, wanted=count // 2,
         note=f"{opened} of {len(secret)} files opened: keys, ring, counters, memory",
         files_opened=opened,
     )  # fmt: skip
@@ -261,37 +233,43 @@ def opens(path: Path) -> bool:
     return True
 
 
+def crowd_of(stack: ExitStack, target: Target, *roles: int) -> list[Raw]:
+    """Some clients with the right key for each of some roles."""
+    clients = [target.raw(role) for role in roles for _ in range(CROWD)]
+    return [stack.enter_context(client) for client in clients]
+
+
 def beyond_role(target: Target, arms: Arms, role: int, count: int) -> Row:
     """What a role does not include, with its key, and with the commander's token."""
     ledger = Ledger(target, arms)
     forged = [FORGED] * len(arms.q)
     token = arms.raw.token
     with ExitStack() as stack:
-        crowd = [stack.enter_context(target.raw(role)) for _ in range(CROWD)]
+        crowd = crowd_of(stack, target, role)
 
         def messages() -> Iterator[tuple[Raw, bytes]]:
-            orders = itertools.cycle(ORDERS if role < COMMANDS else ORDERS[:-2])
+            orders = itertools.cycle(ORDERS if role < Role.COMMAND else ORDERS[:-2])
             for k in itertools.count():
                 raw = crowd[k % CROWD]
                 call, arguments = next(orders)
                 claims = struct.pack("<II", 1, 0)
-                yield raw, raw.message(CLAIM, claims)
-                yield raw, raw.message(WISH, raw.wish(forged, token))
+                yield raw, raw.message(Kind.CLAIM, claims)
+                yield raw, raw.message(Kind.WISH, raw.wish(forged, token))
                 state = raw.state(arms.q, forged, raw.wish(forged, token))
-                yield raw, raw.message(STATE, state)
-                yield raw, raw.message(GIVE_BACK, struct.pack("<Q", token))
-                yield raw, raw.message(CALL, raw.calling(call, **arguments))
+                yield raw, raw.message(Kind.STATE, state)
+                yield raw, raw.message(Kind.GIVE_BACK, struct.pack("<Q", token))
+                yield raw, raw.message(Kind.CALL, raw.calling(call, **arguments))
                 # Under the commander's number, with a key that is good for less.
                 lie = {"sender": arms.raw.sender, "sequence": arms.raw.sequence + 5}
                 other = crowd[(k + 1) % CROWD]
-                yield other, other.message(WISH, other.wish(forged, token), **lie)
+                yield other, other.message(Kind.WISH, other.wish(forged, token), **lie)
 
         paced(target, messages(), lambda: ledger.refused >= count)
         had = ledger.had()
-    word = WORDS[role]
-    second = " of a second client" if role >= COMMANDS else ""
+    word = Role(role).name.lower()
+    second = " of a second client" if role >= Role.COMMAND else ""
     attack = f"key for '{word}'{second}: commands, claims with force, sends states"
-    return none(DOOR, attack, ledger.refused, had, wanted=count)
+    return none(attack, ledger.refused, had, wanted=count)
 
 
 def fixtures(target: Target, arms: Arms, count: int) -> Row:
@@ -299,13 +277,7 @@ def fixtures(target: Target, arms: Arms, count: int) -> Row:
     ledger = Ledger(target, arms)
     names = fixed()
     with ExitStack() as stack:
-        roles = (OBSERVE, SENSE, COMMANDS, ADMINISTER)
-        crowd = [
-            stack.enter_context(target.raw(role))
-            for role in roles
-            for _ in range(CROWD)
-        ]
-        watch = crowd[0]
+        crowd = crowd_of(stack, target, *Role)
 
         def messages() -> Iterator[tuple[Raw, bytes]]:
             for k in itertools.count():
@@ -314,16 +286,15 @@ def fixtures(target: Target, arms: Arms, count: int) -> Row:
                     payload = raw.calling("remove", name=name)
                 else:
                     payload = raw.calling("place", name=name, pose=AWAY)
-                yield raw, raw.message(CALL, payload)
+                yield raw, raw.message(Kind.CALL, payload)
 
         paced(target, messages(), lambda: ledger.risen("calls_refused") >= count)
         tried = ledger.risen("calls_refused")
         time.sleep(0.2)
         had = ledger.had()
-        changed = watch.call("objects", first=0)["result"]["count"]
-        had += changed
+        had += crowd[0].call("objects", first=0)["result"]["count"]
     return none(
-        DOOR, f"the {len(names)} fixtures removed or moved, with each of the keys",
+        f"the {len(names)} fixtures removed or moved, with each of the keys",
         tried, had, unit="changed", wanted=count,
     )  # fmt: skip
 
@@ -339,7 +310,7 @@ def replayed_hellos(folder: Path, count: int) -> Row:
     thief_got = thief_sent = had = tried = 0
     with Target(folder, keys=keys) as target:
         port = target.port
-        owner = Raw(port, target.keys[OBSERVE], OBSERVE)
+        owner = Raw(port, target.keys[Role.OBSERVE], Role.OBSERVE)
         overheard = owner.connect()
         with owner, Raw(port, bytes(16)) as thief:
             share = count // 4
@@ -350,7 +321,7 @@ def replayed_hellos(folder: Path, count: int) -> Row:
                 (thief, True),
             ):
                 if leaves:
-                    owner.say(BYE)
+                    owner.say(Kind.BYE)
                     time.sleep(0.1)
                 sent, got, effect = again(target, raw, overheard, share)
                 tried, had = tried + sent, had + effect
@@ -363,7 +334,7 @@ def replayed_hellos(folder: Path, count: int) -> Row:
     bytes_sent = thief_sent * sum(map(len, overheard)) / 2
     ratio = thief_got / bytes_sent
     found = none(
-        DOOR, "HELLOs overheard and replayed: from its address and another, after BYE, "
+        "HELLOs overheard and replayed: from its address and another, after BYE, "
         "after a restart with the same keys", tried, had, wanted=count,
         unit="answered with a WELCOME",
         note=f"{ratio:.2f} bytes come back for each byte sent",
@@ -383,23 +354,16 @@ def again(
     raw.socket.setblocking(False)
     sent = 0
     while target.counters.value("received") - before < count:
-        left = min(BURST, count)
-        sent += paced(target, itertools.islice(messages, left), counter(1))
+        sent += burst(target, itertools.islice(messages, min(BURST, count)))
         while True:
             try:
                 message = raw.socket.recv(LONGEST)
             except OSError:
                 break
-            if message[5] != HEARTBEAT:
+            if message[5] != Kind.HEARTBEAT:
                 got += len(message)
-            welcomes += message[5] == WELCOME
+            welcomes += message[5] == Kind.WELCOME
     return sent, got, welcomes + target.counters.value("hellos") - hellos
-
-
-def counter(times: int) -> Callable[[], bool]:
-    """False so many times, then True."""
-    left = itertools.chain(itertools.repeat(False, times), itertools.repeat(True))
-    return lambda: next(left)
 
 
 def floods(folder: Path, seconds: float) -> list[Row]:
@@ -413,7 +377,7 @@ def floods(folder: Path, seconds: float) -> list[Row]:
             before = target.counters.values()
             strange = arms.strange
             sent, enough = context.Value("q", 0), context.Event()
-            words = (name, target.port, target.keys[OBSERVE], sent, enough)
+            words = (name, target.port, target.keys[Role.OBSERVE], sent, enough)
             flooder = context.Process(target=flood, args=words)
             flooder.start()
             time.sleep(seconds)
@@ -427,17 +391,16 @@ def floods(folder: Path, seconds: float) -> list[Row]:
             had = rose["cycle_faults"] + arms.strange - strange
             rows.append(
                 Row(
-                    door=DOOR,
-                    attack=f"flood of {name} beside a controller",
-                    tried=sent.value,
-                    had=had,
-                    unit="faults",
-                    target="0; the share of cycles is reported",
-                    passed=had == 0,
-                    note=f"{sent.value / seconds:,.0f} a second; {share:.1%} of cycles "
+                    f"flood of {name} beside a controller",
+                    sent.value,
+                    had,
+                    "faults",
+                    "0; the share of cycles is reported",
+                    had == 0,
+                    f"{sent.value / seconds:,.0f} a second; {share:.1%} of cycles "
                     f"had no new state; {shares[ELSEWHERE]:.1%} while garbage goes to "
                     "another port of this machine",
-                    figures={"share": share, "share_elsewhere": shares[ELSEWHERE]},
+                    {"share": share, "share_elsewhere": shares[ELSEWHERE]},
                 )
             )
     return rows
@@ -451,17 +414,17 @@ def flood(name: str, port: int, key: bytes, count: Any, enough: Event) -> None:
         drain = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         drain.bind(("127.0.0.1", 0))
         to = drain.getsockname()[1] if name == ELSEWHERE else port
-        raw = stack.enter_context(Raw(to, key, OBSERVE))
+        raw = stack.enter_context(Raw(to, key, Role.OBSERVE))
         if name == "CALL":
             raw.connect()
         noise = [rng.randbytes(rng.randrange(1, 300)) for _ in range(BURST)]
-        hello = struct.pack("<II16s", OBSERVE, 0, NO_COOKIE)
+        hello = struct.pack("<II16s", Role.OBSERVE, 0, NO_COOKIE)
         while not enough.is_set():
             for one in noise:
                 if name == "HELLO":
-                    raw.say(HELLO, hello)
+                    raw.say(Kind.HELLO, hello)
                 elif name == "CALL":
-                    raw.say(CALL, raw.calling("why"))
+                    raw.say(Kind.CALL, raw.calling("why"))
                 else:
                     raw.send(one)
                 sent += 1
@@ -474,11 +437,7 @@ def scan(target: Target, arms: Arms, count: int, seed: int) -> Row:
     ledger = Ledger(target, arms)
     before = target.counters.value("received")
     with ExitStack() as stack:
-        crowd = [
-            stack.enter_context(target.raw(role))
-            for role in (OBSERVE, SENSE, COMMANDS, ADMINISTER)
-            for _ in range(CROWD)
-        ]
+        crowd = crowd_of(stack, target, *Role)
 
         def messages() -> Iterator[tuple[Raw, bytes]]:
             while True:
@@ -494,7 +453,7 @@ def scan(target: Target, arms: Arms, count: int, seed: int) -> Row:
         had = ledger.had() + (target.process.poll() is not None)
         had += crowd[0].call("objects", first=0)["result"]["count"]
     attack = "messages of wrong contents, well sealed with each of the keys"
-    return none(DOOR, attack, tried, had, unit="had an effect", wanted=count)
+    return none(attack, tried, had, unit="had an effect", wanted=count)
 
 
 # Numbers in which code that reads others' numbers goes wrong.
@@ -519,19 +478,19 @@ def mutant(raw: Raw, arms: Arms, rng: Random) -> bytes:
     call = rng.choice([*(each for each, _ in ORDERS), "__init__", "", "stop "])
     kind, payload = rng.choice(
         [
-            (HELLO, words + words[:8] + rng.randbytes(rng.randrange(90))),
-            (STATE, words + numbers),
+            (Kind.HELLO, words + words[:8] + rng.randbytes(rng.randrange(90))),
+            (Kind.STATE, words + numbers),
             (
-                STATE,
+                Kind.STATE,
                 struct.pack("<IId", 3, rng.randrange(4), rng.choice(FLOATS)) + numbers,
             ),
-            (WISH, words + numbers),
-            (CALL, raw.calling(call, **junk)),
-            (CALL, b"[" * rng.randrange(8000)),
-            (CALL, rng.randbytes(rng.randrange(500))),
-            (GIVE_BACK, words[:8]),
-            (CLAIM, struct.pack("<II", 0, rng.choice(EDGES) & 0xFFFFFFFF)),
-            (HEARTBEAT, rng.randbytes(rng.randrange(3))),
+            (Kind.WISH, words + numbers),
+            (Kind.CALL, raw.calling(call, **junk)),
+            (Kind.CALL, b"[" * rng.randrange(8000)),
+            (Kind.CALL, rng.randbytes(rng.randrange(500))),
+            (Kind.GIVE_BACK, words[:8]),
+            (Kind.CLAIM, struct.pack("<II", 0, rng.choice(EDGES) & 0xFFFFFFFF)),
+            (Kind.HEARTBEAT, rng.randbytes(rng.randrange(3))),
             (rng.randrange(14, 256), words),
         ]
     )
@@ -547,7 +506,7 @@ def mutant(raw: Raw, arms: Arms, rng: Random) -> bytes:
         del message[rng.randrange(len(message)) :]
     elif way == 2 and len(message) > HEADER.size + SEAL:
         for _ in range(rng.randrange(1, 9)):
-            if kind != CLAIM:
+            if kind != Kind.CLAIM:
                 message[rng.randrange(HEADER.size, len(message) - SEAL)] = (
                     rng.randrange(256)
                 )
@@ -570,7 +529,7 @@ def run(count: int) -> list[Row]:
                 other_user(target, arms, count),
                 *(
                     beyond_role(target, arms, role, count)
-                    for role in (OBSERVE, SENSE, COMMANDS)
+                    for role in (Role.OBSERVE, Role.SENSE, Role.COMMAND)
                 ),
                 fixtures(target, arms, count),
                 scan(target, arms, count, 7),

@@ -13,11 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from signal import SIGKILL
 
-from attack.raw import OBSERVE, Raw
+from attack.raw import Raw, Role
 from attack.row import Row, none
 from attack.target import Target, commanding, free_port, keys_in, new_keys
-
-DOOR = "service"
 
 # How long arms are watched that are to rest, and how long a recording goes on [s].
 LOOKS, RUNS = 0.5, 1.0
@@ -42,7 +40,6 @@ def kills(count: int) -> Row:
         found = list(pool.map(killed, shares))
     tried, rested, engaged = (sum(one[k] for one in found) for k in range(3))
     return Row(
-        door=DOOR,
         attack="service killed (-9) in motion and started again",
         tried=tried,
         had=tried - rested,
@@ -88,7 +85,6 @@ def recorded_starts(count: int) -> Row:
     files = [one for some in found for one in some]
     wrong = [sentence for code, sentence in files if code != 0]
     return none(
-        DOOR,
         f"recordings of {count} starts beside a client that says hello all the time",
         len(files), len(wrong), unit="replays that differ", wanted=count,
         note=f"{len(files)} files, each replayed alone",
@@ -125,9 +121,9 @@ def recorded_start() -> list[tuple[int, str]]:
 
 def greet(port: int, keys: Path, enough: threading.Event) -> None:
     """Say hello all the time, whether a service is there or not."""
-    key = keys_in(keys)[OBSERVE]
+    key = keys_in(keys)[Role.OBSERVE]
     while not enough.is_set():
-        with Raw(port, key, OBSERVE) as raw, suppress(ConnectionError):
+        with Raw(port, key, Role.OBSERVE) as raw, suppress(ConnectionError):
             for _ in range(20):
                 raw.session = 0
                 raw.hello()

@@ -15,16 +15,7 @@ from pathlib import Path
 
 from armguard.scene.bay import FOLDER, bay_path
 from armguard.station.service.counters import CountersReader
-from attack.raw import (
-    CALL,
-    COMMAND,
-    COMMANDS,
-    ROLES,
-    STATE,
-    Raw,
-    Told,
-    told,
-)
+from attack.raw import Kind, Raw, Role, Told, told
 
 # How much later than its period a cycle may come, and how old states may be: an attack
 # is told from a machine that is busy by what is done, not by when [s].
@@ -212,9 +203,9 @@ class Arms:
         raw = self.raw
         began = time.monotonic()
         wish = raw.wish(self.wish(began)) if self._commands else b""
-        raw.say(STATE, raw.state(self.q, self.v, wish))
+        raw.say(Kind.STATE, raw.state(self.q, self.v, wish))
         self.sent += 1
-        message = raw.hear(COMMAND, 0.1)
+        message = raw.hear(Kind.COMMAND, 0.1)
         if message is None:
             self.v = [0.0] * len(self.q)
             self.silent += 1
@@ -234,7 +225,7 @@ class Arms:
             self.trace.append(tuple(self.q))
         if self.engages and any(answer.actions) and began - self._engaged > 0.3:
             self._engaged = began
-            raw.say(CALL, raw.calling("engage"))
+            raw.say(Kind.CALL, raw.calling("engage"))
             self.calls += 1
         if self._commands and not answer.commander:
             # A machine that was late for too long has cost it the command.
@@ -256,9 +247,8 @@ def patient_bay(folder: Path, late: float) -> Path:
 def new_keys(folder: Path) -> Path:
     """A key file that outlives a service."""
     path = folder / "keys"
-    path.write_text(
-        "".join(f"{role} {secrets.token_hex(16)}\n" for role in ROLES), "ascii"
-    )
+    lines = (f"{role.name.lower()} {secrets.token_hex(16)}\n" for role in Role)
+    path.write_text("".join(lines), "ascii")
     path.chmod(0o600)
     return path
 
@@ -283,9 +273,9 @@ def own_keys(port: int) -> Path:
 def keys_in(path: Path) -> dict[int, bytes]:
     """Keys by role."""
     lines = (line.split() for line in path.read_text("ascii").splitlines())
-    return {ROLES[role]: key.encode() for role, key in lines}
+    return {Role[role.upper()]: key.encode() for role, key in lines}
 
 
 def commanding(target: Target, **options: object) -> Arms:
     """Arms that a client with the key for 'command' moves."""
-    return Arms(target.raw(COMMANDS), **options)  # type: ignore[arg-type]
+    return Arms(target.raw(Role.COMMAND), **options)  # type: ignore[arg-type]

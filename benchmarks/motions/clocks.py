@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from armguard.cli.console import say
 from armguard.guard import Level, Reason
 from armguard.respond import Guard
 from arrays import Floats
@@ -13,8 +14,6 @@ from closed_loop.plant import stopping_travel
 from closed_loop.scenes import build_scene
 from closed_loop.settings import Setting
 from motions.slower import LEFT
-
-Progress = Callable[[str], None]
 
 SETTING = Setting("bay", "path", "even", 0.001, 0.0005, 0.005)
 
@@ -68,7 +67,7 @@ class Fault:
         change: What it makes of an input.
         breaks: First cycle whose input breaks a declared figure, counted since it
             began; None if none does.
-        says_now: Whether the guard is told the time of the cycle.
+        says_now: Whether the guard gets the time of the cycle.
     """
 
     name: str
@@ -210,14 +209,10 @@ def noticed(guard: Guard, fault: Fault) -> tuple[int | None, str]:
     return None, ""
 
 
-def clock_figures(progress: Progress) -> dict[str, Any]:
-    """Faults of time and measurements, and delays of orders.
-
-    Args:
-        progress: Called with a sentence before each part.
-    """
+def clock_figures() -> dict[str, Any]:
+    """Faults of time and measurements, and delays of orders."""
     guard = Guard(build_scene(SETTING), self_test=False)
-    progress(f"{len(FAULTS)} faults")
+    say(f"{len(FAULTS)} faults")
     faults = []
     for fault in FAULTS:
         cycles, reason = noticed(guard, fault)
@@ -229,7 +224,7 @@ def clock_figures(progress: Progress) -> dict[str, Any]:
                 "reason": reason,
             }
         )
-    progress("stops that are late or slow")
+    say("stops that are late or slow")
     cases = [(0.0, 1.0), *((delay, 1.0) for delay in DELAYS), (0.0, LEFT)]
     lags = [
         {

@@ -1,19 +1,17 @@
-"""Time to contact: never told longer than it is, and how much shorter."""
+"""Time to contact: never given longer than it is, and how much shorter."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from armguard.cli.console import say
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from arrays import Floats
 from motions.free_motion import Motion, safe_time, state_at
 from motions.judge import Judge
 
-Progress = Callable[[str], None]
-
-# How far away pairs are told of, and motions are looked at [m].
+# How far away pairs are reported, and motions are looked at [m].
 MARGIN = 0.15
 
 # Longest motion [s], densest samples [s], and to what a contact is narrowed down [s].
@@ -63,7 +61,7 @@ SHORTEST = 50
 FLAT = 0.05
 
 
-class Told(NamedTuple):
+class Estimate(NamedTuple):
     """What a verdict says of a pair.
 
     Attributes:
@@ -114,14 +112,14 @@ class Bay:
         self.age = figures[0].sensing
         self.now = 0.0
 
-    def ask(self, q: Floats, v: Floats, age: float = 0.0) -> list[Told]:
-        """What the guard tells of every near pair, nearest first."""
+    def ask(self, q: Floats, v: Floats, age: float = 0.0) -> list[Estimate]:
+        """What the guard says of every near pair, nearest first."""
         self.now += 1.0
         self.guard.reset()
         verdict = self.guard.step(q, self.now - age, velocity=v, now=self.now)
-        return sorted(self.told(verdict), key=lambda t: t.distance)
+        return sorted(self.estimates(verdict), key=lambda t: t.distance)
 
-    def ask_wrong(self, q: Floats, v: Floats, outward: Floats) -> list[Told]:
+    def ask_wrong(self, q: Floats, v: Floats, outward: Floats) -> list[Estimate]:
         """The same where a pair is measured as far, slow and late as it may be.
 
         Args:
@@ -132,10 +130,10 @@ class Bay:
         wrong = np.sign(outward)
         return self.ask(q + wrong * self.q_error, v + wrong * self.v_error, self.age)
 
-    def told(self, verdict: Any) -> list[Told]:
+    def estimates(self, verdict: Any) -> list[Estimate]:
         """Pairs of a verdict that are apart."""
         return [
-            Told(
+            Estimate(
                 self.judge.place_of(*verdict._primitives(k)),
                 pair.time_to_contact,
                 pair.primitive_distance,
@@ -219,8 +217,8 @@ class Row(NamedTuple):
         exact: Whether measurements were.
         kind: See `KINDS`.
         approaches: Whether the state comes nearer to the pair by all its joints.
-        followed: Whether it was followed to the horizon, or only as long as told.
-        told: Time to contact that was told [s].
+        followed: Whether it was followed to the horizon, or only for the time given.
+        given: Time to contact that was given [s].
         true: True one, infinite if there was none while it was followed [s].
     """
 
@@ -228,29 +226,26 @@ class Row(NamedTuple):
     kind: str
     approaches: bool
     followed: bool
-    told: float
+    given: float
     true: float
 
 
-def contact_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
-    """Times to contact of random motions, told and true.
+def contact_figures(count: int, seed: int) -> dict[str, Any]:
+    """Times to contact of random motions, given and true.
 
     Args:
         count: Motions.
         seed: Of the motions.
-        progress: Called with a sentence now and then.
     """
     rng, bay = np.random.default_rng(seed), Bay()
     rows: list[Row] = []
     states = 0
     while len(rows) < count:
         if states % 250 == 0:
-            progress(f"{len(rows)} of {count} motions")
+            say(f"{len(rows)} of {count} motions")
         states += 1
         rows += state_rows(bay, rng)
     exact = [row for row in rows if row.exact]
-    wrong = [row for row in rows if not row.exact]
-    later = [row._replace(true=max(row.true - bay.age, 0.0)) for row in wrong]
     return {
         "motions": len(rows),
         "states": states,
@@ -263,10 +258,16 @@ def contact_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]
             for kind in KINDS
         },
         "age_ms": bay.age * 1e3,
-        "wrong_from_stamp": summed_up(wrong),
-        "wrong_from_cycle": summed_up(later),
+        **wrong_figures(rows, bay),
         "close": close_figures(bay, rng),
     }
+
+
+def wrong_figures(rows: list[Row], bay: Bay) -> dict[str, Any]:
+    """Figures of wrong measurements, from their stamp and from the cycle."""
+    wrong = [row for row in rows if not row.exact]
+    later = [row._replace(true=max(row.true - bay.age, 0.0)) for row in wrong]
+    return {"wrong_from_stamp": summed_up(wrong), "wrong_from_cycle": summed_up(later)}
 
 
 def state_rows(bay: Bay, rng: np.random.Generator) -> list[Row]:
@@ -277,22 +278,22 @@ def state_rows(bay: Bay, rng: np.random.Generator) -> list[Row]:
     v = rng.choice(SPEEDS) * bay.top * rng.uniform(-1.0, 1.0, len(q))
     approaches = rng.random() < 0.5
     if approaches:
-        # An operator who goes there: joints that bring the two together, as they do.
+        # An operator on the way there: joints that bring the two together, as they do.
         v = -rng.choice(SPEEDS) * bay.top * outward / np.abs(outward).max()
-    told = bay.ask(q, v) if exact else bay.ask_wrong(q, v, outward)
-    if not told:
+    given = bay.ask(q, v) if exact else bay.ask_wrong(q, v, outward)
+    if not given:
         return []
     bay.judge.place(q)
-    told = told[:FEW]
-    outwards = [bay.judge.gradient(t.pair) for t in told]
+    given = given[:FEW]
+    outwards = [bay.judge.gradient(t.pair) for t in given]
     rows = []
     for k, kind in enumerate(rng.choice(list(KINDS), MOTIONS, p=list(KINDS.values()))):
         # The nearest half of the time; else any of the nearest few.
-        which = 0 if rng.random() < 0.5 else int(rng.integers(len(told)))
-        pair, time, _ = told[which]
+        which = 0 if rng.random() < 0.5 else int(rng.integers(len(given)))
+        pair, time, _ = given[which]
         motion = draw_motion(kind, q, v, outwards[which], bay, rng)
         followed = k % TO_THE_END == 0
-        # Whether it was told too long is decided by then; how much too short is not.
+        # Whether it was given too long is decided by then; how much too short is not.
         horizon = max(HORIZON, time) if followed else time
         true = bay.contact(motion, pair, horizon)
         close = approaches and pair == nearest
@@ -321,33 +322,28 @@ def close_figures(bay: Bay, rng: np.random.Generator) -> dict[str, Any]:
         v = -bay.top * outward / np.abs(outward).max()
         exact = len(rows) % 2 == 0
         answers = bay.ask(q, v) if exact else bay.ask_wrong(q, v, outward)
-        for told in answers:
-            if told.pair == nearest:
+        for given in answers:
+            if given.pair == nearest:
                 motion = draw_motion("towards", q, v, outward, bay, rng)
                 true = bay.contact(motion, nearest, HORIZON)
-                rows.append(Row(exact, "towards", True, True, told.time, true))
-    wrong = [row for row in rows if not row.exact]
-    later = [row._replace(true=max(row.true - bay.age, 0.0)) for row in wrong]
-    return {
-        "exact": summed_up([row for row in rows if row.exact]),
-        "wrong_from_stamp": summed_up(wrong),
-        "wrong_from_cycle": summed_up(later),
-    }
+                rows.append(Row(exact, "towards", True, True, given.time, true))
+    exact = [row for row in rows if row.exact]
+    return {"exact": summed_up(exact), **wrong_figures(rows, bay)}
 
 
 def summed_up(rows: list[Row]) -> dict[str, Any]:
     """Figures of motions."""
-    told = np.array([row.told for row in rows])
+    given = np.array([row.given for row in rows])
     true = np.array([row.true for row in rows])
     followed = np.array([row.followed for row in rows], dtype=bool)
-    late = told > true
+    late = given > true
     touching = followed & np.isfinite(true)
-    shares = told[touching & (true > 0.0)] / true[touching & (true > 0.0)]
+    shares = given[touching & (true > 0.0)] / true[touching & (true > 0.0)]
     found = np.percentile(shares, (5, 50, 95)) if len(shares) else np.zeros(3)
     return {
         "motions": len(rows),
         "told_too_long": int(late.sum()),
-        "longest_excess_ms": float(1e3 * (told - true)[late].max(initial=0.0)),
+        "longest_excess_ms": float(1e3 * (given - true)[late].max(initial=0.0)),
         "followed": int(followed.sum()),
         "touching": int(touching.sum()),
         "share_p5": float(found[0]),
@@ -356,12 +352,12 @@ def summed_up(rows: list[Row]) -> dict[str, Any]:
     }
 
 
-def approach_figures(seed: int, progress: Progress) -> dict[str, Any]:
+def approach_figures(seed: int) -> dict[str, Any]:
     """Whether the time falls evenly on straight approaches at constant speed."""
     rng, bay = np.random.default_rng(seed), Bay()
     found = {}
     for way in ("tool", "joints"):
-        progress(f"{APPROACHES} approaches, straight for the {way}")
+        say(f"{APPROACHES} approaches, straight for the {way}")
         rises: list[float] = []
         falls: list[float] = []
         cycles = 0
@@ -384,7 +380,7 @@ def approach_figures(seed: int, progress: Progress) -> dict[str, Any]:
 
 
 def approach(bay: Bay, way: str, rng: np.random.Generator) -> Floats:
-    """Times told of the last link and what it is led to, cycle by cycle [s].
+    """Times given for the last link and what it is led to, cycle by cycle [s].
 
     Args:
         bay: The bay.
@@ -417,7 +413,7 @@ def approach(bay: Bay, way: str, rng: np.random.Generator) -> Floats:
             v = np.linalg.pinv(J, rcond=FLAT) @ (SPEED * towards)
         bay.now += PERIOD
         verdict = bay.guard.step(q, bay.now, velocity=v, now=bay.now)
-        mine = [t for t in bay.told(verdict) if t.pair == pair]
+        mine = [t for t in bay.estimates(verdict) if t.pair == pair]
         if not mine or not NEAREST < mine[0].distance < distance:
             return np.array(times)
         if (np.abs(v) > bay.top).any():

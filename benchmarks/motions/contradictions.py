@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from armguard.cli.console import say
 from armguard.geometry import Pose, Sphere
 from armguard.guard import Reason
 from armguard.guard.watch import RUNNING
@@ -12,8 +13,6 @@ from armguard.respond import Guard
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene import Scene
 from arrays import Floats
-
-Progress = Callable[[str], None]
 
 # What the arm is: joints, and its figures.
 JOINTS = 6
@@ -41,7 +40,7 @@ SOON = 0.08
 
 
 class Moving:
-    """Joints that sway, each in its own time, and stand nowhere for long.
+    """Joints that sway, each in its own time, and rest nowhere for long.
 
     Args:
         speed: Their greatest speed [rad/s].
@@ -142,18 +141,17 @@ def seen_wrong(
     return q + off, v + FIGURES["velocity_error"] * rng.choice([-1.0, 1.0], len(v))
 
 
-def contradiction_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
+def contradiction_figures(count: int, seed: int) -> dict[str, Any]:
     """How soon contradictions are named.
 
     Args:
         count: Plays of each kind at each speed.
         seed: Of the motions.
-        progress: Called with a sentence now and then.
     """
     guard, rng = guard_of_arm(), np.random.default_rng(seed)
     rows = []
     for kind, wrong in KINDS.items():
-        progress(kind)
+        say(kind)
         for speed in SPEEDS:
             found = [named(guard, wrong, speed, rng) for _ in range(count)]
             times = [time for time, _ in found if time is not None]
@@ -194,13 +192,12 @@ def name_of(wrong: Wrong) -> str:
     return next(name for name, kind in KINDS.items() if kind is wrong)
 
 
-def clean_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
+def clean_figures(count: int, seed: int) -> dict[str, Any]:
     """False alarms in cycles in which everything is as wrong as declared, and no more.
 
     Args:
         count: Cycles.
         seed: Of the motions.
-        progress: Called with a sentence now and then.
     """
     guard, rng = guard_of_arm(), np.random.default_rng(seed)
     guard._watch.phase[:] = RUNNING
@@ -217,7 +214,7 @@ def clean_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
             skew = float(rng.choice([-0.5, 0.0, 0.5]))
             bias = rng.choice([-1.0, 1.0], JOINTS)
         if k % 1_000_000 == 0:
-            progress(f"{k} of {count} clean cycles, {len(alarms)} alarms")
+            say(f"{k} of {count} clean cycles, {len(alarms)} alarms")
         now = 5.0 + k * PERIOD
         # The next sample is later by a period and what its age is less.
         later = 0.45 * FIGURES["sensing"] * rng.random()

@@ -1,4 +1,4 @@
-"""Who is how far from whom: MuJoCo's kinematics, Coal's distances, of chosen pairs.
+"""How far primitives are apart: MuJoCo's kinematics, Coal's distances, of chosen pairs.
 
 MuJoCo's own distance will not do: of a capsule that sticks through a plate
 `mj_geomDistance` (4.0) may say that they are apart.

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from armguard.cli.console import say
 from armguard.guard import Level
 from armguard.guard.watch import RUNNING
 from episodes.records import Digest, Records, ranges_of, version
 from motions.slide import RADIUS, WALL, Given, Truth, guard_of
-
-Progress = Callable[[str], None]
 
 # Corners of figures that episodes take turns with, and cycles before the wrong one.
 CORNERS = 24
@@ -158,16 +157,13 @@ def episode(seed: int) -> dict[str, Any]:
     }
 
 
-def refused_figures(
-    count: int, first: int, folder: Path, progress: Progress
-) -> dict[str, Any]:
+def refused_figures(count: int, first: int, folder: Path) -> dict[str, Any]:
     """Figures of episodes with one wrong cycle; each is kept.
 
     Args:
         count: Episodes.
         first: First seed.
         folder: Where figures are kept, and in `episodes` what came of each.
-        progress: Called with a sentence now and then.
     """
     files = [Path(__file__), Path(__file__).with_name("slide.py")]
     records = Records(
@@ -180,7 +176,7 @@ def refused_figures(
         batch.append(episode(seed))
         if len(batch) == 200:
             add(batch, records)
-            progress(f"{seed + 1 - first} of {count} episodes with a wrong cycle")
+            say(f"{seed + 1 - first} of {count} episodes with a wrong cycle")
             batch = []
     if batch:
         add(batch, records)

@@ -8,8 +8,8 @@ import numpy as np
 
 from armguard.geometry import Box, Pose, Sphere
 from armguard.respond import Guard
-from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene import Scene
+from rail import carriage
 
 # Radius of the carriage, place of the wall's face, how far the joint goes [m].
 RADIUS = 0.05
@@ -65,29 +65,11 @@ def guard_of(number: int) -> tuple[Corner, Guard]:
     scene = Scene(
         period=corner.period, late=corner.late, buffer=BUFFER, margin=0.5, mode="path"
     )
-    scene.add_robot(carriage(), name="carriage", stopping=dict(corner.figures))
+    ball = carriage(Sphere(radius=RADIUS), LIMIT)
+    scene.add_robot(ball, name="carriage", stopping=dict(corner.figures))
     wall = Pose(xyz=(WALL + 0.5, 0.0, 0.0))
     scene.add(Box(half_extents=(0.5, 1.0, 1.0)), name="wall", pose=wall)
     return corner, Guard(scene, self_test=False)
-
-
-def carriage() -> RobotModel:
-    """A ball on a joint that slides along x."""
-    ball = CollisionElement(geometry=Sphere(radius=RADIUS), T_link_geometry=np.eye(4))
-    joint = Joint(
-        name="joint",
-        kind=JointKind.PRISMATIC,
-        parent="base",
-        child="ball",
-        T_parent_joint=np.eye(4),
-        axis=np.array([1.0, 0.0, 0.0]),
-        lower=-LIMIT,
-        upper=LIMIT,
-    )
-    links = {"base": Link(name="base"), "ball": Link(name="ball", collisions=(ball,))}
-    return RobotModel(
-        name="slide", path=None, links=links, joints={"joint": joint}, root="base"
-    )
 
 
 class Truth:

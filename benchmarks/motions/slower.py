@@ -1,19 +1,17 @@
 """A plant whose stops get slower in the middle of a run: is it noticed, and when?"""
 
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from armguard.cli.console import say
 from arrays import Floats
 from closed_loop.answers import BRAKE
 from closed_loop.episode import Episode
 from closed_loop.plan import Plan, arena_of
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Styles
-
-Progress = Callable[[str], None]
 
 # What is left of the declared deceleration from the middle of a run on [-].
 LEFT = 0.8
@@ -71,19 +69,18 @@ class Slowed(Episode):
                 own[-1]["why"] = why
 
 
-def slower_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
+def slower_figures(count: int, seed: int) -> dict[str, Any]:
     """Figures of runs whose plant gets slower.
 
     Args:
         count: Runs.
         seed: Of the first.
-        progress: Called with a sentence now and then.
     """
     stops: list[dict[str, Any]] = []
     runs = 0
     for k in range(count):
         if k % 20 == 0:
-            progress(f"{k} of {count} runs")
+            say(f"{k} of {count} runs")
         episode = Slowed(seed + k)
         episode.run()
         profile = episode.arena.setting.profile

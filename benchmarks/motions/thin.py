@@ -1,6 +1,5 @@
-"""Lines past thin things: what a check of whole lines finds, and one of samples."""
+"""Lines past thin bodies: what a check of whole lines finds, and one of samples."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter, process_time
 from typing import Any, NamedTuple
@@ -8,14 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from armguard.cli.console import say
 from armguard.geometry import Box, Capsule, Pose
 from armguard.guard.continuous import RESOLUTION
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, bay_task
 from arrays import Bools, Floats
 from motions.judge import Judge
-
-Progress = Callable[[str], None]
 
 # Wires and plates are this thin [m], and as long or wide as their halves are times two.
 THIN = 0.002
@@ -28,14 +26,14 @@ HOME = {"joint2": -0.35, "joint4": 1.7, "joint6": 1.25}
 # Greatest way of a joint on a line [rad].
 LONGEST = 0.6
 
-# How far a thing stands off the surface of the link it is put beside [m].
+# How far a body is off the surface of the link it is put beside [m].
 OFF = (-0.01, 0.08)
 
-# Where a thing stands that is nowhere near; tries to put one beside a line.
+# Where a body is that is nowhere near; tries to put one beside a line.
 PARKED = Pose(xyz=(9.0, 9.0, 9.0)).matrix()
 TRIES = 40
 
-# Most things beside a line; more, and hardly a line passes.
+# Most bodies beside a line; more, and hardly a line passes.
 MOST = 2
 
 # What a line keeps at both ends beyond the floor [m].
@@ -65,12 +63,12 @@ ROUNDS = 3
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A straight line of joint positions, and where the thin things stand.
+    """A straight line of joint positions, and where the thin bodies are.
 
     Attributes:
         start: Joint positions, shape (n,) [rad].
         end: Joint positions, shape (n,) [rad].
-        frames: Frame of each thing in the world, shape (k, 4, 4).
+        frames: Frame of each body in the world, shape (k, 4, 4).
     """
 
     start: Floats
@@ -86,7 +84,7 @@ class ThinWorld:
         judge: The judge.
         floor: Distance to be kept [m].
         needle: Whether the tool is a needle.
-        things: Names of the wires and plates.
+        bodies: Names of the wires and plates.
 
     Args:
         floor: Distance to be kept [m].
@@ -106,19 +104,19 @@ class ThinWorld:
             )
             for link in ("arm/link6", "arm/link7"):
                 scene.allow("needle", link, reason="it is held there")
-        self.things = []
+        self.bodies = []
         for k, half in enumerate((*WIRES, *PLATES)):
-            name = f"thing{k}"
+            name = f"body{k}"
             rod = Capsule(start=(0, 0, -half), end=(0, 0, half), radius=0.5 * THIN)
             plate = Box(half_extents=(half, 0.5 * THIN, 0.7 * half))
-            # A frame that is nobody's: MuJoCo takes short cuts for a plain one.
+            # A frame of no use: MuJoCo takes short cuts for a plain one.
             pose = Pose(xyz=(3.0, 3.0 + k, 0.1), rpy=(0.1, 0.2, 0.3))
             scene.add(rod if k < len(WIRES) else plate, name=name, pose=pose)
-            self.things.append(name)
+            self.bodies.append(name)
         self.guard = Guard(scene)
         tables = self.guard.tables
         self.judge = Judge(tables)
-        self._first = len(tables.kinds) - len(self.things)
+        self._first = len(tables.kinds) - len(self.bodies)
         self._links = tables.moving_count
         self._rows = tables.local_rows
 
@@ -128,15 +126,15 @@ class ThinWorld:
         return RESOLUTION * float(self.judge.reach.sum())
 
     def stand(self, frames: Floats) -> None:
-        """Put the things where a line has them."""
-        for k, (name, T) in enumerate(zip(self.things, frames, strict=True)):
+        """Put the bodies where a line has them."""
+        for k, (name, T) in enumerate(zip(self.bodies, frames, strict=True)):
             self.guard.place(name, T)
             self.judge.stand_at(self._first + k, T)
 
     def draw(self, rng: np.random.Generator) -> Line:
         """A random line whose ends keep more than the floor."""
         tables = self.guard.tables
-        for k in range(len(self.things)):
+        for k in range(len(self.bodies)):
             self.judge.stand_at(self._first + k, PARKED)
         while True:
             start = rng.uniform(tables.lower, tables.upper)
@@ -144,8 +142,8 @@ class ThinWorld:
             end = np.clip(start + way, tables.lower, tables.upper)
             if self.keeps_room(start) and self.keeps_room(end):
                 break
-        frames = np.tile(PARKED, (len(self.things), 1, 1))
-        for k in rng.permutation(len(self.things))[: rng.integers(1, MOST + 1)]:
+        frames = np.tile(PARKED, (len(self.bodies), 1, 1))
+        for k in rng.permutation(len(self.bodies))[: rng.integers(1, MOST + 1)]:
             for _ in range(TRIES):
                 s = rng.uniform(0.1, 0.9)
                 T = self.beside(start + s * (end - start), rng)
@@ -157,12 +155,12 @@ class ThinWorld:
                 self.judge.stand_at(self._first + k, PARKED)
         return Line(start, end, frames)
 
-    def keeps_room(self, q: Floats, thing: int | None = None) -> bool:
-        """Whether all pairs, or those of one thing, keep more than the floor."""
+    def keeps_room(self, q: Floats, body: int | None = None) -> bool:
+        """Whether all pairs, or those of one body, keep more than the floor."""
         self.judge.place(q)
         pairs = np.arange(len(self.judge.pairs))
-        if thing is not None:
-            pairs = np.flatnonzero(self.judge.pairs[:, 1] == self._first + thing)
+        if body is not None:
+            pairs = np.flatnonzero(self.judge.pairs[:, 1] == self._first + body)
         return all(self.judge.gap(int(k)) > self.floor + ROOM for k in pairs)
 
     def beside(self, q: Floats, rng: np.random.Generator) -> Floats:
@@ -197,18 +195,17 @@ class ThinWorld:
         return True, count
 
 
-def thin_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
-    """Figures of lines past thin things, all cases together and each.
+def thin_figures(count: int, seed: int) -> dict[str, Any]:
+    """Figures of lines past thin bodies, all cases together and each.
 
     Args:
         count: Lines in all.
         seed: Of the lines.
-        progress: Called with a sentence before each part.
     """
     cases = []
     for k, (floor, needle) in enumerate(CASES):
         tool = "a needle" if needle else "none"
-        progress(f"{count // len(CASES)} lines, floor {floor * 1e3:g} mm, tool {tool}")
+        say(f"{count // len(CASES)} lines, floor {floor * 1e3:g} mm, tool {tool}")
         world = ThinWorld(floor, needle)
         cases.append(case_figures(world, count // len(CASES), seed + k))
     sums = (
@@ -231,7 +228,7 @@ def thin_figures(count: int, seed: int, progress: Progress) -> dict[str, Any]:
         }
         for at, cost in enumerate(COSTS)
     ]
-    return {**total, "cases": cases, "plan": plan_figures(progress)}
+    return {**total, "cases": cases, "plan": plan_figures()}
 
 
 class Checked(NamedTuple):
@@ -340,9 +337,9 @@ def run_samples(
     return clear, looked, seconds
 
 
-def plan_figures(progress: Progress) -> dict[str, Any]:
+def plan_figures() -> dict[str, Any]:
     """Time of a check of a whole plan: a task of the bay, between all rows."""
-    progress(f"a plan of {PLAN} rows")
+    say(f"a plan of {PLAN} rows")
     scene = bay_scene("path")
     guard = Guard(scene)
     rows = bay_task(PLAN).for_scene(scene)

@@ -8,14 +8,7 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
-from mutants.places import (
-    Mutant,
-    Named,
-    Place,
-    deciding_files,
-    named_places,
-    places,
-)
+from mutants.places import Mutant, Named, Place, deciding_files, named_places, places
 
 HERE = Path(__file__).parent
 NAMED = HERE / "named.yaml"

@@ -1,9 +1,11 @@
 """Where mutants may be: every expression of every kernel of the deciding folders."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
@@ -80,24 +82,59 @@ class Named(NamedTuple):
     after: str
 
 
-def kernels(tree: ast.Module) -> list[ast.FunctionDef]:
-    """The functions of a file that are decorated with @kernel."""
-    return [
-        node
-        for node in tree.body
-        if isinstance(node, ast.FunctionDef)
-        and any(ast.unparse(d).startswith("kernel") for d in node.decorator_list)
-    ]
+class Kernel:
+    """A function of a file that is decorated with @kernel, and its mutants.
+
+    Args:
+        file: Below the package.
+        text: The file's text.
+        node: The function.
+    """
+
+    def __init__(self, file: str, text: str, node: ast.FunctionDef) -> None:
+        self.file, self.lines, self.node = file, text.splitlines(), node
+        self.source = sha256(ast.dump(node).encode()).hexdigest()[:12]
+        self._seen: Counter[str] = Counter()
+
+    def place(
+        self, node: ast.expr, change: str, operator: Operator, by_hand: bool = False
+    ) -> Place:
+        """A mutant with its identity; equal ones are counted."""
+        line = " ".join(self.lines[node.lineno - 1].split())
+        before, after = ast.unparse(node), ast.unparse(operator(deepcopy(node)))
+        what = "|".join((self.file, self.node.name, line, change, before, after))
+        self._seen[what] += 1
+        identity = sha256(f"{what}|{self._seen[what]}".encode()).hexdigest()[:12]
+        mutant = Mutant(
+            identity=identity,
+            file=self.file,
+            function=self.node.name,
+            line=line,
+            number=int(identity, 16) % ROOM,
+            change=change,
+            before=before,
+            after=after,
+            source=self.source,
+            at=node.lineno,
+            by_hand=by_hand,
+        )
+        return Place(mutant, node, operator)
+
+
+def kernels(file: str, text: str, tree: ast.Module) -> Iterator[Kernel]:
+    """The kernels of a file."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and any(
+            ast.unparse(d).startswith("kernel") for d in node.decorator_list
+        ):
+            yield Kernel(file, text, node)
 
 
 def places(file: str, text: str, tree: ast.Module) -> Iterator[Place]:
     """Every mutant that the operators make of a file, in the order of its lines."""
-    lines = text.splitlines()
-    for function in kernels(tree):
-        seen: dict[str, int] = {}
-        source = sha256(ast.dump(function).encode()).hexdigest()[:12]
-        for node, name, operator in changes(function):
-            yield place(file, function.name, lines, source, seen, node, name, operator)
+    for kernel in kernels(file, text, tree):
+        for node, name, operator in changes(kernel.node):
+            yield kernel.place(node, name, operator)
 
 
 def named_places(
@@ -108,38 +145,22 @@ def named_places(
     Raises:
         LookupError: A function or an expression is not there any more.
     """
-    lines = text.splitlines()
-    functions = {function.name: function for function in kernels(tree)}
-    for one in named:
-        if one.file != file:
-            continue
-        if one.function not in functions:
+    for one in [one for one in named if one.file == file]:
+        own = [k for k in kernels(file, text, tree) if k.node.name == one.function]
+        if not own:
             raise LookupError(f"{one.name}: {file} has no kernel {one.function}")
-        function = functions[one.function]
         before, after = expression(one.before), expression(one.after)
-        node = next(
-            (
-                node
-                for node in ast.walk(function)
-                if isinstance(node, ast.expr)
-                and ast.unparse(node) == ast.unparse(before)
-            ),
-            None,
-        )
-        if node is None:
+        for node in ast.walk(own[0].node):
+            if isinstance(node, ast.expr) and ast.unparse(node) == ast.unparse(before):
+                break
+        else:
             raise LookupError(f"{one.name}: {one.function} has no '{one.before}'")
-        source = sha256(ast.dump(function).encode()).hexdigest()[:12]
-        yield place(
-            file,
-            one.function,
-            lines,
-            source,
-            {},
-            node,
-            one.name,
-            lambda e, after=after: deepcopy(after),
-            True,
-        )
+        yield own[0].place(node, one.name, partial(replaced, after), True)
+
+
+def replaced(after: ast.expr, _: ast.expr) -> ast.expr:
+    """The operator that puts another expression in the place of any."""
+    return deepcopy(after)
 
 
 def expression(text: str) -> ast.expr:
@@ -186,43 +207,6 @@ def expressions_of(statement: ast.stmt) -> Iterator[ast.expr]:
 def is_range(node: ast.expr) -> bool:
     """Whether an expression counts."""
     return isinstance(node, ast.Call) and ast.unparse(node.func) in ("range", "int")
-
-
-def place(
-    file: str,
-    function: str,
-    lines: list[str],
-    source: str,
-    seen: dict[str, int],
-    node: ast.expr,
-    change: str,
-    operator: Operator,
-    by_hand: bool = False,
-) -> Place:
-    """A mutant with its identity; equal ones of a function are counted in `seen`."""
-    line = " ".join(lines[node.lineno - 1].split())
-    before, after = ast.unparse(node), ast.unparse(operator(deepcopy(node)))
-    what = "|".join((file, function, line, change, before, after))
-    seen[what] = seen.get(what, 0) + 1
-    identity = sha256(f"{what}|{seen[what]}".encode()).hexdigest()[:12]
-    number = int(identity, 16) % ROOM
-    return Place(
-        Mutant(
-            identity,
-            file,
-            function,
-            line,
-            number,
-            change,
-            before,
-            after,
-            source,
-            node.lineno,
-            by_hand,
-        ),
-        node,
-        operator,
-    )
 
 
 def deciding_files(package: Path) -> list[str]:

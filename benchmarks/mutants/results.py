@@ -16,17 +16,7 @@ from mutants.trial import Outcome
 EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 
 # What of a mutant is kept beside its outcome.
-KEPT = (
-    "file",
-    "function",
-    "line",
-    "at",
-    "change",
-    "before",
-    "after",
-    "source",
-    "by_hand",
-)
+KEPT = "file function line at change before after source by_hand".split()
 
 # Outcomes, the one that says most first.
 RANK = ("unfit", "killed", "lives", "same", "unreached")

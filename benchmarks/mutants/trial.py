@@ -1,4 +1,4 @@
-"""Tests against mutants: one dry run tells what each test passes, then a fork for each.
+"""Tests against mutants: one dry run notes what each test passes, then a fork for each.
 
 A mutant's process is a fork of one that has run the tests before, so nothing is
 compiled or loaded again and nothing it breaks outlives it. It runs the tests in which
@@ -97,7 +97,7 @@ class Trial:
         passed: Files whose tests a mutant lived through already, with their digests.
         limit: Time of the processor a mutant's tests may take in all [s].
         workers: How many forks at once.
-        told: Called with every outcome.
+        report: Called with every outcome.
         say: Called with what goes on.
     """
 
@@ -111,13 +111,13 @@ class Trial:
         passed: Mapping[str, Mapping[str, str]],
         limit: float,
         workers: int,
-        told: Callable[[Mutant, Outcome], None],
+        report: Callable[[Mutant, Outcome], None],
         say: Callable[[str], None],
     ) -> None:
         self.switch, self.mutants, self.all = switch, mutants, all_mutants
         self.dry, self.limit, self.workers = dry, limit, workers
         self.digests, self.passed = digests, passed
-        self.told, self.say = told, say
+        self.report, self.say = report, say
         self.tests: dict[str, DryTest] = {}
         self.unfit: set[int] = set()
         self.done: dict[str, set[str]] = {}
@@ -222,7 +222,7 @@ class Trial:
             if outcome is None:
                 waiting.append(mutant)
             else:
-                self.told(mutant, outcome)
+                self.report(mutant, outcome)
         for limit in (min(QUICK, self.limit), self.limit):
             self.say(f"{len(waiting)} mutants, {limit:g} s each at most")
             waiting = self.run_round(waiting, limit, items)
@@ -248,7 +248,7 @@ class Trial:
                 if fork.ended():
                     del running[pid]
                     outcome = fork.outcome()
-                    self.told(fork.mutant, outcome)
+                    self.report(fork.mutant, outcome)
                     if outcome.outcome == "lives" and outcome.run < outcome.tests:
                         left.append(fork.mutant)
             time.sleep(0.05)
@@ -311,7 +311,7 @@ class Fork:
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in range(3):
             os.dup2(nowhere, stream)
-        # What a mutant writes to a cache is nobody's.
+        # What a mutant writes to a cache is of no use.
         shared = Path(os.environ["ARMGUARD_CACHE"])
         for folder in shared.iterdir():
             if folder.is_dir() and not folder.name.startswith("kernels-"):
@@ -374,7 +374,7 @@ class Fork:
         left = set(self.trial.order(self.mutant)).difference(names[:run])
         files = sorted(set(map(file_of, all_names)))
         done = set(files) - set(map(file_of, left))
-        told = Outcome(
+        found = Outcome(
             "lives",
             run=len(all_names) - len(left),
             tests=len(all_names),
@@ -384,18 +384,18 @@ class Fork:
         )
         if ending == b"e":
             self.trial.done.setdefault(self.mutant.identity, set()).update(names[:run])
-            return told
-        told.outcome, told.how, told.passed = "killed", "fails", {}
+            return found
+        found.outcome, found.how, found.passed = "killed", "fails", {}
         if ending != b"f":
             hangs = (signal.SIGPROF, signal.SIGKILL)
             signal_number = (
                 os.WTERMSIG(self.status) if os.WIFSIGNALED(self.status) else 0
             )
-            told.how = "hangs" if signal_number in hangs else "crashes"
-        told.by = names[run - 1] if run else ""
-        if told.by:
-            tests[told.by].killed += 1
-        return told
+            found.how = "hangs" if signal_number in hangs else "crashes"
+        found.by = names[run - 1] if run else ""
+        if found.by:
+            tests[found.by].killed += 1
+        return found
 
 
 def file_of(name: str) -> str:

@@ -1,1 +1,1 @@
-"""Operators with goals: who gets there, with each response and with a peer."""
+"""Operators with goals: how many are reached, with each response and with a peer."""

@@ -122,7 +122,7 @@ class Arena:
         return poses, found
 
     def _placed_tool(self, k: int) -> Floats:
-        """Frame of a tool where the judge stands, shape (4, 4)."""
+        """Frame of a tool where the judge was placed, shape (4, 4)."""
         data, body = self.judge.data, self._bodies[k]
         T = np.eye(4)
         T[:3, :3] = data.xmat[body].reshape(3, 3)

@@ -1,4 +1,4 @@
-"""Robots that do as they are told, late and not quite, within their figures."""
+"""Robots that do as they are ordered, late and not quite, within their figures."""
 
 import numpy as np
 

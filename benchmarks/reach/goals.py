@@ -1,6 +1,6 @@
 """What an operator of a trial wants: drawn at random, with a way that is certified."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from reach.ways import find_way
 # Configurations tried for a start or a goal that keeps every buffer.
 TRIES = 4000
 
-# What every pair has left at a start: nobody starts where he is held since errors of
+# What every pair has left at a start: no start is where he is held since errors of
 # measurement may hide that he is too near [m].
 START_ROOM = 0.02
 
@@ -68,8 +68,7 @@ class Goal:
             return Joints(arena, self.way, self.share).start(self.start)
         if self.kind == "joints":
             return Joints(arena, [self.q], self.share).start(self.start)
-        poses = [T.copy() for T in arena.tool_poses(self.q)]
-        return Tools(arena, poses, self.share).start(self.start)
+        return Tools(arena, arena.tool_poses(self.q), self.share).start(self.start)
 
 
 def draw_goal(arena: Arena, seed: int) -> Goal:
@@ -86,22 +85,17 @@ def draw_goal(arena: Arena, seed: int) -> Goal:
     if kind == "tools":
         followed = unobstructed(arena, goal)
         if followed is None:
-            return with_road(goal, "out of reach", [])
+            return replace(goal, road="out of reach")
         if arena.checker.check_path(followed).clear:
-            return with_road(goal, "straight", followed[1:])
+            return replace(goal, road="straight", way=tuple(followed[1:]))
     elif arena.is_clear(start, q):
-        return with_road(goal, "straight", [q])
+        return replace(goal, road="straight", way=(q,))
     if kind == "tools" and arena.is_clear(start, q):
-        return with_road(goal, "bends", [q])
+        return replace(goal, road="bends", way=(q,))
     low = np.where(arena.driven, arena.lower, arena.home)
     high = np.where(arena.driven, arena.upper, arena.home)
     way = find_way(start, q, low, high, arena.is_clear, rng, EDGES)
-    return goal if way is None else with_road(goal, "bends", way[1:])
-
-
-def with_road(goal: Goal, road: str, way: list[Floats]) -> Goal:
-    """The same goal with its road."""
-    return Goal(goal.seed, goal.kind, goal.start, goal.q, goal.share, road, tuple(way))
+    return goal if way is None else replace(goal, road="bends", way=tuple(way[1:]))
 
 
 def free_state(

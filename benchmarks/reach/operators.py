@@ -1,8 +1,8 @@
-"""Operators who steer straight at what they want, and plan nothing."""
+"""Operators that steer straight at what they want, and plan nothing."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -34,6 +34,7 @@ TURN_THERE = np.radians(3.0)
 DAMPING = 4e-4
 
 
+@dataclass(slots=True)
 class Asked:
     """What an operator asks for.
 
@@ -42,38 +43,38 @@ class Asked:
         twists: Twists of tools, where it is these that are asked for, each (6,).
     """
 
-    __slots__ = ("joints", "twists")
-
-    def __init__(
-        self, joints: Floats, twists: Mapping[str, Floats] | None = None
-    ) -> None:
-        self.joints = joints
-        self.twists = twists
+    joints: Floats
+    twists: Mapping[str, Floats] | None = None
 
 
-class Operator(Protocol):
+class Operator:
     """Asks for velocities that lead to a goal, seeing the truth.
 
     Attributes:
         nominal: Time an unobstructed robot needs at least [s].
     """
 
-    nominal: float
+    nominal = 0.0
+    _speed = 0.0
 
     def ask(self, q: Floats, dt: float) -> Asked:
         """What is asked for after a time dt, at a true configuration."""
+        raise NotImplementedError
 
     def let_go(self) -> None:
         """Begin from standstill."""
+        self._speed = 0.0
 
     def left(self, q: Floats) -> float:
-        """What is left to do, in units of what counts as there [-]."""
+        """What is left to do, in units of what counts as there [-]; never there."""
+        return np.inf
 
     def goals(self, arena: Arena) -> Mapping[str, Floats]:
         """What he wants in the end: positions by robot, or poses by tool, (4, 4)."""
+        return {}
 
 
-class Joints:
+class Joints(Operator):
     """Steers all joints along straight lines, all at the same place of each.
 
     Args:
@@ -87,18 +88,15 @@ class Joints:
         self._way = list(way)
         self._share = share
         self._at = 0
-        self._speed = 0.0
         # Share of top speed by which all joints can speed up in a second [1/s].
         used = arena.driven
         rate = (arena.acceleration / arena.velocity)[used].min()
         self._rate = GENTLE * float(rate)
         self._nowhere = np.zeros(len(arena.velocity))
-        self.nominal = 0.0
 
     def start(self, q: Floats) -> "Joints":
         """Note how long it takes from a configuration."""
-        corners = [q, *self._way]
-        for a, b in pairwise(corners):
+        for a, b in pairwise([q, *self._way]):
             self.nominal += self._time(b - a) / self._share
             self.nominal += self._share / self._rate + ARRIVAL
         return self
@@ -124,17 +122,12 @@ class Joints:
         self._speed = speed
         return Asked(way * (speed / time))
 
-    def let_go(self) -> None:
-        """See `Operator`."""
-        self._speed = 0.0
-
     def left(self, q: Floats) -> float:
         """See `Operator`; places that are still to be passed count as well."""
-        far = float(np.abs(self._way[self._at] - q).max())
-        corners = self._way[self._at :]
-        for a, b in pairwise(corners):
-            far += float(np.abs(b - a).max())
-        return far / JOINT_THERE
+        corners = [q, *self._way[self._at :]]
+        return (
+            sum(float(np.abs(b - a).max()) for a, b in pairwise(corners)) / JOINT_THERE
+        )
 
     def goals(self, arena: Arena) -> Mapping[str, Floats]:
         """See `Operator`; places on the way are left out."""
@@ -149,7 +142,7 @@ class Joints:
         return float((np.abs(way) / self._velocity).max())
 
 
-class Tools:
+class Tools(Operator):
     """Steers tools straight to poses.
 
     Args:
@@ -162,23 +155,18 @@ class Tools:
         self._arena = arena
         self._goals = goals
         self._share = share
-        self._speed = 0.0
-        self.nominal = 0.0
 
     def start(self, q: Floats) -> "Tools":
         """Note how long it takes from a configuration."""
-        slowest = 0.0
-        for way in self._ways(self._arena.tool_poses(q)):
-            slowest = max(slowest, time_of(way))
+        slowest = max(map(time_of, self._ways(self._arena.tool_poses(q))))
         self.nominal = slowest / self._share + self._share / TOOL_RISE + ARRIVAL
         return self
 
     def ask(self, q: Floats, dt: float) -> Asked:
         """See `Operator`."""
         poses, jacobians = self._arena.tool_state(q)
-        twists = {}
         ways = self._ways(poses)
-        time = max(time_of(way) for way in ways)
+        time = max(map(time_of, ways))
         if time > 0.0:
             self._speed = min(
                 self._share,
@@ -186,13 +174,11 @@ class Tools:
                 np.sqrt(TOOL_RISE * time),
                 time / ARRIVAL,
             )
-        for name, way in zip(self._arena.tools, ways, strict=True):
-            twists[name] = way * (self._speed / max(time, 1e-9))
+        pace = self._speed / max(time, 1e-9)
+        twists = {
+            name: way * pace for name, way in zip(self._arena.tools, ways, strict=True)
+        }
         return Asked(joints_for(self._arena, twists, jacobians), twists)
-
-    def let_go(self) -> None:
-        """See `Operator`."""
-        self._speed = 0.0
 
     def left(self, q: Floats) -> float:
         """See `Operator`."""
@@ -221,7 +207,7 @@ class Tools:
         ]
 
 
-class Push:
+class Push(Operator):
     """Pushes tools one way, without end: what a slide is made of.
 
     Args:
@@ -237,7 +223,6 @@ class Push:
         self._arena = arena
         self._tools = tools
         self._twist = twist
-        self._speed = 0.0
         self.nominal = duration
 
     def ask(self, q: Floats, dt: float) -> Asked:
@@ -246,18 +231,6 @@ class Push:
         self._speed = min(1.0, self._speed + 2.0 * dt)
         twists = dict.fromkeys(self._tools, self._twist * self._speed)
         return Asked(joints_for(self._arena, twists, jacobians), twists)
-
-    def let_go(self) -> None:
-        """See `Operator`."""
-        self._speed = 0.0
-
-    def left(self, q: Floats) -> float:
-        """See `Operator`; it is never there."""
-        return np.inf
-
-    def goals(self, arena: Arena) -> Mapping[str, Floats]:
-        """See `Operator`; he wants none."""
-        return {}
 
 
 def time_of(way: Floats) -> float:

@@ -17,7 +17,7 @@ from closed_loop.judge_model import JudgeModel
 from reach.scenes import PERIOD
 
 # Settings of its limit. The first are its defaults: a pair may lose 85 % of what it has
-# left in one cycle. The second is the same limit told to begin far away, and to let a
+# left in one cycle. The second is the same limit set to begin far away, and to let a
 # pair lose all but 1/e in the time ours does.
 EARLY = 1.0 - exp(-PERIOD / 0.06)
 PEERS: Mapping[str, Mapping[str, float]] = {
@@ -88,18 +88,18 @@ class MinkPeer:
         self._q = np.zeros(model.nq)
         self._first = {int(p): k for k, p in reversed([*enumerate(self._source)])}
 
-    def velocity(self, q: Floats, wish: Floats) -> Floats | None:
+    def velocity(self, q: Floats, desired: Floats) -> Floats | None:
         """Joint velocities, shape (n,); None where its program has no solution.
 
         Args:
             q: Measured positions, shape (n,).
-            wish: Joint velocities asked for, shape (n,).
+            desired: Joint velocities asked for, shape (n,).
         """
         mink, gain = self._mink, self._gain
         self._q[self._address] = gain[:, 0] * q[self._source] + gain[:, 1]
         self._configuration.update(self._q)
         target = self._q.copy()
-        target[self._address] += PERIOD * gain[:, 0] * wish[self._source]
+        target[self._address] += PERIOD * gain[:, 0] * desired[self._source]
         self._task.set_target(target)
         try:
             found = mink.solve_ik(

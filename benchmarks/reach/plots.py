@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -15,6 +14,9 @@ from reach.scenes import SCENES
 from reach.summary import ROADS
 
 Results = Mapping[str, Mapping[str, Mapping[str, Any]]]
+
+# Pixels of an inch.
+DPI = 110
 
 COLOURS = dict(
     zip(
@@ -30,29 +32,22 @@ TITLES = {
 }
 
 
-def sheet(width: float, height: float) -> Figure:
-    """An empty figure [in]."""
-    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def draw_goals(goals: Results, path: Path) -> None:
     """Goals reached without a stop, and those with one, in shares of the goals."""
-    figure = sheet(10.0, 3.6)
+    figure = Figure(figsize=(10.0, 3.6), dpi=DPI, layout="constrained")
     places = figure.subplots(1, len(ROADS), sharey=True)
     scenes = [s for s in SCENES if s in goals]
     answers = [a for a in ANSWERS if any(a in goals[scene] for scene in scenes)]
     wide = 0.8 / len(answers)
     for axes, road in zip(places, ROADS, strict=True):
         for k, answer in enumerate(answers):
-            at, clean, after = [], [], []
-            for i, scene in enumerate(scenes):
-                row = (goals[scene].get(answer) or {}).get(road)
-                if row:
-                    at.append(i + (k - 0.5 * (len(answers) - 1)) * wide)
-                    clean.append(100.0 * row["reached_without_stop"] / row["goals"])
-                    after.append(100.0 * row["reached"] / row["goals"])
+            rows = {i: goals[s].get(answer, {}).get(road) for i, s in enumerate(scenes)}
+            known = {i: row for i, row in rows.items() if row}
+            at = [i + (k - 0.5 * (len(answers) - 1)) * wide for i in known]
+            after, clean = (
+                [100.0 * row[name] / row["goals"] for row in known.values()]
+                for name in ("reached", "reached_without_stop")
+            )
             axes.bar(at, after, wide, color=COLOURS[answer], alpha=0.3)
             axes.bar(at, clean, wide, color=COLOURS[answer], label=answer)
         axes.set_title(TITLES[road], fontsize=10)
@@ -70,7 +65,9 @@ def draw_slides(slides: Results, path: Path) -> None:
         s: [r for r in rows.values() if r.get("first")] for s, rows in slides.items()
     }
     scenes = [s for s in SCENES if drawn.get(s)]
-    figure = sheet(2.6 * max(len(scenes), 1), 3.6)
+    figure = Figure(
+        figsize=(2.6 * max(len(scenes), 1), 3.6), dpi=DPI, layout="constrained"
+    )
     places = np.atleast_1d(figure.subplots(1, max(len(scenes), 1)))
     for axes, scene in zip(places, scenes, strict=False):
         for answer in ANSWERS:

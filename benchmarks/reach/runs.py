@@ -1,5 +1,6 @@
-"""One trial of a scene: its goal or slide, who answers, and what came of it."""
+"""One trial of a scene: its goal or slide, its guard or peer, and what came of it."""
 
+from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
@@ -21,13 +22,13 @@ LEFT_OUT = {
 
 @lru_cache(maxsize=64)
 def goal_of(scene: str, seed: int) -> Goal:
-    """The goal of a trial; the same for all who answer."""
+    """The goal of a trial; the same for all guards and peers."""
     return draw_goal(arena_of(scene), seed)
 
 
 @lru_cache(maxsize=64)
 def slide_start(scene: str, seed: int) -> np.ndarray | None:
-    """Where a slide begins; the same for all who answer."""
+    """Where a slide begins; the same for all guards and peers."""
     return start_of(arena_of(scene), SLIDES[scene], seed)
 
 
@@ -36,9 +37,9 @@ def work(scene: str, answer: str, what: str, seed: int) -> dict[str, Any]:
 
     Args:
         scene: Name of the scene.
-        answer: Who answers.
+        answer: Name of the guard or peer.
         what: What is done, "goals" or "slides".
-        seed: Its number; the same for all who answer.
+        seed: Its number; the same for all guards and peers.
 
     Raises:
         LeftOut: There is nothing to be done.
@@ -61,11 +62,11 @@ def work(scene: str, answer: str, what: str, seed: int) -> dict[str, Any]:
         operator = goal.operator(arena, led)
         answers = answers_of(scene, answer)
         outcome = Trial(arena, seed, goal.start, operator, answers).run()
-        found["runs"]["led" if led else goal.road] = outcome.to_dict()
+        found["runs"]["led" if led else goal.road] = asdict(outcome)
     return found
 
 
 @lru_cache(maxsize=64)
 def answers_of(scene: str, answer: str) -> Answering:
-    """Who answers; built once in a process."""
+    """The guard or peer; built once in a process."""
     return answering(arena_of(scene), answer)

@@ -66,12 +66,12 @@ def build_scene(name: str, response: ResponseName) -> Scene:
             stopping=robot.stopping,
             response=response,
         )
-    for thing in bare.objects.values():
-        assert thing.attached_to is None and not thing.surfaces, thing.name
+    for body in bare.objects.values():
+        assert body.attached_to is None and not body.surfaces, body.name
         scene.add(
-            [boxed(part) for part in thing.shapes],
-            name=thing.name,
-            pose=thing.pose,
+            [boxed(part) for part in body.shapes],
+            name=body.name,
+            pose=body.pose,
         )
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)

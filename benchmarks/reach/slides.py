@@ -1,7 +1,7 @@
 """Tools pushed against a table or a board, and along it: how far do they get?"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,7 @@ SLIDES: Mapping[str, Slide] = {
     ),
     # Across the table, from the post to the box.
     "pandas": Slide(("near",), ((-0.15, -0.20, -0.04),), (0.0, 1.0, 0.0)),
-    # Along the table's edge, past what stands on it.
+    # Along the table's edge, past what is on it.
     "panda_table": Slide(("panda",), ((0.339, 0.459, 0.2185),), (-0.862, 0.507, 0.0)),
     # Along the top of the shelf.
     "panda_shelf": Slide(("panda",), ((0.163, -0.612, 0.538),), (0.892, 0.452, 0.0)),
@@ -149,7 +149,7 @@ def slid(
         arena: Where.
         slide: What is slid.
         start: From where, shape (n,).
-        answers: Who answers.
+        answers: The guard or peer.
         seed: Draws the true figures of the robots.
     """
     along, into = np.array(slide.along), np.array(slide.into)
@@ -159,7 +159,7 @@ def slid(
     trial = Trial(
         arena, seed, start, push, answers, longest=duration + 0.5, patient=True
     )
-    outcome = trial.run().to_dict()
+    outcome = asdict(trial.run())
     rows = trial.drives.q_rows[: trial.drives.tick + 1 : 40]
     places = [arena.tools.index(name) for name in slide.tools]
     ways = np.array([[T[:3, 3] for T in arena.tool_poses(q)] for q in rows])[:, places]

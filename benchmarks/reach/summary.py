@@ -1,4 +1,4 @@
-"""From trials to figures, each of the same trials for all who answered."""
+"""From trials to figures, each of the same trials for all guards and peers."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ WHATS = ("goals", "slides")
 # Digits of the numbers of a trial that are kept.
 DIGITS = 4
 
-# What begins the outcome of a trial that tells nothing.
+# What begins the outcome of a trial that says nothing.
 LEFT_OUT = "left out: "
 
 
@@ -79,11 +79,11 @@ def runs_of(digests: Sequence[Digest], road: str) -> Rows:
 
 
 def compared(records: Records) -> Iterator[tuple[str, str, Figures]]:
-    """What is told of a scene's goals or slides, for those who answered the same ones.
+    """Figures of goals or slides that all guards and peers of a scene had.
 
     Yields:
         Whether "goals" or "slides", the scene, and by answer its figures. Rows of which
-        no trials are kept are told as they are.
+        no trials are kept are given as they are.
     """
     for what in WHATS:
         for scene in SCENES:
@@ -116,12 +116,12 @@ def on_the_same(
     figures: Figures = {}
     for answer, row in rows:
         found = [trials[answer][seed] for seed in sorted(seeds)]
-        told = [d for d in found if not d.outcome.startswith(LEFT_OUT)]
+        kept = [d for d in found if not d.outcome.startswith(LEFT_OUT)]
         figures[answer] = {
             "drawn": len(found),
             "left_out": dict(
                 Counter(
-                    d.outcome.removeprefix(LEFT_OUT) for d in found if d not in told
+                    d.outcome.removeprefix(LEFT_OUT) for d in found if d not in kept
                 )
             ),
             "not_by_all": len(all_seeds) - len(seeds),
@@ -129,9 +129,9 @@ def on_the_same(
         }
         if what == "goals":
             for road in ROADS:
-                figures[answer][road] = figures_of(runs_of(told, road))
+                figures[answer][road] = figures_of(runs_of(kept, road))
         else:
-            figures[answer] |= slid_far(runs_of(told, "slide"))
+            figures[answer] |= slid_far(runs_of(kept, "slide"))
             figures[answer]["first"] = row.get("first")
     return figures
 

@@ -1,7 +1,7 @@
 """One trial: operator, filter, drives, judge, cycle by cycle."""
 
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from armguard.guard import Verdict
 from arrays import Floats
 from closed_loop.watch import Watch
-from reach.answers import Answering, Told
+from reach.answers import Answering, Orders, Seen
 from reach.arena import Arena
 from reach.drives import Drives
 from reach.operators import Operator
@@ -51,8 +51,8 @@ class Outcome:
         jerk_told: Root mean square and peak of the commanded jerk [rad/s³].
         jerk_true: The same of the true velocities.
         chatter: Changes of sign of the acceleration while held back [1/s].
-        held_back: Share of the time something else is told than is asked for [-].
-        blocked: Share of the time in which less than a tenth of it is told [-].
+        held_back: Share of the time something else is ordered than is asked for [-].
+        blocked: Share of the time in which less than a tenth of it is ordered [-].
         why_blocked: Cycles by what the guard says of each robot.
         unsolved: Cycles in which no solution was found.
         last: What was in the way at the end.
@@ -80,16 +80,12 @@ class Outcome:
     call: tuple[float, float, float] = (0.0, 0.0, 0.0)
     wall: float = 0.0
 
-    def to_dict(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
-
 
 class Trial:
     """One trial, from a start at rest to its end.
 
     Attributes:
-        told: Velocities told, by cycle, shape (c, n).
+        ordered: Velocities ordered, by cycle, shape (c, n).
         asked: Velocities asked for, the same.
         drives: The robots.
 
@@ -97,8 +93,8 @@ class Trial:
         arena: Where.
         seed: Draws the true figures of the robots.
         start: Where the robots are at first, shape (n,).
-        operator: Who wants something.
-        answers: Who answers.
+        operator: The operator.
+        answers: The guard or peer.
         longest: Longest time [s]; if None, by how long an unobstructed robot needs.
         patient: Whether the operator goes on where he does not come nearer.
     """
@@ -128,8 +124,8 @@ class Trial:
         outer = np.append(truth.outer, 0.0)[judge.arm_of]
         self._watch = Watch(judge, arena.first, start, outer, {})
         self._still = np.zeros((self.drives.q_rows.shape[0], 0, 3))
-        self.told = np.zeros((self._cycles, len(start)))
-        self.asked = np.zeros_like(self.told)
+        self.ordered = np.zeros((self._cycles, len(start)))
+        self.asked = np.zeros_like(self.ordered)
         self._calls: list[float] = []
         self._why: Counter[str] = Counter()
         self._pause_until = 0.0
@@ -141,26 +137,25 @@ class Trial:
         begin = perf_counter()
         self._answers.reset()
         self._answers.aim(self._operator)
-        cycle = 0
-        told = None
+        cycle, orders = 0, None
         while cycle < self._cycles:
-            told = self._cycle(cycle)
+            orders = self._cycle(cycle)
+            cycle += 1
             rows = self.drives.move()
             self._watch.look(
                 rows.start - 1, self.drives.q_rows[rows], self._still[rows]
             )
-            cycle += 1
             if self._is_over():
                 break
-        self._sum_up(cycle, told)
+        self._sum_up(cycle, orders)
         self.outcome.wall = perf_counter() - begin
         return self.outcome
 
-    def _cycle(self, cycle: int) -> Told:
-        """Measurements and wishes to the filter, its orders to the robots."""
+    def _cycle(self, cycle: int) -> Orders:
+        """Measurements and desires to the filter, its orders to the robots."""
         drives, outcome = self.drives, self.outcome
         now = drives.now
-        q, v, stamps = drives.measure()
+        seen = Seen(*drives.measure(), now)
         if now < self._pause_until:
             self._operator.let_go()
         asked = self._operator.ask(drives.plant.q, PERIOD)
@@ -169,21 +164,21 @@ class Trial:
             if asked.twists is not None:
                 asked.twists = {name: np.zeros(6) for name in asked.twists}
         start = perf_counter()
-        told = self._answers.answer(q, v, stamps, now, asked)
+        orders = self._answers.answer(seen, asked)
         self._calls.append(perf_counter() - start)
-        self.told[cycle], self.asked[cycle] = told.velocity, asked.joints
-        for name in drives.obey(told.velocity, dict(told.actions)):
+        self.ordered[cycle], self.asked[cycle] = orders.velocity, asked.joints
+        for name in drives.obey(orders.velocity, dict(orders.actions)):
             outcome.stops.append(
-                {"time": now, "robot": name, "why": told.why, **in_words(told.near)}
+                {"time": now, "robot": name, "why": orders.why, **in_words(orders.near)}
             )
             self._pause_until = np.inf
-        if self._pause_until == np.inf and max(told.actions.values()) == 0:
+        if self._pause_until == np.inf and max(orders.actions.values()) == 0:
             self._pause_until = now + PAUSE
-        for name, why in told.blocked.items():
+        for name, why in orders.blocked.items():
             if why != "NOT":
                 self._why[f"{name}: {why}"] += 1
-        outcome.unsolved += told.why in ("NO_SOLUTION", "NO_WAY")
-        return told
+        outcome.unsolved += orders.why in ("NO_SOLUTION", "NO_WAY")
+        return orders
 
     def _is_over(self) -> bool:
         """Whether the trial ends after this cycle."""
@@ -208,12 +203,12 @@ class Trial:
             return True
         return False
 
-    def _sum_up(self, cycles: int, told: Told | None) -> None:
+    def _sum_up(self, cycles: int, orders: Orders | None) -> None:
         """The figures of the whole trial."""
         outcome, drives = self.outcome, self.drives
         arena = self._arena
         used = np.flatnonzero(arena.driven)
-        self.told, self.asked = self.told[:cycles], self.asked[:cycles]
+        self.ordered, self.asked = self.ordered[:cycles], self.asked[:cycles]
         v_true = drives.v_rows[: drives.tick + 1 : round(PERIOD / 0.00025)]
         outcome.time = drives.now
         outcome.stuck = self._best_at
@@ -222,28 +217,27 @@ class Trial:
         if contact is not None:
             outcome.contact = contact._asdict()
             outcome.end = "contact"
-        outcome.jerk_told = jerk(self.told[:, used], PERIOD)
+        outcome.jerk_told = jerk(self.ordered[:, used], PERIOD)
         outcome.jerk_true = jerk(v_true[:, used], PERIOD)
         # Faster than the robots can go is asked for in vain, but in that direction.
         excess = np.abs(self.asked) / arena.velocity
         self.asked /= np.maximum(excess.max(axis=1, keepdims=True), 1.0)
-        where = held_back(self.told[:, used], self.asked[:, used])
+        where = held_back(self.ordered[:, used], self.asked[:, used])
         outcome.held_back = float(where.mean())
         outcome.chatter = chatter(
-            self.told[:, used], arena.acceleration[used], PERIOD, where
+            self.ordered[:, used], arena.acceleration[used], PERIOD, where
         )
-        outcome.blocked = share_blocked(self.told[:, used], self.asked[:, used])
+        outcome.blocked = share_blocked(self.ordered[:, used], self.asked[:, used])
         outcome.why_blocked = dict(self._why)
-        if told is not None:
+        if orders is not None:
             outcome.last = {
-                "why": told.why,
+                "why": orders.why,
                 "asked": self.asked[-1].round(4).tolist(),
-                "told": self.told[-1].round(4).tolist(),
-                **in_words(told.near),
+                "ordered": self.ordered[-1].round(4).tolist(),
+                **in_words(orders.near),
             }
-        calls = np.array(self._calls)
-        median, rare, most = np.percentile(calls, (50, 99.9, 100))
-        outcome.call = (float(median), float(rare), float(most))
+        median, rare, most = np.percentile(self._calls, (50, 99.9, 100)).tolist()
+        outcome.call = (median, rare, most)
 
 
 def in_words(verdict: Verdict | None, count: int = 4) -> dict[str, Any]:

@@ -23,7 +23,7 @@ SIGHT = 3.0
 NEAREST, FARTHEST = 0.3, 0.8
 ROOMY = 0.10
 
-# Links that are always near what their arm stands on, and what has to do for them [m].
+# Links that are always near the base of their arm, and what has to do for them [m].
 SHOULDER = ("/link1", "/link2")
 STANDING = 0.03
 
@@ -115,8 +115,8 @@ def aim_of(
         ]
         if robots[0] == robots[1]:
             continue
-        stands = pair.a.endswith(SHOULDER) or pair.b.endswith(SHOULDER)
-        if not pair.distance > (STANDING if stands else ROOMY):
+        fixed = pair.a.endswith(SHOULDER) or pair.b.endswith(SHOULDER)
+        if not pair.distance > (STANDING if fixed else ROOMY):
             return None
         other = "" if kind == "fixture" else ARMS[1 - ARMS.index(arm)]
         if not NEAREST < pair.distance < FARTHEST:

@@ -9,20 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from armguard import Box, Guard, Pose, Scene
+from armguard import Guard, Pose, Scene
 from armguard.guard import Verdict
 from armguard.robot.stopping import StoppingFigures
 from arrays import Floats
 from room.slides import (
+    CUBE,
     HALF,
-    PERIOD,
+    LEAD,
+    SLIDE,
     Judge,
     cube_at,
+    guarded,
     run,
     slide_figures,
-    slide_model,
     terms,
-    worst_run,
+    worst_runs,
 )
 
 SPEEDS = (0.1, 0.25, 0.4, 0.6)  # [m/s]
@@ -32,13 +34,11 @@ FLOOR = 0.005  # [m]
 # How far apart the slides' frames are [m].
 FARTHEST = 3.0
 
-# A run begins so far before the gap at which a first one was stopped, once both have
-# their speed [m]; that began at a gap that nobody needs: so much at rest [m], and what
-# is driven in so long a time [s].
-LEAD = 0.03
+# The first run begins at a gap that is not needed: so much at rest [m], and what is
+# driven in so long a time [s].
 REST_GAP, GAP_TIME = 0.3, 2.0
 
-# Starts of a run are spread over one cycle's way.
+# Starts of a run.
 PHASES = 2
 
 # The bay's figures with a metre for a radian; the same without swing; a slow arm.
@@ -85,21 +85,10 @@ def start_of(gap: float) -> float:
 def together(figures: StoppingFigures) -> Judge:
     """Both slides under one guard."""
     scene = Scene(mode="path", buffer=FLOOR)
-    scene.add_robot(slide_model(), name="one", stopping=figures)
-    scene.add_robot(
-        slide_model(),
-        name="other",
-        base=Pose(xyz=(FARTHEST, 0.0, 0.0), rpy=(0.0, 0.0, np.pi)),
-        stopping=figures,
-    )
-    guard = Guard(scene, self_test=False)
-
-    def judge(now: float, stamp: float, q: Floats, v: Floats) -> Sequence[Verdict]:
-        if stamp == 0.0:
-            guard.reset()
-        return [guard.step(q, stamp, velocity=v, now=now)]
-
-    return judge
+    facing = Pose(xyz=(FARTHEST, 0.0, 0.0), rpy=(0.0, 0.0, np.pi))
+    scene.add_robot(SLIDE, name="one", stopping=figures)
+    scene.add_robot(SLIDE, name="other", base=facing, stopping=figures)
+    return guarded(scene)
 
 
 def apart(figures: StoppingFigures, speed: float) -> Judge:
@@ -107,13 +96,8 @@ def apart(figures: StoppingFigures, speed: float) -> Judge:
     guards = []
     for _ in range(2):
         scene = Scene(mode="path", buffer=FLOOR)
-        scene.add_robot(slide_model(), name="one", stopping=figures)
-        scene.add(
-            Box(half_extents=(HALF, HALF, HALF)),
-            name="other",
-            pose=cube_at(FARTHEST),
-            top_speed=speed,
-        )
+        scene.add_robot(SLIDE, name="one", stopping=figures)
+        scene.add(CUBE, name="other", pose=cube_at(FARTHEST), top_speed=speed)
         guards.append(Guard(scene, self_test=False))
 
     def judge(now: float, stamp: float, q: Floats, v: Floats) -> Sequence[Verdict]:
@@ -122,9 +106,8 @@ def apart(figures: StoppingFigures, speed: float) -> Judge:
             if stamp == 0.0:
                 guard.reset()
             guard.place("other", cube_at(FARTHEST - q[1 - k]), stamp=stamp)
-            verdicts.append(
-                guard.step(q[k : k + 1], stamp, velocity=v[k : k + 1], now=now)
-            )
+            own = slice(k, k + 1)
+            verdicts.append(guard.step(q[own], stamp, velocity=v[own], now=now))
         return verdicts
 
     return judge
@@ -151,10 +134,7 @@ def gap_at_stop(judge: Judge, figures: StoppingFigures, speed: float) -> dict[st
     calm = run(judge, figures, [begin, begin], speed, gap_of)
     speeding_up = speed * speed / float(figures.acceleration[0])
     begin = start_of(calm.distance + LEAD + speeding_up)
-    runs = [
-        worst_run(judge, figures, [start, start], speed, gap_of)
-        for start in begin - speed * PERIOD * np.arange(PHASES) / PHASES
-    ]
+    runs = list(worst_runs(judge, figures, [begin] * 2, speed, PHASES, gap_of))
     return {
         "gap": float(np.mean([r.distance for r in runs])),
         "least": min(r.least for r in runs),

@@ -3,27 +3,28 @@
 The arm is one joint that slides; its figures are those of docs/paper.md.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 import paper_buffer as paper
-from armguard import Box, Guard, Scene
-from armguard.guard import Verdict
+from armguard import Box, Scene
 from armguard.robot.stopping import StoppingFigures, stop_travel
 from armguard.scene.settings import Mode
 from arrays import Floats
 from room.slides import (
     HALF,
+    LEAD,
     PERIOD,
+    SLIDE,
     Judge,
     cube_at,
+    guarded,
     run,
     slide_figures,
-    slide_model,
     terms,
-    worst_run,
+    worst_runs,
 )
 
 SPEEDS = (6.0 * paper.INCH, 12.0 * paper.INCH, 24.0 * paper.INCH)  # [m/s]
@@ -37,9 +38,8 @@ WALL = 1.5
 WIDEST = 0.6
 GRAIN = 2e-4
 
-# Starts of a run are spread over one cycle's way.
+# Starts of a run.
 PHASES = 4
-LEAD = 0.03
 
 # The paper's latency is 25 ms, split over a few ms of delivery, a cycle, and drives.
 SENSING = 0.003
@@ -68,37 +68,27 @@ def gap_of(q: Floats) -> float:
     return WALL - HALF - float(q[0])
 
 
-def guarded(figures: StoppingFigures, mode: Mode, buffer: float) -> Judge:
+def before_wall(figures: StoppingFigures, mode: Mode, buffer: float) -> Judge:
     """The slide before the wall, under a guard."""
     scene = Scene(mode=mode, buffer=buffer)
-    scene.add_robot(slide_model(), name="arm", stopping=figures)
-    scene.add(
-        Box(half_extents=(HALF, 1.0, 1.0)), name="wall", pose=cube_at(WALL + HALF)
-    )
-    guard = Guard(scene, self_test=False)
-
-    def judge(now: float, stamp: float, q: Floats, v: Floats) -> Sequence[Verdict]:
-        if stamp == 0.0:
-            guard.reset()
-        return [guard.step(q, stamp, velocity=v, now=now)]
-
-    return judge
+    scene.add_robot(SLIDE, name="arm", stopping=figures)
+    wall = Box(half_extents=(HALF, 1.0, 1.0))
+    scene.add(wall, name="wall", pose=cube_at(WALL + HALF))
+    return guarded(scene)
 
 
-def starts_of(figures: StoppingFigures, speed: float, gap: float) -> Floats:
-    """Starts of runs that have their speed a little before a gap [m]."""
+def start_of(figures: StoppingFigures, speed: float, gap: float) -> list[float]:
+    """The start of a run that has its speed a little before a gap [m]."""
     speeding_up = 0.5 * speed * speed / float(figures.acceleration[0])
-    begin = WALL - HALF - gap - LEAD - speeding_up
-    return begin - speed * PERIOD * np.arange(PHASES) / PHASES
+    return [WALL - HALF - gap - LEAD - speeding_up]
 
 
 def kept_by(figures: StoppingFigures, buffer: float, speed: float) -> bool:
     """Whether nothing is ever touched with a fixed buffer [m]."""
-    judge = guarded(figures, "fixed", buffer)
-    return all(
-        worst_run(judge, figures, [start], speed, gap_of).least >= 0.0
-        for start in starts_of(figures, speed, buffer)
-    )
+    judge = before_wall(figures, "fixed", buffer)
+    begin = start_of(figures, speed, buffer)
+    runs = worst_runs(judge, figures, begin, speed, PHASES, gap_of)
+    return all(run.least >= 0.0 for run in runs)
 
 
 def least_fixed(figures: StoppingFigures, speed: float) -> float:
@@ -114,13 +104,10 @@ def ordered_at(
     figures: StoppingFigures, mode: Mode, floor: float, speed: float
 ) -> dict[str, Any]:
     """Clearance at which a mode orders the stop, and what comes of it [m]."""
-    judge = guarded(figures, mode, floor)
-    [start, *_] = starts_of(figures, speed, WIDEST)
-    calm = run(judge, figures, [start], speed, gap_of)
-    runs = [
-        worst_run(judge, figures, [start], speed, gap_of)
-        for start in starts_of(figures, speed, calm.distance)
-    ]
+    judge = before_wall(figures, mode, floor)
+    calm = run(judge, figures, start_of(figures, speed, WIDEST), speed, gap_of)
+    begin = start_of(figures, speed, calm.distance)
+    runs = list(worst_runs(judge, figures, begin, speed, PHASES, gap_of))
     return {
         "distance": float(np.mean([r.distance for r in runs])),
         "least": min(r.least for r in runs),

@@ -39,7 +39,7 @@ SWINGS = (0.0, 0.5, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """A line of the tool, and the side on which the panel stands.
+    """A line of the tool, and the side on which the panel is.
 
     Attributes:
         line: The line.

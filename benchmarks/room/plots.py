@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import paper_buffer as paper
@@ -16,6 +15,9 @@ from room.warned import MODES
 
 Rows = Sequence[Mapping[str, Any]]
 
+# Pixels of an inch.
+DPI = 110
+
 COLOURS = {"path": "#0072B2", "speed": "#D55E00", "fixed": "#009E73"}
 TERM_COLOURS = dict(
     zip(TERMS, ("#555555", "#CC79A7", "#4477aa", "#ee8866", "#ddcc77"), strict=True)
@@ -23,15 +25,9 @@ TERM_COLOURS = dict(
 WAY_COLOURS = dict(zip(WAYS, ("#0072B2", "#E69F00", "#D55E00"), strict=True))
 
 
-def sheet(width: float, height: float) -> Figure:
-    """An empty figure [in]."""
-    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def tidy(axes: Axes) -> None:
-    """What all plots have in common."""
+def tidy(axes: Axes, **words: str) -> None:
+    """What all plots have in common, and the words at their axes."""
+    axes.set(**words)
     axes.set_ylim(bottom=0.0)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.3)
@@ -40,7 +36,7 @@ def tidy(axes: Axes) -> None:
 
 def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
     """Clearance at the first slow and stop: approaches above, passing below."""
-    figure = sheet(9.0, 7.0)
+    figure = Figure(figsize=(9.0, 7.0), dpi=DPI, layout="constrained")
     places = figure.subplots(2, 2)
     for k, level in enumerate(LEVELS):
         for row, means, what in (
@@ -51,24 +47,26 @@ def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
             for mode in MODES:
                 if level == "SLOW" and mode == "fixed":
                     continue
-                told = {float(s): m[mode] for s, m in means.items() if speaks(m)}
+                known = {float(s): m[mode] for s, m in means.items() if speaks(m)}
                 axes.plot(
-                    list(told),
-                    [1e3 * d for d in told.values()],
+                    list(known),
+                    [1e3 * d for d in known.values()],
                     "o-",
                     color=COLOURS[mode],
                     label=mode,
                 )
-            axes.set_title(f"{what}: {'first slow' if level == 'SLOW' else 'stop'}")
-            axes.set_xlabel("speed of the tool [m/s]")
-            axes.set_ylabel("mean clearance [mm]")
-            tidy(axes)
+            tidy(
+                axes,
+                title=f"{what}: {'first slow' if level == 'SLOW' else 'stop'}",
+                xlabel="speed of the tool [m/s]",
+                ylabel="mean clearance [mm]",
+            )
             axes.legend(title="mode", frameon=False)
     figure.savefig(path)
 
 
 def speaks(mean: Mapping[str, Any]) -> bool:
-    """Whether at least half of the motions tell something of a speed.
+    """Whether at least half of the motions say something of a speed.
 
     Others were warned of before the tool had it, or had no distance.
     """
@@ -79,7 +77,7 @@ def speaks(mean: Mapping[str, Any]) -> bool:
 
 def draw_needs(rows: Rows, path: Path) -> None:
     """What the pair at the stop needs, by cause, in both modes."""
-    figure = sheet(9.0, 3.8)
+    figure = Figure(figsize=(9.0, 3.8), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
     for axes, mode in zip(places, ("path", "speed"), strict=True):
         means = needs(rows, mode)
@@ -95,10 +93,8 @@ def draw_needs(rows: Rows, path: Path) -> None:
             axes.bar(x, heights, 0.6, bottom, color=TERM_COLOURS[term], label=label)
             bottom += heights
         axes.set_xticks(x, list(means))
-        axes.set_title(f"mode {mode}")
-        axes.set_xlabel("speed of the tool [m/s]")
-    for axes in places:
-        tidy(axes)
+    for axes, mode in zip(places, ("path", "speed"), strict=True):
+        tidy(axes, title=f"mode {mode}", xlabel="speed of the tool [m/s]")
     places[0].set_ylabel("mean need at the stop [mm]")
     handles, labels = places[1].get_legend_handles_labels()
     places[0].legend(handles[::-1], labels[::-1], frameon=False, loc="upper left")
@@ -106,9 +102,9 @@ def draw_needs(rows: Rows, path: Path) -> None:
 
 
 def draw_co_braking(rows: Rows, path: Path) -> None:
-    """Gap at the stop, head-on, by who knows what."""
+    """Gap at the stop, head-on, by what each guard knows."""
     arms = list(dict.fromkeys(row["arm"] for row in rows))
-    figure = sheet(11.0, 3.6)
+    figure = Figure(figsize=(11.0, 3.6), dpi=DPI, layout="constrained")
     for axes, arm in zip(figure.subplots(1, len(arms)), arms, strict=True):
         own = [row for row in rows if row["arm"] == arm]
         for way in WAYS:
@@ -119,10 +115,8 @@ def draw_co_braking(rows: Rows, path: Path) -> None:
                 color=WAY_COLOURS[way],
                 label=way,
             )
-        axes.set_title(arm)
-        axes.set_xlabel("speed of each arm [m/s]")
-        axes.set_ylabel("gap at the stop [mm]")
-        tidy(axes)
+        words = {"xlabel": "speed of each arm [m/s]", "ylabel": "gap at the stop [mm]"}
+        tidy(axes, title=arm, **words)
         axes.legend(frameon=False, fontsize=8)
     figure.savefig(path)
 
@@ -130,7 +124,7 @@ def draw_co_braking(rows: Rows, path: Path) -> None:
 def draw_least(rows: Rows, path: Path) -> None:
     """Clearance at the stop beside the least fixed buffer that does."""
     arms = list(dict.fromkeys(row["arm"] for row in rows))
-    figure = sheet(9.0, 3.8)
+    figure = Figure(figsize=(9.0, 3.8), dpi=DPI, layout="constrained")
     for axes, arm in zip(figure.subplots(1, len(arms)), arms, strict=True):
         own = [row for row in rows if row["arm"] == arm]
         x = np.arange(len(own))
@@ -148,12 +142,9 @@ def draw_least(rows: Rows, path: Path) -> None:
                 label=label,
             )
         axes.axhline(1e3 * paper.FIXED, color="black", ls=":", label="paper, 1.2 in")
-        speeds = [round(s / paper.INCH) for s in speeds_of(own)]
-        axes.set_xticks(x, [f"{s}" for s in speeds])
-        axes.set_title(arm)
-        axes.set_xlabel("speed of the tool [in/s]")
-        axes.set_ylabel("clearance at the stop [mm]")
-        tidy(axes)
+        axes.set_xticks(x, [f"{s / paper.INCH:.0f}" for s in speeds_of(own)])
+        y = "clearance at the stop [mm]"
+        tidy(axes, title=arm, xlabel="speed of the tool [in/s]", ylabel=y)
         axes.legend(frameon=False, fontsize=8)
     figure.savefig(path)
 

@@ -5,18 +5,19 @@ as they may be and seem farther and slower, the operator pushes with all he has 
 last measurement on that does not stop him, and stops are as late and soft as declared.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from armguard import Guard, Scene
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Verdict
-from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.robot.stopping import StoppingFigures, stopping_figures
 from arrays import Floats
 from closed_loop.plant import FREE, HELD, Plant, advance, order_stop, plant_at
+from rail import carriage
 
 # Half the edge of the cube that slides [m], and how far it can [m].
 HALF = 0.05
@@ -30,41 +31,35 @@ SUBSTEPS = round(PERIOD / SUBSTEP)
 LONGEST = 8.0
 GRAIN = 1e-9
 
+# Starts of a run are spread over one cycle's way, so much before the gap at which a
+# first one was stopped [m].
+LEAD = 0.03
+
 # The verdict of a cycle: its time and the stamp of its measurement [s], and measured
 # positions and velocities of all slides.
 Judge = Callable[[float, float, Floats, Floats], Sequence[Verdict]]
 
 
-def slide_model() -> RobotModel:
-    """A cube that slides along x."""
-    cube = CollisionElement(
-        geometry=Box(half_extents=(HALF, HALF, HALF)), T_link_geometry=np.eye(4)
-    )
-    joint = Joint(
-        name="tool",
-        kind=JointKind.PRISMATIC,
-        parent="base",
-        child="hand",
-        T_parent_joint=np.eye(4),
-        axis=np.array([1.0, 0.0, 0.0]),
-        lower=-REACH,
-        upper=REACH,
-    )
-    return RobotModel(
-        name="slide",
-        path=None,
-        links={
-            "base": Link(name="base"),
-            "hand": Link(name="hand", collisions=(cube,)),
-        },
-        joints={"tool": joint},
-        root="base",
-    )
+CUBE = Box(half_extents=(HALF, HALF, HALF))
+
+SLIDE = carriage(CUBE, REACH)
 
 
 def slide_figures(**figures: Any) -> StoppingFigures:
     """Figures of a slide, as `stopping_figures` takes them."""
-    return stopping_figures(slide_model(), **figures)
+    return stopping_figures(SLIDE, **figures)
+
+
+def guarded(scene: Scene) -> Judge:
+    """All slides of a scene under one guard."""
+    guard = Guard(scene, self_test=False)
+
+    def judge(now: float, stamp: float, q: Floats, v: Floats) -> Sequence[Verdict]:
+        if stamp == 0.0:
+            guard.reset()
+        return [guard.step(q, stamp, velocity=v, now=now)]
+
+    return judge
 
 
 def cube_at(x: float) -> Pose:
@@ -98,7 +93,7 @@ def worst_run(
 ) -> Run:
     """The run in which the operator pushes at the last moment.
 
-    Where that is tells a run in which he does not.
+    Where that is follows from a run in which he does not.
 
     Args:
         judge: Makes a cycle of the guard, or of each arm's.
@@ -110,6 +105,29 @@ def worst_run(
     calm = run(judge, figures, starts, speed, gap_of)
     push_at = (calm.order_cycle - 1) * PERIOD
     return run(judge, figures, starts, speed, gap_of, push_at)
+
+
+def worst_runs(
+    judge: Judge,
+    figures: StoppingFigures,
+    begin: Sequence[float],
+    speed: float,
+    phases: int,
+    gap_of: Callable[[Floats], float],
+) -> Iterator[Run]:
+    """The same from starts that are spread over the way of one cycle.
+
+    Args:
+        judge: See `worst_run`.
+        figures: See there.
+        begin: The foremost start of each slide [m].
+        speed: See there.
+        phases: How many starts.
+        gap_of: See there.
+    """
+    backs = speed * PERIOD * np.arange(phases) / phases
+    for back in backs:
+        yield worst_run(judge, figures, [x - back for x in begin], speed, gap_of)
 
 
 def run(
@@ -140,15 +158,15 @@ def run(
     free_rows = np.zeros((SUBSTEPS, count), dtype=np.bool_)
     # States at the beginning of each period; measurements look back into them.
     past = [(plant.q.copy(), plant.v.copy())]
-    told: Run | None = None
+    stopped: Run | None = None
     least = np.inf
     for k in range(round(LONGEST / PERIOD)):
         while len(past) <= k + age:
             began = len(past) - 1
             pushes = push_at is not None and began * PERIOD >= push_at
-            wish = np.where(pushes, figures.velocity, speed).repeat(count)
+            desired = np.where(pushes, figures.velocity, speed).repeat(count)
             tick = began * SUBSTEPS
-            advance(plant, tick, SUBSTEP, wish, q_rows, v_rows, free_rows)
+            advance(plant, tick, SUBSTEP, desired, q_rows, v_rows, free_rows)
             past.append((plant.q.copy(), plant.v.copy()))
             least = min(least, *(gap_of(q) for q in q_rows))
         true_q, true_v = past[k]
@@ -158,29 +176,29 @@ def run(
             true_q - figures.position_error,
             true_v - figures.velocity_error * (true_v > 0.0),
         )
-        for arm, stopped in enumerate(stops(verdicts, count)):
-            if stopped:
+        for arm, stops in enumerate(stopped_by(verdicts, count)):
+            if stops:
                 at = (k + age) * PERIOD + figures.command
                 order_stop(plant, arm, at, worst_stop(figures, count))
-        if told is None and any(v.level >= Level.STOP for v in verdicts):
-            told = first_stop(verdicts, k)
+        if stopped is None and any(v.level >= Level.STOP for v in verdicts):
+            stopped = first_stop(verdicts, k)
             if not true_v.max() >= speed - GRAIN:
                 raise RuntimeError(f"stopped on its way to {speed} m/s")
-        if told is not None and (push_at is None or (plant.phase == HELD).all()):
-            return replace(told, least=least)
+        if stopped is not None and (push_at is None or (plant.phase == HELD).all()):
+            return replace(stopped, least=least)
     raise RuntimeError(f"no stop, or no rest, within {LONGEST} s")
 
 
 def first_stop(verdicts: Sequence[Verdict], k: int) -> Run:
-    """What there is to be told of the first stop, ordered in cycle k."""
+    """What came of the first stop, ordered in cycle k."""
     verdict = next(v for v in verdicts if v.level >= Level.STOP)
     near = verdict.nearest
     distance = np.nan if near is None else near.primitive_distance
     return Run(distance, np.nan, verdict, k)
 
 
-def stops(verdicts: Sequence[Verdict], count: int) -> list[bool]:
-    """Which of the slides are told to stop, by one guard for all or one for each."""
+def stopped_by(verdicts: Sequence[Verdict], count: int) -> list[bool]:
+    """Which of the slides are to stop, by one guard for all or one for each."""
     if len(verdicts) == count > 1:
         return [v.level >= Level.STOP for v in verdicts]
     levels = list(verdicts[0].levels.values())

@@ -62,8 +62,8 @@ def warned_at(rows: Rows, level: str, kind: str | None = None) -> dict[str, Any]
 
 def at_speed(row: Mapping[str, Any], level: str) -> bool:
     """Whether the tool had its speed when path and speed warned."""
-    told = (row["modes"][mode][level]["speed"] for mode in ("path", "speed"))
-    return all(speed == row["tool_speed"] for speed in told)
+    speeds = (row["modes"][mode][level]["speed"] for mode in ("path", "speed"))
+    return all(speed == row["tool_speed"] for speed in speeds)
 
 
 def needs(rows: Rows, mode: str) -> dict[str, dict[str, float]]:

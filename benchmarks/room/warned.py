@@ -62,7 +62,7 @@ def first_warnings(
             if stopped
             else min(near, key=lambda p: p.time_left)
         )
-        told = Warned(
+        warning = Warned(
             pair.primitive_distance,
             (pair.a, pair.b),
             speed,
@@ -70,8 +70,8 @@ def first_warnings(
             pair.clearance / pair.time_left if pair.time_left > 0.0 else None,
         )
         if stopped:
-            return slow or told, told
-        slow = slow or told
+            return slow or warning, warning
+        slow = slow or warning
     return slow, None
 
 

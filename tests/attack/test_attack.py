@@ -5,21 +5,20 @@ from dataclasses import asdict
 
 import pytest
 
-from attack import connects, desires, page, rack, service, starts
-from attack.row import none
+from attack import connects, desires, rack, row, service, starts
 
 
 def failed(rows):
     """Attacks that were not answered as they are to be."""
-    return [(row.attack, row.had, row.unit, row.note) for row in rows if not row.passed]
+    return [(r.attack, r.had, r.unit, r.note) for r in rows if not r.passed]
 
 
 def test_keys_roles_and_contents():
     rows = service.run(100)
-    floods = [row for row in rows if row.attack.startswith("flood")]
+    floods = [one for one in rows if one.attack.startswith("flood")]
     # What a flood costs depends on the machine; that nothing goes wrong does not.
-    assert not any(row.had for row in floods)
-    assert not failed(row for row in rows if row not in floods)
+    assert not any(one.had for one in floods)
+    assert not failed(one for one in rows if one not in floods)
 
 
 def test_fixtures_stand_while_an_arm_is_driven_into_one():
@@ -45,10 +44,10 @@ def test_clients_come_and_go():
 @pytest.mark.parametrize("had", [0, 1])
 def test_the_table_stands_between_its_marks(tmp_path, had):
     file = tmp_path / "page.md"
-    file.write_text(f"before\n{page.BEGIN}\nold\n{page.END}\nafter\n")
-    row = none("service", "an attack", 10, had, note="a | b")
-    results = json.loads(json.dumps({"door": {"rows": [asdict(row)]}}))
-    page.write_table(results, file)
+    file.write_text(f"before\n{row.BEGIN}\nold\n{row.END}\nafter\n")
+    one = asdict(row.none("an attack", 10, had, note="a | b"))
+    results = json.loads(json.dumps({"door": {"rows": [one]}}))
+    row.write_table(results, file)
     text = file.read_text()
     assert text.startswith("before\n") and text.endswith("after\n")
     assert "old" not in text

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from accuracy.judge import judge_pairs
-from accuracy.nan_laws import swallowed
+from accuracy.judge import judge_pairs, swallowed
 from accuracy.regimes import REGIMES, draw
 from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, figures
 

@@ -3,11 +3,12 @@
 import json
 
 import pytest
+from matplotlib.figure import Figure
 
 from episodes.kernels import kernels_of
 from episodes.records import Digest, Records, ranges_of, replace
 from reach.page import write_page
-from reach.plots import legend, sheet
+from reach.plots import legend
 from reach.summary import compared, digest
 
 RUN = {
@@ -73,7 +74,7 @@ def test_the_page_keeps_rows_that_cannot_be_compared_apart(tmp_path):
 
 
 def test_a_legend_has_the_responses_of_all_scenes():
-    figure = sheet(4.0, 3.0)
+    figure = Figure()
     places = figure.subplots(1, 2)
     places[0].plot([0.0, 1.0], label="deflect")
     places[1].plot([0.0, 1.0], label="mink")

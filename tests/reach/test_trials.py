@@ -5,7 +5,7 @@ import pytest
 
 from armguard.respond.command import Action
 from closed_loop.settings import SUBSTEP
-from reach.answers import Told, answering
+from reach.answers import Answering, Orders, answering
 from reach.arena import arena_of
 from reach.drives import STEPS, Drives
 from reach.goals import draw_goal
@@ -25,20 +25,14 @@ def arena():
     return arena_of("bay")
 
 
-class Blind:
+class Blind(Answering):
     """Tells robots what operators ask for."""
 
     def __init__(self, arena):
         self._follow = dict.fromkeys(arena.robots, Action.FOLLOW)
 
-    def answer(self, q, v, stamps, now, asked):
-        return Told(asked.joints, self._follow)
-
-    def aim(self, operator):
-        pass
-
-    def reset(self):
-        pass
+    def answer(self, seen, asked):
+        return Orders(asked.joints, self._follow)
 
 
 def run(arena, seed, answers, led=False):
