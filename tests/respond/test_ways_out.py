@@ -5,7 +5,15 @@ import pytest
 
 from armguard.respond import Guard
 from armguard.scene import bay_scene
-from ways_out_campaign import SPEED, Count, clearances, judge, leads_out, run, told
+from ways_out_campaign import (
+    SPEED,
+    Count,
+    clearances,
+    commanded,
+    judge,
+    leads_out,
+    run,
+)
 
 # States of the bay from which a way out was hard to find, by what is hard [rad].
 HARD = {
@@ -52,7 +60,7 @@ def test_the_cue_leads_out_where_that_is_hard(hard):
 def test_no_joint_moves_of_who_asks_for_nothing_however_it_is_held():
     guard = Guard(bay_scene("path"), self_test=False)
     for q in map(np.array, HARD.values()):
-        velocity, _ = told(guard, q, np.zeros_like(q))
+        velocity, _ = commanded(guard, q, np.zeros_like(q))
         assert not velocity.any()
 
 
@@ -63,5 +71,5 @@ def test_asking_for_the_wrong_way_does_not_lead_nearer():
         guard.reset()
         cues = guard.step(q, 0.0, velocity=np.zeros_like(q), now=0.0).cues
         wrong = -SPEED * top * np.concatenate([c.escape for c in cues.values()])
-        velocity, _ = told(guard, q, wrong)
+        velocity, _ = commanded(guard, q, wrong)
         assert not velocity.any() or leads_out(guard, q, velocity)
