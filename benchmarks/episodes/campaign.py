@@ -114,13 +114,19 @@ class Campaign:
     def again(self, kind: str, chosen: argparse.Namespace) -> bool:
         """Run some of the known episodes again; whether the outcome of any differs.
 
-        Where enough of another version were run and all are the same, the whole row
-        counts as one of today's version, and names how many were compared.
+        Half of them are those with the least distances, which a change of a rule is
+        most likely to change; the others are spread over all. Where enough of another
+        version were run and all are the same, the whole row counts as one of today's
+        version, and names how many were compared.
         """
         records = self.records
         version = records.version_of(kind)
         known = list(records.digests(kind, version).values())
-        some = known[:: max(len(known) // chosen.again, 1)][: chosen.again]
+        nearest = sorted(known, key=lambda digest: digest.least or 0.0)
+        some = nearest[: chosen.again // 2]
+        rest = sorted(nearest[len(some) :], key=lambda digest: digest.seed)
+        left = chosen.again - len(some)
+        some += rest[:: max(len(rest) // left, 1)][:left]
         seeds = [digest.seed for digest in some]
         found = map(self.digest_of, self.run(kind, seeds, processes=chosen.processes))
         differ = [e.seed for e, k in zip(found, some, strict=True) if e != k]

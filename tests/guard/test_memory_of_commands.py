@@ -164,7 +164,8 @@ def grow(w, v, m):
 
 @numba.njit
 def expect(j, v, m):
-    kernels.expect_followed(j, v, m)
+    next_slot = v.sent_count[0] % v.sent_at.shape[0]
+    kernels.expect_followed(j, next_slot, v, m)
 
 
 def known_under_way(sent, since, j, top):
