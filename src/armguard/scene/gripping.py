@@ -111,7 +111,7 @@ def check_links(
         if finger not in fits:
             raise SceneError(
                 f"robot '{name}': finger '{finger}' has no collision geometry, so "
-                "nobody knows when it touches"
+                "its contacts cannot be detected"
             )
         link = finger
         while link in above and groups[link] != own:

@@ -138,8 +138,8 @@ def check_figures(robot: SceneRobot) -> None:
     """
     if robot.mode != "fixed" and robot.stopping is None:
         raise SceneError(
-            f"robot '{robot.name}' is in mode '{robot.mode}' and nobody said how it "
-            "stops; give it `stopping: {deceleration: ...}` (least deceleration of a "
+            f"robot '{robot.name}' is in mode '{robot.mode}' and has no stopping "
+            "figures; give it `stopping: {deceleration: ...}` (least deceleration of a "
             "controlled stop [rad/s² or m/s²], see docs/stopping.md), or set "
             "`mode: fixed`"
         )

@@ -299,7 +299,7 @@ def look(
             answer.commands += 1
             j = int(np.argmax(apart))
             other = other or (
-                f"{pair.was.q_names[j]} is told {velocity[j]:.6f} in place of "
+                f"{pair.was.q_names[j]} is commanded {velocity[j]:.6f} instead of "
                 f"{sent[j]:.6f}"
             )
     if other and answer.first is None:

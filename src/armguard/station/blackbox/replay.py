@@ -31,7 +31,7 @@ OF_ROBOTS = (
     "why it is blocked",
     "phase",
     "since when it is held",
-    "why it is told something else",
+    "why its command differs from the desired one",
 )
 
 

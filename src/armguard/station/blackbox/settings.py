@@ -136,7 +136,7 @@ def with_response(key: str, robot: SceneRobot, value: str) -> SceneRobot:
 def with_stopping(key: str, robot: SceneRobot, value: str) -> SceneRobot:
     """A robot with another figure of its stop."""
     if robot.stopping is None:
-        raise SettingError(f"nobody said how robot '{robot.name}' stops")
+        raise SettingError(f"robot '{robot.name}' has no stopping figures")
     was, now = getattr(robot.stopping, key), not_negative(value)
     figure: Any = np.full_like(was, now) if isinstance(was, np.ndarray) else now
     return replace(robot, stopping=replace(robot.stopping, **{key: figure}))
