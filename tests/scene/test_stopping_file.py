@@ -213,7 +213,7 @@ def test_a_table_is_read_from_beside_the_scene(tmp_path):
 
 
 WRONG = {
-    "no figures": ("", ":2: robots.arm: robot 'arm' is in mode 'path' and nobody said"),
+    "no figures": ("", ":2: robots.arm: robot 'arm' is in mode 'path' and has no"),
     "mode": ("mode: slow", ":4: robots.arm.mode: is 'slow'; it must be 'fixed', "),
     "cycle": (
         "mode: fixed\ncycle: {period: 0}",
