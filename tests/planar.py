@@ -3,18 +3,9 @@
 import numpy as np
 
 from armguard.geometry import Pose, Sphere
-from armguard.motion.pair_state import (
-    BODY,
-    KIND,
-    LEVERS,
-    LOCAL,
-    PAIR,
-    PLAN,
-    ROW,
-    SHARED,
-    SIDE,
-)
+from armguard.motion.pair_state import Pair
 from armguard.motion.state import NEXT
+from armguard.record import dtype_of
 from armguard.respond import Guard
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene import Scene
@@ -108,26 +99,14 @@ def two_chains(kinds, bases, homes, figures=EXACT, **settings):
     return Guard(scene, self_test=False)
 
 
-def pair_of(tables, motion, rows):
+def pair_of(tables):
     """The pair of a chain's tip and the ball, as a proof is asked for it.
 
     Args:
-        tables: Their compiled scene; it has to live as long as the pair.
-        motion: The prediction.
-        rows: Primitives in the world, shape (2, 16).
+        tables: Their compiled scene.
     """
-    pair = np.zeros(PAIR)
-    for side in range(2):
-        row = rows[side].ctypes.data
-        values = {
-            KIND: tables.kinds[side],
-            ROW: row,
-            LOCAL: tables.local_rows[0].ctypes.data if side == 0 else row,
-            BODY: tables.bodies[side],
-            PLAN: NEXT,
-            LEVERS: motion.levers[0].ctypes.data,
-        }
-        for place_of_value, value in values.items():
-            pair[SIDE * side + place_of_value] = value
-    pair[SHARED] = 0
+    pair = np.zeros(1, dtype_of(Pair)).view(np.recarray)[0]
+    pair.kind, pair.body, pair.plan = tables.kinds[:2], tables.bodies[:2], NEXT
+    pair.row = pair.local = tables.local_rows[:2]
+    pair.exact = -1
     return pair

@@ -65,7 +65,7 @@ def kernel_digest(*folders: str) -> str:
     used = {path for holder in holders for path in sources_of(sources[holder])}
     # What compiles a field of a table is imported where tables are declared, and what
     # compiles a call of a separate kernel below.
-    used.update((PACKAGE / "table.py", PACKAGE / "separate.py"))
+    used.update(PACKAGE / name for name in ("table.py", "record.py", "separate.py"))
     for path in sorted(used.intersection(sources).union(holders)):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(sources[path])

@@ -48,13 +48,13 @@ class SeparateKernel:
 
     Args:
         dispatcher: See above. All parameters and what is returned are annotated with
-            numbers or tuples of them.
+            numbers, tuples of them, arrays of the kinds of `table`, tables or records.
     """
 
     def __init__(self, dispatcher: Any) -> None:
         self.py_func = function = dispatcher.py_func
         update_wrapper(self, function)
-        hints = get_type_hints(function)
+        hints = get_type_hints(function, include_extras=True)
         returned = as_numba_type(hints.pop("return"))
         self.dispatcher = dispatcher
         self.signature = returned(*map(as_numba_type, hints.values()))

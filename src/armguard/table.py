@@ -1,11 +1,12 @@
-"""Arrays that a kernel is handed all together, as one typed pointer.
+"""Tables: named arrays that a kernel takes as one argument.
 
-A `NamedTuple` of arrays is a table: each field says of what kind its array is. Handing
-forty arrays to compiled code costs more than the whole cycle. So the addresses of a
-table's arrays are written down once, in a `Ledger`, and kernels are handed the address
-of that; in a kernel `opener(Table)` makes a table of it again, and a field is loaded
-where it is named. The guard that owns a ledger owns the arrays too and never lets them
-go.
+A `NamedTuple` of arrays decorated with `@table` is a table: the annotation of a field
+says what kind its array is. To pass forty arrays to compiled code one by one costs more
+than a whole cycle. So a `Ledger` holds the addresses of a table's arrays, and a table
+in compiled code is the address of that: a field is loaded where it is named. A field
+may be a table of its own, which is then shared by all tables that name it. Kernels that
+Python calls take the ledger's lines and make the table of them by `opener(Table)`. The
+owner of a ledger owns the arrays too and keeps them alive.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ from numba.core import cgutils, types
 from numba.core.datamodel.models import OpaqueModel
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
+    as_numba_type,
     infer_getattr,
     intrinsic,
     lower_getattr_generic,
@@ -41,30 +43,57 @@ ByteMatrix = Annotated[NDArray[np.uint8], 2]
 # Numbers kept of each array: address, rows, columns (1 for a vector).
 LINE = 3
 
+LONG = ir.IntType(64)
+VOID_POINTER = ir.IntType(8).as_pointer()
+
+# Marks a field that is a table of its own: `motion: Annotated[Motion, TABLE]`.
+TABLE = "table"
+
 Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
+def array_type(hint: Any) -> Any:
+    """Numba type of an array of one of the kinds above; None for anything else."""
+    if not get_args(hint) or not isinstance(get_args(hint)[-1], int):
+        return None
+    array, dimensions = get_args(hint)
+    dtype = numba.from_dtype(np.dtype(get_args(get_args(array)[1])[0]))
+    return types.Array(dtype, dimensions, "C")
+
+
+as_numba_type.register(array_type)
+
+
 def array_types(table: type) -> Iterator[tuple[str, Any]]:
-    """Name and Numba type of each field, a table within it as the tuple it is."""
+    """Name and Numba type of each field, a tuple of arrays as the tuple it is."""
     for name, hint in get_type_hints(table, include_extras=True).items():
-        if get_args(hint):
-            array, dimensions = get_args(hint)
-            dtype = numba.from_dtype(np.dtype(get_args(get_args(array)[1])[0]))
-            yield name, types.Array(dtype, dimensions, "C")
+        if TABLE in get_args(hint):
+            yield name, TableType(get_args(hint)[0])
+        elif get_args(hint):
+            yield name, array_type(hint)
         else:
             parts = [kind for _, kind in array_types(hint)]
             yield name, types.containers.BaseTuple.from_types(parts, pyclass=hint)
 
 
-def arrays_of(table: tuple[Any, ...]) -> Iterator[NDArray[Any]]:
-    """The arrays of a table one after another, those of tables within it as well.
+def arrays_of(
+    table: tuple[Any, ...], tables: dict[str, "Ledger"]
+) -> Iterator[NDArray[Any]]:
+    """The arrays of a table one after another, those of tuples within it as well.
+
+    Args:
+        table: The table.
+        tables: Ledgers of those fields that are tables; their lines are the arrays.
 
     Raises:
         TypeError: An array is not of the kind its field has, or not contiguous.
     """
     for (name, kind), value in zip(array_types(type(table)), table, strict=True):
+        if isinstance(kind, TableType):
+            yield tables[name].lines
+            continue
         if isinstance(value, tuple):
-            yield from arrays_of(value)
+            yield from arrays_of(value, {})
             continue
         if numba.from_dtype(value.dtype) != kind.dtype or value.ndim != kind.ndim:
             raise TypeError(
@@ -79,17 +108,25 @@ class Ledger:
 
     Attributes:
         arrays: The arrays, kept alive.
-        lines: Their addresses and shapes, shape (k · LINE,).
+        tables: Ledgers of those fields that are tables, by name.
+        lines: Addresses and shapes of the arrays, shape (k · LINE,).
 
     Args:
         table: The table.
+        **shared: Ledgers of fields that are tables, where they exist already; the
+            others are made.
 
     Raises:
         TypeError: An array is not of the kind its field has, or not contiguous.
     """
 
-    def __init__(self, table: tuple[Any, ...]) -> None:
-        self.arrays = list(arrays_of(table))
+    def __init__(self, table: tuple[Any, ...], **shared: "Ledger") -> None:
+        self.tables = {
+            name: shared.get(name) or Ledger(value)
+            for (name, kind), value in zip(array_types(type(table)), table, strict=True)
+            if isinstance(kind, TableType)
+        }
+        self.arrays = list(arrays_of(table, self.tables))
         self.lines = np.zeros(len(self.arrays) * LINE, dtype=np.int64)
         for k, array in enumerate(self.arrays):
             self.put(k, array)
@@ -128,6 +165,17 @@ class TableType(types.Type):
 register_model(TableType)(OpaqueModel)
 
 
+def table(declared: type[Table]) -> type[Table]:
+    """Let annotations of separate kernels name a table.
+
+    Args:
+        declared: A `NamedTuple` whose fields are arrays of the kinds above, tuples of
+            such, or tables.
+    """
+    as_numba_type.register(declared, TableType(declared))
+    return declared
+
+
 @infer_getattr
 class TableFields(AttributeTemplate):  # type: ignore[misc]
     """Types of the fields of tables."""
@@ -145,6 +193,8 @@ def load_field(
 ) -> Any:
     """Load where the array of a field is, and its shape."""
     kind, first = table.places[name]
+    if isinstance(kind, TableType):
+        return builder.inttoptr(load_word(builder, value, LINE * first), VOID_POINTER)
     if not isinstance(kind, types.containers.BaseTuple):
         return load_array(context, builder, kind, value, first)
     arrays = [
@@ -155,17 +205,11 @@ def load_field(
 
 
 def load_array(context: Any, builder: Any, kind: Any, value: Any, k: int) -> Any:
-    """Load array k of a table.
-
-    No kernel writes to the lines of a ledger, so a load may be moved and shared.
-    """
-    long = ir.IntType(64)
-    lines = builder.bitcast(value, long.as_pointer())
-    words = []
-    for place in range(LINE * k, LINE * k + 1 + kind.ndim):
-        word = builder.load(builder.gep(lines, [ir.Constant(long, place)]))
-        word.set_metadata("invariant.load", builder.module.add_metadata([]))
-        words.append(word)
+    """Load array k of a table."""
+    words = [
+        load_word(builder, value, place)
+        for place in range(LINE * k, LINE * k + 1 + kind.ndim)
+    ]
     size = context.get_constant(types.intp, np.dtype(str(kind.dtype)).itemsize)
     strides = [size]
     if kind.ndim == 2:
@@ -180,6 +224,17 @@ def load_array(context: Any, builder: Any, kind: Any, value: Any, k: int) -> Any
         meminfo=None,
     )
     return array._getvalue()
+
+
+def load_word(builder: Any, value: Any, place: int) -> Any:
+    """Load a number of a ledger's lines.
+
+    No kernel writes to the lines of a ledger, so a load may be moved and shared.
+    """
+    lines = builder.bitcast(value, LONG.as_pointer())
+    word = builder.load(builder.gep(lines, [ir.Constant(LONG, place)]))
+    word.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return word
 
 
 def opener(table: type[Table]) -> Callable[[int | NDArray[np.int64]], Table]:
@@ -209,8 +264,8 @@ def opener(table: type[Table]) -> Callable[[int | NDArray[np.int64]], Table]:
             address = args[0]
             if isinstance(where, types.Array):
                 lines = context.make_array(where)(context, builder, address)
-                return builder.bitcast(lines.data, cgutils.voidptr_t)
-            return builder.inttoptr(address, cgutils.voidptr_t)
+                return builder.bitcast(lines.data, VOID_POINTER)
+            return builder.inttoptr(address, VOID_POINTER)
 
         return kind(where), generate
 
@@ -222,12 +277,16 @@ def from_lines(table: type, address: int, first: int = 0) -> tuple[Any, int]:
     fields: list[Any] = []
     k = first
     for _, kind in array_types(table):
+        lines = numba.carray(pointer(address), (LINE * (k + 1),), np.int64)
+        if isinstance(kind, TableType):
+            fields.append(from_lines(kind.table, int(lines[LINE * k]))[0])
+            k += 1
+            continue
         if isinstance(kind, types.containers.BaseTuple):
             part, count = from_lines(kind.instance_class, address, k)
             fields.append(part)
             k += count
             continue
-        lines = numba.carray(pointer(address), (LINE * (k + 1),), np.int64)
         place, *shape = lines[LINE * k :][: 1 + kind.ndim].tolist()
         dtype = np.dtype(str(kind.dtype))
         fields.append(numba.carray(pointer(place), tuple(shape), dtype))

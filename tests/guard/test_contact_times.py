@@ -8,10 +8,8 @@ from armguard.benchmark.filter import crowded_guard
 from armguard.guard.contact_times import contact_time, lever_time, time_to_contact
 from armguard.guard.layout import NEAR_COUNT, TIME_TO_CONTACT
 from armguard.guard.near_pairs import row_place
-from armguard.guard.watch import open_watch
-from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
-from armguard.motion.state import open_motion
 from sliding import at_gap, let_go, slides
 
 CYCLES = 200
@@ -21,7 +19,7 @@ CYCLES = 200
 def look_at_all(lines, times):
     """Write when each near pair can touch, by levers alone and with directions."""
     w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     for k in range(int(w.out[NEAR_COUNT])):
         place = row_place(k, w)
         times[k, 0] = w.out[place + TIME_TO_CONTACT] = lever_time(place, w, v, m)

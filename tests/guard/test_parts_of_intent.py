@@ -25,12 +25,9 @@ from armguard.guard.grips import (
     SPEED,
     SPENT_ON,
     STATE,
-    open_grips,
 )
 from armguard.guard.intent import comes_slowly, read_gripper, score_of, settle_meant
-from armguard.guard.watch import open_watch
-from armguard.guard.workspace import GRIPS, MOTION, WATCH, open_workspace
-from armguard.motion.state import open_motion
+from armguard.guard.workspace import open_workspace
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene import Grasp, Scene
 from grippers import BELOW, BLOCK, add_gantry, guard_of
@@ -130,15 +127,15 @@ def test_what_is_put_down_comes_slowly_and_towards_it(
 @numba.njit
 def score(o, u, way, lines):
     w = open_workspace(lines)
-    m, h = open_motion(w.parts[MOTION]), open_grips(w.parts[GRIPS])
+    m, h = w.motion, w.grips
     return score_of(0, o, u, way, h, w, m)
 
 
 @numba.njit
 def read(u, lines):
     w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    read_gripper(0, u, open_grips(w.parts[GRIPS]), w, v, m)
+    v, m = w.watch, w.motion
+    read_gripper(0, u, w.grips, w, v, m)
 
 
 # How near a gripper has to be, and how near its way has to lead [m].

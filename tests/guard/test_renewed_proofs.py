@@ -7,8 +7,7 @@ import pytest
 from armguard.geometry import Pose
 from armguard.guard.change import NO_ROW, TOO_MANY, note_pair, renew
 from armguard.guard.layout import CLEARANCE, NEAR_COUNT, PROOF
-from armguard.guard.watch import open_watch
-from armguard.guard.workspace import FIRST_ROW, WATCH, open_workspace
+from armguard.guard.workspace import FIRST_ROW, open_workspace
 from armguard.motion.pair_state import PROVEN, UNSURE
 from armguard.motion.state import LOOKED, SETTLED
 from sliding import APART, at_gap, let_go, slides
@@ -18,13 +17,13 @@ SPEED = 0.5
 
 @numba.njit
 def renewed(lines):
-    return renew(lines)
+    return renew(open_workspace(lines))
 
 
 @numba.njit
 def noted(place, lines):
     w = open_workspace(lines)
-    note_pair(0, 1, 0, place, w, open_watch(w.parts[WATCH]))
+    note_pair(0, 1, 0, place, w, w.watch)
 
 
 class Judged:

@@ -13,9 +13,9 @@ from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import Level, Reason
 from armguard.guard.body_distance import body_distance
 from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
-from armguard.guard.workspace import MOTION, open_workspace
-from armguard.motion.pair_state import PAIR
-from armguard.motion.state import NEXT, open_motion
+from armguard.guard.workspace import open_workspace
+from armguard.motion.pair_state import new_pair
+from armguard.motion.state import NEXT
 from armguard.respond import Guard
 from armguard.robot.fitting import fit_robot
 from armguard.robot.fitting.exact import hull_faces
@@ -231,14 +231,14 @@ def measured(guard, gap):
 
 
 @numba.njit
-def left_of_exact(i, j, need, drift, pair, lines):
+def left_of_exact(i, j, need, drift, lines):
     """What exact shapes have left, looked at once and span by span [m]."""
     w = open_workspace(lines)
-    m = open_motion(w.parts[MOTION])
-    describe_pair(i, j, NEXT, NEXT, need, drift, pair, w, m)
-    once = look_at_exact(i, j, pair.ctypes.data, lines)
-    describe_pair(i, j, NEXT, NEXT, need, drift, pair, w, m)
-    return once, prove_exact(i, j, pair.ctypes.data, lines)[1]
+    m, pair = w.motion, new_pair()
+    describe_pair(i, j, NEXT, NEXT, need, drift, w, m, pair)
+    once = look_at_exact(i, j, w, pair)
+    describe_pair(i, j, NEXT, NEXT, need, drift, w, m, pair)
+    return once, prove_exact(i, j, w, pair)[1]
 
 
 def test_exact_shapes_have_left_what_the_nearest_of_them_has(pointed):
@@ -247,7 +247,7 @@ def test_exact_shapes_have_left_what_the_nearest_of_them_has(pointed):
     # It is let go with two cycles of reserve.
     known = 0.3 - 0.1 - COMES * (SETTLES + 2.0 * PERIOD)
     for i in range(moving):
-        found = left_of_exact(i, moving, 0.1, COMES, np.zeros(PAIR), lines)
+        found = left_of_exact(i, moving, 0.1, COMES, lines)
         assert found == pytest.approx((known, known), abs=1e-6)
 
 

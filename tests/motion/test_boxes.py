@@ -17,13 +17,15 @@ from armguard.motion.box_proof import (
     prove_by_boxes,
 )
 from armguard.motion.nearest import middle_position, nearest_position
-from armguard.motion.pair_state import NEEDED, PROVEN, SHARED, SIDE, UNSURE
+from armguard.motion.pair_state import NEEDED, PROVEN, UNSURE
 from armguard.motion.prepare import motion_of
-from armguard.motion.state import BOX_LEVELS, NEXT, NODES, TESTS, open_motion
+from armguard.motion.state import BOX_LEVELS, NEXT, NODES, TESTS, Motion
 from armguard.scene.compile import compile_scene
-from armguard.table import Ledger
+from armguard.table import Ledger, opener
 from planar import LENGTHS, chain_scene, pair_of, place
 from sliding import RADIUS
+
+open_motion = opener(Motion)
 
 ARMS = [("turn", "turn"), ("turn", "slide")]
 
@@ -37,8 +39,8 @@ NODE = 5
 
 
 @numba.njit
-def prove(node, pair, wanted, motion):
-    return prove_by_boxes(node, pair, wanted, motion)
+def prove(node, wanted, pair, motion):
+    return prove_by_boxes(node, wanted, pair, open_motion(motion))
 
 
 @numba.njit
@@ -47,18 +49,18 @@ def halve_box(box, along, nearer, motion):
 
 
 @numba.njit
-def longest(node, box, pair, witness, end, motion):
-    return longest_way(node, box, pair, witness, end, open_motion(motion))
+def longest(node, box, witness, end, pair, motion):
+    return longest_way(node, box, witness, end, pair, open_motion(motion))
 
 
 @numba.njit
-def nearest(node, box, pair, rows, witness, motion):
-    return nearest_position(node, box, pair, rows, witness, motion)
+def nearest(node, box, rows, witness, pair, motion):
+    return nearest_position(node, box, rows, witness, pair, open_motion(motion))
 
 
 @numba.njit
-def put_in_middle(node, box, pair, rows, motion):
-    middle_position(node, box, pair, rows, motion)
+def put_in_middle(node, box, pair, motion, rows):
+    middle_position(node, box, pair, open_motion(motion), rows)
 
 
 class Boxed:
@@ -75,8 +77,7 @@ class Boxed:
         self.ledger = Ledger(self.m)
         self.address = self.ledger.lines.ctypes.data
         self.chain = [int(b) for b in self.m.joints[self.m.length.argmax()][: self.n]]
-        self.rows, self.tables = tables.local_rows.copy(), tables
-        self.pair = pair_of(tables, self.m, self.rows)
+        self.pair = pair_of(tables)
 
     def draw(self, rng, size):
         """A position, a span about it, and a ball at the side."""
@@ -97,7 +98,7 @@ class Boxed:
         self.ball = place(self.kinds, self.q) + away * np.array(
             [np.cos(angle), np.sin(angle)]
         )
-        self.rows[1, 1:3] = self.ball
+        self.pair.local[1, 1:3] = self.ball
 
     def distances(self, u=0.0, half=1.0, middle=0.0, part=1.0, count=17):
         """Distances all over a box, on a grid [m]."""
@@ -126,7 +127,7 @@ def test_all_positions_of_a_box_are_proven_as_far_as_the_nearest_is(kinds, size)
         # What a proof may lose, and what is too much for it.
         for lack, known in ((0.2 * size**2, PROVEN), (-0.02 * size, NEEDED)):
             arm.m.effort[TESTS] = 0
-            proof, spare = prove(NODE, arm.pair.ctypes.data, least - lack, arm.address)
+            proof, spare = prove(NODE, least - lack, arm.pair, arm.address)
             assert proof == known
             low, high = sorted((0.0, lack))
             assert low - GRAIN * size <= spare <= high + GRAIN * size
@@ -140,7 +141,7 @@ def test_the_smallest_box_there_is_room_for_is_not_halved():
         for _ in range(40):
             wanted = 0.5 * (low + high)
             arm.m.effort[TESTS] = 0
-            proof, _ = prove(NODE, arm.pair.ctypes.data, wanted, arm.address)
+            proof, _ = prove(NODE, wanted, arm.pair, arm.address)
             low, high = (low, wanted) if proof == NEEDED else (wanted, high)
             if proof == UNSURE:
                 boxes.append(arm.m.effort[TESTS] // BOX_COST)
@@ -157,11 +158,11 @@ def test_a_pair_is_measured_where_the_joints_of_a_box_bring_it_nearest(kinds):
             normal = arm.ball - place(kinds, arm.q)
             normal /= np.linalg.norm(normal)
             arm.ball = place(kinds, arm.q) + (2.0 * RADIUS + 0.004) * normal
-            arm.rows[1, 1:3] = arm.ball
+            arm.pair.local[1, 1:3] = arm.ball
         u, half = 0.3, 0.5
         arm.m.box_line[0] = u, half
         arm.m.box_place[0], arm.m.box_part[0] = 0.2, 0.6
-        put_in_middle(NODE, 0, arm.pair.ctypes.data, rows.ctypes.data, arm.address)
+        put_in_middle(NODE, 0, arm.pair, arm.address, rows)
         q = arm.q + u * arm.way + 0.2 * (arm.wide + u * arm.grow)
         assert rows[0, 1:3] == pytest.approx(place(kinds, q))
         apart = arm.ball - rows[0, 1:3]
@@ -169,12 +170,9 @@ def test_a_pair_is_measured_where_the_joints_of_a_box_bring_it_nearest(kinds):
         normal = np.array([*(apart / length), 0.0])
         witness[0] = length - 2.0 * RADIUS
         witness[1:4] = rows[0, 1:4] + RADIUS * normal
-        witness[4:7] = arm.rows[1, 1:4] - RADIUS * normal
+        witness[4:7] = arm.pair.local[1, 1:4] - RADIUS * normal
         witness[7:] = normal
-        found, n = nearest(
-            NODE, 0, arm.pair.ctypes.data, rows.ctypes.data, witness.ctypes.data,
-            arm.address,
-        )  # fmt: skip
+        found, n = nearest(NODE, 0, rows, witness, arm.pair, arm.address)
         least = arm.distances(u, half, 0.2, 0.6).min()
         assert abs(found - least) <= 0.02 * size
         assert np.linalg.norm(n) == pytest.approx(1.0)
@@ -211,12 +209,13 @@ def test_what_moves_a_pair_farthest_is_what_is_halved(kinds, swapped):
     for arm, rng in boxed(kinds, 0.05):
         m, pair = arm.m, arm.pair.copy()
         if swapped:
-            pair[:SIDE], pair[SIDE : 2 * SIDE] = arm.pair[SIDE:SHARED], arm.pair[:SIDE]
+            for name in ("kind", "body", "local"):
+                pair[name] = arm.pair[name][::-1]
         # With the arm stretched out along x a slide goes along x.
         m.node_q[NEXT * NODES + NODE] = 0.0
         m.box_line[0] = 0.0, 1.0
         rows = np.zeros((2, 16))
-        put_in_middle(NODE, 0, pair.ctypes.data, rows.ctypes.data, arm.address)
+        put_in_middle(NODE, 0, pair, arm.address, rows)
         u, half = rng.uniform(-0.5, 0.5), rng.uniform(0.05, 0.5)
         part = rng.uniform(0.3, 1.0, arm.n)
         m.box_line[0] = u, half
@@ -228,7 +227,7 @@ def test_what_moves_a_pair_farthest_is_what_is_halved(kinds, swapped):
         angle = rng.uniform(-np.pi, np.pi)
         normal = np.array([np.cos(angle), np.sin(angle), 0.0])
         witness = np.array([0.1, *point, *point, *normal])
-        which, nearer = longest(NODE, 0, pair.ctypes.data, witness, 0.5, arm.address)
+        which, nearer = longest(NODE, 0, witness, 0.5, pair, arm.address)
         k = int(ranges.argmax())
         if line > ranges[k]:
             assert (which, nearer) == (LINE, 0.5)

@@ -12,7 +12,7 @@ import pytest
 
 from armguard.motion.joint_stop import farthest
 from armguard.motion.pair_proof import prove_by_spans
-from armguard.motion.pair_state import DRIFT, NEED, PROVEN
+from armguard.motion.pair_state import PROVEN
 from armguard.motion.prepare import motion_of
 from armguard.motion.state import (
     HORIZON,
@@ -20,12 +20,15 @@ from armguard.motion.state import (
     REACTION,
     SETTLED,
     TESTS,
+    Motion,
 )
 from armguard.motion.stop_path import plan_stops
 from armguard.scene.compile import compile_scene
-from armguard.table import Ledger
+from armguard.table import Ledger, opener
 from planar import chain_scene, pair_of, place
 from sliding import EXACT, RADIUS
+
+open_motion = opener(Motion)
 
 FIGURES = {
     **EXACT,
@@ -47,12 +50,12 @@ LOSS, GRAIN = 5e-4, 1e-5
 
 @numba.njit
 def plan(address):
-    plan_stops(NEXT, address)
+    plan_stops(NEXT, open_motion(address))
 
 
 @numba.njit
-def prove(pair, known, address):
-    return prove_by_spans(pair, known, address)
+def prove(known, pair, address):
+    return prove_by_spans(known, pair, open_motion(address))
 
 
 @numba.njit
@@ -69,8 +72,7 @@ class Stopping:
         self.m = motion_of(self.tables, budget=1 << 40)
         self.ledger = Ledger(self.m)
         self.address = self.ledger.lines.ctypes.data
-        self.rows = self.tables.local_rows.copy()
-        self.pair = pair_of(self.tables, self.m, self.rows)
+        self.pair = pair_of(self.tables)
 
     def draw(self, rng):
         """A state, its path, and a ball somewhere beside it."""
@@ -93,7 +95,7 @@ class Stopping:
         direction = np.array([np.cos(angle), np.sin(angle)])
         far = self.tips[k] @ direction
         self.ball = self.tips[k, far.argmax()] + away * direction
-        self.rows[1, 1:3] = self.ball
+        self.pair.local[1, 1:3] = self.ball
 
     def left(self, drift):
         """Least of distance and what grows with time [m]."""
@@ -117,14 +119,14 @@ def test_what_no_motion_breaks_is_proven_and_what_one_does_is_not(kinds, drift):
         loss = LOSS + drift * arm.m.span[HORIZON] / 64.0
         for spare in (loss, 3.0 * loss, -1e-4):
             arm.m.effort[TESTS] = 0
-            arm.pair[NEED], arm.pair[DRIFT] = left - spare, drift
-            proof, found = prove(arm.pair.ctypes.data, -np.inf, arm.address)
+            arm.pair.need, arm.pair.drift = left - spare, drift
+            proof, found = prove(-np.inf, arm.pair, arm.address)
             assert (proof == PROVEN) == (spare > 0.0)
             if proof == PROVEN:
                 assert 0.0 <= found <= spare + GRAIN
                 told.append(found / spare)
                 # What is known of the whole path holds for its parts.
-                again = prove(arm.pair.ctypes.data, 0.99 * spare, arm.address)
+                again = prove(0.99 * spare, arm.pair, arm.address)
                 assert again == (PROVEN, pytest.approx(0.99 * spare, abs=loss))
                 assert again[1] >= 0.99 * spare
     # A pair that has little left is looked at in shorter spans.

@@ -35,11 +35,13 @@ from armguard.motion.gap_bound import (
     side_reach,
 )
 from armguard.motion.prepare import motion_of
-from armguard.motion.state import LEVER_ROW, open_motion
+from armguard.motion.state import LEVER_ROW, Motion
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
 from armguard.scene.compile import compile_scene
-from armguard.table import Ledger
+from armguard.table import Ledger, opener
 from planar import chain_scene
+
+open_motion = opener(Motion)
 
 CHAINS = [(REVOLUTE,), (REVOLUTE, PRISMATIC), (REVOLUTE, PRISMATIC, REVOLUTE)]
 

@@ -9,9 +9,12 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.motion.state import HORIZON, NEXT, NODES
+from armguard.motion.state import HORIZON, NEXT, NODES, Motion
 from armguard.motion.stop_path import make_node
+from armguard.table import Ledger, opener
 from sliding import EXACT, let_go, motion_of, rest_of, slides
+
+open_motion = opener(Motion)
 
 # The whole path, its halves and so on, down to sixteenths.
 SPANS = range(1, 32)
@@ -51,14 +54,14 @@ CASES = {
 
 
 @numba.njit
-def write_span(plan, node, motion):
-    make_node(plan, node, motion)
+def write_span(plan, node, lines):
+    make_node(plan, node, open_motion(lines))
 
 
 def span(guard, node):
     """Start and end of a span [s], and its least and greatest positions at PLACES."""
     motion = guard._motion
-    write_span(NEXT, node, guard._parts[0].lines.ctypes.data)
+    write_span(NEXT, node, Ledger(motion).lines)
     at = NEXT * NODES + node
     body = int(np.flatnonzero(motion.q_index == 0)[-1])
     way, wide, grow = (

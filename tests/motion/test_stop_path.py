@@ -37,7 +37,7 @@ from armguard.motion.state import (
     STAMP,
     STILL,
     SWINGS,
-    open_motion,
+    Motion,
 )
 from armguard.motion.state import SETTLED as ALL_SETTLED
 from armguard.motion.stop_path import (
@@ -49,9 +49,11 @@ from armguard.motion.stop_path import (
     plan_stops,
 )
 from armguard.scene.compile import compile_scene
-from armguard.table import Ledger
+from armguard.table import Ledger, opener
 from planar import chain_scene
 from planar import place as tip_of
+
+open_motion = opener(Motion)
 
 KINDS = ("turn", "slide")
 
@@ -79,29 +81,29 @@ GAINS = (-0.7, 1.3)
 
 @numba.njit
 def plan(which, address):
-    plan_stops(which, address)
+    plan_stops(which, open_motion(address))
 
 
 @numba.njit
 def segment(start, end, address):
-    plan_segment(start, end, address)
+    plan_segment(start, end, open_motion(address))
 
 
 @numba.njit
 def node(which, number, address):
-    make_node(which, number, address)
+    make_node(which, number, open_motion(address))
 
 
 @numba.njit
 def reaches(which, bodies, address):
     m = open_motion(address)
     measured_speeds(m)
-    bound_reaches(which, bodies, address)
+    bound_reaches(which, bodies, open_motion(address))
 
 
 @numba.njit
 def free(k, address):
-    bound_free_way(k, address)
+    bound_free_way(k, open_motion(address))
 
 
 @numba.njit
@@ -219,7 +221,7 @@ def test_what_is_left_out_neither_moves_nor_errs():
     assert not one.m.spread[NEXT].any()
     assert not one.m.width[NEXT].any()
     assert one.m.span[HORIZON] == one.m.span[ALL_SETTLED] == 0.0
-    reaches(NEXT, one.tables.bodies.ctypes.data, one.address)
+    reaches(NEXT, one.tables.bodies, one.address)
     assert not one.m.rate.any()
     free(3, one.address)
     assert not one.m.spread[FREE + 3].any()
@@ -336,7 +338,7 @@ def test_axes_in_the_middle_of_a_span_are_where_its_joints_are():
 def test_a_straight_line_is_divided_evenly_and_nothing_is_unknown():
     one = Planned()
     m, first, last = one.m, np.array([0.1, -0.4]), np.array([0.9, 0.3])
-    segment(first.ctypes.data, last.ctypes.data, one.address)
+    segment(first, last, one.address)
     for j, b in enumerate(one.bodies):
         size = abs(GAINS[j] * 0.5 * (last - first)[j])
         assert m.spread[NEXT, b] == m.width[NOW, b] == pytest.approx(size)
@@ -359,7 +361,7 @@ def test_ways_and_speeds_of_points_are_those_of_the_levers():
     for _ in range(5):
         one.draw()
         plan(NOW, one.address)
-        reaches(NOW, one.tables.bodies.ctypes.data, one.address)
+        reaches(NOW, one.tables.bodies, one.address)
         levers = m.levers[0, :2]
         assert (levers > 0.0).all()
         assert m.reach[NOW, 0] == pytest.approx(m.spread[NOW, one.bodies] @ levers)

@@ -14,10 +14,10 @@ from armguard.guard import Level, Reason
 from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
 from armguard.guard.proofs import SINK, is_driven_nearer, prove_pair, relief_of
-from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING, open_watch
-from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING
+from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import PROVEN, UNPROVEN
-from armguard.motion.state import NEXT, SEGMENT, open_motion
+from armguard.motion.state import NEXT, SEGMENT
 from armguard.respond import Action, Blocked, Changed, Guard
 from armguard.respond.leaving import lead_away
 from armguard.respond.state import ASKS, open_response
@@ -37,15 +37,15 @@ PERIOD = 0.001
 def relief_at(spare, floor, lines):
     """What is taken off the need of the first near pair [m]."""
     w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    return relief_of(0, 1, row_place(0, w), spare, floor, lines, w, v, m)
+    v, m = w.watch, w.motion
+    return relief_of(0, 1, row_place(0, w), spare, floor, w, v, m)
 
 
 @numba.njit
 def driven_nearer(r, lines):
     """Whether a robot is driven nearer to the other side of the first near pair."""
     w = open_workspace(lines)
-    return is_driven_nearer(r, 0, 1, row_place(0, w), lines)
+    return is_driven_nearer(r, 0, 1, row_place(0, w), w)
 
 
 def looked_at(*figures, mover=None):
@@ -194,7 +194,8 @@ def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
 @numba.njit
 def proven(lines):
     """How the first near pair is proven, and what it has left [m]."""
-    return prove_pair(0, 1, NEXT, NEXT, row_place(0, open_workspace(lines)), lines)
+    w = open_workspace(lines)
+    return prove_pair(0, 1, NEXT, NEXT, row_place(0, w), w)
 
 
 @pytest.mark.parametrize("spare", [-1e-4, 1e-4])
@@ -218,7 +219,7 @@ def test_of_what_is_evaded_no_more_is_proven_than_that_it_is_far_enough(spare):
 def leads_away(response, lines):
     """Whether what the first robot is to be commanded leads away for certain."""
     w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     return lead_away(0, open_response(response), w, v, m)
 
 

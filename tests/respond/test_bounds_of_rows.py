@@ -14,8 +14,8 @@ from armguard.guard import Reason
 from armguard.guard.layout import WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
-from armguard.guard.workspace import FIRST_ROW, MOTION, open_workspace
-from armguard.motion.state import BUDGET, open_motion
+from armguard.guard.workspace import FIRST_ROW, open_workspace
+from armguard.motion.state import BUDGET
 from armguard.respond import Guard
 from armguard.respond.program import part_of
 from armguard.respond.state import (
@@ -104,7 +104,7 @@ def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new
 def closing_row(i, j, row, lines):
     """How fast each joint closes a pair whose witness is in the first row."""
     w = open_workspace(lines)
-    pair_row(i, j, row_place(0, w), row, w, open_motion(w.parts[MOTION]))
+    pair_row(i, j, row_place(0, w), row, w, w.motion)
 
 
 def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():

@@ -10,9 +10,8 @@ from armguard.errors import SceneError
 from armguard.geometry import Box, Capsule, Pose, Sphere
 from armguard.guard import Level
 from armguard.guard.watch import BRAKING, RECOVERING, RESTING, RUNNING, STOPPING
-from armguard.guard.workspace import MOTION, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
-from armguard.motion.state import open_motion
 from armguard.respond import Blocked, Guard
 from armguard.respond.escape_path import POSTURES, STEPS
 from armguard.respond.escape_state import (
@@ -311,7 +310,7 @@ def test_what_passes_near_by_stops_nobody_who_could_evade_it():
 def keep_away(response, lines):
     """Let each joint of the first robot move only as it leads out."""
     w = open_workspace(lines)
-    only_out(0, open_response(response), open_motion(w.parts[MOTION]))
+    only_out(0, open_response(response), w.motion)
 
 
 @pytest.mark.parametrize(

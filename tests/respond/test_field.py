@@ -6,12 +6,10 @@ import pytest
 
 from armguard.errors import GoalError, PoseError, SceneError, UnknownNameError
 from armguard.geometry import Pose
-from armguard.guard.watch import open_watch
-from armguard.guard.workspace import MOTION, WATCH, open_workspace
-from armguard.motion.state import open_motion
+from armguard.guard.workspace import open_workspace
 from armguard.respond import Action, Blocked
 from armguard.respond.field import STEEPEST, field_at, repel
-from armguard.respond.lead_state import BY_FIELD, LED, NOBODY, open_lead
+from armguard.respond.lead_state import BY_FIELD, LED, NOBODY
 from armguard.respond.lead_state import LEFT as WAY_LEFT
 from armguard.respond.state import INFLUENCE, REPULSION, open_response
 from armguard.respond.tool_motion import solve_positive, turn_between
@@ -52,8 +50,8 @@ def solve(square):
 @numba.njit
 def push_off(response, lines):
     a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    repel(a, open_lead(a.lead), w, v, m)
+    v, m = w.watch, w.motion
+    repel(a, a.lead, w, v, m)
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from armguard.guard.workspace import MOTION, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
-from armguard.motion.state import open_motion
 from armguard.respond import daqp_interface, solver
 from armguard.respond.programs import solve_programs
 from armguard.respond.solver import TOLERANCE, nearest_velocity
@@ -107,7 +106,7 @@ def solved(given, native):
 def solve_once(response, lines):
     """Solve the program of the first robot."""
     w = open_workspace(lines)
-    return solve_programs(1, open_response(response), open_motion(w.parts[MOTION]))
+    return solve_programs(1, open_response(response), w.motion)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -8,7 +8,7 @@ from armguard.address import stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.refine import measure_parts
-from armguard.guard.workspace import SELF, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -47,7 +47,7 @@ def body_distance(
     out[0] = np.inf
     for i in range(first_a, last_a):
         for j in range(first_b, last_b):
-            measure_parts(i, j, found.ctypes.data, w.parts[SELF])
+            measure_parts(i, j, w, found)
             if not found[0] >= out[0]:
                 out[:] = found
     if outer > out[0]:

@@ -31,9 +31,8 @@ from armguard.guard.watch import (
     SETTLES,
     WAY,
     Watch,
-    open_watch,
 )
-from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import SETTLED as SETTLES_AT
 from armguard.motion.joint_stop import V_BACK, rest_way, whole_way
@@ -45,7 +44,6 @@ from armguard.motion.state import (
     PLANS,
     SETTLED,
     Motion,
-    open_motion,
 )
 from armguard.robot.kinematics import FIXED as NO_JOINT
 
@@ -88,7 +86,7 @@ def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> N
     if k == v.judged_pairs.shape[0]:
         v.judged_count[0] = TOO_MANY
         return
-    m = open_motion(w.parts[MOTION])
+    m = w.motion
     plain = w.out[place + PROOF] == PROVEN and m.effort[LOOKED] == 0
     v.judged_pairs[k, 0], v.judged_pairs[k, 1], v.judged_pairs[k, 2] = i, j, row
     v.judged_left[k] = w.out[place + CLEARANCE] if plain else -inf
@@ -96,18 +94,17 @@ def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> N
 
 
 @kernel(separate=True)
-def proves_change(lines: int) -> bool:
+def proves_change(w: Workspace) -> bool:
     """Prove all pairs for stops that changed since they were judged in this cycle.
 
     Args:
-        lines: Address of the ledger of a workspace; the stops are planned already.
+        w: The workspace; the stops are planned already.
 
     Returns:
         Whether that says everything; if not, all pairs have to be judged anew.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    return bool(is_known(w, v) and bound_growth(w, v, m) and renew(lines))
+    v, m = w.watch, w.motion
+    return bool(is_known(w, v) and bound_growth(w, v, m) and renew(w))
 
 
 @kernel
@@ -172,14 +169,13 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
 
 
 @kernel(separate=True)
-def renew(lines: int) -> bool:
+def renew(w: Workspace) -> bool:
     """Prove the noted pairs again.
 
     Returns:
         Whether that says everything: false if one has to be looked at that has no row.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     longer = max(m.span[SETTLED] - v.judged_settled[0], 0.0)
     moving = m.rate.shape[0]
     w.out[REASON], w.out[NEAREST] = OK, -1.0
@@ -195,6 +191,6 @@ def renew(lines: int) -> bool:
         elif row == NO_ROW:
             return False
         else:
-            judge_motion(i, j, row_place(row, w), lines)
+            judge_motion(i, j, row_place(row, w), w)
     decide(int(w.out[NEAR_COUNT]), w)
     return True

@@ -7,10 +7,6 @@ is no sooner than what is known already.
 
 from math import inf, sqrt
 
-import numba
-import numpy as np
-
-from armguard.address import stack
 from armguard.guard.layout import (
     FIRST,
     HEADER,
@@ -31,27 +27,26 @@ from armguard.guard.proofs import (
     robot_of,
     standing_need,
 )
-from armguard.guard.watch import Watch, open_watch
-from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.free_way import bound_free_way, grid_time, time_after
 from armguard.motion.pair_proof import path_gap
-from armguard.motion.pair_state import ALLOWED, PAIR, PLAN, SIDE
-from armguard.motion.state import AGE, FREE, GRID, Motion, open_motion
+from armguard.motion.pair_state import ALLOWED, new_pair
+from armguard.motion.state import AGE, FREE, GRID, Motion
 
 # No row is sooner than what is known.
 NONE = -1
 
 
 @kernel(separate=True)
-def write_contact_times(lines: int) -> None:
+def write_contact_times(w: Workspace) -> None:
     """Write when each near pair, and each robot, can touch anything at the soonest.
 
     Args:
-        lines: Address of the ledger of a workspace, after its pairs were judged.
+        w: The workspace, after its pairs were judged.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     out = w.out
     for k in range(int(out[NEAR_COUNT])):
         place = row_place(k, w)
@@ -119,14 +114,14 @@ def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
     speed = object_speed(j, v) if j >= m.rate.shape[0] else 0.0
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])
-    pair = numba.carray(stack(15), (PAIR,), np.float64)
-    describe_pair(i, j, FREE, FREE, 0.0, 0.0, pair, w, m)
+    p = new_pair()
+    describe_pair(i, j, FREE, FREE, 0.0, 0.0, w, m, p)
     later = time_after(by_levers + age)
     # Seldom is it more than twice what levers say: the second time first.
     for k in range(min(later + 1, GRID - 1), later - 1, -1):
-        bound_free_way(k, w.parts[MOTION])
-        pair[PLAN] = pair[SIDE + PLAN] = FREE + k
-        gap = path_gap(pair.ctypes.data, n, w.parts[MOTION])
+        bound_free_way(k, w.motion)
+        p.plan[0] = p.plan[1] = FREE + k
+        gap = path_gap(n, p, m)
         if gap - unknown - speed * grid_time(k) > 0.0:
             return float(max(grid_time(k) - age, by_levers))
     return float(by_levers)

@@ -17,58 +17,53 @@ from armguard.guard.grips import (
     STATE,
     UNTIL,
     Grips,
-    open_grips,
 )
 from armguard.guard.intent import read_intents
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.observe import now_of
-from armguard.guard.watch import COMMANDED, Watch, open_watch
+from armguard.guard.watch import COMMANDED, Watch
 from armguard.guard.workspace import (
     CONTRACTS,
-    GRIPS,
     INTENTS,
-    MOTION,
-    WATCH,
-    open_workspace,
+    Workspace,
 )
 from armguard.kernel import kernel
-from armguard.motion.state import SEGMENT, open_motion
+from armguard.motion.state import SEGMENT
 
 CAPACITY = int(Reason.CAPACITY)
 
 
 @kernel
-def judge_all(lines: int) -> None:
+def judge_all(w: Workspace) -> None:
     """Judge every pair.
 
     Args:
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
     """
-    if open_workspace(lines).settings[CONTRACTS] != 0:
-        judge_with_contracts(lines)
+    if w.settings[CONTRACTS] != 0:
+        judge_with_contracts(w)
     else:
-        judge_motions(lines)
+        judge_motions(w)
 
 
 @kernel(separate=True)
-def judge_with_contracts(lines: int) -> None:
+def judge_with_contracts(w: Workspace) -> None:
     """Judge every pair; before, choose the grippers' models, then end what is over.
 
     Args:
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    h = open_grips(w.parts[GRIPS])
+    v, m = w.watch, w.motion
+    h = w.grips
     if m.span[SEGMENT] != 0.0:
-        judge_motions(lines)
+        judge_motions(w)
         return
     for k in range(h.contracts.shape[0]):
         h.contracts[k, NEAREST], h.contracts[k, RELIED] = inf, 0.0
-    choose_models(lines)
-    judge_motions(lines)
+    choose_models(w)
+    judge_motions(w)
     if w.out[REASON] == CAPACITY:
         # Not all pairs were met: nobody knows which contracts are needed.
         return
@@ -76,7 +71,7 @@ def judge_with_contracts(lines: int) -> None:
     if v.given[COMMANDED] == 0.0 and w.settings[INTENTS] != 0:
         for q in range(h.velocity.shape[0]):
             h.velocity[q] = 0.5 * (m.v_low[q] + m.v_high[q])
-        read_intents(h.velocity.ctypes.data, lines)
+        read_intents(h.velocity, w)
 
 
 @kernel

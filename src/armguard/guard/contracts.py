@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from armguard.address import stack
 from armguard.geometry.pairs import measure
-from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import dot
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.grips import (
@@ -48,40 +47,26 @@ from armguard.guard.grips import (
     T_REGION,
     WORLD,
     Grips,
-    open_grips,
 )
 from armguard.guard.layout import BUFFER, OUTER, WITNESS
 from armguard.guard.proofs import object_speed, prove_pair, robot_of, time_since
 from armguard.guard.refine import exact_row, refine_pair
-from armguard.guard.watch import COMMANDED, RECOVERING, Watch, open_watch
+from armguard.guard.watch import COMMANDED, RECOVERING, Watch
 from armguard.guard.workspace import (
     CONTRACTS,
-    GRIPS,
-    MOTION,
-    WATCH,
     Workspace,
-    open_workspace,
 )
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import path_gap, shared_joints
 from armguard.motion.pair_state import (
     ALLOWED,
-    BODY,
-    DRIFT,
     EXCEEDED,
-    KIND,
-    LEVERS,
-    LOCAL,
-    NEED,
-    PAIR,
-    PLAN,
     PROVEN,
-    ROW,
-    SHARED,
-    SIDE,
     SPENT,
     UNPROVEN,
+    Pair,
+    new_pair,
 )
 from armguard.motion.state import (
     LOOKED,
@@ -91,7 +76,6 @@ from armguard.motion.state import (
     SEGMENT,
     SETTLED,
     Motion,
-    open_motion,
 )
 
 Floats = NDArray[np.float64]
@@ -113,17 +97,17 @@ GRAIN = 1e-9
 
 @kernel
 def prove(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
+    i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps what it must; see `prove_with_contract`."""
-    if open_workspace(lines).settings[CONTRACTS] != 0:
-        return prove_with_contract(i, j, plan_i, plan_j, place, lines)
-    return prove_pair(i, j, plan_i, plan_j, place, lines)
+    if w.settings[CONTRACTS] != 0:
+        return prove_with_contract(i, j, plan_i, plan_j, place, w)
+    return prove_pair(i, j, plan_i, plan_j, place, w)
 
 
 @kernel(separate=True)
 def prove_with_contract(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
+    i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps what it must, or what its contract asks for in place.
 
@@ -133,26 +117,25 @@ def prove_with_contract(
         plan_i: NEXT or NOW, the stop of the robot of the first.
         plan_j: The same of the second.
         place: Where the pair's row of the answer starts.
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
 
     Returns:
         How the proof ended, and what is left or lacks [m].
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    h = open_grips(w.parts[GRIPS])
+    v, m = w.watch, w.motion
+    h = w.grips
     if h.may[w.groups[i], w.groups[j]] == 0 or m.span[SEGMENT] != 0.0:
-        return prove_pair(i, j, plan_i, plan_j, place, lines)
+        return prove_pair(i, j, plan_i, plan_j, place, w)
     k = contract_of(i, j, h)
     if k < 0:
-        return prove_pair(i, j, plan_i, plan_j, place, lines)
+        return prove_pair(i, j, plan_i, plan_j, place, w)
     c = h.contracts[k]
     if c[STATE] == DORMANT:
         note_nearest(i, place, c, w.out)
-        return prove_pair(i, j, plan_i, plan_j, place, lines)
+        return prove_pair(i, j, plan_i, plan_j, place, w)
     # What its contract asks for has to be looked at whenever commands change.
     m.effort[LOOKED] = 1
-    refine_pair(i, j, place, lines)
+    refine_pair(i, j, place, w)
     note_nearest(i, place, c, w.out)
     kept, spare = False, -inf
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
@@ -160,7 +143,7 @@ def prove_with_contract(
     if robot_j >= 0:
         recovers |= v.phase[robot_j] == RECOVERING
     if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
-        spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], lines)
+        spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], w)
         closing, time = closing_told(i, j, plan_i, plan_j, place, w, v, m)
         known, _ = closing_told(i, j, NOW, NOW, place, w, v, m)
         share = TOLD_ANEW if closing > known + GRAIN else 1.0
@@ -184,7 +167,7 @@ def prove_with_contract(
     if robot_j >= 0 and robot_j != robot_i:
         before_j, deficit_j = v.relieved[robot_j], v.deficit[robot_j]
         v.relieved[robot_j] = 0
-    proof, left = prove_pair(i, j, plan_i, plan_j, place, lines)
+    proof, left = prove_pair(i, j, plan_i, plan_j, place, w)
     eased = v.relieved[robot_i] != 0 or (robot_j >= 0 and v.relieved[robot_j] != 0)
     needs = proof != PROVEN or eased
     if needs:
@@ -285,7 +268,7 @@ def back(x: float, y: float, z: float, T: Floats) -> tuple[float, float, float]:
 
 @kernel(separate=True)
 def least_gap(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, need: float, lines: int
+    i: int, j: int, plan_i: int, plan_j: int, place: int, need: float, w: Workspace
 ) -> float:
     """Least signed distance of a pair on the stop path, of its exact shapes [m].
 
@@ -299,31 +282,28 @@ def least_gap(
         plan_j: The same of the second.
         place: Where the pair's row of the answer starts.
         need: Distance to be kept; with plenty beyond it a quick bound will do [m].
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
     """
-    w = open_workspace(lines)
-    m = open_motion(w.parts[MOTION])
+    m = w.motion
     moving = m.rate.shape[0]
     by_levers = w.out[place + OUTER] - m.reach[plan_i, i]
     if j < moving:
         by_levers -= m.reach[plan_j, j]
     if by_levers >= need + PLENTY:
         return float(by_levers)
-    pair = numba.carray(stack(15), (PAIR,), np.float64)
-    rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
+    p = new_pair()
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
-    pair[SHARED] = shared_joints(w.bodies[i], w.bodies[j], m)
-    pair[NEED] = pair[DRIFT] = 0.0
-    pair[PLAN], pair[SIDE + PLAN] = plan_i, plan_j
+    p.shared = shared_joints(w.bodies[i], w.bodies[j], m)
+    p.need = p.drift = 0.0
+    p.plan[0], p.plan[1] = plan_i, plan_j
     least = inf
     for a in range(max(w.exact_of[i, 1], 1)):
-        pair[KIND] = describe_side(i, a, 0, rows[0], pair, w, m)
+        describe_side(i, a, 0, w, m, p)
         for b in range(max(w.exact_of[j, 1], 1)):
-            pair[SIDE + KIND] = describe_side(j, b, SIDE, rows[1], pair, w, m)
-            kind_a, kind_b = int(pair[KIND]), int(pair[SIDE + KIND])
-            measure(kind_a, rows[0], kind_b, rows[1], witness)
+            describe_side(j, b, 1, w, m, p)
+            measure(p.kind[0], p.row[0], p.kind[1], p.row[1], witness)
             n = (witness[7], witness[8], witness[9])
-            gap = path_gap(pair.ctypes.data, n, w.parts[MOTION])
+            gap = path_gap(n, p, m)
             if not gap >= least:
                 least = gap
     return float(max(by_levers, least))
@@ -331,21 +311,15 @@ def least_gap(
 
 @kernel
 def describe_side(
-    i: int, which: int, at: int, row: Floats, pair: Floats, w: Workspace, m: Motion
-) -> int:
-    """Write one side of a pair's description, and where its shape is in the world.
-
-    Returns:
-        Its kind.
-    """
+    i: int, which: int, side: int, w: Workspace, m: Motion, p: Pair
+) -> None:
+    """Describe one side of a pair by one of its exact shapes, where it is now."""
     moving = m.rate.shape[0]
-    kind = exact_row(i, which, w, row)
-    pair[at + ROW] = pair[at + LOCAL] = row.ctypes.data
-    pair[at + BODY] = w.bodies[i]
-    pair[at + LEVERS] = m.levers[min(i, moving - 1)].ctypes.data
+    p.kind[side] = exact_row(i, which, w, p.row[side])
+    p.body[side] = w.bodies[i]
+    p.primitive[side], p.exact[side] = min(i, moving - 1), -1
     if w.exact_of[i, 1] > 0 and i < moving:
-        pair[at + LEVERS] = m.exact_levers[w.exact_of[i, 0] + which].ctypes.data
-    return int(kind)
+        p.exact[side] = w.exact_of[i, 0] + which
 
 
 @kernel

@@ -2,11 +2,9 @@
 
 from math import isfinite
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
 from armguard.guard.layout import (
@@ -28,12 +26,12 @@ from armguard.guard.reindex import update_index
 from armguard.guard.workspace import (
     FIRST_ROW,
     MOVING_COUNT,
-    SELF,
     Workspace,
     open_workspace,
 )
 from armguard.kernel import kernel
 from armguard.robot.kinematics import forward_kinematics
+from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -63,7 +61,7 @@ def run_cycle(q: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     if not positions_are_finite(q, w.lower, out):
         return rows
-    rebuild_world(q.ctypes.data, 1, w.parts[SELF])
+    rebuild_world(q, 1, w)
     judge_pairs(w)
     report_limits(q, w.lower, w.upper, out)
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
@@ -84,16 +82,14 @@ def clear_header(w: Workspace) -> int:
 
 
 @kernel(separate=True)
-def rebuild_world(positions: int, indexed: int, lines: int) -> None:
+def rebuild_world(q: Vector, indexed: int, w: Workspace) -> None:
     """Poses, primitives in the world and index, from joint angles alone.
 
     Args:
-        positions: Address of the joint positions.
+        q: Joint positions, shape (n,) [rad or m].
         indexed: 0 where nobody is going to ask the index.
-        lines: Address of the ledger.
+        w: The workspace.
     """
-    w = open_workspace(lines)
-    q = numba.carray(pointer(positions), (w.lower.shape[0],), np.float64)
     forward_kinematics(
         q, w.parent, w.joint_kind, w.q_index, w.gain, w.T_parent_joint, w.axis, w.T_next
     )

@@ -17,8 +17,8 @@ from armguard.guard.proofs import (
     rate_along_normal,
     robot_of,
 )
-from armguard.guard.watch import Watch, open_watch
-from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED, MODE
 from armguard.motion.pair_state import (
@@ -29,7 +29,7 @@ from armguard.motion.pair_state import (
     SPENT,
     UNPROVEN,
 )
-from armguard.motion.state import LOOKED, NEXT, NOW, open_motion
+from armguard.motion.state import LOOKED, NEXT, NOW
 
 TOO_CLOSE = int(Reason.TOO_CLOSE)
 NO_PROOF = int(Reason.NO_PROOF)
@@ -41,23 +41,22 @@ OWN_SHARE = 0.25
 
 
 @kernel(separate=True)
-def judge_motion(i: int, j: int, place: int, lines: int) -> None:
+def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
     """Write what a measured pair has left beyond what it needs, and how long.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
         place: Where the pair's row starts; its witness is written already.
-        lines: Address of the ledger; robots that must stop are marked.
+        w: The workspace; robots that must stop are marked.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     out = w.out
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     plan_i = plan_j = NEXT
     m.effort[LOOKED] = 0
     out[place + ENVELOPE] = OF_WITNESS
-    proof, spare = prove(i, j, plan_i, plan_j, place, lines)
+    proof, spare = prove(i, j, plan_i, plan_j, place, w)
     judged = out[place + ENVELOPE]
     out[place + CLEARANCE] = spare
     out[place + PROOF] = proof
@@ -105,7 +104,7 @@ def judge_motion(i: int, j: int, place: int, lines: int) -> None:
         stopped = one if attempt == 0 else other
         plan_i = NOW if stopped == robot_i else NEXT
         plan_j = NOW if stopped == robot_j else NEXT
-        found = prove(i, j, plan_i, plan_j, place, lines)
+        found = prove(i, j, plan_i, plan_j, place, w)
         out[place + ENVELOPE] = judged
         if found[0] == PROVEN or found[0] == ALLOWED:
             demand_stop(stopped, cause, v)

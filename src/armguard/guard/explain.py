@@ -39,7 +39,7 @@ from armguard.guard.proofs import (
 )
 from armguard.guard.refine import refine_pair
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import Workspace, open_workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import X1, whole_way
 from armguard.motion.nearest import joint_way
@@ -51,7 +51,7 @@ Floats = NDArray[np.float64]
 
 
 @kernel(separate=True)
-def write_envelopes(lines: int) -> None:
+def write_envelopes(w: Workspace) -> None:
     """Write what the envelope adds to the need of every near pair.
 
     The reported distance is that of the shapes which are farther apart. A pair that was
@@ -60,9 +60,8 @@ def write_envelopes(lines: int) -> None:
     what they reach beyond the exact shapes. Rows that have it already are left alone.
 
     Args:
-        lines: Address of the ledger of a workspace.
+        w: The workspace.
     """
-    w = open_workspace(lines)
     out = w.out
     for k in range(int(out[NEAR_COUNT])):
         place = row_place(k, w)
@@ -72,7 +71,7 @@ def write_envelopes(lines: int) -> None:
         elif judged == OF_EXACT:
             if out[place + EXACT] == np.inf:
                 i, j = int(out[place + FIRST]), int(out[place + SECOND])
-                refine_pair(i, j, place, lines)
+                refine_pair(i, j, place, w)
             out[place + ENVELOPE] = out[place + WITNESS] - out[place + EXACT]
 
 

@@ -6,10 +6,6 @@ What cannot be proven is not sent. If not even what is under way can be proven a
 longer, the robot is stopped, which the last cycle has proven to be in time.
 """
 
-import numba
-import numpy as np
-
-from armguard.address import pointer
 from armguard.guard.change import proves_change
 from armguard.guard.commands import (
     hold_still,
@@ -37,9 +33,8 @@ from armguard.guard.watch import (
     RESTING,
     RUNNING,
     Watch,
-    open_watch,
 )
-from armguard.guard.workspace import MOTION, SELF, WATCH, open_workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import (
     NEXT,
@@ -47,9 +42,9 @@ from armguard.motion.state import (
     SETTLED,
     TESTS,
     Motion,
-    open_motion,
 )
 from armguard.motion.stop_path import bound_reaches, plan_stops
+from armguard.table import Vector
 
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 TOO_CLOSE = int(Reason.TOO_CLOSE)
@@ -59,21 +54,17 @@ SHARES = (0.5, 0.25, 0.0)
 
 
 @kernel(separate=True)
-def open_cycle(positions: int, count: int, lines: int) -> int:
+def open_cycle(q: Vector, w: Workspace) -> int:
     """First half: judge every pair for what is measured and what is under way.
 
     Args:
-        positions: Address of the joint positions.
-        count: How many there are.
-        lines: Address of the ledger of a workspace; its state, memory and `out` are
-            updated.
+        q: Joint positions, shape (n,) if they are right [rad or m].
+        w: The workspace; its state, memory and `out` are updated.
 
     Returns:
         1 if the input could be judged, else 0.
     """
-    w = open_workspace(lines)
-    q = numba.carray(pointer(positions), (count,), np.float64)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     v.given[COMMANDED] = 1.0
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = v.told[j]
@@ -82,30 +73,29 @@ def open_cycle(positions: int, count: int, lines: int) -> int:
         return 0
     report_measured_limits(q, w, v, m)
     if w.out[REASON] == OUT_OF_LIMITS:
-        refuse(w.parts[SELF])
+        refuse(w)
         return 0
     return 1
 
 
 @kernel(separate=True)
-def close_cycle(judged: int, lines: int) -> None:
+def close_cycle(judged: int, w: Workspace) -> None:
     """Second half: prove what is wanted, or less of it; order stops; send.
 
     Args:
         judged: What `open_cycle` returned.
-        lines: Address of the ledger of a workspace; `wanted` of its watch is what is to
+        w: The workspace; `wanted` of its watch is what is to
             be proven, and afterwards what is sent.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     if judged != 0:
         begin_recoveries(v, m)
-        prove_wanted(w.parts[SELF])
+        prove_wanted(w)
         end_recoveries(v)
         for r in range(v.recover.shape[0]):
             if v.recover[r] == GIVES_UP:
                 demand_stop(r, TOO_CLOSE, v)
-        conclude(w.parts[SELF])
+        conclude(w)
     send(v, m)
 
 
@@ -129,10 +119,9 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
 
 
 @kernel(separate=True)
-def prove_wanted(lines: int) -> None:
+def prove_wanted(w: Workspace) -> None:
     """Prove what is wanted, taking it back until that succeeds."""
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     begun = False
     for r in range(v.recover.shape[0]):
         # Whether what it is told still opens what is too near is known only now.
@@ -142,14 +131,14 @@ def prove_wanted(lines: int) -> None:
             keep_under_way(r, 0.0, v, m)
     if not (begun or is_new(v)):
         return
-    judge_again(begun, lines)
+    judge_again(begun, w)
     for k in range(len(SHARES)):
         if not take_back(SHARES[k], v, m):
             return
         if SHARES[k] == 0.0:
             # What was spent on more than that is no reason to stop what is under way.
             m.effort[TESTS] = 0
-        judge_again(begun, lines)
+        judge_again(begun, w)
 
 
 @kernel
@@ -177,17 +166,16 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
 
 
 @kernel(separate=True)
-def judge_again(recovers: bool, lines: int) -> None:
+def judge_again(recovers: bool, w: Workspace) -> None:
     """Judge all pairs for what is wanted now.
 
     Args:
         recovers: Whether a robot was recovering before any command was taken back. If
             none was, a stop ordered now is still as it was planned: only what is
             wanted has changed.
-        lines: Address of the ledger of a workspace.
+        w: The workspace.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     set_clocks(v, m)
     set_drives(v, m)
     for r in range(v.must.shape[0]):
@@ -195,10 +183,10 @@ def judge_again(recovers: bool, lines: int) -> None:
         v.deficit[r] = 0.0
     for plan in (NEXT, NOW):
         if plan == NEXT or recovers:
-            plan_stops(plan, w.parts[MOTION])
-            bound_reaches(plan, w.bodies.ctypes.data, w.parts[MOTION])
-    if not proves_change(lines):
-        judge_all(lines)
+            plan_stops(plan, m)
+            bound_reaches(plan, w.bodies, m)
+    if not proves_change(w):
+        judge_all(w)
 
 
 @kernel

@@ -15,41 +15,34 @@ from armguard.guard.grips import (
     FIRST_MEMBER,
     MODEL,
     Grips,
-    open_grips,
 )
 from armguard.guard.memory import TOKEN
 from armguard.guard.near_pairs import boxes_apart
 from armguard.guard.proofs import look_distance
-from armguard.guard.watch import FEW, Watch, open_watch
+from armguard.guard.watch import FEW, Watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,
-    GRIPS,
     INDEX_KIND,
-    MOTION,
-    WATCH,
     Workspace,
-    open_workspace,
 )
 from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, INDEXED, STATUS
 from armguard.index.octree_update import octree_insert, octree_remove
 from armguard.kernel import kernel
-from armguard.motion.state import open_motion
 
 # What must be this many times as far away before a box comes back [-].
 FAR_AGAIN = 1.5
 
 
 @kernel(separate=True)
-def choose_models(lines: int) -> None:
+def choose_models(w: Workspace) -> None:
     """Let the model that is asked for stand for each gripper, or the one that will do.
 
     Args:
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    h = open_grips(w.parts[GRIPS])
+    v, m = w.watch, w.motion
+    h = w.grips
     for g in range(h.grippers.shape[0]):
         own = h.grippers[g]
         box = int(own[BOX])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.scene.tables import SceneTables
-from armguard.table import ByteMatrix, LongMatrix, Matrix, Vector, opener
+from armguard.table import ByteMatrix, LongMatrix, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -97,6 +97,7 @@ EXPIRY = 11
 OBJECT_WIDTH = 12
 
 
+@table
 class Grips(NamedTuple):
     """All that contracts and grippers need in a cycle.
 
@@ -121,9 +122,6 @@ class Grips(NamedTuple):
     members: LongMatrix
     objects: Matrix
     velocity: Vector
-
-
-open_grips = opener(Grips)
 
 
 def grips_of(tables: SceneTables) -> Grips:

@@ -4,11 +4,9 @@ Joint angles -> are they to be believed? -> stops that may come -> poses -> inde
 pairs, each proven -> orders -> levels.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
 from armguard.guard.commands import is_as_told, look_under_way, set_drives
 from armguard.guard.contact_times import write_contact_times
 from armguard.guard.contract_cycle import judge_all
@@ -33,22 +31,20 @@ from armguard.guard.stops import (
     stop_everything,
     supervise_stops,
 )
-from armguard.guard.watch import COMMANDED, FORCED, JUDGED, Watch, open_watch
+from armguard.guard.watch import COMMANDED, FORCED, JUDGED, Watch
 from armguard.guard.workspace import (
-    MOTION,
-    SELF,
-    WATCH,
     Workspace,
     open_workspace,
 )
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, NOW, TESTS, Motion, open_motion
+from armguard.motion.state import NEXT, NOW, TESTS, Motion
 from armguard.motion.stop_path import (
     bound_reaches,
     measured_speeds,
     plan_stops,
     write_axes,
 )
+from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -70,16 +66,16 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
         How many places of the workspace's `out` were used.
     """
     w = open_workspace(lines)
-    out, parts = w.out, w.parts
-    v, m = open_watch(parts[WATCH]), open_motion(parts[MOTION])
+    out = w.out
+    v, m = w.watch, w.motion
     v.given[COMMANDED] = 0.0
     rows = clear_header(w)
     if not judge_input(q, w):
         return rows
-    conclude(parts[SELF])
+    conclude(w)
     report_measured_limits(q, w, v, m)
     if out[REASON] == OUT_OF_LIMITS:
-        refuse(parts[SELF])
+        refuse(w)
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
 
 
@@ -90,63 +86,58 @@ def judge_input(q: Floats, w: Workspace) -> bool:
     Returns:
         Whether the input could be judged; if not, every robot is stopped.
     """
-    parts = w.parts
-    take_input(q.ctypes.data, q.shape[0], parts[SELF])
-    return bool(open_watch(parts[WATCH]).given[JUDGED] != 0.0)
+    take_input(q, w)
+    return bool(w.watch.given[JUDGED] != 0.0)
 
 
 @kernel(separate=True)
-def take_input(positions: int, count: int, lines: int) -> None:
+def take_input(q: Vector, w: Workspace) -> None:
     """Judge every pair, or stop everything for an input that cannot be believed.
 
     Args:
-        positions: Address of the joint positions.
-        count: How many there are.
-        lines: Address of the ledger; whether the input could be judged is written to
+        q: Joint positions, shape (n,) if they are right [rad or m].
+        w: The workspace; whether the input could be judged is written to
             its watch.
     """
-    w = open_workspace(lines)
-    out, parts = w.out, w.parts
-    q = numba.carray(pointer(positions), (count,), np.float64)
-    v, m = open_watch(parts[WATCH]), open_motion(parts[MOTION])
+    out = w.out
+    v, m = w.watch, w.motion
     v.given[JUDGED] = 0.0
     # The clock first: whatever else is wrong, stops are ordered by it.
-    right = clocks_are_right(out.ctypes.data, parts[WATCH], parts[MOTION])
+    right = clocks_are_right(out, v, m)
     if not positions_are_finite(q, w.lower, out):
         out[ROBOT], right = -1.0, False
     if not right:
-        refuse(parts[SELF])
+        refuse(w)
         return
-    if not observe(q.ctypes.data, out.ctypes.data, parts[WATCH], parts[MOTION]):
-        refuse(parts[SELF])
+    if not observe(q, out, v, m):
+        refuse(w)
         return
     if v.given[COMMANDED] != 0.0 and not (
         is_as_told(v, m, out) and nothing_hangs(q, v, m, out)
     ):
-        refuse(parts[SELF])
+        refuse(w)
         return
     v.given[JUDGED] = 1.0
-    begin(parts[WATCH], parts[MOTION])
+    begin(v, m)
     # Every pair is measured: one that stands still may need another distance now.
     w.memory[FORCE] = 1
-    rebuild_world(q.ctypes.data, asks_index(w), parts[SELF])
-    write_axes(w.T_world.ctypes.data, parts[MOTION])
+    rebuild_world(q, asks_index(w), w)
+    write_axes(w.T_world, m)
     for plan in range(2):
-        bound_reaches(plan, w.bodies.ctypes.data, parts[MOTION])
-    judge_all(parts[SELF])
+        bound_reaches(plan, w.bodies, m)
+    judge_all(w)
 
 
 @kernel(separate=True)
-def begin(watch: int, motion: int) -> None:
+def begin(v: Watch, m: Motion) -> None:
     """Follow the stops under way and plan those that may come."""
-    v, m = open_watch(watch), open_motion(motion)
     supervise_stops(v, m)
     set_clocks(v, m)
     look_under_way(v, m)
     set_drives(v, m)
     forget_demands(v, m)
-    plan_stops(NEXT, motion)
-    plan_stops(NOW, motion)
+    plan_stops(NEXT, m)
+    plan_stops(NOW, m)
     measured_speeds(m)
 
 
@@ -161,28 +152,26 @@ def forget_demands(v: Watch, m: Motion) -> None:
 
 
 @kernel(separate=True)
-def conclude(lines: int) -> None:
+def conclude(w: Workspace) -> None:
     """Order what must be ordered, grade the robots, explain the nearest pair."""
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     if w.out[REASON] == CAPACITY or w.out[REASON] == NO_DISTANCE:
         v.last[FORCED] = w.out[REASON]
     order_stops(v, m)
     w.out[SPANS_TESTED] = m.effort[TESTS]
     grade_robots(w, v, m)
-    write_envelopes(lines)
+    write_envelopes(w)
     explain_nearest(w, v, m)
-    write_contact_times(lines)
+    write_contact_times(w)
     write_cues(w, v, m)
 
 
 @kernel(separate=True)
-def refuse(lines: int) -> None:
+def refuse(w: Workspace) -> None:
     """Stop everything for an input that cannot be believed."""
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     reason, robot = w.out[REASON], w.out[ROBOT]
     stop_everything(int(reason), v, m)
     grade_robots(w, v, m)
-    write_envelopes(lines)
+    write_envelopes(w)
     w.out[REASON], w.out[ROBOT] = reason, robot

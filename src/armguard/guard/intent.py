@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.address import stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -73,22 +73,18 @@ from armguard.guard.grips import (
     STATE,
     UNTIL,
     Grips,
-    open_grips,
 )
 from armguard.guard.near_pairs import boxes_apart
 from armguard.guard.observe import now_of
-from armguard.guard.watch import Watch, open_watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import (
-    GRIPS,
-    MOTION,
-    WATCH,
     Workspace,
-    open_workspace,
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
-from armguard.motion.state import Motion, open_motion
+from armguard.motion.state import Motion
+from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 
@@ -116,17 +112,15 @@ TOWARDS = 0.5
 
 
 @kernel(separate=True)
-def read_intents(velocities: int, lines: int) -> None:
+def read_intents(u: Vector, w: Workspace) -> None:
     """Open and end contracts by intent, of every gripper and of what is held.
 
     Args:
-        velocities: Address of the velocities that are asked for, or measured.
-        lines: Address of the ledger of the workspace, after its pairs were judged.
+        u: Joint velocities that are asked for, or measured, shape (n,) [rad/s or m/s].
+        w: The workspace, after its pairs were judged.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    h = open_grips(w.parts[GRIPS])
-    u = numba.carray(pointer(velocities), (m.q.shape[0],), np.float64)
+    v, m = w.watch, w.motion
+    h = w.grips
     for g in range(h.grippers.shape[0]):
         read_gripper(g, u, h, w, v, m)
     for k in range(h.contracts.shape[0]):

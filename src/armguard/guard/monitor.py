@@ -87,16 +87,11 @@ from armguard.guard.workspace import (
     BRUTE_FORCE,
     CONTRACTS,
     FIRST_ROW,
-    GRIPS,
     INDEX_KIND,
     INTENTS,
-    MOTION,
     MOVING_COUNT,
     OCTREE,
-    PARTS,
-    SELF,
     SETTINGS,
-    WATCH,
     Workspace,
 )
 from armguard.guard.world_at_home import build_index, world_at_home
@@ -747,13 +742,8 @@ class Monitor:
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
         settings[FIRST_ROW] = first_row
         self._motion = motion_of(tables, self._budget)
-        self._parts = Ledger(self._motion), Ledger(self._watch)
-        self._addresses = np.zeros(PARTS, dtype=np.int64)
-        for k, ledger in zip((MOTION, WATCH), self._parts, strict=True):
-            self._addresses[k] = ledger.lines.ctypes.data
+        self._watch_ledger = Ledger(self._watch)
         self._grips = grips_of(tables)
-        self._grips_ledger = Ledger(self._grips)
-        self._addresses[GRIPS] = self._grips_ledger.lines.ctypes.data
         self._holding = Holding(
             tables, self._watch, self._motion, self.index, T_world, self._grips
         )
@@ -796,7 +786,9 @@ class Monitor:
             normals=np.zeros((PLANE_COUNT, 3)),
             look=np.array([largest_standing_need(tables, self._watch)]),
             look_box=np.zeros(6),
-            parts=self._addresses,
+            motion=self._motion,
+            watch=self._watch,
+            grips=self._grips,
             world=world,
             octree=self.index.state,
         )
@@ -831,7 +823,7 @@ class Monitor:
         self._watch = watch._replace(pairs=pairs, pair_need=needs)
         self._holding.watch = self._watch
         for name, table in (("pairs", pairs), ("pair_need", needs)):
-            self._parts[1].put(Watch._fields.index(name), table)
+            self._watch_ledger.put(Watch._fields.index(name), table)
         self._workspace.look[0] = largest_standing_need(tables, self._watch)
         self._names = replace(self._names, tables=snapshot(tables))
         self._expect_contracts()
@@ -916,11 +908,10 @@ class Monitor:
         self._memory[FORCE] = 1
 
     def _open_ledger(self, workspace: Workspace) -> None:
-        """Tell the loop where everything lies."""
+        """Let the kernels read and write the arrays of a workspace."""
         self._workspace = workspace
-        self._ledger = Ledger(workspace)
+        self._ledger = Ledger(workspace, watch=self._watch_ledger)
         self._lines = self._ledger.lines
-        self._addresses[SELF] = self._lines.ctypes.data
 
     def _fault_answer(self, reason: Reason) -> NDArray[np.float64]:
         """An answer without near pairs: the configuration was not judged."""

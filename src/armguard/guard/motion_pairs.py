@@ -42,16 +42,12 @@ from armguard.guard.watch import (
     HYSTERESIS,
     SLOW_TIME,
     Watch,
-    open_watch,
 )
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     INDEX_KIND,
-    MOTION,
     MOVING_COUNT,
-    WATCH,
     Workspace,
-    open_workspace,
 )
 from armguard.index.octree_query import (
     octree_candidates,
@@ -60,7 +56,7 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.state import SEGMENT, SETTLED, Motion, open_motion
+from armguard.motion.state import SEGMENT, SETTLED, Motion
 
 # How much farther than what is under way may get is looked, for what may be wanted [m].
 LOOK_MORE = 5e-3
@@ -73,35 +69,33 @@ def asks_index(w: Workspace) -> int:
 
 
 @kernel(separate=True)
-def judge_motions(lines: int) -> None:
+def judge_motions(w: Workspace) -> None:
     """Measure every pair that may matter to a stop, prove it, and write what is near.
 
     The pairs are met in the same order as where buffers are fixed. Nothing is kept
     from cycle to cycle: a pair that stands still may still be in need of another
     distance.
     """
-    w = open_workspace(lines)
-    v = open_watch(w.parts[WATCH])
+    v = w.watch
     w.memory[CYCLE] += 1
     w.memory[KEPT_COUNT] = 0
-    begin_notes(v, open_motion(w.parts[MOTION]))
+    begin_notes(v, w.motion)
     if v.pairs.shape[0] > 0:
-        count = go_through_pairs(lines)
+        count = go_through_pairs(w)
     else:
-        count = look_for_pairs(lines)
+        count = look_for_pairs(w)
     w.out[NEAR_COUNT] = count
     decide(count, w)
 
 
 @kernel(separate=True)
-def go_through_pairs(lines: int) -> int:
+def go_through_pairs(w: Workspace) -> int:
     """Judge every pair of a small scene.
 
     Returns:
         How many rows the answer has.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     boxes, margin = w.world.boxes, w.margin[0]
     moving_count = w.settings[MOVING_COUNT]
     write_looks(w, v, m)
@@ -117,20 +111,19 @@ def go_through_pairs(lines: int) -> int:
             w.octree.residency[j, STATUS] != ABSENT
             and w.octree.residency[i, STATUS] != ABSENT
         ):
-            count = judge_pair(i, j, look, count, lines)
+            count = judge_pair(i, j, look, count, w)
     w.out[PAIRS_FILTERED] += filtered
     return count
 
 
 @kernel(separate=True)
-def look_for_pairs(lines: int) -> int:
+def look_for_pairs(w: Workspace) -> int:
     """Judge the pairs that the index finds, or all of them.
 
     Returns:
         How many rows the answer has.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     candidates, boxes = w.candidates, w.world.boxes
     write_looks(w, v, m)
     widest = widest_look(w, v, m)
@@ -150,12 +143,12 @@ def look_for_pairs(lines: int) -> int:
             if boxes_apart(boxes, i, j, look):
                 w.out[PAIRS_FILTERED] += 1.0
             else:
-                count = judge_pair(i, j, look, count, lines)
+                count = judge_pair(i, j, look, count, w)
     return count
 
 
 @kernel(separate=True)
-def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
+def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
     """Measure a pair and prove it, if it may matter; write its row, if it is near.
 
     Args:
@@ -163,13 +156,12 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
         j: Higher primitive.
         look: Beyond this distance it does not matter [m].
         count: How many rows the answer has.
-        lines: Address of the ledger.
+        w: The workspace.
 
     Returns:
         How many it has now.
     """
-    w = open_workspace(lines)
-    v, out, kinds, rows = open_watch(w.parts[WATCH]), w.out, w.world.kinds, w.world.rows
+    v, out, kinds, rows = w.watch, w.out, w.world.kinds, w.world.rows
     if is_apart(i, j, look, w):
         out[PAIRS_APART] += 1.0
         return count
@@ -187,8 +179,8 @@ def judge_pair(i: int, j: int, look: float, count: int, lines: int) -> int:
     distance = witness[0]
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
         # Links are farther apart than what encloses them.
-        refine_pair(i, j, place, lines)
-    judge_motion(i, j, place, lines)
+        refine_pair(i, j, place, w)
+    judge_motion(i, j, place, w)
     if (
         distance > w.margin[0]
         and out[place + CLEARANCE] >= hidden_by_error(i, j, w, v)
@@ -209,7 +201,7 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
     """
     if v.given[COMMANDED] == 0.0:
         return 0.0
-    m = open_motion(w.parts[MOTION])
+    m = w.motion
     blur = m.blur[i]
     if j < w.settings[MOVING_COUNT]:
         blur += m.blur[j]

@@ -30,14 +30,11 @@ from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
 from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
-from armguard.guard.watch import open_watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
     INDEX_KIND,
     MOVING_COUNT,
-    SELF,
-    WATCH,
     Workspace,
 )
 from armguard.index.octree_query import (
@@ -84,7 +81,7 @@ def judge_pairs(w: Workspace) -> None:
     margin = w.margin[0]
     moved, moving_count = w.moved, w.settings[MOVING_COUNT]
     everything = w.groups.shape[0]
-    robots = open_watch(w.parts[WATCH]).robot_of
+    robots = w.watch.robot_of
     memory[CYCLE] += 1
     kept_count = memory[KEPT_COUNT]
     next_kept = 0
@@ -120,7 +117,7 @@ def judge_pairs(w: Workspace) -> None:
             open_row(i, j, place, w)
             required = out[place + BUFFER]
             if not witness[0] - required >= 0.0:
-                refine_pair(i, j, place, w.parts[SELF])
+                refine_pair(i, j, place, w)
             out[place + CLEARANCE] = witness[0] - required
             if not out[place + CLEARANCE] >= 0.0:
                 out[place + PROOF] = NEEDED

@@ -8,13 +8,11 @@ The clock is judged first, since a stop for any other fault is ordered by it.
 
 from math import inf, isfinite
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
 from armguard.guard.agreement import contradiction, fits_its_stamp, keep_agreement
-from armguard.guard.layout import HEADER, JOINT, REASON, ROBOT, VALUE
+from armguard.guard.layout import JOINT, REASON, ROBOT, VALUE
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     FORCED,
@@ -27,7 +25,6 @@ from armguard.guard.watch import (
     PERIOD,
     UNTOLD,
     Watch,
-    open_watch,
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
@@ -41,7 +38,8 @@ from armguard.motion.figures import (
     VELOCITY,
     VELOCITY_ERROR,
 )
-from armguard.motion.state import Motion, open_motion
+from armguard.motion.state import Motion
+from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 
@@ -71,22 +69,19 @@ SPEED_SHARE = 0.02
 
 
 @kernel(separate=True)
-def observe(positions: int, answer: int, watch: int, motion: int) -> bool:
+def observe(q: Vector, out: Vector, v: Watch, m: Motion) -> bool:
     """Take over stamps, positions and velocities, or say what is wrong with them.
 
     Args:
-        positions: Address of the joint positions, all finite.
-        answer: Address of the answer's header.
-        watch: Address of the ledger of inputs and memory.
-        motion: Address of that of the prediction; `q`, `v_low` and `v_high` are
+        q: Joint positions, all finite, shape (n,) [rad or m].
+        out: Header of the answer.
+        v: Inputs and memory.
+        m: The prediction; `q`, `v_low` and `v_high` are
             written.
 
     Returns:
         Whether the input can be judged.
     """
-    v, m = open_watch(watch), open_motion(motion)
-    q = numba.carray(pointer(positions), (m.q.shape[0],), np.float64)
-    out = numba.carray(pointer(answer), (HEADER,), np.float64)
     if not sightings_are_right(v, m, out):
         return False
     for j in range(q.shape[0]):
@@ -125,7 +120,7 @@ def untold_time(v: Watch, m: Motion) -> float:
 
 
 @kernel(separate=True)
-def clocks_are_right(answer: int, watch: int, motion: int) -> bool:
+def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
     """Whether all stamps and the time of the cycle can be true.
 
     The time of the cycle is believed, and orders of the cycle count as given then, if
@@ -134,12 +129,10 @@ def clocks_are_right(answer: int, watch: int, motion: int) -> bool:
     before that.
 
     Args:
-        answer: Address of the answer's header.
-        watch: Address of the ledger of inputs and memory.
-        motion: Address of that of the prediction.
+        out: Header of the answer.
+        v: Inputs and memory.
+        m: The prediction.
     """
-    v, m = open_watch(watch), open_motion(motion)
-    out = numba.carray(pointer(answer), (HEADER,), np.float64)
     v.last[FORCED], v.last[ORDERED_AT] = OK, inf
     told = v.given[NOW_TIME] == v.given[NOW_TIME]
     for r in range(v.stamps.shape[0]):

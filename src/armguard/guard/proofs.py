@@ -2,11 +2,10 @@
 
 from math import inf
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import dot
 from armguard.guard.layout import (
     ENVELOPE,
@@ -23,13 +22,9 @@ from armguard.guard.watch import (
     RUNNING,
     SLOW_TIME,
     Watch,
-    open_watch,
 )
 from armguard.guard.workspace import (
-    MOTION,
-    WATCH,
     Workspace,
-    open_workspace,
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
@@ -51,21 +46,12 @@ from armguard.motion.pair_proof import (
     span_gap,
 )
 from armguard.motion.pair_state import (
-    BODY,
-    DRIFT,
-    KIND,
-    LEVERS,
-    LOCAL,
-    NEED,
     NEEDED,
-    PAIR,
-    PLAN,
     PROVEN,
-    ROW,
-    SHARED,
-    SIDE,
     SPENT,
     UNPROVEN,
+    Pair,
+    new_pair,
 )
 from armguard.motion.state import (
     BUDGET,
@@ -76,7 +62,6 @@ from armguard.motion.state import (
     STILL,
     TESTS,
     Motion,
-    open_motion,
 )
 
 Floats = NDArray[np.float64]
@@ -214,7 +199,7 @@ def look_distance(i: int, v: Watch, m: Motion) -> float:
 
 @kernel(separate=True)
 def prove_pair(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, lines: int
+    i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps what it must on the stop paths of its robots.
 
@@ -225,8 +210,7 @@ def prove_pair(
     Returns:
         How the proof ended, and what is left or lacks [m].
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     distance = w.out[place + WITNESS]
     w.out[place + ENVELOPE] = OF_WITNESS
     need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
@@ -238,11 +222,11 @@ def prove_pair(
             return (UNPROVEN, by_levers)
         return (PROVEN, by_levers)
     floor = w.buffers[w.groups[i], w.groups[j]]
-    relief = relief_of(i, j, place, distance - whole, floor, lines, w, v, m)
+    relief = relief_of(i, j, place, distance - whole, floor, w, v, m)
     if relief == 0.0:
-        return prove_need(i, j, plan_i, plan_j, place, need, False, lines)
+        return prove_need(i, j, plan_i, plan_j, place, need, False, w)
     m.effort[LOOKED] = 1
-    proof, spare = prove_need(i, j, plan_i, plan_j, place, need - relief, True, lines)
+    proof, spare = prove_need(i, j, plan_i, plan_j, place, need - relief, True, w)
     if proof == PROVEN and drift > 0.0 and relief > floor:
         w.out[place + ENVELOPE] = OF_WITNESS
         return (UNPROVEN, distance - whole - m.reach[plan_i, i])
@@ -258,7 +242,7 @@ def prove_need(
     place: int,
     need: float,
     relieved: bool,
-    lines: int,
+    w: Workspace,
 ) -> tuple[int, float]:
     """Prove that a pair keeps a distance on the stop paths of its robots.
 
@@ -270,13 +254,12 @@ def prove_need(
         place: Where the pair's row starts.
         need: The distance, without an object's way until all rest [m].
         relieved: Whether it is less than the pair is to have.
-        lines: Address of the ledger.
+        w: The workspace.
 
     Returns:
         How the proof ended, and what is left or lacks [m].
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     out = w.out
     moving = m.rate.shape[0]
     distance, drift = out[place + WITNESS], object_speed(j, v)
@@ -296,25 +279,25 @@ def prove_need(
     if m.effort[TESTS] >= m.effort[BUDGET]:
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
     m.effort[TESTS] += 1
-    pair = numba.carray(stack(15), (PAIR,), np.float64)
-    describe_pair(i, j, plan_i, plan_j, need, drift, pair, w, m)
+    p = new_pair()
+    describe_pair(i, j, plan_i, plan_j, need, drift, w, m, p)
     n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
-    by_path = path_gap(pair.ctypes.data, n, w.parts[MOTION]) - whole
+    by_path = path_gap(n, p, m) - whole
     spare = max(by_levers, by_path)
     if by_path > by_levers:
         out[place + ENVELOPE] = OF_PRIMITIVES
     has_exact = w.exact_of[i, 1] != 0 or w.exact_of[j, 1] != 0
     if has_exact and not spare >= PLENTY:
-        by_shapes = look_at_exact(i, j, pair.ctypes.data, lines)
+        by_shapes = look_at_exact(i, j, w, p)
         if by_shapes > spare:
             m.effort[LOOKED] = 1
             spare = by_shapes
             out[place + ENVELOPE] = OF_EXACT
-        describe_pair(i, j, plan_i, plan_j, need, drift, pair, w, m)
+        describe_pair(i, j, plan_i, plan_j, need, drift, w, m, p)
     if spare >= (LITTLE if m.span[SEGMENT] == 0.0 else 0.0):
         return (PROVEN, spare)
     known = spare if spare >= 0.0 else -inf
-    proof, by_spans = prove_by_spans(pair.ctypes.data, known, w.parts[MOTION])
+    proof, by_spans = prove_by_spans(known, p, m)
     if proof == PROVEN and by_spans > spare:
         m.effort[LOOKED] = 1 if relieved else 0
         out[place + ENVELOPE] = OF_PRIMITIVES
@@ -327,7 +310,7 @@ def prove_need(
     if not has_exact:
         return (proof, by_spans)
     m.effort[LOOKED] = 1
-    exact, by_exact = prove_exact(i, j, pair.ctypes.data, lines)
+    exact, by_exact = prove_exact(i, j, w, p)
     if exact == SPENT:
         return (exact, by_spans)
     if exact == PROVEN or by_exact > by_spans:
@@ -376,7 +359,6 @@ def relief_of(
     place: int,
     spare: float,
     floor: float,
-    lines: int,
     w: Workspace,
     v: Watch,
     m: Motion,
@@ -395,7 +377,7 @@ def relief_of(
         place: Where the pair's row starts.
         spare: Distance beyond what the pair needs besides joints [m].
         floor: What of that need is no error, but asked for [m].
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
         w: Workspace.
         v: Watch; the deficits of resting robots are noted.
         m: Motion.
@@ -418,11 +400,11 @@ def relief_of(
         r = robot_i if side == 0 else robot_j
         if r < 0:
             continue
-        if v.phase[r] == RUNNING and is_driven_nearer(r, i, j, place, lines):
+        if v.phase[r] == RUNNING and is_driven_nearer(r, i, j, place, w):
             return 0.0
         if v.phase[r] == RECOVERING:
             v.relieved[r] = 1
-            if not surely_opens(r, i, j, place, lines):
+            if not surely_opens(r, i, j, place, w):
                 return 0.0
             # What comes by itself was counted until then when the recovery began.
             later = max(now_of(v) + m.span[SETTLED] - v.relief_until[r], 0.0)
@@ -448,7 +430,7 @@ def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -
 
 
 @kernel(separate=True)
-def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
+def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
     """Whether what a robot is told opens a pair, wherever in its error each joint is.
 
     The other robot's errors count as well if it is driven.
@@ -458,10 +440,9 @@ def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
         i: Lower primitive.
         j: Higher primitive.
         place: Where the pair's row starts.
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     if v.given[COMMANDED] == 0.0:
         return False
     pair_row(i, j, place, v.row, w, m)
@@ -476,7 +457,7 @@ def surely_opens(r: int, i: int, j: int, place: int, lines: int) -> bool:
 
 
 @kernel(separate=True)
-def is_driven_nearer(r: int, i: int, j: int, place: int, lines: int) -> bool:
+def is_driven_nearer(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
     """Whether anything a robot is or was told, and may do yet, closes a pair.
 
     Args:
@@ -484,10 +465,9 @@ def is_driven_nearer(r: int, i: int, j: int, place: int, lines: int) -> bool:
         i: Lower primitive.
         j: Higher primitive.
         place: Where the pair's row starts.
-        lines: Address of the ledger of the workspace.
+        w: The workspace.
     """
-    w = open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     if v.given[COMMANDED] == 0.0:
         return True
     pair_row(i, j, place, v.row, w, m)
@@ -508,48 +488,46 @@ def describe_pair(
     plan_j: int,
     need: float,
     drift: float,
-    pair: Floats,
     w: Workspace,
     m: Motion,
+    p: Pair,
 ) -> None:
-    """Write the description of a pair, see `pair_state`."""
+    """Describe a pair of primitives."""
     moving = m.rate.shape[0]
     for side in range(2):
         k = i if side == 0 else j
-        at = side * SIDE
-        row = w.world.rows[k].ctypes.data
-        pair[at + KIND] = w.world.kinds[k]
-        pair[at + ROW] = row
-        pair[at + LOCAL] = w.local_rows[k].ctypes.data if k < moving else row
-        pair[at + BODY] = w.bodies[k]
-        pair[at + PLAN] = plan_i if side == 0 else plan_j
-        pair[at + LEVERS] = m.levers[min(k, moving - 1)].ctypes.data
-    pair[SHARED] = shared_joints(w.bodies[i], w.bodies[j], m)
-    pair[NEED] = need
-    pair[DRIFT] = drift
+        p.kind[side] = w.world.kinds[k]
+        local = w.local_rows[k] if k < moving else w.world.rows[k]
+        for c in range(ROW_WIDTH):
+            p.row[side, c] = w.world.rows[k, c]
+            p.local[side, c] = local[c]
+        p.body[side] = w.bodies[k]
+        p.plan[side] = plan_i if side == 0 else plan_j
+        p.primitive[side], p.exact[side] = min(k, moving - 1), -1
+    p.shared = shared_joints(w.bodies[i], w.bodies[j], m)
+    p.need = need
+    p.drift = drift
 
 
 @kernel(separate=True)
-def look_at_exact(i: int, j: int, pair: int, lines: int) -> float:
+def look_at_exact(i: int, j: int, w: Workspace, p: Pair) -> float:
     """What the exact shapes of both sides surely have left, looked at once [m].
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        pair: Address of the description of their pair; its shapes are replaced.
-        lines: Address of the ledger.
+        w: The workspace.
+        p: Their pair; its shapes are replaced.
     """
-    w = open_workspace(lines)
-    m = open_motion(w.parts[MOTION])
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
+    m = w.motion
     least = inf
     for a in range(max(w.exact_of[i, 1], 1)):
-        describe_exact(i, a, 0, p, w)
+        describe_exact(i, a, 0, w, p)
         for b in range(max(w.exact_of[j, 1], 1)):
-            describe_exact(j, b, SIDE, p, w)
+            describe_exact(j, b, 1, w, p)
             m.effort[TESTS] += 1
-            _, gap, bend = span_gap(WHOLE_PATH, pair, w.parts[MOTION])
-            left = gap - bend - p[NEED] - p[DRIFT] * m.span[SETTLED]
+            _, gap, bend = span_gap(WHOLE_PATH, p, m)
+            left = gap - bend - p.need - p.drift * m.span[SETTLED]
             if not left >= 0.0:
                 return -inf
             least = min(least, left)
@@ -557,23 +535,21 @@ def look_at_exact(i: int, j: int, pair: int, lines: int) -> float:
 
 
 @kernel(separate=True)
-def prove_exact(i: int, j: int, pair: int, lines: int) -> tuple[int, float]:
+def prove_exact(i: int, j: int, w: Workspace, p: Pair) -> tuple[int, float]:
     """The same for the exact shapes of both sides: each pair of them has to hold.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        pair: Address of the description of their pair; its shapes are replaced.
-        lines: Address of the ledger.
+        w: The workspace.
+        p: Their pair; its shapes are replaced.
     """
-    w = open_workspace(lines)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     least = inf
     for a in range(max(w.exact_of[i, 1], 1)):
-        describe_exact(i, a, 0, p, w)
+        describe_exact(i, a, 0, w, p)
         for b in range(max(w.exact_of[j, 1], 1)):
-            describe_exact(j, b, SIDE, p, w)
-            proof, spare = prove_by_spans(pair, -inf, w.parts[MOTION])
+            describe_exact(j, b, 1, w, p)
+            proof, spare = prove_by_spans(-inf, p, w.motion)
             if proof != PROVEN:
                 return (proof, spare)
             least = min(least, spare)
@@ -581,14 +557,15 @@ def prove_exact(i: int, j: int, pair: int, lines: int) -> tuple[int, float]:
 
 
 @kernel
-def describe_exact(i: int, which: int, at: int, p: Floats, w: Workspace) -> None:
+def describe_exact(i: int, which: int, side: int, w: Workspace, p: Pair) -> None:
     """Write one of the exact shapes of a primitive's link into a pair."""
     if w.exact_of[i, 1] == 0:
         return
     e = w.exact_of[i, 0] + which
-    p[at + KIND] = w.exact_kinds[e]
-    p[at + LOCAL] = w.exact_rows[e].ctypes.data
-    p[at + LEVERS] = open_motion(w.parts[MOTION]).exact_levers[e].ctypes.data
+    p.kind[side] = w.exact_kinds[e]
+    for c in range(ROW_WIDTH):
+        p.local[side, c] = w.exact_rows[e, c]
+    p.exact[side] = e
 
 
 @kernel

@@ -10,15 +10,16 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.address import stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.layout import EXACT, PAIRS_REFINED, WITNESS
 from armguard.guard.memory import CYCLE
-from armguard.guard.workspace import Workspace, open_workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
+from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 
@@ -32,16 +33,15 @@ MEMO_SIZE = 512
 
 
 @kernel(separate=True)
-def refine_pair(i: int, j: int, place: int, lines: int) -> None:
+def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
     """Replace a row's witness by that of the exact shapes, if they are farther apart.
 
     Args:
         i: Lower primitive of the pair.
         j: Higher primitive.
         place: Where the pair's row starts in the answer.
-        lines: Address of the ledger.
+        w: The workspace.
     """
-    w = open_workspace(lines)
     first_a, count_a = w.exact_of[i, 0], w.exact_of[i, 1]
     first_b, count_b = w.exact_of[j, 0], w.exact_of[j, 1]
     if count_a == 0 and count_b == 0:
@@ -61,7 +61,7 @@ def refine_pair(i: int, j: int, place: int, lines: int) -> None:
         for k in range(WITNESS_WIDTH):
             found[k] = w.memo_rows[line, k]
     else:
-        measure_parts(i, j, found.ctypes.data, lines)
+        measure_parts(i, j, w, found)
         out[PAIRS_REFINED] += 1.0
         for k in range(WITNESS_WIDTH):
             w.memo_rows[line, k] = found[k]
@@ -75,17 +75,15 @@ def refine_pair(i: int, j: int, place: int, lines: int) -> None:
 
 
 @kernel(separate=True)
-def measure_parts(i: int, j: int, answer: int, lines: int) -> None:
+def measure_parts(i: int, j: int, w: Workspace, nearest: Vector) -> None:
     """Witness row of the nearest two exact shapes of two primitives' links.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        answer: Address of the row.
-        lines: Address of the ledger.
+        w: The workspace.
+        nearest: Overwritten, shape (10,).
     """
-    w = open_workspace(lines)
-    nearest = numba.carray(pointer(answer), (WITNESS_WIDTH,), np.float64)
     row_a = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
     row_b = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)

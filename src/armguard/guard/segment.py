@@ -8,9 +8,9 @@ from armguard.guard.cycle import clear_header, rebuild_world
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, SPANS_TESTED
 from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
-from armguard.guard.workspace import MOTION, SELF, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, SEGMENT, TESTS, open_motion
+from armguard.motion.state import NEXT, SEGMENT, TESTS
 from armguard.motion.stop_path import bound_reaches, plan_segment, write_axes
 
 Floats = NDArray[np.float64]
@@ -30,16 +30,15 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
         How many places of the workspace's `out` were used.
     """
     w = open_workspace(lines)
-    motion = w.parts[MOTION]
-    m = open_motion(motion)
+    m = w.motion
     rows = clear_header(w)
-    plan_segment(start.ctypes.data, end.ctypes.data, motion)
+    plan_segment(start, end, m)
     w.memory[FORCE] = 1
-    rebuild_world(m.q.ctypes.data, asks_index(w), w.parts[SELF])
-    write_axes(w.T_world.ctypes.data, motion)
-    bound_reaches(NEXT, w.bodies.ctypes.data, motion)
-    bound_reaches(1 - NEXT, w.bodies.ctypes.data, motion)
-    judge_all(w.parts[SELF])
+    rebuild_world(m.q, asks_index(w), w)
+    write_axes(w.T_world, m)
+    bound_reaches(NEXT, w.bodies, m)
+    bound_reaches(1 - NEXT, w.bodies, m)
+    judge_all(w)
     w.out[SPANS_TESTED] = m.effort[TESTS]
     m.span[SEGMENT] = 0.0
     w.memory[FORCE] = 1

@@ -14,7 +14,7 @@ from armguard.table import (
     LongVector,
     Matrix,
     Vector,
-    opener,
+    table,
 )
 
 Floats = NDArray[np.float64]
@@ -103,6 +103,7 @@ JUDGED_WAY = 4
 HISTORY = 16
 
 
+@table
 class Watch(NamedTuple):
     """Inputs of a cycle and memory of the cycles before.
 
@@ -269,9 +270,6 @@ class Watch(NamedTuple):
     sighted_at: Vector
     object_stale: Vector
     lagged: LongVector
-
-
-open_watch = opener(Watch)
 
 
 def watch_of(tables: SceneTables) -> Watch:

@@ -1,13 +1,17 @@
 """Everything a cycle reads and writes, and its order in the ledger."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.grips import Grips
+from armguard.guard.watch import Watch
 from armguard.index.octree_state import OctreeState
 from armguard.index.world import World
+from armguard.motion.state import Motion
 from armguard.table import (
+    TABLE,
     ByteMatrix,
     ByteVector,
     IntMatrix,
@@ -17,6 +21,7 @@ from armguard.table import (
     Matrix,
     Vector,
     opener,
+    table,
 )
 
 Floats = NDArray[np.float64]
@@ -25,6 +30,7 @@ Longs = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 
+@table
 class Workspace(NamedTuple):
     """Tables of a scene, state of its index, memory and scratch of its guard.
 
@@ -62,7 +68,9 @@ class Workspace(NamedTuple):
         normals: Their normals, shape (n, 3).
         look: More than any pair must keep for other reasons than motion, (1,) [m].
         look_box: Scratch for a box, shape (6,).
-        parts: Addresses of ledgers, see MOTION, shape (PARTS,).
+        motion: Stops that may come, and what they sweep.
+        watch: Inputs, commands and the state of the robots.
+        grips: Contracts and grippers.
         world: Primitives in the world.
         octree: State of the octree.
     """
@@ -100,7 +108,9 @@ class Workspace(NamedTuple):
     normals: Matrix
     look: Vector
     look_box: Vector
-    parts: LongVector
+    motion: Annotated[Motion, TABLE]
+    watch: Annotated[Watch, TABLE]
+    grips: Annotated[Grips, TABLE]
     world: World
     octree: OctreeState
 
@@ -112,13 +122,6 @@ FIRST_ROW = 2  # where the rows of the answer start
 CONTRACTS = 3  # 1 where contracts may be in force
 INTENTS = 4  # 1 where contracts by intent are opened
 SETTINGS = 5
-
-# Places in `Workspace.parts`.
-MOTION = 0
-WATCH = 1
-SELF = 2  # the ledger of the workspace itself
-GRIPS = 3  # ledger of contracts and grippers
-PARTS = 4
 
 # Kinds of index.
 OCTREE = 0

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.address import stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, scaled
@@ -22,17 +22,12 @@ from armguard.kernel import kernel
 from armguard.motion.gap_bound import line_reach
 from armguard.motion.nearest import joint_way, middle_position, nearest_position
 from armguard.motion.pair_state import (
-    BODY,
-    KIND,
-    LEVERS,
     NEEDED,
-    PAIR,
-    PLAN,
     PROVEN,
-    SHARED,
-    SIDE,
     SPENT,
     UNSURE,
+    Pair,
+    levers_of,
 )
 from armguard.motion.state import (
     BOX_LEVELS,
@@ -40,8 +35,8 @@ from armguard.motion.state import (
     NODES,
     TESTS,
     Motion,
-    open_motion,
 )
+from armguard.table import Matrix
 
 Floats = NDArray[np.float64]
 
@@ -57,21 +52,18 @@ LINE = -2
 
 
 @kernel(separate=True)
-def prove_by_boxes(
-    node: int, pair: int, wanted: float, motion: int
-) -> tuple[int, float]:
+def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, float]:
     """Prove that a pair keeps a distance for all positions of a span.
 
     Args:
         node: The span.
-        pair: Address of the pair's description.
         wanted: Distance to keep [m].
-        motion: Address of the ledger of the prediction.
+        p: The pair.
+        m: The prediction.
 
     Returns:
         PROVEN, NEEDED, UNSURE or SPENT, and what is left or lacks [m].
     """
-    m = open_motion(motion)
     m.box_line[0, 0], m.box_line[0, 1] = 0.0, 1.0
     for b in range(m.parent.shape[0]):
         m.box_place[0, b], m.box_part[0, b] = 0.0, 1.0
@@ -84,7 +76,7 @@ def prove_by_boxes(
             return (SPENT, -inf)
         m.effort[TESTS] += BOX_COST
         boxes += 1
-        distance, gap, along, nearer = box_gap(left, node, pair, wanted, motion)
+        distance, gap, along, nearer = box_gap(left, node, wanted, p, m)
         if not distance >= wanted:
             return (NEEDED, distance - wanted)
         if gap >= wanted:
@@ -121,7 +113,7 @@ def halve(box: int, along: int, nearer: float, m: Motion) -> None:
 
 @kernel(separate=True)
 def box_gap(
-    box: int, node: int, pair: int, wanted: float, motion: int
+    box: int, node: int, wanted: float, p: Pair, m: Motion
 ) -> tuple[float, float, int, float]:
     """Bound a pair's distance over a box.
 
@@ -130,67 +122,48 @@ def box_gap(
         worth most to halve, LINE, a body or NOTHING, and in which direction of that
         the sides come nearer.
     """
-    m = open_motion(motion)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
-    address = rows.ctypes.data
-    middle_position(node, box, pair, address, motion)
-    kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
-    measure(kind_a, rows[0], kind_b, rows[1], witness)
+    middle_position(node, box, p, m, rows)
+    measure(p.kind[0], rows[0], p.kind[1], rows[1], witness)
     distance = witness[0]
     if not distance >= 0.0:
         return (distance, distance, NOTHING, 1.0)
     n = (witness[7], witness[8], witness[9])
-    second_order, bend, end = gap_along(node, box, pair, address, n, motion)
+    second_order, bend, end = gap_along(node, box, rows, n, p, m)
     gap = second_order - bend
     if gap < wanted:
-        there, n = nearest_position(
-            node, box, pair, address, witness.ctypes.data, motion
-        )
+        there, n = nearest_position(node, box, rows, witness, p, m)
         distance = min(distance, there)
         if there >= wanted:
-            second_order, bend, _ = gap_along(node, box, pair, address, n, motion)
+            second_order, bend, _ = gap_along(node, box, rows, n, p, m)
             gap = max(gap, second_order - bend)
-    along, nearer = longest_way(node, box, pair, witness, end, m)
+    along, nearer = longest_way(node, box, witness, end, p, m)
     return (distance, gap, along, nearer)
 
 
 @kernel(separate=True)
 def gap_along(
-    node: int, box: int, pair: int, rows: int, n: Vec3, motion: int
+    node: int, box: int, rows: Matrix, n: Vec3, p: Pair, m: Motion
 ) -> tuple[float, float, float]:
     """Least distance along a direction over a box of a span, to the second order.
 
     Args:
         node: The span.
         box: The box of it.
-        pair: Address of the pair's description.
-        rows: Address of both rows in the middle of the box.
+        rows: Both rows in the middle of the box.
         n: Unit direction from A to B; any gives a lower bound of the distance.
-        motion: Address of the ledger of the prediction.
+        p: The pair.
+        m: The prediction.
 
     Returns:
         The least distance, what the second order leaves out [m], and at which end of
         the line, -1 or 1, it is.
     """
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
     gap_one = gap_other = bend = 0.0
     for side in range(2):
-        at = side * SIDE
         along = n if side == 0 else scaled(-1.0, n)
-        one, other, curved = line_reach(
-            int(p[at + KIND]),
-            both[side].ctypes.data,
-            int(p[at + BODY]),
-            int(p[at + PLAN]) * NODES + node,
-            box,
-            int(p[at + LEVERS]),
-            int(p[SHARED]),
-            along,
-            motion,
-        )
+        one, other, curved = line_reach(side, node, box, rows, along, p, m)
         gap_one -= one
         gap_other -= other
         bend += curved
@@ -204,7 +177,7 @@ def gap_along(
 
 @kernel
 def longest_way(
-    node: int, box: int, pair: int, witness: Floats, end: float, m: Motion
+    node: int, box: int, witness: Floats, end: float, p: Pair, m: Motion
 ) -> tuple[int, float]:
     """What moves a pair's sides farthest within a box, and which way is nearer.
 
@@ -212,23 +185,19 @@ def longest_way(
         LINE, a body whose joint it is, or NOTHING; and the direction of it that brings
         the witness points together.
     """
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     u, half = m.box_line[box, 0], m.box_line[box, 1]
     most, which, nearer = 0.0, NOTHING, 1.0
     line = 0.0
     for side in range(2):
-        at = side * SIDE
-        body, span = int(p[at + BODY]), int(p[at + PLAN]) * NODES + node
+        body, span = p.body[side], p.plan[side] * NODES + node
         if body < 0:
             continue
-        levers = numba.carray(
-            pointer(int(p[at + LEVERS])), (m.joints.shape[1],), np.float64
-        )
+        levers = levers_of(side, p, m)
         n = (witness[7], witness[8], witness[9])
         n = n if side == 0 else scaled(-1.0, n)
         first = 1 + 3 * side
         point = (witness[first], witness[first + 1], witness[first + 2])
-        for k in range(int(p[SHARED]), m.length[body]):
+        for k in range(p.shared, m.length[body]):
             b = m.joints[body, k]
             line += half * abs(m.node_way[span, b]) * levers[k]
             width = m.node_wide[span, b] + u * m.node_grow[span, b]

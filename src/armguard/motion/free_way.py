@@ -11,7 +11,6 @@ from armguard.motion.state import (
     STAMP,
     STILL,
     Motion,
-    open_motion,
 )
 from armguard.motion.stop_path import error_of
 from armguard.robot.kinematics import FIXED as NO_JOINT
@@ -37,16 +36,15 @@ def time_after(t: float) -> int:
 
 
 @kernel(separate=True)
-def bound_free_way(k: int, motion: int) -> None:
+def bound_free_way(k: int, m: Motion) -> None:
     """Bound where each body's joint may be until a time of the grid, from its stamp on.
 
     Written as of a plan, in row FREE + k, unless that was done in this cycle.
 
     Args:
         k: Which time, less than GRID.
-        motion: Address of the ledger of the prediction.
+        m: The prediction.
     """
-    m = open_motion(motion)
     if m.grid_stamp[k] == m.effort[STAMP]:
         return
     m.grid_stamp[k] = m.effort[STAMP]

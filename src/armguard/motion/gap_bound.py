@@ -25,11 +25,12 @@ from numpy.typing import NDArray
 from armguard.address import pointer
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes.kind import ShapeKind
-from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, add, cross, dot, sub
 from armguard.kernel import kernel
-from armguard.motion.state import WHOLE, Motion, open_motion
+from armguard.motion.pair_state import Pair, levers_of
+from armguard.motion.state import NODES, WHOLE, Motion
 from armguard.robot.kinematics import PRISMATIC
+from armguard.table import Matrix
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -477,37 +478,23 @@ def curvature(
 
 
 @kernel(separate=True)
-def range_reach(
-    kind: int,
-    row: int,
-    body: int,
-    plan: int,
-    levers: int,
-    first: int,
-    n: Vec3,
-    motion: int,
-) -> float:
+def range_reach(side: int, n: Vec3, p: Pair, m: Motion) -> float:
     """Greatest `n·p` of a side on the whole stop path, from where it is now [m].
 
     Args:
-        kind: ShapeKind.
-        row: Address of its row in the world.
-        body: Its body, -1 if it stands still.
-        plan: NEXT or NOW, the stop of its robot.
-        levers: Address of its levers.
-        first: First joint that does not move both sides alike.
+        side: 0 for A, 1 for B.
         n: Unit direction.
-        motion: Address of the ledger of the prediction.
+        p: The pair.
+        m: The prediction.
     """
-    m = open_motion(motion)
-    a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
-    count = 0 if body < 0 else int(m.length[body])
+    kind, a, body, plan = p.kind[side], p.row[side], p.body[side], p.plan[side]
+    count, first = 0 if body < 0 else int(m.length[body]), p.shared
     if count <= first:
         return side_reach(kind, a, n, False, 0.0, first, first, m.lever_rows)[0]
     chain, rows = m.joints[body], m.lever_rows
     joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, rows)
     joint_ranges(chain, first, count, m.middle[plan], m.width[plan], rows)
-    own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
+    own = levers_of(side, p, m)
     sizes = m.spread[plan]
     most = most_way(chain, first, count, own, sizes)
     reach, _ = side_reach(kind, a, n, False, most, first, count, rows)
@@ -516,34 +503,24 @@ def range_reach(
 
 @kernel(separate=True)
 def line_reach(
-    kind: int,
-    row: int,
-    body: int,
-    at: int,
-    box: int,
-    levers: int,
-    first: int,
-    n: Vec3,
-    motion: int,
+    side: int, node: int, box: int, both: Matrix, n: Vec3, p: Pair, m: Motion
 ) -> Vec3:
     """The same over a box of a span, for the two ends of its line, and the rest.
 
     Args:
-        kind: ShapeKind.
-        row: Address of its row in the world, in the middle of the box.
-        body: Its body, -1 if it stands still.
-        at: The span among those of all plans.
+        side: 0 for A, 1 for B.
+        node: The span.
         box: Box of the span, see `Motion.box_line`.
-        levers: Address of its levers.
-        first: First joint that does not move both sides alike.
+        both: Rows of both sides in the world, in the middle of the box.
         n: Unit direction.
-        motion: Address of the ledger of the prediction.
+        p: The pair.
+        m: The prediction.
 
     Returns:
         Greatest `n·p` at the first end, at the other, and the curvature [m].
     """
-    m = open_motion(motion)
-    a = numba.carray(pointer(row), (ROW_WIDTH,), np.float64)
+    kind, a, body, first = p.kind[side], both[side], p.body[side], p.shared
+    at = p.plan[side] * NODES + node
     count = 0 if body < 0 else int(m.length[body])
     rows = m.lever_rows
     if count <= first:
@@ -563,7 +540,7 @@ def line_reach(
         )
     else:
         joint_rows(n, chain, first, count, m.box_axes, 0, m.joint_kind, rows)
-    own = numba.carray(pointer(levers), (m.joints.shape[1],), np.float64)
+    own = levers_of(side, p, m)
     line_ranges(chain, first, count, at, box, m)
     most = most_way(chain, first, count, own, m.sizes)
     one, other = side_reach(kind, a, n, True, most, first, count, rows)

@@ -13,17 +13,18 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.address import stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, add, cross, dot, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-from armguard.motion.pair_state import BODY, KIND, LOCAL, PAIR, PLAN, SHARED, SIDE
-from armguard.motion.state import NODES, WHOLE, Motion, open_motion
+from armguard.motion.pair_state import Pair
+from armguard.motion.state import NODES, WHOLE, Motion
 from armguard.motion.stop_path import write_axis
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
+from armguard.table import Matrix, Vector
 
 Floats = NDArray[np.float64]
 
@@ -46,72 +47,67 @@ NO_MOVE = 1e-18
 
 @kernel(separate=True)
 def nearest_position(
-    node: int, box: int, pair: int, rows: int, witness: int, motion: int
+    node: int, box: int, rows: Matrix, witness: Vector, p: Pair, m: Motion
 ) -> tuple[float, Vec3]:
     """Measure a pair where the joints of a box bring it nearest.
 
     Args:
         node: The span.
         box: The box of it.
-        pair: Address of the pair's description.
-        rows: Address of both rows in the middle of the box.
-        witness: Address of the pair's witness there; apart.
-        motion: Address of the ledger of the prediction.
+        rows: Both rows in the middle of the box.
+        witness: The pair's witness there; apart.
+        p: The pair.
+        m: The prediction.
 
     Returns:
         The pair's distance there [m], and its normal from A to B.
     """
-    m = open_motion(motion)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     there = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
     found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
-    count = write_columns(node, box, pair, rows, witness, m)
-    u = bring_together(box, count, pair, rows, witness, m)
+    count = write_columns(node, box, witness, p, m)
+    u = bring_together(box, count, rows, witness, m)
     start_positions(node, p, m)
     count = 0
     for side in range(2):
-        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        body, span = p.body[side], p.plan[side]
         span = span * NODES + node
-        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
+        for k in range(p.shared, m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
             move_joint(b, span, u, m.columns[count, NOW], m)
             count += 1
-    place_pair(pair, there.ctypes.data, motion)
-    kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
-    measure(kind_a, there[0], kind_b, there[1], found)
+    place_pair(p, m, there)
+    measure(p.kind[0], there[0], p.kind[1], there[1], found)
     return (found[0], (found[7], found[8], found[9]))
 
 
 @kernel(separate=True)
-def middle_position(node: int, box: int, pair: int, rows: int, motion: int) -> None:
+def middle_position(node: int, box: int, p: Pair, m: Motion, rows: Matrix) -> None:
     """Place a pair in the middle of a box, and write the axes of all joints there.
 
     Args:
         node: The span.
         box: The box of it.
-        pair: Address of the pair's description.
-        rows: Address of both rows in the world, overwritten.
-        motion: Address of the ledger of the prediction.
+        p: The pair.
+        m: The prediction.
+        rows: Both rows in the world, overwritten.
     """
-    m = open_motion(motion)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     start_positions(node, p, m)
     for side in range(2):
-        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        body, span = p.body[side], p.plan[side]
         span = span * NODES + node
-        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
+        for k in range(p.shared, m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
             move_joint(b, span, m.box_line[box, 0], m.box_place[box, b], m)
-    place_pair(pair, rows, motion)
+    place_pair(p, m, rows)
     for b in range(m.parent.shape[0]):
         write_axis(m.corner_T[b], m.axis[b], m.box_axes[b])
 
 
 @kernel
-def start_positions(node: int, p: Floats, m: Motion) -> None:
+def start_positions(node: int, p: Pair, m: Motion) -> None:
     """Write the joint positions in the middle of a pair's span into `q_node`."""
     for side in range(2):
-        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        body, span = p.body[side], p.plan[side]
         for k in range(m.length[body] if body >= 0 else 0):
             j = m.q_index[m.joints[body, k]]
             m.q_node[j] = m.node_q[span * NODES + node, j]
@@ -126,11 +122,8 @@ def move_joint(b: int, span: int, u: float, s: float, m: Motion) -> None:
 
 
 @kernel
-def place_pair(pair: int, rows: int, motion: int) -> None:
+def place_pair(p: Pair, m: Motion, rows: Matrix) -> None:
     """Place both sides of a pair where `q_node` has their joints."""
-    m = open_motion(motion)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
     forward_kinematics(
         m.q_node,
         m.parent,
@@ -142,35 +135,29 @@ def place_pair(pair: int, rows: int, motion: int) -> None:
         m.corner_T,
     )
     for side in range(2):
-        at = side * SIDE
-        body = int(p[at + BODY])
-        local = numba.carray(pointer(int(p[at + LOCAL])), (ROW_WIDTH,), np.float64)
+        body = p.body[side]
         if body < 0:
             for k in range(ROW_WIDTH):
-                both[side, k] = local[k]
+                rows[side, k] = p.local[side, k]
         else:
-            place_row(int(p[at + KIND]), local, m.corner_T[body], both[side])
+            place_row(p.kind[side], p.local[side], m.corner_T[body], rows[side])
 
 
 @kernel
-def write_columns(
-    node: int, box: int, pair: int, rows: int, witness: int, m: Motion
-) -> int:
+def write_columns(node: int, box: int, seen: Vector, p: Pair, m: Motion) -> int:
     """Write how each joint moves the difference of the witness points.
 
     Returns:
         How many joints there are.
     """
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
-    seen = numba.carray(pointer(witness), (WITNESS_WIDTH,), np.float64)
     bodies = m.parent.shape[0]
     count = 0
     for side in range(2):
-        body, span = int(p[side * SIDE + BODY]), int(p[side * SIDE + PLAN])
+        body, span = p.body[side], p.plan[side]
         span = span * NODES + node
         first = 1 + 3 * side
         point = (seen[first], seen[first + 1], seen[first + 2])
-        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
+        for k in range(p.shared, m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
             own = m.columns[count]
             axis = m.node_axes[span * bodies + b] if box == WHOLE else m.box_axes[b]
@@ -187,17 +174,15 @@ def write_columns(
 
 @kernel
 def bring_together(
-    box: int, count: int, pair: int, rows: int, witness: int, m: Motion
+    box: int, count: int, rows: Matrix, seen: Vector, m: Motion
 ) -> float:
     """Make the difference of the witness points short by the joints of a box.
 
     Returns:
         The place on the span's line; each joint's place in its range is in its column.
     """
-    both = numba.carray(pointer(rows), (2, ROW_WIDTH), np.float64)
-    seen = numba.carray(pointer(witness), (WITNESS_WIDTH,), np.float64)
     # A radius moves with its centre: only cores come together.
-    apart = seen[0] + both[0, 0] + both[1, 0]
+    apart = seen[0] + rows[0, 0] + rows[1, 0]
     r = scaled(apart, (seen[7], seen[8], seen[9]))
     u, half = m.box_line[box, 0], m.box_line[box, 1]
     first, last = u - half, u + half

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.address import stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -20,21 +20,12 @@ from armguard.kernel import kernel
 from armguard.motion.box_proof import gap_along, prove_by_boxes
 from armguard.motion.gap_bound import range_reach
 from armguard.motion.pair_state import (
-    BODY,
-    DRIFT,
-    KIND,
-    LEVERS,
-    LOCAL,
-    NEED,
     NEEDED,
-    PAIR,
-    PLAN,
     PROVEN,
-    ROW,
-    SHARED,
-    SIDE,
     SPENT,
     UNSURE,
+    Pair,
+    levers_of,
 )
 from armguard.motion.state import (
     BUDGET,
@@ -46,7 +37,6 @@ from armguard.motion.state import (
     TESTS,
     WHOLE,
     Motion,
-    open_motion,
 )
 from armguard.motion.stop_path import make_node, span_of
 
@@ -75,47 +65,34 @@ def shared_joints(body_a: int, body_b: int, m: Motion) -> int:
 
 
 @kernel(separate=True)
-def path_gap(pair: int, n: Vec3, motion: int) -> float:
+def path_gap(n: Vec3, p: Pair, m: Motion) -> float:
     """Least distance of a pair on the whole stop path, bounded from where it is [m].
 
     Args:
-        pair: Address of its description, PAIR numbers.
         n: Unit normal from A to B as measured.
-        motion: Address of the ledger of the prediction.
+        p: The pair.
+        m: The prediction.
     """
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     gap = 0.0
     for side in range(2):
-        at = side * SIDE
         along = n if side == 0 else scaled(-1.0, n)
-        gap -= range_reach(
-            int(p[at + KIND]),
-            int(p[at + ROW]),
-            int(p[at + BODY]),
-            int(p[at + PLAN]),
-            int(p[at + LEVERS]),
-            int(p[SHARED]),
-            along,
-            motion,
-        )
+        gap -= range_reach(side, along, p, m)
     return gap
 
 
 @kernel(separate=True)
-def prove_by_spans(pair: int, known: float, motion: int) -> tuple[int, float]:
+def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
     """Prove that a pair keeps a distance on the stop path, span by span.
 
     Args:
-        pair: Address of its description, PAIR numbers.
-        known: What it surely has left; minus infinity if that is nothing [m].
-        motion: Address of the ledger of the prediction.
+        known: What the pair surely has left; minus infinity if that is nothing [m].
+        p: The pair.
+        m: The prediction.
 
     Returns:
         PROVEN, NEEDED, UNSURE or SPENT, and the least of distance minus requirement:
         a bound of what is left if proven, an estimate of what lacks if not [m].
     """
-    m = open_motion(motion)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     # One span waits on each level, and one more; and what it surely has left.
     waiting = numba.carray(stack(16), (8, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
@@ -131,8 +108,8 @@ def prove_by_spans(pair: int, known: float, motion: int) -> tuple[int, float]:
         if end >= m.span[HORIZON]:
             # Until they have settled arms may still be met by what moves.
             end = m.span[SETTLED]
-        wanted = p[NEED] + p[DRIFT] * end
-        distance, second_order, bend = span_gap(node, pair, motion)
+        wanted = p.need + p.drift * end
+        distance, second_order, bend = span_gap(node, p, m)
         spare = second_order - bend - wanted
         # It is part of a span of which that is known.
         spare = before if before > spare else spare
@@ -141,21 +118,21 @@ def prove_by_spans(pair: int, known: float, motion: int) -> tuple[int, float]:
             and distance - wanted > spare + GAIN
             and node < SHORT
             and m.span[SEGMENT] == 0.0
-            and not is_wide(node, pair, m)
+            and not is_wide(node, p, m)
         ):
             least = min(least, spare)
             continue
         if not 2 * node < (1 << NODE_LEVELS):
             if spare != spare or m.span[SEGMENT] != 0.0:
                 return (NEEDED if not second_order >= wanted else UNSURE, spare)
-            proof, spare = prove_by_boxes(node, pair, wanted, motion)
+            proof, spare = prove_by_boxes(node, wanted, p, m)
             if proof != PROVEN:
                 return (proof, spare)
             least = min(least, spare)
             continue
-        if not spare >= 0.0 and is_wide(node, pair, m):
+        if not spare >= 0.0 and is_wide(node, p, m):
             # Halving time would leave as many problems as halves.
-            proof, spare = prove_by_boxes(node, pair, wanted, motion)
+            proof, spare = prove_by_boxes(node, wanted, p, m)
             if proof == SPENT:
                 return (proof, spare)
             if proof == PROVEN:
@@ -170,17 +147,13 @@ def prove_by_spans(pair: int, known: float, motion: int) -> tuple[int, float]:
 
 
 @kernel
-def is_wide(node: int, pair: int, m: Motion) -> bool:
+def is_wide(node: int, p: Pair, m: Motion) -> bool:
     """Whether a span's joints move a pair by their ranges more than by their lines."""
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     line = wide = 0.0
     for side in range(2):
-        at = side * SIDE
-        body, span = int(p[at + BODY]), int(p[at + PLAN]) * NODES + node
-        levers = numba.carray(
-            pointer(int(p[at + LEVERS])), (m.joints.shape[1],), np.float64
-        )
-        for k in range(int(p[SHARED]), m.length[body] if body >= 0 else 0):
+        body, span = p.body[side], p.plan[side] * NODES + node
+        levers = levers_of(side, p, m)
+        for k in range(p.shared, m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
             line += abs(m.node_way[span, b]) * levers[k]
             wide += m.node_wide[span, b] * levers[k]
@@ -188,35 +161,30 @@ def is_wide(node: int, pair: int, m: Motion) -> bool:
 
 
 @kernel(separate=True)
-def span_gap(node: int, pair: int, motion: int) -> Vec3:
+def span_gap(node: int, p: Pair, m: Motion) -> Vec3:
     """Distance in the middle of a span, and its least over it [m].
 
     That to the second order, and what the second order leaves out.
 
     Args:
         node: The span.
-        pair: Address of the pair's description.
-        motion: Address of the ledger of the prediction.
+        p: The pair.
+        m: The prediction.
     """
-    m = open_motion(motion)
-    p = numba.carray(pointer(pair), (PAIR,), np.float64)
     rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     for side in range(2):
-        at, plan = side * SIDE, int(p[side * SIDE + PLAN])
-        body = int(p[at + BODY])
-        local = numba.carray(pointer(int(p[at + LOCAL])), (ROW_WIDTH,), np.float64)
+        plan, body = p.plan[side], p.body[side]
         if body < 0:
             for k in range(ROW_WIDTH):
-                rows[side, k] = local[k]
+                rows[side, k] = p.local[side, k]
             continue
-        make_node(plan, node, motion)
+        make_node(plan, node, m)
         T = m.node_T[(plan * NODES + node) * m.parent.shape[0] + body]
-        place_row(int(p[at + KIND]), local, T, rows[side])
-    kind_a, kind_b = int(p[KIND]), int(p[SIDE + KIND])
-    measure(kind_a, rows[0], kind_b, rows[1], witness)
+        place_row(p.kind[side], p.local[side], T, rows[side])
+    measure(p.kind[0], rows[0], p.kind[1], rows[1], witness)
     if not witness[0] >= 0.0:
         return (witness[0], witness[0], 0.0)
     n = (witness[7], witness[8], witness[9])
-    gap, bend, _ = gap_along(node, WHOLE, pair, rows.ctypes.data, n, motion)
+    gap, bend, _ = gap_along(node, WHOLE, rows, n, p, m)
     return (witness[0], gap, bend)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector, opener
+from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -63,6 +63,7 @@ WHOLE = BOX_LEVELS
 LEVER_ROW = 21
 
 
+@table
 class Motion(NamedTuple):
     """Chains, figures and measured state; from them the spans of the stop path.
 
@@ -187,6 +188,3 @@ class Motion(NamedTuple):
     columns: Matrix
     lever_rows: Matrix
     swings: Matrix
-
-
-open_motion = opener(Motion)

@@ -6,11 +6,9 @@ before that.
 
 from math import inf
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     ACCELERATION,
@@ -58,25 +56,24 @@ from armguard.motion.state import (
     SWINGS,
     TESTS,
     Motion,
-    open_motion,
 )
 from armguard.robot.kinematics import FIXED as NO_JOINT
 from armguard.robot.kinematics import forward_kinematics
+from armguard.table import IntVector, Matrix, Vector
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
 @kernel(separate=True)
-def plan_stops(plan: int, motion: int) -> None:
+def plan_stops(plan: int, m: Motion) -> None:
     """Predict the stop of every joint, and bound how far it gets in all.
 
     Args:
         plan: NEXT or NOW; NEXT goes first, its horizon is that of both.
-        motion: Address of the ledger of the prediction: figures, measured state and
+        m: The prediction: figures, measured state and
             clocks are read, the rest is written.
     """
-    m = open_motion(motion)
     n = m.q.shape[0]
     horizon = settled = 0.0
     for j in range(n):
@@ -168,32 +165,27 @@ def error_of(j: int, m: Motion) -> float:
 
 
 @kernel(separate=True)
-def write_axes(poses: int, motion: int) -> None:
+def write_axes(T_world: Matrix, m: Motion) -> None:
     """Write the axes of all joints where they were measured.
 
     Args:
-        poses: Address of the poses of all bodies.
-        motion: Address of the ledger of the prediction.
+        T_world: Poses of all bodies, shape (b, 12).
+        m: The prediction.
     """
-    m = open_motion(motion)
-    T_world = numba.carray(pointer(poses), (m.parent.shape[0], 12), np.float64)
     for b in range(m.parent.shape[0]):
         write_axis(T_world[b], m.axis[b], m.axes[b])
 
 
 @kernel(separate=True)
-def plan_segment(start: int, end: int, motion: int) -> None:
+def plan_segment(first: Vector, last: Vector, m: Motion) -> None:
     """Take a straight line of joint positions for the path of both plans.
 
     Args:
-        start: Address of the positions at its start.
-        end: Address of those at its end.
-        motion: Address of the ledger of the prediction.
+        first: Joint positions at its start, shape (n,) [rad or m].
+        last: Those at its end.
+        m: The prediction.
     """
-    m = open_motion(motion)
     n = m.q.shape[0]
-    first = numba.carray(pointer(start), (n,), np.float64)
-    last = numba.carray(pointer(end), (n,), np.float64)
     m.effort[STAMP] += 1
     m.effort[TESTS] = 0
     m.span[SEGMENT] = 1.0
@@ -224,17 +216,15 @@ def measured_speeds(m: Motion) -> None:
 
 
 @kernel(separate=True)
-def bound_reaches(plan: int, bodies: int, motion: int) -> None:
+def bound_reaches(plan: int, ridden: IntVector, m: Motion) -> None:
     """Bound the way and the speed of every moving primitive's points.
 
     Args:
         plan: NEXT or NOW.
-        bodies: Address of the body of each moving primitive.
-        motion: Address of the ledger of the prediction.
+        ridden: Body of each primitive; the moving ones come first, shape (p,).
+        m: The prediction.
     """
-    m = open_motion(motion)
     count = m.reach.shape[1]
-    ridden = numba.carray(pointer(bodies), (count,), np.int32)
     for i in range(count):
         chain, levers = m.joints[ridden[i]], m.levers[i]
         way = rate = 0.0
@@ -254,13 +244,12 @@ def write_axis(T: Floats, axis: Floats, out: Floats) -> None:
 
 
 @kernel(separate=True)
-def make_node(plan: int, node: int, motion: int) -> None:
+def make_node(plan: int, node: int, m: Motion) -> None:
     """Write a span of the stop path, unless that was done in this cycle.
 
     Within the span each joint's position is `middle + u · way ± (wide + u · grow)` for
     one u in [-1, 1] that is the same for all joints.
     """
-    m = open_motion(motion)
     at = plan * NODES + node
     if m.node_stamp[at] == m.effort[STAMP]:
         return

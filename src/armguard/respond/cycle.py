@@ -22,16 +22,11 @@ from armguard.guard.watch import (
     RESTING,
     RUNNING,
     Watch,
-    open_watch,
 )
 from armguard.guard.workspace import (
     FIRST_ROW,
     INTENTS,
-    MOTION,
-    SELF,
-    WATCH,
     Workspace,
-    open_workspace,
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
@@ -40,14 +35,13 @@ from armguard.motion.figures import (
     JOINT_COUNT,
     POSITION_ERROR,
 )
-from armguard.motion.state import Motion, open_motion
+from armguard.motion.state import Motion
 from armguard.respond.command import Blocked, Changed
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import NOTHING_ASKED, engage, wait_if_stopped
 from armguard.respond.evasion import look_for_threats
 from armguard.respond.finger_pace import slow_fingers
 from armguard.respond.grip_keeping import keep_grips
-from armguard.respond.lead_state import open_lead
 from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
@@ -79,7 +73,6 @@ from armguard.respond.state import (
     TANGLED,
     TWISTS,
     Response,
-    open_response,
 )
 from armguard.respond.tool_asking import ask_for_tools
 
@@ -101,35 +94,34 @@ LEAD_TIME = 0.1
 
 
 @kernel(separate=True)
-def respond(response: int, lines: int) -> int:
+def respond(a: Response, w: Workspace) -> int:
     """Turn what is asked for into a target that is to be proven.
 
     Args:
-        response: Address of the ledger of the responses; `asked` or `goal` is written
+        a: The responses; `asked` or `goal` is written
             already.
-        lines: Address of that of the workspace, after `open_cycle`.
+        w: The workspace, after `open_cycle`.
 
     Returns:
         Robots whose program is to be solved, a bit for each; where the solver can be
         called from here, those for which that did not succeed.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     hold(a, v, m)
     note_missed(a, v, m)
     if a.asking[FORM] == TWISTS:
         ask_for_tools(a, w, m)
     take_asked(a, v, m)
-    lead_robots(response, w.parts[SELF])
-    s = open_lead(a.lead)
+    lead_robots(a, w)
+    s = a.lead
     if w.settings[INTENTS] != 0:
-        read_intents(a.asked.ctypes.data, w.parts[SELF])
-    look_for_threats(response, w.parts[SELF])
+        read_intents(a.asked, w)
+    look_for_threats(a, w)
     for r in range(a.notes.shape[0]):
         follows = follow_lead(r, engage(r, a, v, m), a, s, v)
         frame_limits(r, follows, a, w, v, m)
     keep_grips(a, w, m)
-    add_pairs(response, w.parts[SELF])
+    add_pairs(a, w)
     open_programs = 0
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
@@ -187,20 +179,19 @@ def speed_to(way: float, deceleration: float, period: float) -> float:
 
 
 @kernel(separate=True)
-def finish(judged: int, unsolved: int, response: int, lines: int) -> int:
+def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
     """Prove the target, order stops, and write what the robots are told.
 
     Args:
         judged: What `open_cycle` returned.
         unsolved: Robots whose program has no solution, a bit for each.
-        response: Address of the ledger of the responses.
-        lines: Address of that of the workspace.
+        a: The responses.
+        w: The workspace.
 
     Returns:
         How many places of the workspace's `out` were used.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     for r in range(a.notes.shape[0]):
         v.recover[r] = 0
         stays = a.settings[r, KIND] == STOP and not retreats(r, a)
@@ -209,12 +200,12 @@ def finish(judged: int, unsolved: int, response: int, lines: int) -> int:
             settle_target(r, (unsolved >> r) & 1, a, w, v, m)
     for j in range(a.target.shape[0]):
         v.wanted[j] = a.target[j]
-    close_cycle(judged, w.parts[SELF])
+    close_cycle(judged, w)
     if judged == 0:
         # Nobody asked what was wanted; a stop may be over before the next who does.
         for r in range(a.notes.shape[0]):
             wait_if_stopped(r, a, v)
-    note_leads(judged, response, w.parts[SELF])
+    note_leads(judged, a, w)
     note_changes(judged, a, v, m)
     tell(a, v)
     return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH

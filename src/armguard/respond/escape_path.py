@@ -18,8 +18,8 @@ from armguard.geometry.place import place_row
 from armguard.guard.memory import TOKEN
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.proofs import robot_of, standing_need, time_since
-from armguard.guard.watch import Watch, open_watch
-from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace
 from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
@@ -30,7 +30,7 @@ from armguard.motion.figures import (
     JOINT_COUNT,
     POSITION_ERROR,
 )
-from armguard.motion.state import NEXT, REACTION, Motion, open_motion
+from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.escape_state import (
     COMER_COUNT,
     DELAY,
@@ -49,9 +49,8 @@ from armguard.respond.escape_state import (
     WHO,
     WHOM,
     Escape,
-    open_escape,
 )
-from armguard.respond.state import open_response
+from armguard.respond.state import Response
 from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
@@ -94,7 +93,7 @@ LIMIT_ROOM = 2e-3
 
 @kernel(separate=True)
 def judge_way(
-    r: int, go: float, bound: float, looks: int, response: int, lines: int
+    r: int, go: float, bound: float, looks: int, a: Response, w: Workspace
 ) -> float:
     """What a robot's way in `trial` is worth: the least gap to what comes, or less.
 
@@ -103,16 +102,15 @@ def judge_way(
         go: Time for which it goes before it comes to rest [s].
         bound: Below this nobody needs to know how little it is [m].
         looks: Whether it may also be stopped by all else.
-        response: Address of the ledger of the responses.
-        lines: Address of the ledger of the workspace.
+        a: The responses.
+        w: The workspace.
 
     Returns:
         The least gap beyond what is asked for, at most ENOUGH [m]; where it is touched
         a number below HIT.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    e = open_escape(a.escape)
+    v, m = w.watch, w.motion
+    e = a.escape
     plan_way(r, go, e, w, v, m)
     worth = least_gap(r, bound, e, w, v, m)
     if looks == 0 or worth < bound:

@@ -9,7 +9,7 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene.tables import SceneTables
-from armguard.table import LongMatrix, LongVector, Matrix, Vector, opener
+from armguard.table import LongMatrix, LongVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -61,6 +61,7 @@ SPREADS = 32
 SHORT_STROKE = 0.1
 
 
+@table
 class Escape(NamedTuple):
     """Arrays of one guard for getting out of the way.
 
@@ -111,9 +112,6 @@ class Escape(NamedTuple):
     across: Matrix
     useful: LongVector
     spreads: Matrix
-
-
-open_escape = opener(Escape)
 
 
 def escape_of(tables: SceneTables) -> Escape:

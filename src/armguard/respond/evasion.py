@@ -21,20 +21,16 @@ from armguard.guard.watch import (
     RESTING,
     RUNNING,
     Watch,
-    open_watch,
 )
 from armguard.guard.workspace import (
-    MOTION,
     MOVING_COUNT,
-    WATCH,
     Workspace,
-    open_workspace,
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.pair_state import ALLOWED, PROVEN
-from armguard.motion.state import Motion, open_motion
+from armguard.motion.state import Motion
 from armguard.respond.engagement import NOTHING_ASKED
 from armguard.respond.escape_path import (
     ENOUGH,
@@ -62,14 +58,12 @@ from armguard.respond.escape_state import (
     WHEN,
     WORTH,
     Escape,
-    open_escape,
 )
 from armguard.respond.escape_ways import look_across, way_count, write_way
 from armguard.respond.state import (
     EVADE_SPEED,
     EVADE_TIME,
     Response,
-    open_response,
 )
 
 # What comes more slowly does not come [m/s].
@@ -116,26 +110,25 @@ LINGERS = 0.1
 
 
 @kernel(separate=True)
-def look_for_threats(response: int, lines: int) -> None:
+def look_for_threats(a: Response, w: Workspace) -> None:
     """Find robots that something comes at, and ask for a way that leads off.
 
     Args:
-        response: Address of the ledger of the responses; `asked` is written already.
-        lines: Address of the ledger of the workspace, after a cycle was opened.
+        a: The responses; `asked` is written already.
+        w: The workspace, after a cycle was opened.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     for r in range(v.evades.shape[0]):
         v.evades[r] = 0
     for k in range(v.movers.shape[0]):
         v.evaded[v.movers[k]] = 0
     if v.movers.shape[0] == 0:
         return
-    e = open_escape(a.escape)
+    e = a.escape
     for r in range(v.evades.shape[0]):
         if a.settings[r, EVADE_TIME] == 0.0:
             continue
-        if evades(r, response, lines, a, e, w, v, m):
+        if evades(r, a, e, w, v, m):
             v.evades[r] = 1
             for c in range(e.counts[COMER_COUNT]):
                 v.evaded[e.comers[c]] |= 1 << r
@@ -150,8 +143,6 @@ def gets_out_of_its_way(r: int, j: int, v: Watch) -> bool:
 @kernel
 def evades(
     r: int,
-    response: int,
-    lines: int,
     a: Response,
     e: Escape,
     w: Workspace,
@@ -167,17 +158,17 @@ def evades(
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     look_for_comers(r, a, e, w, v, m)
     comes = e.counts[COMER_COUNT] > 0
-    if comes and is_threatened(r, response, lines, a, e, v, m):
+    if comes and is_threatened(r, a, e, w, v, m):
         left = e.plan[WHEN] / a.settings[r, EVADE_TIME]
         look_across(r, e, w, v, m)
         look_for_others(r, e, w, v)
         if notes[EVADING] == 0:
-            known = look_for_way(r, response, lines, a, e, m)
+            known = look_for_way(r, a, e, w, m)
             if (known == GOOD and left > 1.0) or (known == SOME and left > LOOKS_UNTIL):
                 return False
             notes[EVADING], notes[NEXT_TRY] = 1, max(notes[KNOWN] - 1, 0)
         e.memory[r, DONE] = 0.0
-        choose_way(r, response, lines, a, e, v, m)
+        choose_way(r, a, e, w, v, m)
         for j in range(first, end):
             a.asked[j] = e.way[j] if notes[HAS_WAY] != 0 else 0.0
         return True
@@ -227,9 +218,7 @@ def forget_ways(r: int, e: Escape, m: Motion) -> None:
 
 
 @kernel
-def look_for_way(
-    r: int, response: int, lines: int, a: Response, e: Escape, m: Motion
-) -> int:
+def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> int:
     """Go on to judge ways of a robot that waits: GOOD, SOME or BEST is known.
 
     The best one it knows is judged anew.
@@ -239,7 +228,7 @@ def look_for_way(
     memory[WORTH] = -inf
     if notes[KNOWN] != 0:
         go = write_way(notes[KNOWN] - 1, r, share, e, m)
-        memory[WORTH] = judge_way(r, go, -inf, 1, response, lines)
+        memory[WORTH] = judge_way(r, go, -inf, 1, a, w)
     e.counts[SPENT] = 0
     for _ in range(ways):
         if memory[WORTH] >= CLEAR:
@@ -251,7 +240,7 @@ def look_for_way(
         if e.counts[SPENT] > PLACED:
             break
         go = write_way(notes[NEXT_TRY], r, share, e, m)
-        worth = judge_way(r, go, memory[WORTH], 1, response, lines)
+        worth = judge_way(r, go, memory[WORTH], 1, a, w)
         if worth > memory[WORTH]:
             notes[KNOWN], memory[WORTH] = notes[NEXT_TRY] + 1, worth
         notes[NEXT_TRY] = (notes[NEXT_TRY] + 1) % ways
@@ -302,13 +291,13 @@ def look_for_comers(
 
 @kernel
 def is_threatened(
-    r: int, response: int, lines: int, a: Response, e: Escape, v: Watch, m: Motion
+    r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> bool:
     """Whether what comes gets too near to a robot that goes on as it is asked to."""
     first = int(m.robot_figures[r, FIRST_JOINT])
     for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
         e.trial[j] = a.asked[j] if v.phase[r] != RESTING else 0.0
-    worth = judge_way(r, ASKED, -inf, 0, response, lines)
+    worth = judge_way(r, ASKED, -inf, 0, a, w)
     if e.notes[r, EVADING] != 0:
         return worth < CLEAR
     return worth < NEAR and e.plan[WHEN] < FORESIGHT * a.settings[r, EVADE_TIME]
@@ -334,7 +323,7 @@ def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
 
 @kernel
 def choose_way(
-    r: int, response: int, lines: int, a: Response, e: Escape, v: Watch, m: Motion
+    r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Judge to stay, the way a robot is on, and some others; take the best."""
     notes, memory = e.notes[r], e.memory[r]
@@ -342,13 +331,13 @@ def choose_way(
     end = first + int(m.robot_figures[r, JOINT_COUNT])
     for j in range(first, end):
         e.trial[j] = 0.0
-    best = judge_way(r, 0.0, -inf, 0, response, lines)
+    best = judge_way(r, 0.0, -inf, 0, a, w)
     if not memory[LEFT] > 0.0 or best >= ENOUGH:
         notes[HAS_WAY] = 0
     if notes[HAS_WAY] != 0:
         for j in range(first, end):
             e.trial[j] = e.way[j]
-        worth = judge_way(r, memory[LEFT], -inf, 1, response, lines)
+        worth = judge_way(r, memory[LEFT], -inf, 1, a, w)
         if worth > best - BETTER:
             best = worth
         else:
@@ -362,7 +351,7 @@ def choose_way(
         if wanted > ENOUGH or e.counts[SPENT] > PLACED:
             break
         go = write_way(notes[NEXT_TRY], r, a.settings[r, EVADE_SPEED], e, m)
-        worth = judge_way(r, go, wanted, 1, response, lines)
+        worth = judge_way(r, go, wanted, 1, a, w)
         if worth >= wanted:
             for j in range(first, end):
                 e.way[j] = e.trial[j]

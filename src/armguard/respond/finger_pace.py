@@ -9,9 +9,8 @@ from armguard.guard.grips import (
     END_FINGER,
     FIRST_FINGER,
     Grips,
-    open_grips,
 )
-from armguard.guard.workspace import GRIPS, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
@@ -29,7 +28,7 @@ def slow_fingers(r: int, a: Response, w: Workspace, m: Motion) -> None:
         w: Workspace.
         m: Motion.
     """
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     for g in range(h.grippers.shape[0]):
         for f in range(h.grippers[g, FIRST_FINGER], h.grippers[g, END_FINGER]):
             slow_finger(r, int(w.bodies[h.fingers[f, 0]]), g, a, h, m)

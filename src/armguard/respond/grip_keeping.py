@@ -6,9 +6,8 @@ from armguard.guard.grips import (
     FIRST_FINGER,
     HOLDS,
     Grips,
-    open_grips,
 )
-from armguard.guard.workspace import GRIPS, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.state import Response
@@ -26,7 +25,7 @@ def keep_grips(a: Response, w: Workspace, m: Motion) -> None:
         w: Workspace.
         m: Motion.
     """
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     for g in range(h.grippers.shape[0]):
         if h.grippers[g, HOLDS] == 0:
             continue

@@ -555,12 +555,8 @@ class Guard(Monitor):
                     "stops; to filter commands it needs 'path' or 'speed'"
                 )
         self._lead = lead_of(self.tables)
-        self._lead_ledger = Ledger(self._lead)
         self._escape = escape_of(self.tables)
-        self._escape_ledger = Ledger(self._escape)
-        response = response_of(
-            self.tables, self._lead_ledger.lines, self._escape_ledger.lines
-        )
+        response = response_of(self.tables, self._lead, self._escape)
         self._response_ledger = Ledger(response)
         self._response_lines = self._response_ledger.lines
         self._parts_of_q = tuple(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.scene.tables import SceneTables
-from armguard.table import LongMatrix, Matrix, Vector, opener
+from armguard.table import LongMatrix, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -57,6 +57,7 @@ LEAD_MEMORY = 5
 TOOL_AIM = 15
 
 
+@table
 class Lead(NamedTuple):
     """Arrays of what leads the robots of one guard.
 
@@ -91,9 +92,6 @@ class Lead(NamedTuple):
     columns: Matrix
     square: Matrix
     twist: Vector
-
-
-open_lead = opener(Lead)
 
 
 def lead_of(tables: SceneTables) -> Lead:

@@ -18,12 +18,11 @@ from armguard.guard.watch import (
     RUNNING,
     STOPPING,
     Watch,
-    open_watch,
 )
-from armguard.guard.workspace import MOTION, WATCH, open_workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
-from armguard.motion.state import Motion, open_motion
+from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
 from armguard.respond.engagement import NOTHING_ASKED, Standing
 from armguard.respond.field import (
@@ -48,7 +47,6 @@ from armguard.respond.lead_state import (
     SUSPENDED,
     WAY,
     Lead,
-    open_lead,
 )
 from armguard.respond.retreat import is_held_up, lead_back, stand
 from armguard.respond.state import (
@@ -64,7 +62,6 @@ from armguard.respond.state import (
     TOLD_POSITIONS,
     VELOCITIES,
     Response,
-    open_response,
 )
 from armguard.respond.trail import remember_place
 
@@ -87,16 +84,15 @@ LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
 
 
 @kernel(separate=True)
-def lead_robots(response: int, lines: int) -> None:
+def lead_robots(a: Response, w: Workspace) -> None:
     """Ask in the place of operators whose robots are led.
 
     Args:
-        response: Address of the ledger of the responses; `asked` is written already.
-        lines: Address of the ledger of the workspace, after a cycle was opened.
+        a: The responses; `asked` is written already.
+        w: The workspace, after a cycle was opened.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    s = open_lead(a.lead)
+    v, m = w.watch, w.motion
+    s = a.lead
     fields = False
     for r in range(s.notes.shape[0]):
         notes = s.notes[r]
@@ -205,17 +201,16 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
 
 
 @kernel(separate=True)
-def note_leads(judged: int, response: int, lines: int) -> None:
+def note_leads(judged: int, a: Response, w: Workspace) -> None:
     """After the proof: remember where robots are, and say how those that are led fare.
 
     Args:
         judged: Whether the input could be judged.
-        response: Address of the ledger of the responses.
-        lines: Address of the ledger of the workspace.
+        a: The responses.
+        w: The workspace.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
-    s = open_lead(a.lead)
+    v, m = w.watch, w.motion
+    s = a.lead
     if judged == 0:
         return
     for r in range(s.notes.shape[0]):

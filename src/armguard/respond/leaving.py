@@ -18,13 +18,13 @@ from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
 from armguard.guard.proofs import SINK, object_speed, robot_of, standing_need
-from armguard.guard.watch import RESTING, Watch, open_watch
-from armguard.guard.workspace import MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.watch import RESTING, Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import ACCELERATION, FIRST_JOINT, JOINT_COUNT, TRACKING
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
-from armguard.motion.state import SETTLED, Motion, open_motion
+from armguard.motion.state import SETTLED, Motion
 from armguard.respond.evasion import gets_out_of_its_way
 from armguard.respond.state import (
     ASKS,
@@ -32,7 +32,6 @@ from armguard.respond.state import (
     RETREATS,
     TANGLED,
     Response,
-    open_response,
 )
 
 Floats = NDArray[np.float64]
@@ -69,17 +68,16 @@ def anybody_leaves(a: Response) -> bool:
 
 
 @kernel(separate=True)
-def note_ways_out(response: int, lines: int) -> None:
+def note_ways_out(a: Response, w: Workspace) -> None:
     """Note which way joints lead out of what is too near to robots that are to leave.
 
     Where no way of a joint opens all of it, rows say how it may help the others.
 
     Args:
-        response: Address of the ledger of the responses.
-        lines: Address of the ledger of the workspace, after a cycle was opened.
+        a: The responses.
+        w: The workspace, after a cycle was opened.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     for j in range(a.ways_out.shape[0]):
         a.ways_out[j] = 0
     for k in range(int(w.out[NEAR_COUNT])):

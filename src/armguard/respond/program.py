@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.commands import time_passed
 from armguard.guard.contracts import contract_of
-from armguard.guard.grips import BY_INTENT, ENDING, STATE, open_grips
+from armguard.guard.grips import BY_INTENT, ENDING, STATE
 from armguard.guard.grips import KIND as CONTRACT_KIND
 from armguard.guard.layout import (
     CLEARANCE,
@@ -42,8 +42,8 @@ from armguard.guard.layout import (
 from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
 from armguard.guard.proofs import SINK, robot_of
-from armguard.guard.watch import RESTING, Watch, open_watch
-from armguard.guard.workspace import GRIPS, MOTION, WATCH, Workspace, open_workspace
+from armguard.guard.watch import RESTING, Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     ACCELERATION,
@@ -57,10 +57,10 @@ from armguard.motion.figures import (
     VELOCITY,
 )
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
-from armguard.motion.state import NEXT, REACTION, Motion, open_motion
+from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.command import Changed
 from armguard.respond.evasion import gets_out_of_its_way
-from armguard.respond.lead_state import BY_RETREAT, LED, open_lead
+from armguard.respond.lead_state import BY_RETREAT, LED
 from armguard.respond.leaving import (
     NO_ROW,
     SURELY,
@@ -91,7 +91,6 @@ from armguard.respond.state import (
     STEP,
     TANGLED,
     Response,
-    open_response,
 )
 from armguard.respond.straight import (
     comes_to_anything,
@@ -131,16 +130,15 @@ GRAIN = 1e-9
 
 
 @kernel(separate=True)
-def add_pairs(response: int, lines: int) -> None:
+def add_pairs(a: Response, w: Workspace) -> None:
     """Add every near pair to the programs of its robots; note who leads away.
 
     Args:
-        response: Address of the ledger of the responses; `target`, `low`, `high` and
+        a: The responses; `target`, `low`, `high` and
             `brake` are written already.
-        lines: Address of the ledger of the workspace, after a cycle was opened.
+        w: The workspace, after a cycle was opened.
     """
-    a, w = open_response(response), open_workspace(lines)
-    v, m = open_watch(w.parts[WATCH]), open_motion(w.parts[MOTION])
+    v, m = w.watch, w.motion
     for r in range(a.notes.shape[0]):
         a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
         a.notes[r, LEADS_AWAY] = a.notes[r, TANGLED] = 0
@@ -151,7 +149,7 @@ def add_pairs(response: int, lines: int) -> None:
     a.pace[LESS] = 1.0 - exp(-dt / HOLDING_TIME)
     write_costs(a, v, m)
     if anybody_leaves(a):
-        note_ways_out(response, lines)
+        note_ways_out(a, w)
     comes = comes_to_anything(w)
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), comes, a, w, v, m)
@@ -287,7 +285,7 @@ def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
 @kernel
 def retreats(r: int, a: Response) -> bool:
     """Whether a robot goes back along its way, and is to keep to it."""
-    return bool(open_lead(a.lead).notes[r, LED] == BY_RETREAT)
+    return bool(a.lead.notes[r, LED] == BY_RETREAT)
 
 
 @kernel
@@ -566,7 +564,7 @@ def add_contract(
         w: Workspace.
         m: Motion.
     """
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     k = contract_of(i, j, h)
     if k < 0:
         return

@@ -1,15 +1,17 @@
 """What responding needs and remembers: arrays made once, written every cycle."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.respond.daqp_interface import daqp_memory
+from armguard.respond.escape_state import Escape
+from armguard.respond.lead_state import Lead
 from armguard.respond.solver import MOST_ITERATIONS, PRIMAL_TOLERANCE
 from armguard.scene.settings import FarStart, ResponseName, Sharing
 from armguard.scene.tables import SceneTables
-from armguard.table import LongMatrix, LongVector, Matrix, Vector, opener
+from armguard.table import TABLE, LongMatrix, LongVector, Matrix, Vector, opener, table
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
@@ -110,6 +112,7 @@ LESS = 2  # the same joint by joint [-]
 PACE = 3
 
 
+@table
 class Response(NamedTuple):
     """Arrays of one guard's responses.
 
@@ -144,10 +147,8 @@ class Response(NamedTuple):
         program: Memory of the program that is solved, see `programs`, shape (k,).
         solver: The solver's, see `daqp_memory`, shape (k,).
         told: What is handed out, see `Command`, shape (4 n + 4 r,).
-        lead: Lines of the ledger of what leads robots in their operators' place, see
-            `lead_state`.
-        escape: Lines of the ledger of ways out of the way of what comes, see
-            `escape_state`.
+        lead: What leads robots in their operators' place.
+        escape: Ways out of the way of approaching obstacles.
         spares: What remembered pairs have left, see `spares`, shape (REMEMBERED,) [m].
         spare_of: Which pairs, and when they were met, shape (REMEMBERED, 2).
         missed: By how much each joint misses what it is told, shape (n,) [rad/s].
@@ -185,11 +186,11 @@ class Response(NamedTuple):
     program: Vector
     solver: LongVector
     told: Vector
-    lead: LongVector
+    lead: Annotated[Lead, TABLE]
     spares: Vector
     spare_of: LongMatrix
     missed: Vector
-    escape: LongVector
+    escape: Annotated[Escape, TABLE]
     held_since: Vector
     passing: Vector
 
@@ -197,13 +198,13 @@ class Response(NamedTuple):
 open_response = opener(Response)
 
 
-def response_of(tables: SceneTables, lead: Longs, escape: Longs) -> Response:
+def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
     """Arrays for the responses of a scene.
 
     Args:
         tables: The scene.
-        lead: Lines of the ledger of what leads robots; whoever owns it keeps it.
-        escape: Lines of the ledger of ways out of the way; the same.
+        lead: What leads robots in their operators' place.
+        escape: Ways out of the way of approaching obstacles.
     """
     n, robots = len(tables.q_names), len(tables.robots)
     settings = np.zeros((robots, SETTINGS))

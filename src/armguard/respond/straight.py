@@ -24,12 +24,11 @@ from armguard.guard.grips import (
     POINT,
     STANDING,
     STATE,
-    open_grips,
 )
 from armguard.guard.intent import TOWARDS, velocity_of
 from armguard.guard.proofs import robot_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import GRIPS, INTENTS, Workspace
+from armguard.guard.workspace import INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import NEXT, REACTION, Motion
@@ -44,7 +43,7 @@ def comes_to_anything(w: Workspace) -> bool:
     """Whether a contract is in force; else no pair need be asked for its own."""
     if w.settings[INTENTS] == 0:
         return False
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     for k in range(h.contracts.shape[0]):
         if h.contracts[k, STATE] == IN_FORCE:
             return True
@@ -70,7 +69,7 @@ def straight_contract(
     """
     if a.settings[r, RESPONSE] != DEFLECT and a.settings[r, RESPONSE] != FIELD:
         return -1
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     k = contract_of(i, j, h)
     if k < 0:
         return -1
@@ -105,7 +104,7 @@ def slow_to_contract(
         w: Workspace.
         m: Motion.
     """
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     c = h.contracts[k]
     limit = part * granted_speed(r, distance, c, m)
     slow_arm(r, share_kept(r, a.raw, limit, c, a, w, m), c, a, w, m)
@@ -125,7 +124,7 @@ def slow_to_rows(
         w: Workspace.
         m: Motion.
     """
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     c = h.contracts[k]
     kept = 1.0
     for row in range(begin, a.notes[r, ROW_COUNT]):
@@ -186,7 +185,7 @@ def is_finger(q: int, c: Floats, w: Workspace, m: Motion) -> bool:
     """Whether a joint moves a finger of a contract's gripper, and not the gripper."""
     if c[KIND] != BY_INTENT:
         return False
-    h = open_grips(w.parts[GRIPS])
+    h = w.grips
     own = h.grippers[int(c[GRIPPER])]
     if moves(q, int(own[BODY]), m):
         return False

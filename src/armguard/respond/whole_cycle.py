@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.filtered_cycle import open_cycle
 from armguard.guard.levels import Reason
-from armguard.guard.workspace import SELF, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.respond.cycle import finish, respond
 from armguard.respond.state import (
@@ -69,11 +69,10 @@ def begin_filtered_cycle(
         See `respond`; NOT_JUDGED if the input could not be judged.
     """
     a, w = open_response(response), open_workspace(lines)
-    address = w.parts[SELF]
-    if open_cycle(q.ctypes.data, q.shape[0], address) == 0:
+    if open_cycle(q, w) == 0:
         return NOT_JUDGED
     take_wish(form, wish, a)
-    return respond(response.ctypes.data, address)
+    return respond(a, w)
 
 
 @kernel(inline=False, entry=True)
@@ -87,12 +86,12 @@ def end_filtered_cycle(q: Floats, unsolved: int, response: Longs, lines: Longs) 
         response: See there.
         lines: See there.
     """
-    w = open_workspace(lines)
+    a, w = open_response(response), open_workspace(lines)
     judged = 0 if unsolved == NOT_JUDGED else 1
     open_programs = 0 if judged == 0 else unsolved
-    used = finish(judged, open_programs, response.ctypes.data, w.parts[SELF])
+    used = finish(judged, open_programs, a, w)
     if judged == 0:
-        tell_what_is_said(q, open_response(response))
+        tell_what_is_said(q, a)
     return used
 
 

@@ -5,8 +5,8 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch, open_watch
-from armguard.guard.workspace import WATCH, open_workspace
+from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch
+from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.respond.state import POSITIONS as TO_POSITIONS
 from armguard.respond.state import STANDSTILL as TO_STAND_STILL
@@ -59,7 +59,7 @@ def judge(address: int, response: Longs, lines: Longs) -> None:
 def begin_judging(address: int, response: Longs, lines: Longs) -> int:
     """The same as far as programs are to be solved, see `begin_filtered_cycle`."""
     d = open_desk(address)
-    v = open_watch(open_workspace(lines).parts[WATCH])
+    v = open_workspace(lines).watch
     hand_over(d, v)
     choose(d)
     given = d.given

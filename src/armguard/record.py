@@ -1,0 +1,71 @@
+"""Records: rows of named fields that a kernel takes as one argument.
+
+A class decorated with `@record` declares the fields of a structured dtype: `int`,
+`float`, or an array of fixed shape, `Annotated[Floats, (2, 16)]`. A kernel makes one on
+its stack by `maker(Record)` and reads and writes its fields by name. A call passes the
+address alone.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeVar, cast, get_args, get_type_hints
+
+import numba
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba.core import cgutils
+from numba.extending import as_numba_type, intrinsic
+
+Record = TypeVar("Record")
+
+
+def dtype_of(declared: type) -> np.dtype[Any]:
+    """The structured dtype of a class of fields."""
+    fields: list[Any] = []
+    for name, hint in get_type_hints(declared, include_extras=True).items():
+        if not get_args(hint):
+            fields.append((name, np.dtype(hint)))
+            continue
+        array, shape = get_args(hint)
+        fields.append((name, np.dtype(get_args(get_args(array)[1])[0]), shape))
+    return np.dtype(fields, align=True)
+
+
+def record(declared: type[Record]) -> type[Record]:
+    """Let annotations of separate kernels name a record."""
+    as_numba_type.register(declared, numba.from_dtype(dtype_of(declared)))
+    return declared
+
+
+def maker(declared: type[Record]) -> Callable[[], Record]:
+    """What makes a record in a kernel, on its stack; its fields hold anything at first.
+
+    Args:
+        declared: A class decorated with `@record`.
+    """
+    dtype = dtype_of(declared)
+    if numba.config.DISABLE_JIT:
+        # As on a stack: memory that is soon used again, though not before the kernel
+        # that asked for it has called all it calls.
+        recent: deque[Any] = deque(maxlen=256)
+
+        def interpreted() -> Any:
+            """The record."""
+            recent.append(np.recarray(1, dtype))
+            return recent[-1][0]
+
+        return interpreted
+    kind = numba.from_dtype(dtype)
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def compiled(typing_context: Any) -> Any:
+        """The record."""
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            count = -(-dtype.itemsize // 8)
+            place = cgutils.alloca_once(builder, ir.DoubleType(), size=count)
+            return builder.bitcast(place, context.get_value_type(kind))
+
+        return kind(), generate
+
+    return cast(Callable[[], Record], compiled)
