@@ -1,22 +1,38 @@
 """Records: rows of named fields that a kernel takes as one argument.
 
 A class decorated with `@record` declares the fields of a structured dtype: `int`,
-`float`, or an array of fixed shape, `Annotated[Floats, (2, 16)]`. A kernel makes one on
-its stack by `maker(Record)` and reads and writes its fields by name. A call passes the
-address alone.
+`float`, or an array of fixed shape, `Annotated[Floats, (2, 16)]`. Kernels read and
+write the fields by name, and a call passes the address alone. A record is a row of an
+array of records (`Records`, `records`), or a kernel makes it on its stack by
+`maker(Record)`.
 """
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, TypeVar, cast, get_args, get_type_hints
+from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints
 
 import numba
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
-from numba.core import cgutils
+from numba.core import cgutils, types
 from numba.extending import as_numba_type, intrinsic
 
 Record = TypeVar("Record")
+Row_co = TypeVar("Row_co", covariant=True)
+
+
+class Records(Protocol[Row_co]):
+    """An array of records."""
+
+    shape: tuple[int, ...]
+
+    def __getitem__(self, k: int) -> Row_co:
+        """A row, by reference."""
+
+
+def records(shape: Any, declared: type[Record]) -> Records[Record]:
+    """An array of records, all zero."""
+    return cast(Records[Record], np.zeros(shape, dtype_of(declared)).view(np.recarray))
 
 
 def dtype_of(declared: type) -> np.dtype[Any]:
@@ -69,3 +85,24 @@ def maker(declared: type[Record]) -> Callable[[], Record]:
         return kind(), generate
 
     return cast(Callable[[], Record], compiled)
+
+
+if numba.config.DISABLE_JIT:
+
+    def clear(row: Any) -> None:
+        """Set all fields of a record to zero."""
+        for name in row.dtype.names:
+            row[name] = 0
+
+else:
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def clear(typing_context: Any, row: Any) -> Any:
+        """Set all fields of a record to zero."""
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            place = builder.bitcast(args[0], cgutils.voidptr_t)
+            cgutils.memset(builder, place, ir.Constant(ir.IntType(64), row.size), 0)
+            return context.get_dummy_value()
+
+        return types.none(row), generate

@@ -10,7 +10,7 @@ owner of a ledger owns the arrays too and keeps them alive.
 """
 
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
 import numpy as np
@@ -25,10 +25,12 @@ from numba.extending import (
     lower_getattr_generic,
     register_model,
 )
+from numba.np import numpy_support
 from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
 from armguard.address import pointer
+from armguard.record import Records, dtype_of
 
 # Kinds of arrays: their numbers, and 1 or 2 dimensions.
 Vector = Annotated[NDArray[np.float64], 1]
@@ -57,8 +59,11 @@ def array_type(hint: Any) -> Any:
     if not get_args(hint) or not isinstance(get_args(hint)[-1], int):
         return None
     array, dimensions = get_args(hint)
-    dtype = numba.from_dtype(np.dtype(get_args(get_args(array)[1])[0]))
-    return types.Array(dtype, dimensions, "C")
+    if get_origin(array) is Records:
+        dtype = dtype_of(get_args(array)[0])
+    else:
+        dtype = np.dtype(get_args(get_args(array)[1])[0])
+    return types.Array(numba.from_dtype(dtype), dimensions, "C")
 
 
 as_numba_type.register(array_type)
@@ -210,7 +215,7 @@ def load_array(context: Any, builder: Any, kind: Any, value: Any, k: int) -> Any
         load_word(builder, value, place)
         for place in range(LINE * k, LINE * k + 1 + kind.ndim)
     ]
-    size = context.get_constant(types.intp, np.dtype(str(kind.dtype)).itemsize)
+    size = context.get_constant(types.intp, numpy_support.as_dtype(kind.dtype).itemsize)
     strides = [size]
     if kind.ndim == 2:
         strides.insert(0, builder.mul(words[2], size))
@@ -288,7 +293,9 @@ def from_lines(table: type, address: int, first: int = 0) -> tuple[Any, int]:
             k += count
             continue
         place, *shape = lines[LINE * k :][: 1 + kind.ndim].tolist()
-        dtype = np.dtype(str(kind.dtype))
-        fields.append(numba.carray(pointer(place), tuple(shape), dtype))
+        found = numba.carray(
+            pointer(place), tuple(shape), numpy_support.as_dtype(kind.dtype)
+        )
+        fields.append(found.view(np.recarray) if found.dtype.names else found)
         k += 1
     return table(*fields), k - first

@@ -392,7 +392,7 @@ def test_the_reason_has_its_sentence():
 def prove(lines):
     """How the first near pair is proven."""
     w = open_workspace(lines)
-    return prove_with_contract(0, 1, NEXT, NEXT, row_place(0, w), lines)[0]
+    return prove_with_contract(0, 1, NEXT, NEXT, row_place(0, w), w)[0]
 
 
 def slides_in_contract(gap=0.003, speed=0.1):

@@ -32,15 +32,9 @@ from armguard.guard.watch import (
     WAY,
 )
 from armguard.motion import figures as figure
-from armguard.motion.joint_stop import (
-    BOUNCE,
-    JOINT_STOP,
-    SETTLED,
-    SWING,
-    TRAVEL,
-    V_BACK,
-)
+from armguard.motion.joint_stop import JointStop
 from armguard.motion.state import CLOCK, NEXT, NOW, PLANS, STILL
+from armguard.record import records
 from armguard.robot.kinematics import FIXED, REVOLUTE
 from records import record
 
@@ -362,23 +356,24 @@ def test_a_drive_follows_what_its_delay_leaves_or_is_on_its_way_there(count, pha
 
 def farthest_of(stops):
     """How far each stop leads: to its end and a swing on, or to a swing back."""
-    return np.maximum(stops[..., TRAVEL] + stops[..., SWING], stops[..., BOUNCE])
+    return np.maximum(stops.travel + stops.swing, stops.swing_back)
 
 
 def stops(rng):
     """Stops of joints that were judged, and others that get farther."""
-    before = np.abs(rng.normal(size=(2, PLANS * JOINTS, JOINT_STOP)))
-    before[:, :, V_BACK] = 0.0
+    before = records((2, PLANS * JOINTS), JointStop)
+    for name in before.dtype.names:
+        before[name] = np.abs(rng.normal(size=before.shape))
+    before.opposite_speed = 0.0
     after = before.copy()
-    after[:, :, TRAVEL] += rng.uniform(-0.1, 0.1, after.shape[:2])
-    after[:, :, SWING] += rng.uniform(-0.1, 0.1, after.shape[:2])
-    after[:, :, BOUNCE] += rng.uniform(-0.1, 0.1, after.shape[:2])
+    for name in ("travel", "swing", "swing_back"):
+        after[name] += rng.uniform(-0.1, 0.1, after.shape)
     ways = np.zeros((2 * PLANS * JOINTS, JUDGED_WAY))
     for side in range(2):
         ways[side::2, WAY] = farthest_of(before[side])
-        ways[side::2, BACKWARDS] = before[side, :, V_BACK]
-        ways[side::2, SETTLES] = before[side, :, SETTLED]
-        ways[side::2, RESTS] = before[side, :, TRAVEL]
+        ways[side::2, BACKWARDS] = before[side].opposite_speed
+        ways[side::2, SETTLES] = before[side].settled
+        ways[side::2, RESTS] = before[side].travel
     return before, after, ways
 
 
@@ -432,7 +427,7 @@ def test_a_stop_that_settles_later_may_swing_where_the_joint_rested_before():
     for _ in range(40):
         for later in (-1e-6, 1e-6):
             v, m, most = changed(rng)
-            m.up[:, SETTLED] += later
+            m.up.settled[:] += later
             rested = v.judged_ways[::2, RESTS].reshape(PLANS, JOINTS)
             swings = farthest_of(m.up).reshape(PLANS, JOINTS) - rested
             expected = np.maximum(most, swings.max(0)) if later > 0.0 else most
@@ -450,7 +445,7 @@ def test_what_may_turn_round_or_has_other_clocks_is_judged_anew():
     for speed in (0.0, 0.2):
         v, m, _ = changed(rng)
         v.judged_ways[:, BACKWARDS] = 0.3
-        m.up[:, V_BACK] = speed
+        m.up.opposite_speed[:] = speed
         assert growth(0, v, m) == np.inf
 
 

@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 from armguard.motion.joint_stop import (
-    JOINT_STOP,
-    REST,
-    SWING,
-    TRAVEL,
+    JointStop,
     farthest,
     plan_stop,
     swing_within,
     whole_way,
 )
+from armguard.record import records
 
 NO_CURVE = np.zeros(0)
 
@@ -39,7 +37,7 @@ def stop_of(
     velocity, top, a, reaction, ramp, least, most, settle=0.0, table=NO_CURVE,
     driven=None, time=0.0,
 ):  # fmt: skip
-    out = np.zeros(JOINT_STOP)
+    out = records(1, JointStop)[0]
     driven = top if driven is None else driven
     planned(
         velocity, -velocity, top, driven, a, reaction, ramp, least, most, settle, time,
@@ -82,7 +80,7 @@ def test_no_admissible_joint_leaves_the_curves(most, ramp, filtered):
         low_v, high_v = np.sort(rng.uniform(-top, top, 2)) if filtered else (-top, top)
         up = stop_of(v, top, a, reaction, ramp, least, hardest, driven=high_v)
         down = stop_of(-v, top, a, reaction, ramp, least, hardest, driven=-low_v)
-        times = np.linspace(0.0, max(up[REST], down[REST]) + 0.05, 4000)
+        times = np.linspace(0.0, max(up.rest_time, down.rest_time) + 0.05, 4000)
         high, low = curve(times, up), -curve(times, down)
         for _ in range(6):
             brake = rng.uniform(least, min(hardest, 5 * least))
@@ -99,7 +97,7 @@ def test_no_admissible_joint_leaves_the_curves(most, ramp, filtered):
 def test_the_worst_joint_follows_the_upper_curve():
     v, top, a, reaction, ramp, least = 0.8, 1.5, 6.0, 0.02, 0.05, 3.0
     stop = stop_of(v, top, a, reaction, ramp, least, inf)
-    times = np.linspace(0.0, stop[REST], 200_001)
+    times = np.linspace(0.0, stop.rest_time, 200_001)
     x, speed = np.zeros_like(times), v
     dt = times[1]
     for k in range(1, len(times)):
@@ -110,26 +108,26 @@ def test_the_worst_joint_follows_the_upper_curve():
         speed = after
     # Where the ramp begins in the middle of a step these steps are off by as much.
     assert np.allclose(x, curve(times, stop), atol=5e-6)
-    assert stop[TRAVEL] == pytest.approx(x[-1], abs=5e-6)
+    assert stop.travel == pytest.approx(x[-1], abs=5e-6)
     assert speed == pytest.approx(0.0, abs=1e-4)
 
 
 def test_a_joint_at_top_speed_gains_none():
     stop = stop_of(1.0, 1.0, 50.0, 0.1, 0.0, 2.0, inf)
-    assert stop[TRAVEL] == pytest.approx(0.1 + 1.0 / 4.0)
-    assert stop[REST] == pytest.approx(0.1 + 0.5)
+    assert stop.travel == pytest.approx(0.1 + 1.0 / 4.0)
+    assert stop.rest_time == pytest.approx(0.1 + 0.5)
 
 
 def test_the_swing_is_in_proportion_to_the_speed():
     slow = stop_of(0.5, 1.0, 0.001, 0.0, 0.0, 2.0, inf, settle=0.01)
     fast = stop_of(1.0, 1.0, 0.001, 0.0, 0.0, 2.0, inf, settle=0.01)
-    assert fast[SWING] == pytest.approx(0.01)
-    assert slow[SWING] == pytest.approx(0.005)
+    assert fast.swing == pytest.approx(0.01)
+    assert slow.swing == pytest.approx(0.005)
 
 
 def test_a_joint_that_moves_away_only_gets_back():
     stop = stop_of(-1.0, 1.0, 2.0, 0.01, 0.0, 2.0, 4.0)
-    assert stop[TRAVEL] == 0.0
+    assert stop.travel == 0.0
     found = curve(np.array([0.0, 0.1, 1.0]), stop)
     assert found[0] == 0.0
     assert (np.diff(found) <= 0.0).all()
@@ -219,7 +217,7 @@ def test_a_measured_table_takes_the_place_of_the_formula():
 
     table = StopTable((0.5, 1.0), (0.2, 0.4), (0.05, 0.2))
     stop = stop_of(1.0, 1.0, 1e-9, 0.01, 0.0, 99.0, inf, 0.0, curve_row(table, 1.0))
-    assert stop[TRAVEL] == pytest.approx(0.01 + 0.2, rel=1e-6)
-    assert stop[REST] >= 0.41
+    assert stop.travel == pytest.approx(0.01 + 0.2, rel=1e-6)
+    assert stop.rest_time >= 0.41
     half = stop_of(0.5, 1.0, 1e-9, 0.01, 0.0, 99.0, inf, 0.0, curve_row(table, 1.0))
-    assert half[TRAVEL] == pytest.approx(0.005 + 0.05, rel=1e-6)
+    assert half.travel == pytest.approx(0.005 + 0.05, rel=1e-6)

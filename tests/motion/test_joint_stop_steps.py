@@ -8,18 +8,13 @@ import pytest
 
 from armguard.motion.figures import CURVE_POINTS
 from armguard.motion.joint_stop import (
-    BOUNCE,
-    JOINT_STOP,
-    REST,
-    SETTLED,
-    SWING,
-    TRAVEL,
-    V_BACK,
+    JointStop,
     farthest,
     plan_stop,
     speed_lost,
     swing_within,
 )
+from armguard.record import records
 
 NO_CURVE = np.zeros(0)
 
@@ -62,7 +57,7 @@ def stop_of(
     driven=None, passed=0.0, against=None,
 ):  # fmt: skip
     """A planned stop; the velocity is known exactly unless `against` says otherwise."""
-    out = np.zeros(JOINT_STOP)
+    out = records(1, JointStop)[0]
     driven = top if driven is None else driven
     against = -velocity if against is None else against
     planned(
@@ -115,13 +110,15 @@ def test_every_stop_is_that_of_small_steps(v, ramp, passed):
         begins = speeds[STEPS - 1]
         rests = times[np.flatnonzero(speeds > 1e-9)[-1]] if begins > 0.0 else reaction
         assert np.allclose(curve(times, stop), ways, atol=STEP_ERROR, rtol=1e-5)
-        assert stop[TRAVEL] == pytest.approx(ways[-1], abs=STEP_ERROR, rel=1e-5)
-        assert stop[REST] == pytest.approx(rests, abs=3e-3 * (rests - reaction) + 1e-5)
+        assert stop.travel == pytest.approx(ways[-1], abs=STEP_ERROR, rel=1e-5)
+        assert stop.rest_time == pytest.approx(
+            rests, abs=3e-3 * (rests - reaction) + 1e-5
+        )
         # One that turns round first may rest later; that counts with all of the ramp.
         later = reaction + ramp + a * reaction / least
-        settled = max(stop[REST], later) + SETTLE_TIME
-        assert stop[SETTLED] == pytest.approx(settled)
-        assert stop[SWING] == pytest.approx(0.3 * begins / 1.5)
+        settled = max(stop.rest_time, later) + SETTLE_TIME
+        assert stop.settled == pytest.approx(settled)
+        assert stop.swing == pytest.approx(0.3 * begins / 1.5)
 
 
 @pytest.mark.parametrize("ramp", [0.0, 0.06, 0.3])
@@ -136,7 +133,7 @@ def test_what_moves_the_other_way_has_settled_in_time(against, ramp):
             # Its stop takes effect as late as it may, and its ramp has just begun.
             times, speeds, _ = worst(against, 5.0, a, reaction, ramp, 0.0, least)
             rests = times[np.flatnonzero(speeds > 1e-9)[-1]]
-            spare = stop[SETTLED] - SETTLE_TIME - rests
+            spare = stop.settled - SETTLE_TIME - rests
             assert spare >= -1e-9
             nearest = min(nearest, spare)
     # The whole ramp counts, of which a part brakes.
@@ -162,9 +159,9 @@ def test_a_swing_back_leads_as_far_as_after_the_worst_moment_to_stop(a, most, kn
             way = 0.5 * (speed + begun) * moments + 0.5 * begun**2 / most
             leads.append(settle / top * begun - way)
         leads = np.array(leads)
-        assert stop[BOUNCE] >= leads.max() - 1e-12
+        assert stop.swing_back >= leads.max() - 1e-12
         if known:
-            assert stop[BOUNCE] == pytest.approx(leads.max(), abs=1e-7)
+            assert stop.swing_back == pytest.approx(leads.max(), abs=1e-7)
             kinds.add(int(np.digitize(leads[0].argmax(), [1, 2000])))
     # The worst moment is the first, the last, or one in between.
     assert not known or len(kinds) == 3
@@ -184,7 +181,7 @@ def test_a_joint_that_goes_back_gets_least_far_if_it_is_stopped_at_once(a, most)
         stop = stop_of(v, 2.0, a, reaction, 0.02, least, most, driven=driven)
         # Its operator may turn it round before the stop takes effect.
         turned = max(v, min(v + a * reaction, driven)) > 0.0
-        assert (stop[V_BACK] > 0.0) == (not turned)
+        assert (stop.opposite_speed > 0.0) == (not turned)
         if turned:
             continue
         # The moment the stop takes effect ends a step, and begins the next.
@@ -213,10 +210,10 @@ def test_a_measured_stop_is_at_full_speed_until_its_way_is_used_up():
         stop = stop_of(v, top, a, reaction, 0.0, 3.0, inf, 0.5, table)
         _, _, ways = worst(v, top, a, reaction, 0.0, 0.0, 3.0)
         first = ways[STEPS - 1]
-        assert stop[REST] == pytest.approx(reaction + time)
-        assert stop[TRAVEL] == pytest.approx(first + way, abs=STEP_ERROR)
-        assert stop[SWING] == 0.0
-        assert stop[BOUNCE] == -inf
+        assert stop.rest_time == pytest.approx(reaction + time)
+        assert stop.travel == pytest.approx(first + way, abs=STEP_ERROR)
+        assert stop.swing == 0.0
+        assert stop.swing_back == -inf
         after = np.linspace(reaction, reaction + 1.2 * time, 50)
         known = first + np.minimum(begins * np.minimum(after - reaction, time), way)
         assert np.allclose(curve(after, stop), known, atol=STEP_ERROR)
@@ -232,11 +229,11 @@ def test_a_swing_on_is_left_out_only_where_no_joint_that_rests_is_as_far(ramp):
         # What goes on this way swings back from the other side: no farther than now.
         stop = stop_of(v, 1.5, 1e-9, reaction, ramp, least, inf, settle)
         swing = settle * v / 1.5
-        start, end = np.sort(rng.uniform(0.0, 1.2 * stop[SETTLED], 2))
+        start, end = np.sort(rng.uniform(0.0, 1.2 * stop.settled, 2))
         found = swing_left(start, end, stop)
         assert found[0] == found[1]
         assert found[0] in (0.0, pytest.approx(swing))
-        if start >= stop[SETTLED]:
+        if start >= stop.settled:
             assert found[0] == 0.0
             continue
         # Of two that rest at the same time the one whose deceleration rises later is
@@ -245,7 +242,7 @@ def test_a_swing_on_is_left_out_only_where_no_joint_that_rests_is_as_far(ramp):
         since = times - reaction
         rest = v * reaction + 0.5 * v * (since + ramp)
         farther = curve(times, stop) >= rest + swing - 1e-12
-        known = start >= reaction and end <= stop[REST] and farther.all()
+        known = start >= reaction and end <= stop.rest_time and farther.all()
         assert (found[0] == 0.0) == known
         left_out += found[0] == 0.0
     assert left_out > 20
@@ -259,18 +256,18 @@ def test_a_swing_back_is_reached_at_every_time_until_it_has_settled():
         stop = stop_of(
             v, 1.5, 4.0, 0.03, 0.02, least, 6.0 * least, settle, against=0.1 - v
         )
-        start, end = np.sort(rng.uniform(0.0, 1.2 * stop[SETTLED], 2))
+        start, end = np.sort(rng.uniform(0.0, 1.2 * stop.settled, 2))
         ends = curve(np.array([start, end]), stop)
         found = np.array(swing_left(start, end, stop))
-        if start >= stop[SETTLED]:
+        if start >= stop.settled:
             assert not found.any()
             continue
-        assert (ends + found >= np.maximum(ends, stop[BOUNCE]) - 1e-12).all()
+        assert (ends + found >= np.maximum(ends, stop.swing_back) - 1e-12).all()
         # It leads no farther than that, or than the farthest and a swing on.
-        most = np.maximum(ends + stop[SWING], stop[BOUNCE])
+        most = np.maximum(ends + stop.swing, stop.swing_back)
         assert (ends + found <= most + 1e-12).all()
-        back += (stop[BOUNCE] > ends + stop[SWING]).any()
-        kept += (stop[BOUNCE] < ends).all()
+        back += (stop.swing_back > ends + stop.swing).any()
+        kept += (stop.swing_back < ends).all()
     assert back > 20
     assert kept > 20
 

@@ -9,13 +9,7 @@ import pytest
 from armguard.motion import figures as place
 from armguard.motion.free_way import FIRST_TIME, RATIO, bound_free_way
 from armguard.motion.joint_stop import (
-    BOUNCE,
-    JOINT_STOP,
-    REST,
-    SETTLED,
-    SWING,
-    TRAVEL,
-    V_BACK,
+    JointStop,
     farthest,
     plan_stop,
     swing_within,
@@ -48,6 +42,7 @@ from armguard.motion.stop_path import (
     plan_segment,
     plan_stops,
 )
+from armguard.record import records
 from armguard.scene.compile import compile_scene
 from armguard.table import Ledger, opener
 from planar import chain_scene
@@ -161,7 +156,7 @@ class Planned:
 
     def known(self, which, j, side, brakes=False):
         """The plan of a joint by its figures."""
-        m, f, out = self.m, self.m.joint_figures[j], np.zeros(JOINT_STOP)
+        m, f, out = self.m, self.m.joint_figures[j], records(1, JointStop)[0]
         deceleration = place.BRAKE_DECELERATION if brakes else place.DECELERATION
         stop_of(
             m.v_high[j] if side == 0 else -m.v_low[j],
@@ -194,11 +189,13 @@ def test_a_plan_is_that_of_its_joints_and_the_range_that_of_both_directions(brak
             rests = []
             for j, b in enumerate(one.bodies):
                 stops = [one.known(which, j, side, brakes) for side in range(2)]
-                assert m.up[2 * which + j] == pytest.approx(stops[0])
-                assert m.down[2 * which + j] == pytest.approx(stops[1])
-                rests.append(max(stop[REST] for stop in stops) - 0.015)
+                assert m.up[2 * which + j].tolist() == pytest.approx(stops[0].tolist())
+                assert m.down[2 * which + j].tolist() == pytest.approx(
+                    stops[1].tolist()
+                )
+                rests.append(max(stop.rest_time for stop in stops) - 0.015)
                 ways = [
-                    errors[j] + max(stop[TRAVEL] + stop[SWING], stop[BOUNCE])
+                    errors[j] + max(stop.travel + stop.swing, stop.swing_back)
                     for stop in stops
                 ]
                 ends = np.sort([GAINS[j] * ways[0], -GAINS[j] * ways[1]])
@@ -249,11 +246,11 @@ def test_a_stop_under_way_swings_as_is_remembered_though_it_rests(speed):
         for side, stop in enumerate((m.up[j], m.down[j])):
             # What moves away still does not swing on in this direction.
             goes_back = speed > 0.0 and side == 1
-            assert (stop[V_BACK] > 0.0) == goes_back
-            assert stop[SWING] == (0.0 if goes_back else m.swings[j, OF_STOP])
-            assert stop[BOUNCE] == pytest.approx(bounces[j][side])
-            rest = max(m.up[j, REST], m.down[j, REST], 0.0)
-            assert stop[SETTLED] == pytest.approx(rest + FIGURES["settle_time"])
+            assert (stop.opposite_speed > 0.0) == goes_back
+            assert stop.swing == (0.0 if goes_back else m.swings[j, OF_STOP])
+            assert stop.swing_back == pytest.approx(bounces[j][side])
+            rest = max(m.up[j].rest_time, m.down[j].rest_time, 0.0)
+            assert stop.settled == pytest.approx(rest + FIGURES["settle_time"])
     assert m.span[HORIZON] == 0.0
     assert m.span[ALL_SETTLED] == pytest.approx(FIGURES["settle_time"])
 
@@ -265,7 +262,7 @@ def bow_of(one, which, j, side, start):
     a, least, most = (
         f[place.ACCELERATION], f[place.DECELERATION], f[place.DECELERATION_MOST]
     )  # fmt: skip
-    if speed < 0.0 and stop[TRAVEL] == 0.0:
+    if speed < 0.0 and stop.travel == 0.0:
         return max(a, most)
     return least if start >= one.m.clock[which, REACTION] else max(a, least)
 
@@ -293,12 +290,12 @@ def test_a_span_is_the_chord_of_both_curves_and_their_bow():
                 swings = swing_left(times[0], times[-1], *ends, stop)
                 ends = np.array(ends) + swings + most + error
                 reached = curve + error
-                if times[0] < stop[SETTLED]:
+                if times[0] < stop.settled:
                     # It may be where it swings back to at any time.
-                    reached = np.maximum(reached, stop[BOUNCE] + error)
+                    reached = np.maximum(reached, stop.swing_back + error)
                     back += (reached > curve + error).any()
                 edges.append((*ends, reached))
-                kinds.add((side, most < abs(curve[-1] - curve[0]), stop[TRAVEL] > 0.0))
+                kinds.add((side, most < abs(curve[-1] - curve[0]), stop.travel > 0.0))
             line = np.array([middle - half, middle + half])
             wide = np.array([wide_0, wide_1])
             assert line + wide == pytest.approx(edges[0][:2], abs=1e-12)

@@ -34,8 +34,7 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.joint_stop import SETTLED as SETTLES_AT
-from armguard.motion.joint_stop import V_BACK, rest_way, whole_way
+from armguard.motion.joint_stop import rest_way, whole_way
 from armguard.motion.pair_state import PROVEN
 from armguard.motion.state import (
     CLOCK,
@@ -69,8 +68,8 @@ def begin_notes(v: Watch, m: Motion) -> None:
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
             way = v.judged_ways[2 * at + side]
-            way[WAY], way[BACKWARDS] = whole_way(stop), stop[V_BACK]
-            way[SETTLES], way[RESTS] = stop[SETTLES_AT], rest_way(stop)
+            way[WAY], way[BACKWARDS] = whole_way(stop), stop.opposite_speed
+            way[SETTLES], way[RESTS] = stop.settled, rest_way(stop)
     for at in range(v.judged_clock.shape[0]):
         for k in range(CLOCK):
             v.judged_clock[at, k] = m.clock[at, k]
@@ -159,10 +158,10 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
             way = v.judged_ways[2 * at + side]
-            if way[BACKWARDS] != stop[V_BACK]:
+            if way[BACKWARDS] != stop.opposite_speed:
                 # It may go on where it could only go back.
                 return inf
-            later = stop[SETTLES_AT] > way[SETTLES]
+            later = stop.settled > way[SETTLES]
             least = min(way[WAY], way[RESTS]) if later else way[WAY]
             growth = max(growth, whole_way(stop) - least)
     return float(growth)

@@ -41,7 +41,7 @@ from armguard.guard.refine import refine_pair
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.joint_stop import X1, whole_way
+from armguard.motion.joint_stop import whole_way
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
 from armguard.motion.state import NEXT, SETTLED, Motion
@@ -136,5 +136,5 @@ def add_side(
         stop = m.up[NEXT * joints + j] if g >= 0.0 else m.down[NEXT * joints + j]
         size = abs(g)
         terms[TERM_ERROR] += size * error_of(j, m)
-        terms[reaction] += size * stop[X1]
-        terms[stopping] += size * (whole_way(stop) - stop[X1])
+        terms[reaction] += size * stop.effect_way
+        terms[stopping] += size * (whole_way(stop) - stop.effect_way)

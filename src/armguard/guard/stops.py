@@ -49,7 +49,7 @@ from armguard.motion.figures import (
     VELOCITY,
     VELOCITY_ERROR,
 )
-from armguard.motion.joint_stop import SWING, curve_at, speed_lost, whole_way
+from armguard.motion.joint_stop import curve_at, speed_lost, whole_way
 from armguard.motion.state import (
     AGE,
     CLOCK,
@@ -255,7 +255,7 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
         forget_swing(j, m)
         if phase == STOPPING and clock[REACTION] > 0.0:
             # As planned for a stop that is told now.
-            m.swings[j, OF_STOP] = max(up[SWING], down[SWING])
+            m.swings[j, OF_STOP] = max(up.swing, down.swing)
             m.swings[j, LOWEST] = m.q[j] - whole_way(down)
             m.swings[j, HIGHEST] = m.q[j] + whole_way(up)
             v.rest_high[j] = m.swings[j, HIGHEST] + error

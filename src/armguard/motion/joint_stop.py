@@ -17,30 +17,59 @@ from numpy.typing import NDArray
 
 from armguard.kernel import kernel
 from armguard.motion.figures import CURVE_POINTS
+from armguard.record import record
 
 Floats = NDArray[np.float64]
 
-# Places in the row that describes one direction of a joint's stop.
-V0 = 0  # speed in this direction now, not negative [rad/s]
-REACTION = 1  # time until the stop takes effect at the latest [s]
-ACCELERATED = 2  # acceleration until then [rad/s²]
-V_TOP = 3  # speed it cannot exceed [rad/s]
-V1 = 4  # speed when the stop takes effect
-X1 = 5  # way until then [rad]
-RAMP_LEFT = 6  # time until deceleration is full, from X1 on [s]
-SHARE = 7  # share of the deceleration there is at X1 [-]
-LEAST = 8  # full deceleration [rad/s²]
-REST = 9  # time until it rests [s]
-TRAVEL = 10  # way until it rests [rad]
-BACK = 11  # greatest deceleration of a joint that moves the other way, before the stop
-# takes effect [rad/s²]
-V_BACK = 12  # its speed [rad/s]; 0 if the joint does not surely move the other way
-SWING = 13  # what settling may add [rad]
-BOW = 14  # bound on the second derivative of the curve; infinite at a kink [rad/s²]
-MOST = 15  # its greatest deceleration after that [rad/s²]
-SETTLED = 16  # time until it has settled [s]
-BOUNCE = 17  # farthest a swing about its rest may lead, whatever it moves now [rad]
-JOINT_STOP = 18
+
+@record
+class JointStop:
+    """How far a joint may get in one direction.
+
+    Attributes:
+        speed: Speed in this direction now, not negative [rad/s].
+        reaction: Time until the stop takes effect at the latest [s].
+        acceleration: Greatest acceleration until then [rad/s²].
+        top_speed: Speed it cannot exceed [rad/s].
+        effect_speed: Speed when the stop takes effect [rad/s].
+        effect_way: Way until then [rad].
+        ramp_left: Time until deceleration is full, from then on [s].
+        ramp_share: Share of the deceleration there is by then [-].
+        deceleration: Full deceleration [rad/s²].
+        rest_time: Time until it rests [s].
+        travel: Way until it rests [rad].
+        opposite_deceleration: Greatest deceleration of a joint that moves the other
+            way, before the stop takes effect [rad/s²].
+        opposite_speed: Its speed; 0 if the joint does not surely move the other way
+            [rad/s].
+        swing: What settling may add [rad].
+        curvature: Bound on the second derivative of the curve; infinite at a kink
+            [rad/s²].
+        deceleration_most: Greatest deceleration once the stop has taken effect
+            [rad/s²].
+        settled: Time until it has settled [s].
+        swing_back: Farthest a swing about its rest may lead, whichever way it moves
+            now [rad].
+    """
+
+    speed: float
+    reaction: float
+    acceleration: float
+    top_speed: float
+    effect_speed: float
+    effect_way: float
+    ramp_left: float
+    ramp_share: float
+    deceleration: float
+    rest_time: float
+    travel: float
+    opposite_deceleration: float
+    opposite_speed: float
+    swing: float
+    curvature: float
+    deceleration_most: float
+    settled: float
+    swing_back: float
 
 
 @kernel
@@ -58,7 +87,7 @@ def plan_stop(
     settle: float,
     settle_time: float,
     curve: Floats,
-    out: Floats,
+    out: JointStop,
 ) -> None:
     """Describe the farthest a joint can get in its positive direction.
 
@@ -77,55 +106,57 @@ def plan_stop(
         settle: Swing about its rest, either way, after a stop from top speed [rad].
         settle_time: Longest time that takes [s].
         curve: Measured stops, times then ways, shape (2 · CURVE_POINTS,), or empty.
-        out: Overwritten, shape (JOINT_STOP,).
+        out: Overwritten.
     """
-    out[V_TOP] = max(driven, velocity, 0.0)
-    out[REACTION] = reaction
-    out[ACCELERATED] = acceleration
-    out[LEAST] = least
-    out[BACK] = max(acceleration, most)
-    out[MOST] = most
+    out.top_speed = max(driven, velocity, 0.0)
+    out.reaction = reaction
+    out.acceleration = acceleration
+    out.deceleration = least
+    out.opposite_deceleration = max(acceleration, most)
+    out.deceleration_most = most
     soonest = min(velocity + acceleration * reaction, max(driven, velocity))
     backwards = soonest <= 0.0 and velocity < 0.0
-    out[V_BACK] = -velocity if backwards else 0.0
-    out[V0] = max(velocity, 0.0)
+    out.opposite_speed = -velocity if backwards else 0.0
+    out.speed = max(velocity, 0.0)
     against = max(against, 0.0)
-    out[BOUNCE] = swing_back(velocity, against, settle / top, out)
+    out.swing_back = swing_back(velocity, against, settle / top, out)
     # One that moves the other way may speed up, and rests and swings so much later.
-    out[SETTLED] = reaction + ramp + (against + acceleration * reaction) / least
-    out[SETTLED] += settle_time
+    out.settled = reaction + ramp + (against + acceleration * reaction) / least
+    out.settled += settle_time
     if backwards:
         # It cannot turn round before the stop takes effect: it only gets back.
-        out[V1] = out[X1] = out[TRAVEL] = out[SWING] = 0.0
+        out.effect_speed = out.effect_way = out.travel = out.swing = 0.0
         if curve.shape[0] > 0:
-            out[BOUNCE] = -inf
-        out[RAMP_LEFT] = out[SHARE] = 0.0
-        out[REST] = reaction - velocity / least + ramp
-        out[BOW] = 0.0 if most == inf else out[BACK]
+            out.swing_back = -inf
+        out.ramp_left = out.ramp_share = 0.0
+        out.rest_time = reaction - velocity / least + ramp
+        out.curvature = 0.0 if most == inf else out.opposite_deceleration
         return
-    out[X1] = accelerated_way(reaction, out)
-    out[V1] = min(out[V0] + acceleration * reaction, out[V_TOP])
-    out[RAMP_LEFT] = max(ramp - passed, 0.0)
-    out[SHARE] = 1.0 - out[RAMP_LEFT] / ramp if ramp > 0.0 else 1.0
-    out[SWING] = settle * out[V1] / top
-    out[BOW] = max(acceleration, least)
+    out.effect_way = accelerated_way(reaction, out)
+    out.effect_speed = min(out.speed + acceleration * reaction, out.top_speed)
+    out.ramp_left = max(ramp - passed, 0.0)
+    out.ramp_share = 1.0 - out.ramp_left / ramp if ramp > 0.0 else 1.0
+    out.swing = settle * out.effect_speed / top
+    out.curvature = max(acceleration, least)
     if curve.shape[0] > 0:
-        time, way = curve_at(curve, out[V1] / top)
-        out[SWING] = 0.0
-        out[BOUNCE] = -inf
-        out[REST] = out[SETTLED] = reaction + time
-        out[TRAVEL] = out[X1] + way
+        time, way = curve_at(curve, out.effect_speed / top)
+        out.swing = 0.0
+        out.swing_back = -inf
+        out.rest_time = out.settled = reaction + time
+        out.travel = out.effect_way + way
         # At full speed until the way is used up: no stop is later at any place.
-        out[LEAST] = inf
-        out[BOW] = inf
+        out.deceleration = inf
+        out.curvature = inf
         return
-    out[REST] = reaction + rest_time(out[V1], out[RAMP_LEFT], out[SHARE], least)
-    out[TRAVEL] = out[X1] + braked_way(out[REST] - reaction, out)
-    out[SETTLED] = max(out[SETTLED], out[REST] + settle_time)
+    out.rest_time = reaction + rest_time(
+        out.effect_speed, out.ramp_left, out.ramp_share, least
+    )
+    out.travel = out.effect_way + braked_way(out.rest_time - reaction, out)
+    out.settled = max(out.settled, out.rest_time + settle_time)
 
 
 @kernel
-def swing_back(velocity: float, against: float, share: float, out: Floats) -> float:
+def swing_back(velocity: float, against: float, share: float, out: JointStop) -> float:
     """Farthest a joint that moves the other way may swing back past where it is now.
 
     It swings about its rest in proportion to the speed its stop began with. So the
@@ -143,25 +174,25 @@ def swing_back(velocity: float, against: float, share: float, out: Floats) -> fl
         Displacement; negative where its way to rest is longer than its swing [rad].
     """
     slowest = max(-velocity, 0.0)
-    way = 0.5 * slowest * slowest / out[BACK] if slowest > 0.0 else 0.0
-    gain, speed = out[ACCELERATED] * out[REACTION], against
+    way = 0.5 * slowest * slowest / out.opposite_deceleration if slowest > 0.0 else 0.0
+    gain, speed = out.acceleration * out.reaction, against
     longer = 0.0
     if gain > 0.0:
         # What each square of speed beyond the present one costs of way.
-        cost = 1.0 / out[ACCELERATED] + 1.0 / out[MOST]
+        cost = 1.0 / out.acceleration + 1.0 / out.deceleration_most
         speed = min(max(against, share / cost), against + gain)
         longer = 0.5 * (speed * speed - against * against) * cost
     return float(share * speed - longer - way)
 
 
 @kernel
-def whole_way(stop: Floats) -> float:
+def whole_way(stop: JointStop) -> float:
     """Farthest a joint gets in the planned direction, settling included [rad]."""
-    return float(max(stop[TRAVEL] + stop[SWING], stop[BOUNCE]))
+    return float(max(stop.travel + stop.swing, stop.swing_back))
 
 
 @kernel
-def farthest(t: float, stop: Floats) -> float:
+def farthest(t: float, stop: JointStop) -> float:
     """Greatest displacement in the planned direction at a time, without the swing.
 
     Args:
@@ -171,27 +202,27 @@ def farthest(t: float, stop: Floats) -> float:
     Returns:
         Displacement; negative for a joint that surely moves the other way [rad].
     """
-    if stop[V_BACK] > 0.0:
+    if stop.opposite_speed > 0.0:
         return float(-least_way(t, stop))
-    if t <= stop[REACTION]:
+    if t <= stop.reaction:
         return float(accelerated_way(t, stop))
-    since = min(t, stop[REST]) - stop[REACTION]
-    if stop[LEAST] == inf:
-        return float(min(stop[X1] + stop[V1] * since, stop[TRAVEL]))
-    return float(stop[X1] + braked_way(since, stop))
+    since = min(t, stop.rest_time) - stop.reaction
+    if stop.deceleration == inf:
+        return float(min(stop.effect_way + stop.effect_speed * since, stop.travel))
+    return float(stop.effect_way + braked_way(since, stop))
 
 
 @kernel
-def rest_way(stop: Floats) -> float:
+def rest_way(stop: JointStop) -> float:
     """Greatest displacement once the joint rests, without the swing [rad]."""
-    if stop[V_BACK] > 0.0 or stop[LEAST] == inf:
+    if stop.opposite_speed > 0.0 or stop.deceleration == inf:
         return farthest(inf, stop)
-    return float(stop[TRAVEL])
+    return float(stop.travel)
 
 
 @kernel
 def swing_within(
-    start: float, end: float, first: float, last: float, stop: Floats
+    start: float, end: float, first: float, last: float, stop: JointStop
 ) -> tuple[float, float]:
     """What settling may add to the farthest displacement in a span of time [rad].
 
@@ -205,15 +236,15 @@ def swing_within(
         last: The same at its end [rad].
         stop: Written by `plan_stop`.
     """
-    if start >= stop[SETTLED]:
+    if start >= stop.settled:
         return (0.0, 0.0)
-    onward, bounce = onward_swing(start, end, first, last, stop), stop[BOUNCE]
+    onward, bounce = onward_swing(start, end, first, last, stop), stop.swing_back
     return (max(onward, bounce - first), max(onward, bounce - last))
 
 
 @kernel
 def onward_swing(
-    start: float, end: float, first: float, last: float, stop: Floats
+    start: float, end: float, first: float, last: float, stop: JointStop
 ) -> float:
     """What a swing on in the direction of the motion may add in a span [rad].
 
@@ -223,36 +254,36 @@ def onward_swing(
     half its speed until then, half the ramp's time added. The difference to that is a
     concave function of time, so it is enough to look at both ends.
     """
-    swing = stop[SWING]
-    if swing == 0.0 or start < stop[REACTION] or end > stop[REST]:
+    swing = stop.swing
+    if swing == 0.0 or start < stop.reaction or end > stop.rest_time:
         return float(swing)
     for k in range(2):
-        since = (start if k == 0 else end) - stop[REACTION]
-        nearer = stop[X1] + 0.5 * stop[V1] * (since + stop[RAMP_LEFT])
+        since = (start if k == 0 else end) - stop.reaction
+        nearer = stop.effect_way + 0.5 * stop.effect_speed * (since + stop.ramp_left)
         if not (first if k == 0 else last) >= nearer + swing:
             return float(swing)
     return 0.0
 
 
 @kernel
-def least_way(t: float, stop: Floats) -> float:
+def least_way(t: float, stop: JointStop) -> float:
     """Least way of a joint that moves the other way, braked as hard as may be [rad]."""
-    v, hard = stop[V_BACK], stop[BACK]
+    v, hard = stop.opposite_speed, stop.opposite_deceleration
     if hard == inf:
         return 0.0
-    free = min(t, stop[REACTION])
+    free = min(t, stop.reaction)
     if v <= hard * free:
         return float(0.5 * v * v / hard)
     way = free * (v - 0.5 * hard * free)
     v -= hard * free
-    left = min(t - free, v / stop[MOST])
-    return float(way + left * (v - 0.5 * stop[MOST] * left))
+    left = min(t - free, v / stop.deceleration_most)
+    return float(way + left * (v - 0.5 * stop.deceleration_most * left))
 
 
 @kernel
-def accelerated_way(t: float, stop: Floats) -> float:
+def accelerated_way(t: float, stop: JointStop) -> float:
     """Way of a joint that speeds up until its top speed [rad]."""
-    v, a, top = stop[V0], stop[ACCELERATED], stop[V_TOP]
+    v, a, top = stop.speed, stop.acceleration, stop.top_speed
     gain = top - v
     if a * t <= gain:
         return float(t * (v + 0.5 * a * t))
@@ -261,10 +292,10 @@ def accelerated_way(t: float, stop: Floats) -> float:
 
 
 @kernel
-def braked_way(since: float, stop: Floats) -> float:
+def braked_way(since: float, stop: JointStop) -> float:
     """Way from the moment the stop takes effect, not beyond rest [rad]."""
-    v, d = stop[V1], stop[LEAST]
-    ramp, share = stop[RAMP_LEFT], stop[SHARE]
+    v, d = stop.effect_speed, stop.deceleration
+    ramp, share = stop.ramp_left, stop.ramp_share
     rising = min(since, ramp)
     way = rising * v
     if rising > 0.0:

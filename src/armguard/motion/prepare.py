@@ -11,7 +11,7 @@ from armguard.motion.chains import (
     strokes,
 )
 from armguard.motion.displacement import scene_chains
-from armguard.motion.joint_stop import JOINT_STOP
+from armguard.motion.joint_stop import JointStop
 from armguard.motion.nearest import COLUMN
 from armguard.motion.outermost import led_beyond, true_limits
 from armguard.motion.state import (
@@ -27,6 +27,7 @@ from armguard.motion.state import (
     SWINGS_WIDTH,
     Motion,
 )
+from armguard.record import records
 from armguard.robot.stopping import StoppingFigures, StopTable
 from armguard.scene.tables import RobotPart, SceneTables
 
@@ -73,8 +74,8 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         clock=np.zeros((PLANS * len(tables.robots), CLOCK)),
         span=np.zeros(SPAN),
         effort=effort,
-        up=np.zeros((PLANS * n, JOINT_STOP)),
-        down=np.zeros((PLANS * n, JOINT_STOP)),
+        up=records(PLANS * n, JointStop),
+        down=records(PLANS * n, JointStop),
         middle=np.zeros((PLANS + GRID, b)),
         width=np.zeros((PLANS + GRID, b)),
         spread=np.zeros((PLANS + GRID, b)),

@@ -1,10 +1,12 @@
 """Everything the prediction of a stop reads and writes."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.motion.joint_stop import JointStop
+from armguard.record import Records
 from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
@@ -94,8 +96,8 @@ class Motion(NamedTuple):
         clock: Delays of each plan and robot, shape (PLANS · r, CLOCK).
         span: See HORIZON, shape (SPAN,).
         effort: See TESTS, shape (EFFORT,).
-        up: Stop of each joint in its positive direction, (PLANS · n, JOINT_STOP).
-        down: In its negative direction, shape (PLANS · n, JOINT_STOP).
+        up: Stop of each joint in its positive direction, shape (PLANS · n,).
+        down: In its negative direction, shape (PLANS · n,).
         middle: Middle displacement of each body's joint on the path of a plan, or
             within a time of the grid, see `free_way`, shape (PLANS + GRID, b).
         width: How far it may be off that, shape (PLANS + GRID, b).
@@ -155,8 +157,8 @@ class Motion(NamedTuple):
     clock: Matrix
     span: Vector
     effort: LongVector
-    up: Matrix
-    down: Matrix
+    up: Annotated[Records[JointStop], 1]
+    down: Annotated[Records[JointStop], 1]
     middle: Matrix
     width: Matrix
     spread: Matrix

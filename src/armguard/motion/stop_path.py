@@ -23,21 +23,12 @@ from armguard.motion.figures import (
     VELOCITY,
 )
 from armguard.motion.joint_stop import (
-    BACK,
-    BOUNCE,
-    BOW,
-    JOINT_STOP,
-    LEAST,
-    REST,
-    SWING,
-    V_BACK,
+    JointStop,
     farthest,
     plan_stop,
     swing_within,
     whole_way,
 )
-from armguard.motion.joint_stop import REACTION as REACTION_TIME
-from armguard.motion.joint_stop import SETTLED as SETTLED_TIME
 from armguard.motion.state import (
     AGE,
     BRAKING,
@@ -57,6 +48,7 @@ from armguard.motion.state import (
     TESTS,
     Motion,
 )
+from armguard.record import clear
 from armguard.robot.kinematics import FIXED as NO_JOINT
 from armguard.robot.kinematics import forward_kinematics
 from armguard.table import IntVector, Matrix, Vector
@@ -114,8 +106,8 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
     clock = m.clock[plan * m.robot_figures.shape[0] + r]
     up, down = m.up[plan * n + j], m.down[plan * n + j]
     if clock[STILL] != 0.0:
-        for k in range(JOINT_STOP):
-            up[k] = down[k] = 0.0
+        clear(up)
+        clear(down)
         return 0.0
     least, most = figures[DECELERATION], figures[DECELERATION_MOST]
     ramp = robot[RAMP]
@@ -144,17 +136,17 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
         for side in range(2):
             stop = up if side == 0 else down
             swing = m.swings[j, OF_STOP]
-            if stop[V_BACK] == 0.0:
-                stop[SWING] = swing
+            if stop.opposite_speed == 0.0:
+                stop.swing = swing
             # It may swing already, from one side of its rest to the other, but never
             # beyond where the stop was proven to end.
             beyond = m.swings[j, HIGHEST] - m.q[j]
             if side == 1:
                 beyond = m.q[j] - m.swings[j, LOWEST]
-            stop[BOUNCE] = max(min(2.0 * swing, beyond), 0.0)
-            rest = max(up[REST], down[REST], 0.0)
-            stop[SETTLED_TIME] = rest + robot[SETTLE_TIME]
-    return float(max(up[REST], down[REST]) - clock[AGE])
+            stop.swing_back = max(min(2.0 * swing, beyond), 0.0)
+            rest = max(up.rest_time, down.rest_time, 0.0)
+            stop.settled = rest + robot[SETTLE_TIME]
+    return float(max(up.rest_time, down.rest_time) - clock[AGE])
 
 
 @kernel
@@ -344,10 +336,10 @@ def joint_span(
 
 
 @kernel
-def curve_bow(start: float, stop: Floats) -> float:
+def curve_bow(start: float, stop: JointStop) -> float:
     """Bound on the second derivative of one side of a stop from a time on [rad/s²]."""
-    if stop[V_BACK] > 0.0 and stop[BACK] == inf:
+    if stop.opposite_speed > 0.0 and stop.opposite_deceleration == inf:
         return 0.0
-    if stop[V_BACK] == 0.0 and start >= stop[REACTION_TIME] and stop[BOW] != inf:
-        return float(stop[LEAST])
-    return float(stop[BOW])
+    if stop.opposite_speed == 0.0 and start >= stop.reaction and stop.curvature != inf:
+        return float(stop.deceleration)
+    return float(stop.curvature)
