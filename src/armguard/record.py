@@ -9,13 +9,14 @@ array of records (`Records`, `records`), or a kernel makes it on its stack by
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints
+from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints, overload
 
 import numba
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
 from numba.extending import as_numba_type, intrinsic
+from numpy.typing import NDArray
 
 Record = TypeVar("Record")
 Row_co = TypeVar("Row_co", covariant=True)
@@ -26,13 +27,19 @@ class Records(Protocol[Row_co]):
 
     shape: tuple[int, ...]
 
-    def __getitem__(self, k: int) -> Row_co:
-        """A row, by reference."""
+    @overload
+    def __getitem__(self, k: int) -> Row_co: ...
+
+    @overload
+    def __getitem__(self, k: str) -> NDArray[Any]: ...
+
+    def __getitem__(self, k: int | str) -> Any:
+        """A row by its number, or a field of all rows by its name; by reference."""
 
 
-def records(shape: Any, declared: type[Record]) -> Records[Record]:
-    """An array of records, all zero."""
-    return cast(Records[Record], np.zeros(shape, dtype_of(declared)).view(np.recarray))
+def records(shape: Any, declared: type) -> Any:
+    """An array of records, all zero; a NumPy array to Python, `Records` to kernels."""
+    return np.zeros(shape, dtype_of(declared)).view(np.recarray)
 
 
 def dtype_of(declared: type) -> np.dtype[Any]:

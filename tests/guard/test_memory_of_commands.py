@@ -32,6 +32,7 @@ from armguard.guard.watch import (
     WAY,
 )
 from armguard.motion import figures as figure
+from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.joint_stop import JointStop
 from armguard.motion.state import CLOCK, NEXT, NOW, PLANS, STILL
 from armguard.record import records
@@ -88,16 +89,16 @@ def memory(rng, count=0, now=10.0):
         agreement=np.full((JOINTS, AGREEMENT), np.nan),
         lagged=np.zeros(JOINTS, np.int64),
     )
-    joint_figures = np.zeros((JOINTS, figure.JOINT_FIGURES))
-    joint_figures[:, figure.VELOCITY] = 0.7, 0.9
-    joint_figures[:, figure.TRACKING] = 0.05, 0.02
-    joint_figures[:, figure.ACCELERATION] = 2.0, 3.0
-    joint_figures[:, figure.DECELERATION] = 4.0, 5.0
-    robot_figures = np.zeros((JOINTS, figure.ROBOT_FIGURES))
-    robot_figures[:, figure.COMMAND], robot_figures[:, figure.SENSING] = DELAY, SENSING
-    robot_figures[:, figure.FIRST_JOINT] = range(JOINTS)
-    robot_figures[:, figure.JOINT_COUNT] = 1
-    robot_figures[:, figure.MODE] = figure.PATH
+    joint_figures = records(JOINTS, JointFigures)
+    joint_figures.velocity = 0.7, 0.9
+    joint_figures.tracking_error = 0.05, 0.02
+    joint_figures.acceleration = 2.0, 3.0
+    joint_figures.deceleration = 4.0, 5.0
+    robot_figures = records(JOINTS, RobotFigures)
+    robot_figures.command, robot_figures.sensing = DELAY, SENSING
+    robot_figures.first_joint = range(JOINTS)
+    robot_figures.joint_count = 1
+    robot_figures.mode = figure.PATH
     middle = rng.uniform(-0.4, 0.4, JOINTS)
     m = record(
         q=np.zeros(JOINTS),
@@ -187,7 +188,7 @@ def test_what_is_under_way_is_what_was_sent_since_and_the_last_before(count, tol
         look(v, m)
         for j in range(JOINTS):
             since = v.stamps[j] - DELAY - (0.0 if told else SENSING)
-            top = m.joint_figures[j, figure.VELOCITY]
+            top = m.joint_figures[j].velocity
             around, drives = known_under_way(sent, since, j, top)
             assert tuple(v.under_way[j]) == pytest.approx(around)
             assert tuple(v.driven_to[j]) == pytest.approx(drives)
@@ -202,7 +203,8 @@ def test_a_joint_is_driven_to_what_is_under_way_and_then_to_what_is_wanted(comma
         v.driven_to[:] = np.sort(rng.uniform(-0.9, 0.9, (JOINTS, 2)), axis=1)
         drive(v, m)
         for j in range(JOINTS):
-            top, error = m.joint_figures[j, [figure.VELOCITY, figure.TRACKING]]
+            f = m.joint_figures[j]
+            top, error = f.velocity, f.tracking_error
             least, most = (
                 np.clip([max(reached) + error, error - min(reached)], 0.0, top)
                 for reached in (v.driven_to[j], [*v.driven_to[j], v.wanted[j]])
@@ -342,7 +344,7 @@ def test_a_drive_follows_what_its_delay_leaves_or_is_on_its_way_there(count, pha
         v.followed[:] = bounds.reshape(JOINTS, -1)
         for j in range(JOINTS):
             expect(j, v, m)
-            error = m.joint_figures[j, figure.TRACKING]
+            error = m.joint_figures[j].tracking_error
             for k in range(DELAY_STEPS):
                 since = v.stamps[j] - (k + 1) * DELAY_SHARE * DELAY
                 (low, high), _ = known_under_way(sent, since, j, np.inf)
@@ -390,7 +392,7 @@ def changed(rng):
     m = record(
         q=np.zeros(JOINTS),
         robot_of_joint=np.arange(JOINTS, dtype=np.int32),
-        robot_figures=np.zeros((JOINTS, figure.ROBOT_FIGURES)),
+        robot_figures=records(JOINTS, RobotFigures),
         clock=clock,
         up=after[0],
         down=after[1],

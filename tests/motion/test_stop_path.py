@@ -6,7 +6,6 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.motion import figures as place
 from armguard.motion.free_way import FIRST_TIME, RATIO, bound_free_way
 from armguard.motion.joint_stop import (
     JointStop,
@@ -139,8 +138,8 @@ class Planned:
         self.bodies = [int(b) for b in self.m.joints[self.m.length.argmax()][:2]]
         self.m.gain[self.bodies, 0] = GAINS
         # Slower, and known less well.
-        self.m.joint_figures[1, place.VELOCITY] = 0.8
-        self.m.joint_figures[1, place.POSITION_ERROR] = 0.003
+        self.m.joint_figures[1].velocity = 0.8
+        self.m.joint_figures[1].position_error = 0.003
 
     def draw(self):
         """Velocities and clocks; NOW takes effect before NEXT."""
@@ -157,19 +156,19 @@ class Planned:
     def known(self, which, j, side, brakes=False):
         """The plan of a joint by its figures."""
         m, f, out = self.m, self.m.joint_figures[j], records(1, JointStop)[0]
-        deceleration = place.BRAKE_DECELERATION if brakes else place.DECELERATION
+        deceleration = "brake_deceleration" if brakes else "deceleration"
         stop_of(
             m.v_high[j] if side == 0 else -m.v_low[j],
             -m.v_low[j] if side == 0 else m.v_high[j],
-            f[place.VELOCITY],
+            f.velocity,
             m.driven[2 * which + j, side],
-            f[place.ACCELERATION],
+            f.acceleration,
             m.clock[which, REACTION],
             0.0 if brakes else FIGURES["ramp"],
             m.clock[which, PASSED],
             f[deceleration],
-            np.inf if brakes else f[place.DECELERATION_MOST],
-            f[place.SETTLE],
+            np.inf if brakes else f.deceleration_most,
+            f.settle,
             FIGURES["settle_time"],
             out,
         )
@@ -179,7 +178,7 @@ class Planned:
 @pytest.mark.parametrize("brakes", [False, True])
 def test_a_plan_is_that_of_its_joints_and_the_range_that_of_both_directions(brakes):
     one = Planned()
-    m, errors = one.m, one.m.joint_figures[:, place.POSITION_ERROR]
+    m, errors = one.m, one.m.joint_figures.position_error
     for _ in range(20):
         one.draw()
         m.clock[:, BRAKING] = brakes
@@ -239,7 +238,7 @@ def test_a_stop_under_way_swings_as_is_remembered_though_it_rests(speed):
     # It came to rest a while ago, by an old measurement.
     m.v_low[:] = m.v_high[:] = speed
     m.driven[:] = 0.0
-    m.joint_figures[:, place.ACCELERATION] = 1e-12
+    m.joint_figures.acceleration = 1e-12
     m.clock[:, AGE] = 0.5
     plan(NEXT, one.address)
     for j in range(2):
@@ -260,7 +259,7 @@ def bow_of(one, which, j, side, start):
     f, stop = one.m.joint_figures[j], one.known(which, j, side)
     speed = one.m.v_high[j] if side == 0 else -one.m.v_low[j]
     a, least, most = (
-        f[place.ACCELERATION], f[place.DECELERATION], f[place.DECELERATION_MOST]
+        f.acceleration, f.deceleration, f.deceleration_most
     )  # fmt: skip
     if speed < 0.0 and stop.travel == 0.0:
         return max(a, most)
@@ -280,7 +279,7 @@ def test_a_span_is_the_chord_of_both_curves_and_their_bow():
             found = span(NEXT, j, start, end, one.address)
             middle, half, wide_0, wide_1 = found
             times = 0.015 + np.linspace(start, end, 33)
-            error = m.joint_figures[j, place.POSITION_ERROR]
+            error = m.joint_figures[j].position_error
             edges = []
             for side, stop in enumerate((m.up[j], m.down[j])):
                 curve = ways(times, stop)
@@ -370,7 +369,7 @@ def test_ways_and_speeds_of_points_are_those_of_the_levers():
 
 def test_until_a_time_a_joint_gets_as_far_as_it_can_speed_up():
     one = Planned()
-    m, errors = one.m, one.m.joint_figures[:, place.POSITION_ERROR]
+    m, errors = one.m, one.m.joint_figures.position_error
     for k in range(12):
         one.draw()
         # One is faster than it should be.
@@ -382,7 +381,7 @@ def test_until_a_time_a_joint_gets_as_far_as_it_can_speed_up():
             ends = []
             for measured in (m.v_high[j], -m.v_low[j]):
                 speed = max(measured, 0.0)
-                top = max(m.joint_figures[j, place.VELOCITY], speed)
+                top = max(m.joint_figures[j].velocity, speed)
                 speeds = np.minimum(speed + FIGURES["acceleration"] * times, top)
                 ends.append(errors[j] + np.trapezoid(speeds, times))
             known = np.sort([GAINS[j] * ends[0], -GAINS[j] * ends[1]])

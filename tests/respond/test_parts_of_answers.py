@@ -21,8 +21,9 @@ from armguard.guard.watch import (
     RUNNING,
     STOPPING,
 )
-from armguard.motion import figures as figure
+from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.state import CLOCK, PLANS, REACTION
+from armguard.record import records
 from armguard.respond import field, leading, program
 from armguard.respond import state as places
 from armguard.respond.engagement import OK, STOP_ORDERED, wait_if_ordered
@@ -71,19 +72,19 @@ JOINTS, DT, DELAY, RAMP = 3, 0.004, 0.05, 0.02
 
 def motion(rng):
     """Figures of one robot, and where its joints are."""
-    joint_figures = np.zeros((JOINTS, figure.JOINT_FIGURES))
+    joint_figures = records(JOINTS, JointFigures)
     for name, low, high in (
-        (figure.VELOCITY, 0.5, 2.0),
-        (figure.ACCELERATION, 5.0, 20.0),
-        (figure.DECELERATION, 2.0, 6.0),
-        (figure.POSITION_ERROR, 1e-3, 2e-3),
-        (figure.TRACKING, 0.01, 0.05),
-        (figure.SETTLE, 0.0, 0.02),
+        ("velocity", 0.5, 2.0),
+        ("acceleration", 5.0, 20.0),
+        ("deceleration", 2.0, 6.0),
+        ("position_error", 1e-3, 2e-3),
+        ("tracking_error", 0.01, 0.05),
+        ("settle", 0.0, 0.02),
     ):
-        joint_figures[:, name] = rng.uniform(low, high, JOINTS)
-    robot_figures = np.zeros((1, figure.ROBOT_FIGURES))
-    robot_figures[0, figure.JOINT_COUNT] = JOINTS
-    robot_figures[0, figure.RAMP] = RAMP
+        joint_figures[name] = rng.uniform(low, high, JOINTS)
+    robot_figures = records(1, RobotFigures)
+    robot_figures[0].joint_count = JOINTS
+    robot_figures[0].ramp = RAMP
     clock = np.zeros((PLANS, CLOCK))
     clock[0, REACTION] = DELAY
     return record(
@@ -259,9 +260,9 @@ def test_a_velocity_costs_a_pair_its_delay_and_its_stop():
         v.told[0] *= 0.05
         costs(a, v, m)
         f = m.joint_figures
-        d, gain = f[:, figure.DECELERATION], f[:, figure.ACCELERATION] * DT
+        d, gain = f.deceleration, f.acceleration * DT
         # Reaction, ramp and swing, and the stop of what it can be told in a cycle.
-        time = DELAY + 0.5 * RAMP + f[:, figure.SETTLE] / f[:, figure.VELOCITY]
+        time = DELAY + 0.5 * RAMP + f.settle / f.velocity
         braking = 0.5 * gain / d
         last = np.abs(v.told)
         assert a.closing_time == pytest.approx(time + last / d + braking)
@@ -277,7 +278,7 @@ def test_until_it_matters_a_pair_loses_what_was_told_and_what_drives_miss():
     for _ in range(30):
         a, v, m = answers(rng), watch(rng), motion(rng)
         closing = max(float(a.raw @ v.told), 0.0)
-        missed = np.abs(a.raw) @ m.joint_figures[:, figure.TRACKING]
+        missed = np.abs(a.raw) @ m.joint_figures.tracking_error
         assert lost(a, v, m) == pytest.approx(DELAY * (closing + missed))
         closed += closing > 0.0
     assert closed > 5
@@ -289,7 +290,8 @@ def test_a_joint_beyond_its_limit_is_told_what_brings_it_back():
         a, m = answers(rng), motion(rng)
         w = record(lower=np.full(JOINTS, -1.0), upper=np.full(JOINTS, 1.0))
         for j in range(JOINTS):
-            error, missed = m.joint_figures[j, [figure.POSITION_ERROR, figure.TRACKING]]
+            f = m.joint_figures[j]
+            error, missed = f.position_error, f.tracking_error
             low, high, brake = a.low[j], a.high[j], a.brake[j]
             if m.q[j] - 1.0 > error:
                 high = min(high, max(-missed, low))
@@ -389,7 +391,7 @@ def test_a_field_pulls_gently_and_less_towards_its_goal():
         v, m, s = watch(rng), motion(rng), lead(rng)
         s.memory[0, PULL], s.memory[0, LEFT] = before, left
         f = m.joint_figures
-        rate = 0.3 * (f[:, figure.ACCELERATION] / f[:, figure.VELOCITY]).min()
+        rate = 0.3 * (f.acceleration / f.velocity).min()
         risen = min(0.8, before + rate * DT)
         known = [risen, np.sqrt(rate * left), 3.0 * left]
         assert pulled(0.8, 3.0, s, v, m) == pytest.approx(min(known))
@@ -520,7 +522,7 @@ def test_a_robot_is_led_to_a_side_by_the_joints_that_lead_there():
         angle = 2.0 * np.pi * side / SIDES
         to = np.cos(angle) * across[0] + np.sin(angle) * across[1]
         to = across[2] if side == SIDES else to
-        shares = e.columns @ to * m.joint_figures[:, figure.VELOCITY] * e.useful
+        shares = e.columns @ to * m.joint_figures.velocity * e.useful
         shares /= np.abs(shares).max()
         known = np.clip(shares / 0.4, -1.0, 1.0) if full else shares
         to_side(side, full, e, m)
@@ -574,7 +576,7 @@ def test_on_its_way_a_robot_goes_on_then_turns_to_it_and_comes_to_rest():
             for j in range(JOINTS):
                 speeds = [v.told[j], e.trial[j], e.trial[j], 0.0]
                 way = np.trapezoid(np.interp(times, moments, speeds), times)
-                away = 2.0 * m.joint_figures[j, figure.POSITION_ERROR] + LIMIT_ROOM
+                away = 2.0 * m.joint_figures[j].position_error + LIMIT_ROOM
                 low, high = min(away - 1.0, m.q[j]), max(1.0 - away, m.q[j])
                 known = np.clip(m.q[j] + way, low, high)
                 stand(time, e, w, v, m)
@@ -611,7 +613,7 @@ def test_each_joint_has_a_way_of_its_own_in_both_directions():
         k = (FORMS * (SIDES + 1) + place) * len(GOES) + length
         assert way_number(k, 0.6, e, m) == GOES[length]
         known = np.zeros(JOINTS)
-        known[place // 2] = 0.6 * m.joint_figures[place // 2, figure.VELOCITY]
+        known[place // 2] = 0.6 * m.joint_figures[place // 2].velocity
         assert e.trial == pytest.approx(known * (-1.0 if place % 2 else 1.0))
 
 
@@ -660,7 +662,7 @@ def test_what_drives_miss_is_how_far_they_are_outside_what_is_under_way(
         miss(a, v, m)
         speed = velocity if measured else middle
         off = speed - np.clip(speed, *v.under_way.T)
-        most = m.joint_figures[:, figure.TRACKING]
+        most = m.joint_figures.tracking_error
         known = before + part * (np.clip(off, -most, most) - before)
         driven = phase in (RUNNING, RECOVERING)
         assert a.missed == pytest.approx(known if driven else np.zeros(JOINTS))
@@ -670,7 +672,7 @@ def test_what_drives_miss_is_how_far_they_are_outside_what_is_under_way(
 def test_a_retreat_is_held_up_when_no_joint_goes_at_5_percent_of_what_it_asks(share):
     rng = np.random.default_rng(17)
     a, v, m, s = answers(rng), watch(rng), motion(rng), lead(rng)
-    top = m.joint_figures[:, figure.VELOCITY]
+    top = m.joint_figures.velocity
     a.asked[:] = [0.2, -0.4, 0.1] * top
     v.told[:] = [0.0, 0.0, share * 0.05 * 0.4] * top
     for pull in (0.5, 0.01):

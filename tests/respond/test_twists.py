@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from armguard import Action, Guard, Reason, bay_scene
-from armguard.motion.figures import POSITION_ERROR
 from armguard.respond.program import LIMIT_SPARE
 from armguard.respond.state import MOST_TWISTS
 from bay_loop import LEFT, RIGHT, bay_loop, tool_pose
@@ -68,7 +67,7 @@ def test_the_others_take_over_what_a_joint_at_its_limit_would_do(guard, k):
     free = asked_for(guard, q, {"left": TWIST})
     limits = (tables.lower.copy(), tables.upper.copy())
     # The limit is brought to the joint, for its arm to be where it was.
-    away = 2.0 * guard._motion.joint_figures[k, POSITION_ERROR] + 0.5 * LIMIT_SPARE
+    away = 2.0 * guard._motion.joint_figures[k].position_error + 0.5 * LIMIT_SPARE
     side = tables.upper if free[k] > 0.0 else tables.lower
     side[k] = q[k] + np.sign(free[k]) * away
     try:

@@ -7,7 +7,8 @@ import pytest
 from armguard.guard.watch import GIVEN, NOW_TIME
 from armguard.guard.workspace import MOVING_COUNT
 from armguard.index.octree_state import ABSENT, RESIDENCY_WIDTH, STATUS
-from armguard.motion import figures as figure
+from armguard.motion.figures import RobotFigures
+from armguard.record import records
 from armguard.respond.escape_state import (
     COMER_COUNT,
     COUNTS,
@@ -70,7 +71,7 @@ def found(centre, velocity, half=0.05, present=True):
         given=given,
         stamps=np.array([5.0]),
     )
-    m = record(robot_figures=np.zeros((1, figure.ROBOT_FIGURES)))
+    m = record(robot_figures=records(1, RobotFigures))
     look(record(settings=settings), e, w, v, m)
     assert e.counts[OWN_COUNT] == 2
     assert e.reach == pytest.approx(np.concatenate([LOW, HIGH]))

@@ -29,12 +29,6 @@ from armguard.guard.watch import (
     Watch,
 )
 from armguard.kernel import kernel
-from armguard.motion.figures import (
-    ACCELERATION,
-    POSITION_ERROR,
-    VELOCITY,
-    VELOCITY_ERROR,
-)
 from armguard.motion.state import Motion
 
 Floats = NDArray[np.float64]
@@ -66,11 +60,11 @@ def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
     known = v.given[HAS_VELOCITY] != 0.0 and v.sample_count[r] > 0 and before == before
     if not (known and time > 0.0):
         return OK
-    period, error = v.pace[PERIOD], figures[VELOCITY_ERROR]
+    period, error = v.pace[PERIOD], figures.velocity_error
     phase = v.phase[r]
     stops = phase == STOPPING or phase == BRAKING or phase == LOST
     swing = swing_speed(m.robot_figures[r], figures) if stops else 0.0
-    gain = 0.5 * figures[ACCELERATION] * (time + period)
+    gain = 0.5 * figures.acceleration * (time + period)
     faster = max(speed - max(before, 0.0), min(before, 0.0) - speed)
     if stops and not faster <= 2.0 * (gain + error) + swing + GRAIN:
         # No drive that stops speeds up like that: one of the two is wrong.
@@ -81,7 +75,7 @@ def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
     behind = max(sums[BEHIND_SUM], 0.0) + min(before, speed) * time - way - off
     # A stop takes a velocity half a period off away from its position.
     limit = 0.25 * hardest_stop(figures) * period * period + GRAIN
-    limit += 2.0 * (figures[POSITION_ERROR] + figures[VELOCITY] * STAMP_GRAIN)
+    limit += 2.0 * (figures.position_error + figures.velocity * STAMP_GRAIN)
     if not max(ahead, behind) <= limit:
         return STATE_FROZEN if way == 0.0 else STATE_DISAGREES
     sums[AHEAD_NEXT], sums[BEHIND_NEXT] = ahead, behind

@@ -30,15 +30,7 @@ from armguard.guard.watch import (
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
-    ACCELERATION,
-    COMMAND,
-    DECELERATION,
-    FIRST_JOINT,
     FIXED,
-    JOINT_COUNT,
-    MODE,
-    TRACKING,
-    VELOCITY,
 )
 from armguard.motion.state import NEXT, NOW, Motion
 
@@ -60,7 +52,7 @@ def look_under_way(v: Watch, m: Motion) -> None:
     for j in range(m.q.shape[0]):
         r = int(m.robot_of_joint[j])
         measured = v.stamps[r] - unknown_age(r, v, m)
-        since = measured - m.robot_figures[r, COMMAND]
+        since = measured - m.robot_figures[r].command
         k = next_slot
         # Before the first command it was told to stand still.
         low, high = (0.0, 0.0) if count <= room else (inf, -inf)
@@ -80,7 +72,7 @@ def look_under_way(v: Watch, m: Motion) -> None:
                 low, high = min(low, 0.0), max(high, 0.0)
         if not known:
             # Cycles come so often that older ones are forgotten, and may be under way.
-            high = m.joint_figures[j, VELOCITY]
+            high = m.joint_figures[j].velocity
             low = -high
             least, most = low, high
         v.under_way[j, 0], v.under_way[j, 1] = low, high
@@ -97,7 +89,7 @@ def set_drives(v: Watch, m: Motion) -> None:
     """
     n = m.q.shape[0]
     for j in range(n):
-        top, error = m.joint_figures[j, VELOCITY], m.joint_figures[j, TRACKING]
+        top, error = m.joint_figures[j].velocity, m.joint_figures[j].tracking_error
         if v.given[COMMANDED] == 0.0:
             m.driven[NOW * n + j, 0] = m.driven[NOW * n + j, 1] = top
             m.driven[NEXT * n + j, 0] = m.driven[NEXT * n + j, 1] = top
@@ -116,8 +108,8 @@ def hold_still(r: int, v: Watch, m: Motion) -> None:
 
     It is held until it is told to move: what is measured besides is error.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         m.v_low[j] = m.v_high[j] = 0.0
 
 
@@ -140,8 +132,8 @@ def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
         v: Watch; `wanted` is changed.
         m: Motion.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         known = min(max(v.wanted[j], v.under_way[j, 0]), v.under_way[j, 1])
         v.wanted[j] = known + share * (v.wanted[j] - known)
 
@@ -160,9 +152,9 @@ def is_as_told(v: Watch, m: Motion, out: Floats) -> bool:
     for j in range(m.q.shape[0]):
         r = int(m.robot_of_joint[j])
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
-        if not driven or m.robot_figures[r, MODE] == FIXED:
+        if not driven or m.robot_figures[r].mode == FIXED:
             continue
-        error = m.joint_figures[j, TRACKING]
+        error = m.joint_figures[j].tracking_error
         low, high = v.band[j, 0] - error, v.band[j, 1] + error
         explained = note_delay(j, r, error, v, m)
         if m.v_low[j] > high + GRAIN or m.v_high[j] < low - GRAIN:
@@ -191,7 +183,7 @@ def note_delay(j: int, r: int, error: float, v: Watch, m: Motion) -> int:
     Returns:
         The shortest delay looked for that explains what it does, DELAY_STEPS if none.
     """
-    explained, step = 0, DELAY_SHARE * m.robot_figures[r, COMMAND]
+    explained, step = 0, DELAY_SHARE * m.robot_figures[r].command
     for k in range(DELAY_STEPS):
         low, high = v.followed[j, 2 * k] - error, v.followed[j, 2 * k + 1] + error
         if m.v_low[j] > high + GRAIN or m.v_high[j] < low - GRAIN:
@@ -217,7 +209,7 @@ def expect_followed(j: int, next_slot: int, v: Watch, m: Motion) -> None:
     r = int(m.robot_of_joint[j])
     room, count = v.sent_at.shape[0], v.sent_count[0]
     measured = v.stamps[r] - unknown_age(r, v, m)
-    step = DELAY_SHARE * m.robot_figures[r, COMMAND]
+    step = DELAY_SHARE * m.robot_figures[r].command
     low, high, k, at = inf, -inf, 0, next_slot
     for _ in range(min(room, count)):
         at = (at if at > 0 else room) - 1
@@ -243,7 +235,7 @@ def expect_within(j: int, k: int, low: float, high: float, v: Watch, m: Motion) 
     if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
         low, high = -inf, inf
     # A joint that was within the bounds before is, wherever it was measured.
-    error = m.joint_figures[j, TRACKING]
+    error = m.joint_figures[j].tracking_error
     now_low = max(m.v_low[j], v.followed[j, 2 * k] - error)
     now_high = min(m.v_high[j], v.followed[j, 2 * k + 1] + error)
     v.followed[j, 2 * k] = min(low, now_low)
@@ -285,17 +277,17 @@ def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
         v: Watch; `wanted` is written.
         m: Motion.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         v.wanted[j] = 0.0
         if v.phase[r] == STOPPING:
             figures = m.joint_figures[j]
             rises = max(effect_time(r, v, m) - v.fastest_at[r], 0.0)
-            most = v.fastest[j] + figures[ACCELERATION] * rises
+            most = v.fastest[j] + figures.acceleration * rises
             last = v.told[j]
             if abs(last) > most:
                 last = most if last > 0.0 else -most
-            lost = figures[DECELERATION] * time
+            lost = figures.deceleration * time
             v.wanted[j] = max(last - lost, 0.0) if last > 0.0 else min(last + lost, 0.0)
 
 

@@ -32,7 +32,6 @@ from armguard.guard.proofs import LOOK_AHEAD, NEAR_CUE, robot_of
 from armguard.guard.watch import SLOW_TIME, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT, VELOCITY
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import Motion
@@ -124,12 +123,12 @@ def finish_cue(r: int, escape: int, w: Workspace, m: Motion, v: Watch) -> None:
     """Make a robot's way out a direction, told of its tool too; bound its wrench."""
     out = w.out
     place = HEADER + r * ROBOT_WIDTH
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     length = 0.0
     for j in range(first, end):
         # What opens fastest, each joint as it can: metres and radians are no match.
-        top = m.joint_figures[j, VELOCITY]
+        top = m.joint_figures[j].velocity
         out[escape + j] *= top * top
         length += out[escape + j] * out[escape + j]
     length = sqrt(length)

@@ -20,7 +20,7 @@ from armguard.guard.proofs import (
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIXED, MODE
+from armguard.motion.figures import FIXED
 from armguard.motion.pair_state import (
     ALLOWED,
     EXCEEDED,
@@ -86,8 +86,8 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
     if robot_j < 0 or robot_j == robot_i:
         demand_stop(robot_i, cause, v)
         return
-    fixed_i = m.robot_figures[robot_i, MODE] == FIXED
-    fixed_j = m.robot_figures[robot_j, MODE] == FIXED
+    fixed_i = m.robot_figures[robot_i].mode == FIXED
+    fixed_j = m.robot_figures[robot_j].mode == FIXED
     if fixed_i or fixed_j:
         # A fixed robot stops when its buffer is broken; the other one has to prove.
         broken = not out[place + WITNESS] >= out[place + BUFFER]

@@ -37,7 +37,7 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIXED, MODE
+from armguard.motion.figures import FIXED
 from armguard.motion.pair_state import UNPROVEN
 from armguard.motion.state import AGE, Motion
 
@@ -74,7 +74,7 @@ def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
     for r in range(v.phase.shape[0]):
         place = HEADER + r * ROBOT_WIDTH
         level = robot_level(r, w, v, m)
-        left = v.time_left[r] if m.robot_figures[r, MODE] != FIXED else inf
+        left = v.time_left[r] if m.robot_figures[r].mode != FIXED else inf
         least = min(least, left)
         scale = 0.0 if level >= STOP else min(left / slow_time, 1.0)
         v.level[r] = level
@@ -95,7 +95,7 @@ def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
 @kernel
 def robot_level(r: int, w: Workspace, v: Watch, m: Motion) -> int:
     """Level of one robot."""
-    if m.robot_figures[r, MODE] == FIXED:
+    if m.robot_figures[r].mode == FIXED:
         return fixed_level(r, w, v)
     phase = v.phase[r]
     if phase == STOPPING:

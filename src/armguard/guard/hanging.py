@@ -22,7 +22,7 @@ from armguard.guard.watch import (
     Watch,
 )
 from armguard.kernel import kernel
-from armguard.motion.figures import FIXED, MODE, POSITION_ERROR, TRACKING
+from armguard.motion.figures import FIXED
 from armguard.motion.state import Motion
 
 Floats = NDArray[np.float64]
@@ -51,16 +51,16 @@ def nothing_hangs(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
         r = int(m.robot_of_joint[j])
         state, time = v.hangs[j], v.stamps[r] - v.looked_at[r]
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
-        watched = driven and m.robot_figures[r, MODE] != FIXED and v.may_stand[j] == 0
+        watched = driven and m.robot_figures[r].mode != FIXED and v.may_stand[j] == 0
         if not watched or q[j] != state[HANGS_AT] or not isfinite(time):
             state[HANGS_AT], state[TOLD_FOR], state[TOLD_WAY] = q[j], 0.0, 0.0
             continue
         figures = m.joint_figures[j]
-        speed = max(v.under_way[j, 0], -v.under_way[j, 1]) - figures[TRACKING]
+        speed = max(v.under_way[j, 0], -v.under_way[j, 1]) - figures.tracking_error
         if time > 0.0 and speed > 0.0:
             state[TOLD_FOR] += time
             state[TOLD_WAY] += speed * time
-        far = state[TOLD_WAY] > 2.0 * figures[POSITION_ERROR]
+        far = state[TOLD_WAY] > 2.0 * figures.position_error
         if far and state[TOLD_FOR] > HANGS_AFTER:
             hanging = j
     for r in range(v.looked_at.shape[0]):

@@ -22,7 +22,6 @@ from armguard.guard.grips import Grips
 from armguard.guard.watch import LAST_NOW, Watch, base_error
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT, STATUS
-from armguard.motion import figures as place
 from armguard.motion.chains import anchor, primitive_levers, strokes
 from armguard.motion.outermost import true_limits
 from armguard.motion.state import Motion
@@ -370,8 +369,8 @@ class Holding:
         rows = tables.standing[thing.name].rows(T)
         errors, pushes = (
             np.abs(tables.gain[chain, 0])
-            * motion.joint_figures[tables.q_index[chain], column]
-            for column in (place.POSITION_ERROR, place.ACCELERATION)
+            * motion.joint_figures[figure][tables.q_index[chain]]
+            for figure in ("position_error", "acceleration")
         )
         reach = self._reach(carrier)
         for i, row in zip(range(first, end), rows, strict=True):

@@ -13,7 +13,7 @@ from armguard.guard.levels import Reason
 from armguard.guard.watch import COMMANDED, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIXED, LED_BEYOND, MODE, POSITION_ERROR
+from armguard.motion.figures import FIXED
 from armguard.motion.state import Motion
 
 Floats = NDArray[np.float64]
@@ -50,12 +50,12 @@ def measured_beyond(j: int, v: Watch, m: Motion) -> float:
     The error of its position; where commands go through the guard, as far beyond as it
     may be led, and that.
     """
-    if m.robot_figures[m.robot_of_joint[j], MODE] == FIXED:
+    if m.robot_figures[m.robot_of_joint[j]].mode == FIXED:
         return 0.0
     figures = m.joint_figures[j]
     if v.given[COMMANDED] == 0.0:
-        return float(figures[POSITION_ERROR])
-    return float(figures[LED_BEYOND] + figures[POSITION_ERROR])
+        return float(figures.position_error)
+    return float(figures.led_beyond + figures.position_error)
 
 
 @kernel

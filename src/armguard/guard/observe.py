@@ -28,15 +28,7 @@ from armguard.guard.watch import (
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
-    ACCELERATION,
-    DECELERATION_MOST,
     FIXED,
-    MODE,
-    POSITION_ERROR,
-    SENSING,
-    STALE,
-    VELOCITY,
-    VELOCITY_ERROR,
 )
 from armguard.motion.state import Motion
 from armguard.table import Vector
@@ -114,8 +106,8 @@ def untold_time(v: Watch, m: Motion) -> float:
         return 0.0
     least = inf
     for r in range(v.stamps.shape[0]):
-        if m.robot_figures[r, MODE] != FIXED:
-            least = min(least, m.robot_figures[r, SENSING])
+        if m.robot_figures[r].mode != FIXED:
+            least = min(least, m.robot_figures[r].sensing)
     return float(least) if least < inf else 0.0
 
 
@@ -153,7 +145,7 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
     for r in range(v.stamps.shape[0]):
         reason = stamp_fault(r, now, grain, v, m)
         if reason == OK:
-            believed |= m.robot_figures[r, MODE] != FIXED
+            believed |= m.robot_figures[r].mode != FIXED
             continue
         ahead |= reason == STAMP_AHEAD
         if right:
@@ -183,13 +175,13 @@ def stamp_fault(r: int, now: float, grain: float, v: Watch, m: Motion) -> int:
     stamp = v.stamps[r]
     if not isfinite(stamp):
         return STAMP_MISSING
-    if m.robot_figures[r, MODE] == FIXED:
+    if m.robot_figures[r].mode == FIXED:
         return OK
     if stamp < v.last_stamp[r]:
         return TIME_BACKWARDS
     if stamp > now + grain:
         return STAMP_AHEAD
-    if now - stamp > m.robot_figures[r, STALE] + grain:
+    if now - stamp > m.robot_figures[r].stale + grain:
         return STATE_STALE
     return OK
 
@@ -201,7 +193,7 @@ def settle_orders(now: float, v: Watch, m: Motion) -> None:
         if v.ordered[r] == inf:
             v.ordered[r] = now
             if v.given[NOW_TIME] != v.given[NOW_TIME]:
-                v.ordered[r] += m.robot_figures[r, SENSING]
+                v.ordered[r] += m.robot_figures[r].sensing
 
 
 @kernel
@@ -231,21 +223,21 @@ def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
     """Whether what was measured is what the joints can do since they were measured."""
     for j in range(q.shape[0]):
         r = m.robot_of_joint[j]
-        if m.robot_figures[r, MODE] == FIXED:
+        if m.robot_figures[r].mode == FIXED:
             continue
         figures = m.joint_figures[j]
-        top = figures[VELOCITY] * (1.0 + SPEED_SHARE)
+        top = figures.velocity * (1.0 + SPEED_SHARE)
         if v.sample_count[r] > 0 and v.stamps[r] > v.last_stamp[r]:
             time = v.stamps[r] - v.last_stamp[r]
             way = abs(q[j] - v.sample_q[j, 0])
-            if not way <= top * time + 2.0 * figures[POSITION_ERROR]:
+            if not way <= top * time + 2.0 * figures.position_error:
                 forget_samples(r, v)
                 return blame_joint(STATE_JUMPED, j, way / time, out)
         if v.given[HAS_VELOCITY] != 0.0:
             speed = v.velocity[j]
             if not isfinite(speed):
                 return blame_joint(NOT_FINITE, j, speed, out)
-            if not abs(speed) <= top + 3.0 * figures[VELOCITY_ERROR]:
+            if not abs(speed) <= top + 3.0 * figures.velocity_error:
                 return blame_joint(TOO_FAST, j, speed, out)
         if not fits_its_stamp(j, r, q[j], v):
             return blame_joint(STAMP_REPEATED, j, v.stamps[r], out)
@@ -260,21 +252,21 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
     """Write between which bounds each joint's velocity lies, and keep the sample."""
     for j in range(q.shape[0]):
         r = m.robot_of_joint[j]
-        if m.robot_figures[r, MODE] == FIXED:
+        if m.robot_figures[r].mode == FIXED:
             continue
         figures = m.joint_figures[j]
-        top = figures[VELOCITY] * (1.0 + SPEED_SHARE)
+        top = figures.velocity * (1.0 + SPEED_SHARE)
         if v.given[HAS_VELOCITY] != 0.0:
-            speed, error = v.velocity[j], figures[VELOCITY_ERROR]
+            speed, error = v.velocity[j], figures.velocity_error
             m.v_low[j], m.v_high[j] = speed - error, speed + error
         elif not estimate_velocity(j, r, q[j], v, m):
             keep_samples(q, v, m)
             return blame_robot(NO_VELOCITY, r, 0.0, out)
         # What is declared bounds what can be true, as long as that is believed.
-        if m.v_low[j] <= figures[VELOCITY] and m.v_high[j] >= -figures[VELOCITY]:
-            m.v_low[j] = max(m.v_low[j], -figures[VELOCITY])
-            m.v_high[j] = min(m.v_high[j], figures[VELOCITY])
-        slack = 2.0 * figures[VELOCITY_ERROR]
+        if m.v_low[j] <= figures.velocity and m.v_high[j] >= -figures.velocity:
+            m.v_low[j] = max(m.v_low[j], -figures.velocity)
+            m.v_high[j] = min(m.v_high[j], figures.velocity)
+        slack = 2.0 * figures.velocity_error
         if not (m.v_low[j] <= top + slack and m.v_high[j] >= -top - slack):
             return blame_joint(TOO_FAST, j, 0.5 * (m.v_low[j] + m.v_high[j]), out)
     keep_samples(q, v, m)
@@ -296,13 +288,13 @@ def estimate_velocity(j: int, r: int, position: float, v: Watch, m: Motion) -> b
     fresh = 0 if v.stamps[r] > v.last_stamp[r] else 1
     if v.sample_count[r] <= fresh:
         return False
-    hardest = max(figures[ACCELERATION], figures[DECELERATION_MOST])
-    gain = figures[ACCELERATION] if hardest == inf else hardest
+    hardest = max(figures.acceleration, figures.deceleration_most)
+    gain = figures.acceleration if hardest == inf else hardest
     low, high = -inf, inf
     for k in range(fresh, v.sample_count[r]):
         time = v.stamps[r] - v.sample_t[r, k]
         mean = (position - v.sample_q[j, k]) / time
-        off = 2.0 * figures[POSITION_ERROR] / time + 0.5 * gain * time
+        off = 2.0 * figures.position_error / time + 0.5 * gain * time
         least, most = mean - off, mean + off
         if hardest == inf:
             least, most = min(least, 0.0), max(most, 0.0)

@@ -28,13 +28,7 @@ from armguard.guard.workspace import (
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
-    FIRST_JOINT,
-    JOINT_COUNT,
-    MODE,
-    POSITION_ERROR,
-    SENSING,
     SPEED,
-    TRACKING,
 )
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import (
@@ -186,7 +180,7 @@ def time_since(seen: float, v: Watch, m: Motion) -> float:
     if v.given[NOW_TIME] != v.given[NOW_TIME]:
         oldest = 0.0
         for r in range(m.robot_figures.shape[0]):
-            oldest = max(oldest, m.robot_figures[r, SENSING])
+            oldest = max(oldest, m.robot_figures[r].sensing)
         age += oldest
     return float(max(age, 0.0))
 
@@ -425,7 +419,7 @@ def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -
     pair_row(i, j, place, v.row, w, m)
     total = 0.0
     for q in range(v.row.shape[0]):
-        total += abs(v.row[q]) * m.joint_figures[q, POSITION_ERROR]
+        total += abs(v.row[q]) * m.joint_figures[q].position_error
     return total
 
 
@@ -452,7 +446,7 @@ def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
         if own == r:
             closing += v.row[q] * v.wanted[q]
         if own == r or v.phase[own] == RUNNING:
-            closing += abs(v.row[q]) * m.joint_figures[q, TRACKING]
+            closing += abs(v.row[q]) * m.joint_figures[q].tracking_error
     return closing < 0.0
 
 
@@ -471,8 +465,8 @@ def is_driven_nearer(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
     if v.given[COMMANDED] == 0.0:
         return True
     pair_row(i, j, place, v.row, w, m)
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for q in range(first, first + m.robot_figures[r].joint_count):
         low = min(v.under_way[q, 0], v.wanted[q])
         high = max(v.under_way[q, 1], v.wanted[q])
         if max(v.row[q] * low, v.row[q] * high) > 0.0:
@@ -579,4 +573,4 @@ def coarse(i: int, v: Watch, m: Motion) -> bool:
     if r < 0 or m.span[SEGMENT] != 0.0:
         return False
     brakes = v.phase[r] == BRAKING or v.phase[r] == LOST
-    return bool(m.robot_figures[r, MODE] == SPEED or brakes)
+    return bool(m.robot_figures[r].mode == SPEED or brakes)

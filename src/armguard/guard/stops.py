@@ -31,23 +31,7 @@ from armguard.guard.watch import (
 )
 from armguard.kernel import kernel
 from armguard.motion.figures import (
-    ACCELERATION,
-    BRAKE_DECELERATION,
-    BRAKE_DELAY,
-    COMMAND,
-    CURVE,
-    DECELERATION,
-    FIRST_JOINT,
     FIXED,
-    JOINT_COUNT,
-    MODE,
-    POSITION_ERROR,
-    RAMP,
-    SENSING,
-    SETTLE,
-    SETTLE_TIME,
-    VELOCITY,
-    VELOCITY_ERROR,
 )
 from armguard.motion.joint_stop import curve_at, speed_lost, whole_way
 from armguard.motion.state import (
@@ -95,7 +79,7 @@ def supervise_stops(v: Watch, m: Motion) -> None:
     for r in range(v.phase.shape[0]):
         phase = v.phase[r]
         driven = phase == RUNNING or phase == RECOVERING
-        if driven or m.robot_figures[r, MODE] == FIXED:
+        if driven or m.robot_figures[r].mode == FIXED:
             continue
         if phase == RESTING:
             if not is_at_rest(r, v, m):
@@ -117,10 +101,10 @@ def supervise_stops(v: Watch, m: Motion) -> None:
         v.rested[r] = v.rested[r] + 1 if is_at_rest(r, v, m) else 0
         if v.rested[r] <= 1:
             v.rest_began[r] = now
-        done = now - v.ordered[r] > m.robot_figures[r, COMMAND]
+        done = now - v.ordered[r] > m.robot_figures[r].command
         done &= v.rested[r] >= REST_CYCLES
         # What looks like rest may be the moment before it swings.
-        done &= now - v.rest_began[r] >= m.robot_figures[r, SETTLE_TIME]
+        done &= now - v.rest_began[r] >= m.robot_figures[r].settle_time
         if done and phase == STOPPING:
             v.phase[r] = RESTING
 
@@ -128,8 +112,8 @@ def supervise_stops(v: Watch, m: Motion) -> None:
 @kernel
 def is_at_rest(r: int, v: Watch, m: Motion) -> bool:
     """Whether every joint of a robot may be at rest as far as can be measured."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         if not (m.v_low[j] <= 0.0 <= m.v_high[j]):
             return False
     return True
@@ -150,16 +134,16 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
     if untold and int(v.last[FORCED]) == CYCLE_LATE:
         # Stamps alone do not tell a pause from a clock that jumped ahead.
         return -1
-    first = int(robot[FIRST_JOINT])
+    first = robot.first_joint
     lagging = -1
-    for j in range(first, first + int(robot[JOINT_COUNT])):
+    for j in range(first, first + robot.joint_count):
         figures = m.joint_figures[j]
         bound = v.fastest[j]
         # What the operator may still have added before the stop took effect.
         driven = min(now, effect) - min(before, effect)
         bound = min(
-            bound + figures[ACCELERATION] * max(driven, 0.0),
-            max(bound, figures[VELOCITY]),
+            bound + figures.acceleration * max(driven, 0.0),
+            max(bound, figures.velocity),
         )
         bound = slowed(j, bound, before - effect, now - effect, v.phase[r], m)
         # Slower than settling may be, only where the joint is tells whether it stopped.
@@ -169,7 +153,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
         if not v.rest_low[j] <= m.q[j] <= v.rest_high[j]:
             lagging = j
             v.lagged[r] = LAGGING_SAMPLES
-        if figures[CURVE] == 0.0:
+        if figures.curve == 0.0:
             # A table tells when it rests by the speed the stop began with, and the stop
             # may have begun at any time since it was ordered.
             # One sample may have been too slow, and none of its neighbours.
@@ -186,7 +170,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
 def effect_time(r: int, v: Watch, m: Motion) -> float:
     """When the robot's order surely takes effect, on the clock of its stamps [s]."""
     robot = m.robot_figures[r]
-    delay = robot[COMMAND] if v.phase[r] == STOPPING else robot[BRAKE_DELAY]
+    delay = robot.command if v.phase[r] == STOPPING else robot.brake_delay
     return float(v.ordered[r] + delay)
 
 
@@ -194,14 +178,14 @@ def effect_time(r: int, v: Watch, m: Motion) -> float:
 def speed_before(j: int, v: Watch, m: Motion) -> float:
     """Greatest speed by the sample before the last believed one; 0 if there is none."""
     speed = abs(v.agreement[j, EARLIER])
-    return float(speed + m.joint_figures[j, VELOCITY_ERROR]) if speed == speed else 0.0
+    return float(speed + m.joint_figures[j].velocity_error) if speed == speed else 0.0
 
 
 @kernel
 def unknown_age(r: int, v: Watch, m: Motion) -> float:
     """How old a measurement may be beyond what its stamp says [s]."""
     told = v.given[NOW_TIME] == v.given[NOW_TIME]
-    return 0.0 if told else float(m.robot_figures[r, SENSING])
+    return 0.0 if told else float(m.robot_figures[r].sensing)
 
 
 @kernel
@@ -223,13 +207,13 @@ def slowed(
         return bound
     if phase != STOPPING:
         return float(
-            max(bound - figures[BRAKE_DECELERATION] * (end - max(start, 0.0)), 0.0)
+            max(bound - figures.brake_deceleration * (end - max(start, 0.0)), 0.0)
         )
-    if figures[CURVE] != 0.0:
+    if figures.curve != 0.0:
         # A table says when it rests, not how it gets there.
-        time, _ = curve_at(m.curves[j], bound / figures[VELOCITY])
+        time, _ = curve_at(m.curves[j], bound / figures.velocity)
         return 0.0 if end >= time else bound
-    ramp, d = m.robot_figures[m.robot_of_joint[j], RAMP], figures[DECELERATION]
+    ramp, d = m.robot_figures[m.robot_of_joint[j]].ramp, figures.deceleration
     lost = speed_lost(end, ramp, d) - speed_lost(start, ramp, d)
     return float(max(bound - lost, 0.0))
 
@@ -244,13 +228,13 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
     v.cause[r] = cause
     v.rested[r] = v.lagged[r] = 0
     v.fastest_at[r] = v.last_stamp[r]
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         v.fastest[j] = max(abs(m.v_low[j]), abs(m.v_high[j]), speed_before(j, v, m))
         # Where the joint may get to at all, if the order takes effect as it should.
         clock = m.clock[NOW * v.phase.shape[0] + r]
         up, down = m.up[NOW * m.q.shape[0] + j], m.down[NOW * m.q.shape[0] + j]
-        error = 2.0 * m.joint_figures[j, POSITION_ERROR] + GRAIN
+        error = 2.0 * m.joint_figures[j].position_error + GRAIN
         v.rest_high[j], v.rest_low[j] = inf, -inf
         forget_swing(j, m)
         if phase == STOPPING and clock[REACTION] > 0.0:
@@ -261,7 +245,7 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
             v.rest_high[j] = m.swings[j, HIGHEST] + error
             v.rest_low[j] = m.swings[j, LOWEST] - error
         elif phase <= BRAKING:
-            error += m.joint_figures[j, SETTLE]
+            error += m.joint_figures[j].settle
             v.rest_high[j] = m.q[j] + error + way_to_rest(r, j, m.v_high[j], v, m)
             v.rest_low[j] = m.q[j] - error - way_to_rest(r, j, -m.v_low[j], v, m)
 
@@ -269,7 +253,7 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
 @kernel
 def forget_swing(j: int, m: Motion) -> None:
     """Let a joint swing as after a stop from top speed: its stop was not planned."""
-    m.swings[j, OF_STOP] = m.joint_figures[j, SETTLE]
+    m.swings[j, OF_STOP] = m.joint_figures[j].settle
     m.swings[j, LOWEST], m.swings[j, HIGHEST] = -inf, inf
 
 
@@ -282,13 +266,13 @@ def way_to_rest(r: int, j: int, velocity: float, v: Watch, m: Motion) -> float:
     figures, robot = m.joint_figures[j], m.robot_figures[r]
     delay = effect_time(r, v, m) - v.last_stamp[r]
     speed = max(velocity, 0.0)
-    after = min(speed + figures[ACCELERATION] * delay, max(speed, figures[VELOCITY]))
-    deceleration = figures[BRAKE_DECELERATION]
+    after = min(speed + figures.acceleration * delay, max(speed, figures.velocity))
+    deceleration = figures.brake_deceleration
     if v.phase[r] == STOPPING:
-        if figures[CURVE] != 0.0:
+        if figures.curve != 0.0:
             return inf
-        deceleration = figures[DECELERATION]
-        delay += robot[RAMP]
+        deceleration = figures.deceleration
+        delay += robot.ramp
     return float(after * delay + 0.5 * after * after / deceleration)
 
 
@@ -304,14 +288,14 @@ def set_clocks(v: Watch, m: Motion) -> None:
             for k in range(CLOCK):
                 clock[k] = 0.0
             robot = m.robot_figures[r]
-            if robot[MODE] == FIXED:
+            if robot.mode == FIXED:
                 clock[STILL] = 1.0
                 continue
             clock[AGE] = now - v.stamps[r] + unknown_age(r, v, m)
             phase = v.phase[r]
             driven = phase == RUNNING or phase == RECOVERING
             if driven or (phase == RESTING and plan == NEXT):
-                clock[REACTION] = clock[AGE] + robot[COMMAND]
+                clock[REACTION] = clock[AGE] + robot.command
                 if plan == NEXT:
                     # A robot at rest is let go if it could go on for a cycle more.
                     clock[REACTION] += cycle if driven else 2.0 * cycle
@@ -331,7 +315,7 @@ def order_stops(v: Watch, m: Motion) -> None:
     now = now_of(v)
     forced = int(v.last[FORCED])
     for r in range(v.phase.shape[0]):
-        if m.robot_figures[r, MODE] == FIXED:
+        if m.robot_figures[r].mode == FIXED:
             continue
         must = v.must[r] != 0 or forced != OK
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
@@ -346,15 +330,15 @@ def stop_everything(reason: int, v: Watch, m: Motion) -> None:
     """Order a stop of every running robot, for an input that cannot be believed."""
     for r in range(v.phase.shape[0]):
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
-        if m.robot_figures[r, MODE] != FIXED and driven:
+        if m.robot_figures[r].mode != FIXED and driven:
             order(r, STOPPING, reason, v.last[ORDERED_AT], v, m)
             # How far it gets was not planned in this cycle.
-            first = int(m.robot_figures[r, FIRST_JOINT])
-            for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+            first = m.robot_figures[r].first_joint
+            for j in range(first, first + m.robot_figures[r].joint_count):
                 # What was refused may be true.
                 if v.given[HAS_VELOCITY] != 0.0 and isfinite(v.velocity[j]):
-                    top = max(v.fastest[j], m.joint_figures[j, VELOCITY])
-                    speed = abs(v.velocity[j]) + m.joint_figures[j, VELOCITY_ERROR]
+                    top = max(v.fastest[j], m.joint_figures[j].velocity)
+                    speed = abs(v.velocity[j]) + m.joint_figures[j].velocity_error
                     v.fastest[j] = max(v.fastest[j], min(speed, top))
                 v.rest_low[j], v.rest_high[j] = -inf, inf
                 forget_swing(j, m)

@@ -4,7 +4,6 @@ The times are those of a grid, so that all pairs of a cycle share them.
 """
 
 from armguard.kernel import kernel
-from armguard.motion.figures import ACCELERATION, VELOCITY
 from armguard.motion.state import (
     FREE,
     GRID,
@@ -73,8 +72,8 @@ def free_way(j: int, velocity: float, t: float, m: Motion) -> float:
     stopped.
     """
     figures = m.joint_figures[j]
-    a, speed = figures[ACCELERATION], max(velocity, 0.0)
-    gain = max(figures[VELOCITY] - speed, 0.0)
+    a, speed = figures.acceleration, max(velocity, 0.0)
+    gain = max(figures.velocity - speed, 0.0)
     if a * t <= gain:
         return float(t * (speed + 0.5 * a * t))
     until = gain / a

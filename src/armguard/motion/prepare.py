@@ -1,5 +1,7 @@
 """The arrays of a prediction, made once from a compiled scene."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from armguard.motion.chains import (
     strokes,
 )
 from armguard.motion.displacement import scene_chains
+from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.joint_stop import JointStop
 from armguard.motion.nearest import COLUMN
 from armguard.motion.outermost import led_beyond, true_limits
@@ -28,8 +31,8 @@ from armguard.motion.state import (
     Motion,
 )
 from armguard.record import records
-from armguard.robot.stopping import StoppingFigures, StopTable
-from armguard.scene.tables import RobotPart, SceneTables
+from armguard.robot.stopping import StopTable
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +64,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         levers=found.levers,
         exact_levers=exact_levers(tables, found.joints, found.length),
         joint_figures=joint_figures(tables),
-        robot_figures=np.array([robot_row(part) for part in tables.robots]),
+        robot_figures=robot_figures(tables),
         curves=stop_curves(tables),
         robot_of_joint=np.repeat(
             np.arange(len(tables.robots), dtype=np.int32),
@@ -84,8 +87,8 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         reach=np.zeros((PLANS, m)),
         speed=np.zeros(b),
         rate=np.zeros(m),
-        blur=by_levers(place.POSITION_ERROR, tables, found),
-        push=by_levers(place.ACCELERATION, tables, found),
+        blur=by_levers("position_error", tables, found),
+        push=by_levers("acceleration", tables, found),
         node_stamp=np.zeros(PLANS * NODES, dtype=np.int64),
         node_q=np.zeros((PLANS * NODES, n)),
         node_T=np.zeros((PLANS * NODES * b, 12)),
@@ -139,35 +142,30 @@ def exact_levers(
     return levers
 
 
-def joint_figures(tables: SceneTables) -> Floats:
-    """A row for each joint, shape (n, JOINT_FIGURES); zeros where none are needed."""
-    rows = np.zeros((len(tables.q_names), place.JOINT_FIGURES))
-    rows[:, place.LED_BEYOND] = led_beyond(tables)
+# Figures of joints that do not come from `StoppingFigures` by their names.
+DERIVED = ("led_beyond", "curve")
+
+
+def joint_figures(tables: SceneTables) -> Any:
+    """`JointFigures` of each joint, shape (n,); zeros where none are needed."""
+    rows = records(len(tables.q_names), JointFigures)
+    rows["led_beyond"] = led_beyond(tables)
     for part in tables.robots:
         own = rows[part.first_joint : part.first_joint + part.joint_count]
-        f = part.stopping
-        if f is None:
+        if part.stopping is None:
             continue
-        own[:, place.VELOCITY] = f.velocity
-        own[:, place.ACCELERATION] = f.acceleration
-        own[:, place.DECELERATION] = f.deceleration
-        own[:, place.DECELERATION_MOST] = f.deceleration_most
-        own[:, place.SETTLE] = f.settle
-        own[:, place.BRAKE_DECELERATION] = f.brake_deceleration
-        own[:, place.POSITION_ERROR] = f.position_error
-        own[:, place.VELOCITY_ERROR] = f.velocity_error
-        own[:, place.TRACKING] = f.tracking_error
-        for k, name in enumerate(part.joints):
-            own[k, place.CURVE] = float(name in f.tables)
+        for name in set(own.dtype.names).difference(DERIVED):
+            own[name] = getattr(part.stopping, name)
+        own["curve"] = [name in part.stopping.tables for name in part.joints]
     return rows
 
 
-def by_levers(figure: int, tables: SceneTables, found: Chains) -> Floats:
+def by_levers(figure: str, tables: SceneTables, found: Chains) -> Floats:
     """What a figure of all joints can do to each primitive's points at most, (m,).
 
     An acceleration [m/s²], or an error of positions [m].
     """
-    by_joint = joint_figures(tables)[:, figure]
+    by_joint = joint_figures(tables)[figure]
     by_body = np.abs(tables.gain[:, 0]) * by_joint[tables.q_index]
     most = np.zeros(tables.moving_count)
     for i, body in enumerate(tables.bodies[: tables.moving_count]):
@@ -176,24 +174,16 @@ def by_levers(figure: int, tables: SceneTables, found: Chains) -> Floats:
     return most
 
 
-def robot_row(part: RobotPart) -> Floats:
-    """The row of a robot, shape (ROBOT_FIGURES,)."""
-    row = np.zeros(place.ROBOT_FIGURES)
-    row[place.MODE] = MODES[part.mode]
-    row[place.FIRST_JOINT] = part.first_joint
-    row[place.JOINT_COUNT] = part.joint_count
-    f: StoppingFigures | None = part.stopping
-    if f is not None:
-        row[place.RAMP] = f.ramp
-        row[place.SETTLE_TIME] = f.settle_time
-        row[place.BRAKE_DELAY] = f.brake_delay
-        row[place.SENSING] = f.sensing
-        row[place.COMMAND] = f.command
-        row[place.STALE] = f.stale
-        row[place.MODEL_ERROR] = f.model_error
-        row[place.BASE_ERROR] = f.base_error
-        row[place.BASE_TURN] = f.base_turn
-    return row
+def robot_figures(tables: SceneTables) -> Any:
+    """`RobotFigures` of each robot, shape (r,)."""
+    rows = records(len(tables.robots), RobotFigures)
+    for row, part in zip(rows, tables.robots, strict=True):
+        row["mode"] = MODES[part.mode]
+        row["first_joint"], row["joint_count"] = part.first_joint, part.joint_count
+        if part.stopping is not None:
+            for name in rows.dtype.names[3:]:
+                row[name] = getattr(part.stopping, name)
+    return rows
 
 
 def stop_curves(tables: SceneTables) -> Floats:

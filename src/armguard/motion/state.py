@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.joint_stop import JointStop
 from armguard.record import Records
 from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector, table
@@ -83,8 +84,8 @@ class Motion(NamedTuple):
         shared: Shared joints.
         levers: Levers of the moving primitives.
         exact_levers: Levers of the exact shapes, shape (e, depth) [m].
-        joint_figures: See `figures`, shape (n, JOINT_FIGURES).
-        robot_figures: See `figures`, shape (r, ROBOT_FIGURES).
+        joint_figures: Declared figures of each joint, shape (n,).
+        robot_figures: Declared figures of each robot, shape (r,).
         curves: Measured stops, shape (n, 2 · CURVE_POINTS).
         robot_of_joint: Robot of each place of q, shape (n,).
         q: Measured positions, shape (n,).
@@ -146,8 +147,8 @@ class Motion(NamedTuple):
     shared: IntMatrix
     levers: Matrix
     exact_levers: Matrix
-    joint_figures: Matrix
-    robot_figures: Matrix
+    joint_figures: Annotated[Records[JointFigures], 1]
+    robot_figures: Annotated[Records[RobotFigures], 1]
     curves: Matrix
     robot_of_joint: IntVector
     q: Vector

@@ -10,18 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.kernel import kernel
-from armguard.motion.figures import (
-    ACCELERATION,
-    BRAKE_DECELERATION,
-    CURVE,
-    DECELERATION,
-    DECELERATION_MOST,
-    POSITION_ERROR,
-    RAMP,
-    SETTLE,
-    SETTLE_TIME,
-    VELOCITY,
-)
 from armguard.motion.joint_stop import (
     JointStop,
     farthest,
@@ -73,7 +61,7 @@ def plan_stops(plan: int, m: Motion) -> None:
         horizon = max(horizon, rest)
         r = m.robot_of_joint[j]
         if rest > 0.0 or m.clock[plan * m.robot_figures.shape[0] + r, SWINGS] != 0.0:
-            settled = max(settled, max(rest, 0.0) + m.robot_figures[r, SETTLE_TIME])
+            settled = max(settled, max(rest, 0.0) + m.robot_figures[r].settle_time)
     if plan == NEXT:
         m.effort[STAMP] += 1
         m.span[HORIZON] = horizon
@@ -109,25 +97,25 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
         clear(up)
         clear(down)
         return 0.0
-    least, most = figures[DECELERATION], figures[DECELERATION_MOST]
-    ramp = robot[RAMP]
-    points = m.curves.shape[1] if figures[CURVE] != 0.0 else 0
+    least, most = figures.deceleration, figures.deceleration_most
+    ramp = robot.ramp
+    points = m.curves.shape[1] if figures.curve != 0.0 else 0
     if clock[BRAKING] != 0.0:
-        least, most, ramp, points = figures[BRAKE_DECELERATION], inf, 0.0, 0
+        least, most, ramp, points = figures.brake_deceleration, inf, 0.0, 0
     for side in range(2):
         plan_stop(
             m.v_high[j] if side == 0 else -m.v_low[j],
             -m.v_low[j] if side == 0 else m.v_high[j],
-            figures[VELOCITY],
+            figures.velocity,
             m.driven[plan * n + j, side],
-            figures[ACCELERATION],
+            figures.acceleration,
             clock[REACTION],
             ramp,
             clock[PASSED],
             least,
             most,
-            figures[SETTLE],
-            robot[SETTLE_TIME],
+            figures.settle,
+            robot.settle_time,
             m.curves[j, :points],
             up if side == 0 else down,
         )
@@ -145,7 +133,7 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
                 beyond = m.q[j] - m.swings[j, LOWEST]
             stop.swing_back = max(min(2.0 * swing, beyond), 0.0)
             rest = max(up.rest_time, down.rest_time, 0.0)
-            stop.settled = rest + robot[SETTLE_TIME]
+            stop.settled = rest + robot.settle_time
     return float(max(up.rest_time, down.rest_time) - clock[AGE])
 
 
@@ -153,7 +141,7 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
 def error_of(j: int, m: Motion) -> float:
     """Greatest error of a joint's position; 0 where its motion is left out."""
     still = m.clock[m.robot_of_joint[j], STILL] != 0.0
-    return 0.0 if still else float(m.joint_figures[j, POSITION_ERROR])
+    return 0.0 if still else float(m.joint_figures[j].position_error)
 
 
 @kernel(separate=True)

@@ -29,12 +29,6 @@ from armguard.guard.workspace import (
     Workspace,
 )
 from armguard.kernel import kernel
-from armguard.motion.figures import (
-    DECELERATION,
-    FIRST_JOINT,
-    JOINT_COUNT,
-    POSITION_ERROR,
-)
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked, Changed
 from armguard.respond.daqp_interface import FUNCTION
@@ -164,7 +158,7 @@ def take_asked(a: Response, v: Watch, m: Motion) -> None:
         elif positions:
             way = a.goal[j] - a.held[j]
             a.far[j] = abs(way)
-            speed = speed_to(a.far[j], m.joint_figures[j, DECELERATION], v.pace[PERIOD])
+            speed = speed_to(a.far[j], m.joint_figures[j].deceleration, v.pace[PERIOD])
             a.asked[j] = speed if way > 0.0 else -speed
     if wrong:
         v.last[FORCED] = WRONG_COMMAND
@@ -216,8 +210,8 @@ def settle_target(
     r: int, unsolved: int, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Take the declared stop where nothing was found; say who leaves what is near."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     tangled = a.notes[r, TANGLED] != 0 and v.evades[r] == 0
     moves, room = False, False
     for j in range(first, end):
@@ -255,8 +249,8 @@ def note_changes(judged: int, a: Response, v: Watch, m: Motion) -> None:
     for r in range(a.notes.shape[0]):
         if judged == 0:
             a.notes[r, CHANGED] = BY_PROOF
-        first = int(m.robot_figures[r, FIRST_JOINT])
-        for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        first = m.robot_figures[r].first_joint
+        for j in range(first, first + m.robot_figures[r].joint_count):
             if v.wanted[j] != a.target[j]:
                 a.notes[r, CHANGED] |= BY_PROOF
 
@@ -271,7 +265,7 @@ def hold(a: Response, v: Watch, m: Motion) -> None:
         last = v.told[j]
         a.held[j] += last * time
         fastest = max(abs(last), -m.v_low[j], m.v_high[j])
-        room = LEAD_TIME * fastest + 2.0 * m.joint_figures[j, POSITION_ERROR]
+        room = LEAD_TIME * fastest + 2.0 * m.joint_figures[j].position_error
         a.held[j] = min(max(a.held[j], m.q[j] - room), m.q[j] + room)
 
 

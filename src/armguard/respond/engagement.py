@@ -21,7 +21,6 @@ from armguard.guard.watch import (
     Watch,
 )
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
 from armguard.respond.state import (
@@ -87,8 +86,8 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     notes, phase = a.notes[r], v.phase[r]
     a.speed[r] = 1.0
     notes[RETREATS] = notes[ASKS] = 0
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         if abs(a.asked[j]) > NOTHING_ASKED:
             notes[ASKS] = 1
     ordered = wait_if_ordered(r, a, v)
@@ -161,9 +160,9 @@ def stand_to_velocities(r: int, a: Response) -> None:
 def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     """Positions: it follows those that are near it."""
     notes, settings = a.notes[r], a.settings[r]
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     farthest = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for j in range(first, first + m.robot_figures[r].joint_count):
         farthest = max(farthest, a.far[j])
     if farthest <= NEAR_AGAIN * settings[FAR]:
         notes[STATE] = FOLLOWING

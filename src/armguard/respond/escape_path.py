@@ -23,13 +23,6 @@ from armguard.guard.workspace import Workspace
 from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.figures import (
-    ACCELERATION,
-    DECELERATION,
-    FIRST_JOINT,
-    JOINT_COUNT,
-    POSITION_ERROR,
-)
 from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.escape_state import (
     COMER_COUNT,
@@ -126,13 +119,13 @@ def judge_way(
 def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
     """Write when a robot does what on the way in `trial`."""
     plan = e.plan
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     rise = fall = 0.0
     for j in range(first, end):
         figures = m.joint_figures[j]
-        rise = max(rise, abs(e.trial[j] - v.told[j]) / figures[ACCELERATION])
-        fall = max(fall, abs(e.trial[j]) / figures[DECELERATION])
+        rise = max(rise, abs(e.trial[j] - v.told[j]) / figures.acceleration)
+        fall = max(fall, abs(e.trial[j]) / figures.deceleration)
     plan[DELAY] = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     plan[RISE] = rise
     plan[GO] = max(go, rise)
@@ -179,11 +172,11 @@ def stand_on_way(
     whole = going + falling - (0.5 * falling * falling / fall if fall > 0.0 else 0.0)
     for j in range(e.q.shape[0]):
         e.q[j] = m.q[j]
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         last, next_ = v.told[j], e.trial[j]
         q = m.q[j] + last * (early + rising - part) + next_ * (part + whole)
-        away = 2.0 * m.joint_figures[j, POSITION_ERROR] + LIMIT_ROOM
+        away = 2.0 * m.joint_figures[j].position_error + LIMIT_ROOM
         low, high = w.lower[j] + away, w.upper[j] - away
         # Where it stands beyond that already it stays.
         e.q[j] = min(max(q, min(low, m.q[j])), max(high, m.q[j]))

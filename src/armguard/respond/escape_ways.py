@@ -14,7 +14,6 @@ from armguard.geometry.vec3 import Vec3, any_perpendicular, cross, dot, norm, sc
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT, VELOCITY
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
 from armguard.respond.escape_path import speed_of
@@ -43,7 +42,7 @@ NO_LENGTH = 1e-6
 @kernel
 def way_count(r: int, m: Motion) -> int:
     """How many ways a robot has."""
-    joints = int(m.robot_figures[r, JOINT_COUNT])
+    joints = m.robot_figures[r].joint_count
     directions = FORMS * (SIDES + 1) + 2 * joints + 3 * SPREADS
     return directions * len(GOES)
 
@@ -95,8 +94,8 @@ def write_way(k: int, r: int, share: float, e: Escape, m: Motion) -> float:
     Returns:
         How long it goes on [s].
     """
-    joints = int(m.robot_figures[r, JOINT_COUNT])
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    joints = m.robot_figures[r].joint_count
+    first = m.robot_figures[r].first_joint
     d, length = k // len(GOES), k % len(GOES)
     fans = FORMS * (SIDES + 1)
     if d < fans:
@@ -113,7 +112,7 @@ def write_way(k: int, r: int, share: float, e: Escape, m: Motion) -> float:
             lead_to_side(spread % SIDES, r, False, e, m)
         for j in range(first, first + joints):
             if base == 1:
-                e.trial[j] = e.way[j] / (share * m.joint_figures[j, VELOCITY])
+                e.trial[j] = e.way[j] / (share * m.joint_figures[j].velocity)
             elif base == 2:
                 e.trial[j] = 0.0
             part = 1.0 if base == 2 else MIXED
@@ -134,14 +133,14 @@ def lead_to_side(side: int, r: int, full: bool, e: Escape, m: Motion) -> None:
         m: Motion.
     """
     to = side_of(side, e)
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     most = NO_LENGTH
     for j in range(first, end):
         c = e.columns[j]
         e.trial[j] = (c[0] * to[0] + c[1] * to[1] + c[2] * to[2]) * m.joint_figures[
-            j, VELOCITY
-        ]
+            j
+        ].velocity
         if e.useful[j] == 0:
             e.trial[j] = 0.0
         most = max(most, abs(e.trial[j]))
@@ -167,12 +166,12 @@ def side_of(side: int, e: Escape) -> Vec3:
 @kernel
 def fill_speed(r: int, share: float, e: Escape, m: Motion) -> None:
     """Turn shares of top speeds in `trial` into velocities as great as may be."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     most = NO_LENGTH
     for j in range(first, end):
         if e.useful[j] == 0:
             e.trial[j] = 0.0
         most = max(most, abs(e.trial[j]))
     for j in range(first, end):
-        e.trial[j] *= share * m.joint_figures[j, VELOCITY] / most
+        e.trial[j] *= share * m.joint_figures[j].velocity / most

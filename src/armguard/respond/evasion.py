@@ -28,7 +28,6 @@ from armguard.guard.workspace import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion
 from armguard.respond.engagement import NOTHING_ASKED
@@ -154,8 +153,8 @@ def evades(
     if phase != RUNNING and phase != RESTING and phase != RECOVERING:
         forget_ways(r, e, m)
         return False
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     look_for_comers(r, a, e, w, v, m)
     comes = e.counts[COMER_COUNT] > 0
     if comes and is_threatened(r, a, e, w, v, m):
@@ -212,8 +211,8 @@ def forget_ways(r: int, e: Escape, m: Motion) -> None:
     for k in range(ESCAPE_NOTES):
         e.notes[r, k] = 0
     e.memory[r, LEFT] = e.memory[r, DONE] = 0.0
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         e.way[j] = 0.0
 
 
@@ -294,8 +293,8 @@ def is_threatened(
     r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> bool:
     """Whether what comes gets too near to a robot that goes on as it is asked to."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         e.trial[j] = a.asked[j] if v.phase[r] != RESTING else 0.0
     worth = judge_way(r, ASKED, -inf, 0, a, w)
     if e.notes[r, EVADING] != 0:
@@ -327,8 +326,8 @@ def choose_way(
 ) -> None:
     """Judge to stay, the way a robot is on, and some others; take the best."""
     notes, memory = e.notes[r], e.memory[r]
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     for j in range(first, end):
         e.trial[j] = 0.0
     best = judge_way(r, 0.0, -inf, 0, a, w)

@@ -34,12 +34,6 @@ from armguard.guard.proofs import robot_of, standing_need
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import (
-    ACCELERATION,
-    FIRST_JOINT,
-    JOINT_COUNT,
-    VELOCITY,
-)
 from armguard.motion.state import Motion
 from armguard.respond.lead_state import (
     BEST,
@@ -105,13 +99,13 @@ STILL_SHARE = 0.005
 def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
     """Write what draws a robot to its goal."""
     memory, settings = s.memory[r], a.settings[r]
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     if s.notes[r, GOAL] == JOINTS_GOAL:
         left = 0.0
         for j in range(first, end):
             s.pull[j] = s.aim[j] - m.q[j]
-            left = max(left, abs(s.pull[j]) / m.joint_figures[j, VELOCITY])
+            left = max(left, abs(s.pull[j]) / m.joint_figures[j].velocity)
         memory[LEFT] = left
         speed = led_speed(r, settings[FIELD_SPEED], settings[ATTRACTION], s, v, m)
         for j in range(first, end):
@@ -145,11 +139,11 @@ def led_speed(
         m: Motion.
     """
     memory = s.memory[r]
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     rate = np.inf
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for j in range(first, first + m.robot_figures[r].joint_count):
         figures = m.joint_figures[j]
-        rate = min(rate, GENTLE * figures[ACCELERATION] / figures[VELOCITY])
+        rate = min(rate, GENTLE * figures.acceleration / figures.velocity)
     memory[PULL] = min(most, memory[PULL] + rate * time_passed(v))
     left = memory[LEFT]
     return float(min(memory[PULL], sqrt(rate * left), attraction * left))
@@ -212,8 +206,8 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
         s: Lead.
         m: Motion.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     square, closing = SHORT_LEVER * SHORT_LEVER, 0.0
     for j in range(first, end):
         square += a.raw[j] * a.raw[j]
@@ -265,8 +259,8 @@ def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
     """
     if s.notes[r, LED] != BY_FIELD or s.notes[r, IN_MINIMUM] != 0:
         return
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     share = 0.0
     if s.weight[r, 1] > NO_PUSH:
         share = 1.0 / s.weight[r, 1]
@@ -280,7 +274,7 @@ def limit_share(first: int, end: int, share: float, speeds: Floats, m: Motion) -
     """Scale velocities of joints to a share of their top speeds."""
     most = 0.0
     for j in range(first, end):
-        most = max(most, abs(speeds[j]) / m.joint_figures[j, VELOCITY])
+        most = max(most, abs(speeds[j]) / m.joint_figures[j].velocity)
     if most > share:
         for j in range(first, end):
             speeds[j] *= share / most
@@ -290,8 +284,8 @@ def limit_share(first: int, end: int, share: float, speeds: Floats, m: Motion) -
 def is_there(r: int, s: Lead, w: Workspace, m: Motion) -> bool:
     """Whether a robot is at the goal of its field."""
     if s.notes[r, GOAL] == JOINTS_GOAL:
-        first = int(m.robot_figures[r, FIRST_JOINT])
-        for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+        first = m.robot_figures[r].first_joint
+        for j in range(first, first + m.robot_figures[r].joint_count):
             if not abs(s.aim[j] - m.q[j]) <= JOINT_THERE:
                 return False
         return True
@@ -322,10 +316,10 @@ def look_for_minimum(
         memory[BEST], memory[IDLE] = memory[LEFT], 0.0
     else:
         memory[IDLE] += dt
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     fastest = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        fastest = max(fastest, abs(v.told[j]) / m.joint_figures[j, VELOCITY])
+    for j in range(first, first + m.robot_figures[r].joint_count):
+        fastest = max(fastest, abs(v.told[j]) / m.joint_figures[j].velocity)
     memory[STANDS] = memory[STANDS] + dt if fastest < STILL_SHARE else 0.0
     patience = a.settings[r, PATIENCE]
     if memory[IDLE] > patience or memory[STANDS] > 0.5 * patience:

@@ -12,7 +12,6 @@ from armguard.guard.grips import (
 )
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
 from armguard.respond.grip_keeping import carries
 from armguard.respond.state import ROW_COUNT, ROWS, Response
@@ -49,10 +48,10 @@ def slow_finger(r: int, body: int, g: int, a: Response, h: Grips, m: Motion) -> 
 @kernel
 def slow_joint(j: int, r: int, at: int, a: Response, m: Motion) -> None:
     """Take a joint's part of what breaks a row back, as far as its declared stop."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     own, target = a.rows[at, j], a.target[j]
     broken = -a.eased[at]
-    for i in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for i in range(first, first + m.robot_figures[r].joint_count):
         broken += a.rows[at, i] * a.target[i]
     most = own * (target - a.brake[j])
     if broken > 0.0 and most > 0.0:

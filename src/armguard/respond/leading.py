@@ -21,7 +21,6 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
 from armguard.respond.engagement import NOTHING_ASKED, Standing
@@ -125,8 +124,8 @@ def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     By two lags, one after the other; whoever is not led begins with what he was told.
     """
     part = 1.0 - exp(-time_passed(v) / LAG)
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         if s.notes[r, LED] == NOBODY:
             s.first_lag[j] = s.second_lag[j] = v.told[j]
         else:
@@ -138,8 +137,8 @@ def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
 @kernel
 def asks(r: int, a: Response, m: Motion) -> bool:
     """Whether anything is asked of a robot."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         if abs(a.asked[j]) > NOTHING_ASKED:
             return True
     return False

@@ -21,7 +21,6 @@ from armguard.guard.proofs import SINK, object_speed, robot_of, standing_need
 from armguard.guard.watch import RESTING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import ACCELERATION, FIRST_JOINT, JOINT_COUNT, TRACKING
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import SETTLED, Motion
@@ -104,8 +103,8 @@ def note_ways_out(a: Response, w: Workspace) -> None:
 def only_out(r: int, a: Response, m: Motion) -> None:
     """Let each joint of a robot move only as it leads out of all that is too near."""
     target, low, high = a.target, a.low, a.high
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         if a.ways_out[j] == -1:
             high[j] = min(high[j], 0.0)
         elif a.ways_out[j] == 1:
@@ -126,8 +125,8 @@ def lead_away(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> bool:
     Returns:
         Whether it does; if not the target is left as it was.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     least = sure_share(r, a, w, v, m)
     most, part = inf, 1.0
     for j in range(first, end):
@@ -135,7 +134,7 @@ def lead_away(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> bool:
         if size == 0.0:
             continue
         most = min(most, (a.high[j] if a.target[j] > 0.0 else -a.low[j]) / size)
-        part = min(part, m.joint_figures[j, ACCELERATION] * time_passed(v) / size)
+        part = min(part, m.joint_figures[j].acceleration * time_passed(v) / size)
     if v.phase[r] != RESTING:
         part = 1.0
     if least > part and a.notes[r, ASKS] == 0:
@@ -155,8 +154,8 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
     Returns:
         That; 0 if nothing is too near, infinite if the target does not open all of it.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     share = 0.0
     for k in range(int(w.out[NEAR_COUNT])):
         place = row_place(k, w)
@@ -170,7 +169,7 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
         opening = missed = 0.0
         for q in range(first, end):
             opening -= a.raw[q] * a.target[q]
-            missed += abs(a.raw[q]) * m.joint_figures[q, TRACKING]
+            missed += abs(a.raw[q]) * m.joint_figures[q].tracking_error
         if not opening > 0.0:
             return inf
         if object_speed(j, v) > 0.0 and robot_of(j, v) < 0:

@@ -10,7 +10,6 @@ from math import exp
 from armguard.guard.commands import time_passed
 from armguard.guard.watch import HAS_VELOCITY, RECOVERING, RUNNING, Watch
 from armguard.kernel import kernel
-from armguard.motion.figures import TRACKING
 from armguard.motion.state import Motion
 from armguard.respond.state import Response
 
@@ -43,5 +42,5 @@ def note_missed(a: Response, v: Watch, m: Motion) -> None:
             speed = v.velocity[j]
         low, high = v.under_way[j, 0], v.under_way[j, 1]
         off = speed - min(max(speed, low), high)
-        most = m.joint_figures[j, TRACKING]
+        most = m.joint_figures[j].tracking_error
         a.missed[j] += part * (min(max(off, -most), most) - a.missed[j])

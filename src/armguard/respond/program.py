@@ -45,17 +45,6 @@ from armguard.guard.proofs import SINK, robot_of
 from armguard.guard.watch import RESTING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import (
-    ACCELERATION,
-    DECELERATION,
-    FIRST_JOINT,
-    JOINT_COUNT,
-    POSITION_ERROR,
-    RAMP,
-    SETTLE,
-    TRACKING,
-    VELOCITY,
-)
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
 from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.command import Changed
@@ -167,18 +156,18 @@ def write_costs(a: Response, v: Watch, m: Motion) -> None:
     """
     for j in range(a.closing_time.shape[0]):
         figures, last = m.joint_figures[j], abs(v.told[j])
-        gain = figures[ACCELERATION] * a.pace[STEP]
+        gain = figures.acceleration * a.pace[STEP]
         time = time_before_stop(j, int(m.robot_of_joint[j]), m)
-        braking = 0.5 * gain / figures[DECELERATION]
-        a.closing_time[j] = time + last / figures[DECELERATION] + braking
+        braking = 0.5 * gain / figures.deceleration
+        a.closing_time[j] = time + last / figures.deceleration + braking
         a.opening_time[j] = max(1.0 - last / gain, 0.0) * (time + braking)
 
 
 @kernel
 def breaks_rows(r: int, limits: Floats, a: Response, m: Motion) -> bool:
     """Whether a robot's target breaks a row of its program, by these limits."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     for k in range(a.notes[r, ROW_COUNT]):
         at = r * ROWS + k
         reached = 0.0
@@ -208,19 +197,19 @@ def frame_limits(
     """
     asked, target, low, high, brake = a.asked, a.target, a.low, a.high, a.brake
     robot, dt = m.robot_figures[r], time_passed(v)
-    first = int(robot[FIRST_JOINT])
-    end = first + int(robot[JOINT_COUNT])
+    first = robot.first_joint
+    end = first + robot.joint_count
     share = a.speed[r]
     # A way out of what is too near begins at a speed that surely leads away.
     begins = a.notes[r, RETREATS] != 0 and v.phase[r] == RESTING and v.evades[r] == 0
     slower = 1.0
     for j in range(first, end):
-        top = share * m.joint_figures[j, VELOCITY]
+        top = share * m.joint_figures[j].velocity
         if follows and abs(asked[j]) > top:
             slower = min(slower, top / abs(asked[j]))
     part, changed = 1.0, int(slower < 1.0) * BY_SPEED + int(not follows) * BY_BLOCKED
     for j in range(first, end):
-        last, gain = v.told[j], m.joint_figures[j, ACCELERATION] * dt
+        last, gain = v.told[j], m.joint_figures[j].acceleration * dt
         target[j] = slower * asked[j] if follows else 0.0
         change = abs(target[j] - last)
         if change > gain and not begins:
@@ -230,24 +219,24 @@ def frame_limits(
     for j in range(first, end):
         last = abs(v.told[j])
         if last > 0.0:
-            lost = min(lost, m.joint_figures[j, DECELERATION] * dt / last)
+            lost = min(lost, m.joint_figures[j].deceleration * dt / last)
     straight = a.settings[r, KIND] == SLOW or retreats(r, a)
     for j in range(first, end):
         figures = m.joint_figures[j]
-        last, gain = v.told[j], figures[ACCELERATION] * dt
+        last, gain = v.told[j], figures.acceleration * dt
         gain = inf if begins else gain
         if part < 1.0:
             target[j] = last + part * (target[j] - last)
         # Who keeps his direction slows down all joints in proportion.
-        less = lost * abs(last) if straight else figures[DECELERATION] * dt
+        less = lost * abs(last) if straight else figures.deceleration * dt
         brake[j] = max(last - less, 0.0) if last > 0.0 else min(last + less, 0.0)
-        top = max(share * figures[VELOCITY], abs(brake[j]))
+        top = max(share * figures.velocity, abs(brake[j]))
         # It may be measured too little now, and too much when it is there.
-        away = 2.0 * figures[POSITION_ERROR] + LIMIT_SPARE
+        away = 2.0 * figures.position_error + LIMIT_SPARE
         up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
         down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
         # Before its limit a joint slows down as hard as it can, whatever others do.
-        own = figures[DECELERATION] * dt
+        own = figures.deceleration * dt
         hardest = max(last - own, 0.0) if last > 0.0 else min(last + own, 0.0)
         high[j] = max(min(last + gain, top, up), hardest)
         low[j] = min(max(last - gain, -min(top, down)), hardest)
@@ -274,7 +263,7 @@ def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
         m: Motion.
     """
     low, high, brake = a.low, a.high, a.brake
-    error, missed = m.joint_figures[j, POSITION_ERROR], m.joint_figures[j, TRACKING]
+    error, missed = m.joint_figures[j].position_error, m.joint_figures[j].tracking_error
     if m.q[j] - w.upper[j] > error:
         high[j] = min(high[j], max(-missed, low[j]))
     elif w.lower[j] - m.q[j] > error:
@@ -297,17 +286,17 @@ def speed_within(way: float, j: int, r: int, m: Motion) -> float:
     if not way > 0.0:
         return 0.0
     figures, time = m.joint_figures[j], time_before_stop(j, r, m)
-    d = figures[DECELERATION]
+    d = figures.deceleration
     speed = d * (sqrt(time * time + 2.0 * way / d) - time)
-    return float(max(speed - figures[TRACKING], 0.0))
+    return float(max(speed - figures.tracking_error, 0.0))
 
 
 @kernel
 def time_before_stop(j: int, r: int, m: Motion) -> float:
     """Time a joint's speed costs besides braking: reaction, ramp and swing [s]."""
     figures = m.joint_figures[j]
-    time = time_to_effect(r, m) + 0.5 * m.robot_figures[r, RAMP]
-    return float(time + figures[SETTLE] / figures[VELOCITY])
+    time = time_to_effect(r, m) + 0.5 * m.robot_figures[r].ramp
+    return float(time + figures.settle / figures.velocity)
 
 
 @kernel
@@ -387,9 +376,9 @@ def add_pair(
 @kernel
 def closing_of(r: int, raw: Floats, target: Floats, m: Motion) -> float:
     """How fast a robot's own part of what is wanted closes a pair [m/s]."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     total = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for j in range(first, first + m.robot_figures[r].joint_count):
         total += raw[j] * target[j]
     return total
 
@@ -406,10 +395,10 @@ def surely_opens_by(r: int, raw: Floats, a: Response, m: Motion) -> bool:
         a: Responses.
         m: Motion.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     missed = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        missed += abs(raw[j]) * m.joint_figures[j, TRACKING]
+    for j in range(first, first + m.robot_figures[r].joint_count):
+        missed += abs(raw[j]) * m.joint_figures[j].tracking_error
     surely = closing_of(r, raw, a.asked, m) + missed <= 0.0
     return bool(surely and closing_of(r, raw, a.target, m) <= 0.0)
 
@@ -440,13 +429,13 @@ def add_opening(r: int, a: Response, m: Motion) -> None:
         a: Responses; `raw` holds how fast each joint closes the pair.
         m: Motion.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     at = r * ROWS + a.notes[r, ROW_COUNT]
     missed = 0.0
     for j in range(first, end):
         a.rows[at, j] = a.raw[j]
-        missed += abs(a.raw[j]) * m.joint_figures[j, TRACKING]
+        missed += abs(a.raw[j]) * m.joint_figures[j].tracking_error
     limit = -SURELY * missed
     keep_row(r, first, end, at, limit, limit, True, a)
 
@@ -466,8 +455,8 @@ def add_approach(
         m: Motion.
     """
     dt = a.pace[STEP]
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     at = r * ROWS + a.notes[r, ROW_COUNT]
     limit = a.pace[NEARER] * left
     for j in range(first, end):
@@ -498,8 +487,8 @@ def add_holding(
         m: Motion.
     """
     dt = a.pace[STEP]
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     at = r * ROWS + a.notes[r, ROW_COUNT]
     limit = 0.0
     for j in range(first, end):
@@ -525,11 +514,11 @@ def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
         v: Watch.
         m: Motion.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     closing = missed = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for j in range(first, first + m.robot_figures[r].joint_count):
         closing += a.raw[j] * v.told[j]
-        missed += abs(a.raw[j]) * m.joint_figures[j, TRACKING]
+        missed += abs(a.raw[j]) * m.joint_figures[j].tracking_error
     return float(time_to_effect(r, m) * (max(closing, 0.0) + missed))
 
 
@@ -568,8 +557,8 @@ def add_contract(
     k = contract_of(i, j, h)
     if k < 0:
         return
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     at = r * ROWS + a.notes[r, ROW_COUNT]
     for q in range(first, end):
         a.rows[at, q] = a.raw[q]
@@ -634,8 +623,8 @@ def scale_back(r: int, a: Response, m: Motion) -> float:
         How much of the target is left, the rest being the declared stop [-].
     """
     target, brake = a.target, a.brake
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     part = 1.0
     for k in range(a.notes[r, ROW_COUNT]):
         at = r * ROWS + k

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from armguard.address import call_c
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
 from armguard.respond.daqp_interface import (
     BOUNDED,
@@ -61,8 +60,8 @@ def solve(r: int, limits: Floats, a: Response, m: Motion) -> bool:
     Returns:
         Whether there is one; if so it is the target now.
     """
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    n, count = int(m.robot_figures[r, JOINT_COUNT]), int(a.notes[r, ROW_COUNT])
+    first = m.robot_figures[r].first_joint
+    n, count = m.robot_figures[r].joint_count, int(a.notes[r, ROW_COUNT])
     room = a.target.shape[0]
     # Where each part of the program lies: H, f, A, bounds, x and its multipliers.
     f = room * room

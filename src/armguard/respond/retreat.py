@@ -11,12 +11,6 @@ from numpy.typing import NDArray
 from armguard.guard.commands import time_passed
 from armguard.guard.watch import Watch
 from armguard.kernel import kernel
-from armguard.motion.figures import (
-    FIRST_JOINT,
-    JOINT_COUNT,
-    POSITION_ERROR,
-    VELOCITY,
-)
 from armguard.motion.state import Motion
 from armguard.respond.field import led_speed
 from armguard.respond.lead_state import (
@@ -96,9 +90,9 @@ def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
 @kernel
 def moves(r: int, v: Watch, m: Motion) -> bool:
     """Whether a robot was told to move in the last cycle, so much that it matters."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        if abs(v.told[j]) > NO_SPEED * m.joint_figures[j, VELOCITY]:
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
+        if abs(v.told[j]) > NO_SPEED * m.joint_figures[j].velocity:
             return True
     return False
 
@@ -106,19 +100,19 @@ def moves(r: int, v: Watch, m: Motion) -> bool:
 @kernel
 def stand(r: int, a: Response, m: Motion) -> None:
     """Ask for nothing of a robot."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         a.asked[j] = 0.0
 
 
 @kernel
 def blind_time(r: int, m: Motion) -> float:
     """What positions may be wrong by, in time at top speed [s]."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     longest = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for j in range(first, first + m.robot_figures[r].joint_count):
         figures = m.joint_figures[j]
-        longest = max(longest, figures[POSITION_ERROR] / figures[VELOCITY])
+        longest = max(longest, figures.position_error / figures.velocity)
     return float(longest)
 
 
@@ -147,18 +141,18 @@ def ask_for_place(
     """
     s.memory[r, LEFT] = time if last else np.inf
     speed = led_speed(r, a.settings[r, RESUME_SPEED], ARRIVAL, s, v, m)
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         a.asked[j] = (place[j] - m.q[j]) * speed / time
 
 
 @kernel
 def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
     """Whether a robot that retreats does not get on, for a while already."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     told = asked = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
-        top = m.joint_figures[j, VELOCITY]
+    for j in range(first, first + m.robot_figures[r].joint_count):
+        top = m.joint_figures[j].velocity
         told = max(told, abs(v.told[j]) / top)
         asked = max(asked, abs(a.asked[j]) / top)
     waits = told < HELD_UP * asked

@@ -30,7 +30,6 @@ from armguard.guard.proofs import robot_of
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import INTENTS, Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.state import DEFLECT, FIELD, ROW_COUNT, ROWS, Response
 from armguard.respond.state import KIND as RESPONSE
@@ -81,9 +80,9 @@ def straight_contract(
         return -1
     point = (c[POINT], c[POINT + 1], c[POINT + 2])
     velocity = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.asked, m)
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     closing = 0.0
-    for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for q in range(first, first + m.robot_figures[r].joint_count):
         closing += a.raw[q] * a.asked[q]
     return k if closing >= TOWARDS * norm(velocity) else -1
 
@@ -144,9 +143,9 @@ def share_kept(
     m: Motion,
 ) -> float:
     """Share of an arm's target that keeps a row, in [0, 1]."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     reached = 0.0
-    for q in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for q in range(first, first + m.robot_figures[r].joint_count):
         if not is_finger(q, c, w, m):
             reached += row[q] * a.target[q]
     if not reached > limit or not reached > 0.0:
@@ -161,8 +160,8 @@ def slow_arm(
     """Keep a share of an arm's target, or what its declared stop leaves of it."""
     if kept >= 1.0:
         return
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    end = first + int(m.robot_figures[r, JOINT_COUNT])
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
     share = kept
     for q in range(first, end):
         # No joint slows down harder than its stop is declared.

@@ -5,7 +5,6 @@ Several tools of one robot are led at once, as far as its joints can.
 
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT
 from armguard.motion.state import Motion
 from armguard.respond.state import (
     TOOL_BODY,
@@ -30,8 +29,8 @@ def ask_for_tools(a: Response, w: Workspace, m: Motion) -> None:
     for j in range(a.asked.shape[0]):
         a.asked[j] = 0.0
     for r in range(a.notes.shape[0]):
-        first = int(m.robot_figures[r, FIRST_JOINT])
-        end = first + int(m.robot_figures[r, JOINT_COUNT])
+        first = m.robot_figures[r].first_joint
+        end = first + m.robot_figures[r].joint_count
         size = 0
         for t in range(a.asking[TWIST_COUNT]):
             told = a.twists[t]

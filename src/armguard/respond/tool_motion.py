@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from armguard.geometry.vec3 import Vec3, norm, scaled
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.figures import POSITION_ERROR
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
 from armguard.respond.program import LIMIT_SPARE
@@ -223,7 +222,7 @@ def weigh_room(
     little = False
     for j in range(first, end):
         room = w.upper[j] - m.q[j] if speeds[j] > 0.0 else m.q[j] - w.lower[j]
-        room -= 2.0 * m.joint_figures[j, POSITION_ERROR] + LIMIT_SPARE
+        room -= 2.0 * m.joint_figures[j].position_error + LIMIT_SPARE
         part = min(max(room / LIMIT_NEAR, 0.0), 1.0)
         little |= part < 1.0
         weights[j] = sqrt(part)

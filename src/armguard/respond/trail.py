@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.kernel import kernel
-from armguard.motion.figures import FIRST_JOINT, JOINT_COUNT, VELOCITY
 from armguard.motion.state import Motion
 from armguard.respond.lead_state import COUNT, HEAD, TRAIL, Lead
 
@@ -33,8 +32,8 @@ def remember_place(r: int, s: Lead, m: Motion) -> None:
             if before < BACK_AGAIN * TRAIL_STEP:
                 drop_place(r, s)
                 return
-    first = int(m.robot_figures[r, FIRST_JOINT])
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    first = m.robot_figures[r].first_joint
+    for j in range(first, first + m.robot_figures[r].joint_count):
         s.trail[notes[HEAD], j] = m.q[j]
     notes[HEAD] = (notes[HEAD] + 1) % TRAIL
     notes[COUNT] = min(notes[COUNT] + 1, TRAIL)
@@ -62,9 +61,9 @@ def time_between(r: int, row: int, s: Lead, m: Motion) -> float:
 @kernel
 def time_to(r: int, place: Floats, m: Motion) -> float:
     """Time a robot needs at top speed to joint positions, shape (n,) [s]."""
-    first = int(m.robot_figures[r, FIRST_JOINT])
+    first = m.robot_figures[r].first_joint
     longest = 0.0
-    for j in range(first, first + int(m.robot_figures[r, JOINT_COUNT])):
+    for j in range(first, first + m.robot_figures[r].joint_count):
         way = abs(place[j] - m.q[j])
-        longest = max(longest, way / m.joint_figures[j, VELOCITY])
+        longest = max(longest, way / m.joint_figures[j].velocity)
     return float(longest)
