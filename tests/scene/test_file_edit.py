@@ -7,7 +7,7 @@ import pytest
 from armguard.errors import SceneError
 from armguard.geometry import Pose
 from armguard.scene.bay import bay_path
-from armguard.station.view.editing.scene_text import (
+from armguard.scene.file_edit import (
     Entry,
     difference,
     edited,
