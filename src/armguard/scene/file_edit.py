@@ -67,13 +67,13 @@ def write_checked(path: Path, before: str, after: str) -> None:
     """Write a scene file if it still is what was shown, and can be loaded then.
 
     Raises:
-        SceneError: Somebody else wrote it meanwhile, or the scene would be wrong.
+        SceneError: It was changed meanwhile, or the scene would be wrong.
         OSError: It cannot be written.
     """
     if path.read_text(encoding="utf-8") != before:
         raise SceneError(
-            f"'{path.name}' was changed by somebody else meanwhile; look at it, then "
-            "write again"
+            f"'{path.name}' was changed meanwhile by another program; look at it, "
+            "then write again"
         )
     # Beside the file, so that paths in it lead to the same places.
     trial = path.with_name(f".{path.name}.new")

@@ -19,7 +19,7 @@ from armguard import Guard, bay_scene
 from armguard.guard.verdict import Verdict
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingWriter
-from armguard.station.view.cycles import LiveFrames
+from armguard.station.view.live_view import LiveFrames
 from armguard.station.view.view import View
 
 PATIENCE = 20.0

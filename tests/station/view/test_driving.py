@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armguard.scene import bay_scene, compile_scene
-from armguard.station.view.desired_motion import (
+from armguard.station.view.driver import (
     AHEAD,
     ANGULAR,
     LINEAR,

@@ -3,13 +3,18 @@
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
 from armguard.station.client import Client, Welcome
-from armguard.station.view.desired_motion import DesiredMotion
 from armguard.station.wire.keys import Role
 from armguard.station.wire.words import Cause
+
+Floats = NDArray[np.float64]
 
 # A call that is not answered for so long is given up; desired motion waits meanwhile
 # [s].
@@ -23,6 +28,24 @@ FRESH = 0.5
 
 # Causes of a client that receives nothing from its service.
 SILENT = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
+
+
+@dataclass(slots=True)
+class DesiredMotion:
+    """Velocities of joints, positions of them, or twists of tools.
+
+    Attributes:
+        velocities: Of all joints, shape (n,) [rad/s or m/s].
+        positions: Of all joints, shape (n,) [rad or m]; sent in place of velocities
+            where there are any.
+        twists: By robot, shape (6,) [m/s], [rad/s]; likewise.
+        engaged: Robots that are to be engaged first.
+    """
+
+    velocities: Floats
+    positions: Floats | None = None
+    twists: dict[str, Floats] = field(default_factory=dict)
+    engaged: tuple[str, ...] = ()
 
 
 class Commander:
@@ -93,8 +116,8 @@ class Commander:
             self.commands = self.commands and not lost
         if lost:
             self._complain(
-                "the command is gone: somebody took it, or the service heard nothing "
-                "of this page for too long"
+                "the command is gone: another client took it, or the service heard "
+                "nothing of this page for too long"
             )
         if refusal is not None and refusal != before:
             self._complain(refusal[1])

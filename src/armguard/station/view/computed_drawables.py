@@ -7,12 +7,11 @@ from armguard.guard.objects import stand_at, take_out
 from armguard.guard.world_at_home import build_index, place_all, world_at_home
 from armguard.index import Octree
 from armguard.robot.stopping.distance import brake_way
-from armguard.scene.tables import RobotPart, SceneTables
+from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
 from armguard.station.palette import BLUE
-from armguard.station.view.cycles import Cycle
 from armguard.station.view.drawables import Bodies, Drawable, slug
-from armguard.station.view.world import World, body_poses
+from armguard.station.view.world import Cycle, World, body_poses
 
 Floats = NDArray[np.float64]
 
@@ -43,13 +42,12 @@ class StopGhost(Bodies):
             middle = mesh.bounds.mean(axis=0)
             mesh.vertices = middle + SHARE * (mesh.vertices - middle)
             self.mesh(f"/ghost/{body}/{slug(name)}", mesh, BLUE, 0.22)
-        self.hide()
+        self._hide()
 
-    def draw(self, cycle: Cycle) -> None:
-        """Draw the bodies that would move before the stop ends."""
+    def _draw(self, cycle: Cycle) -> None:
         q = resting(cycle.frame, self.tables)
         if q is None:
-            self.hide()
+            self._hide()
             return
         poses = body_poses(self.tables, q)
         for k, node in self.nodes.items():
@@ -73,8 +71,7 @@ class Leaves(Drawable):
         self._tree: Octree | None = None
         self._revision = -1
 
-    def draw(self, cycle: Cycle) -> None:
-        """Draw the leaves as they were in a cycle."""
+    def _draw(self, cycle: Cycle) -> None:
         if self.tables.index.kind == "brute_force":
             return
         cells = self._cells(cycle.frame)
@@ -120,36 +117,23 @@ def resting(frame: Frame, tables: SceneTables) -> Floats | None:
     """Joint positions after a stop ordered now, shape (n,); None if unknown.
 
     Joints keep their speed until the order is obeyed, then slow down by the least
-    deceleration that is declared.
+    deceleration that is declared. Robots without declared figures rest at once.
     """
     if frame.velocity is None or not np.isfinite(frame.q).all():
         return None
-    q = frame.q.copy()
+    travel, speed = np.zeros(len(frame.q)), np.abs(frame.velocity)
     for part in tables.robots:
-        own = slice(part.first_joint, part.first_joint + part.joint_count)
-        q[own] += stop_travel(frame.velocity[own], part, tables.period + tables.late)
+        figures = part.stopping
+        if figures is None:
+            continue
+        reaction = figures.sensing + figures.command + tables.period + tables.late
+        for k in range(part.joint_count):
+            j, table = part.first_joint + k, figures.table_of(k)
+            if table is not None:
+                braking = table.at(float(speed[j]))[1]
+            else:
+                deceleration = float(figures.deceleration[k])
+                braking = brake_way(float(speed[j]), deceleration, figures.ramp)[0]
+            travel[j] = speed[j] * reaction + braking
+    q = frame.q + np.sign(frame.velocity) * travel
     return np.clip(q, tables.lower, tables.upper)
-
-
-def stop_travel(v: Floats, part: RobotPart, cycle: float) -> Floats:
-    """Travel of each joint of a robot from now until it rests, shape (k,) [rad or m].
-
-    Zero where no stopping figures are declared.
-
-    Args:
-        v: Its velocities, shape (k,).
-        part: The robot.
-        cycle: Time until the next order [s].
-    """
-    figures = part.stopping
-    if figures is None:
-        return np.zeros(len(v))
-    travel = np.abs(v) * (figures.sensing + figures.command + cycle)
-    for k, speed in enumerate(np.abs(v).tolist()):
-        table = figures.table_of(k)
-        if table is not None:
-            travel[k] += table.at(speed)[1]
-        else:
-            deceleration = float(figures.deceleration[k])
-            travel[k] += brake_way(speed, deceleration, figures.ramp)[0]
-    return np.asarray(np.sign(v) * travel)

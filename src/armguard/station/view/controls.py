@@ -1,4 +1,4 @@
-"""Callbacks and questions that the tabs of the panel share."""
+"""Controls of the panel that call a function, and questions."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,14 +6,27 @@ from typing import Any
 import viser
 
 
-def by_page(does: Callable[[viser.GuiEvent], object]) -> Callable[[Any], None]:
-    """A callback for changes that a person makes on a page, not the view itself."""
+def on_click(button: Any, does: Callable[[], object]) -> Any:
+    """Have a button call a function; the button."""
+    button.on_click(lambda _: does())
+    return button
 
-    def call(event: viser.GuiEvent) -> None:
+
+def on_value(control: Any, does: Callable[[Any], object]) -> Any:
+    """Have a control call a function with every new value; the control."""
+    control.on_update(lambda _: does(control.value))
+    return control
+
+
+def on_page(control: Any, does: Callable[[viser.GuiEvent], object]) -> Any:
+    """Have a control call a function when a person, not the view, sets it."""
+
+    @control.on_update
+    def _(event: viser.GuiEvent) -> None:
         if event.client is not None:
             does(event)
 
-    return call
+    return control
 
 
 def ask(
@@ -40,6 +53,5 @@ def ask(
     with gui.add_modal(title) as modal:
         add(gui)
         agree = gui.add_button(yes[0], color=yes[1])
-        refuse = gui.add_button(no)
+        on_click(gui.add_button(no), modal.close)
     agree.on_click(lambda answer: (modal.close(), does(answer)))
-    refuse.on_click(lambda _: modal.close())

@@ -24,9 +24,8 @@ from armguard.station.palette import (
     ROBOT_TINTS,
     Rgb,
 )
-from armguard.station.view.cycles import Cycle
 from armguard.station.view.meshes import link_meshes, primitive_mesh
-from armguard.station.view.world import World
+from armguard.station.view.world import Cycle, World
 
 Floats = NDArray[np.float64]
 
@@ -73,17 +72,15 @@ class Drawable:
             now: The present on any clock that rises [s].
         """
         if not self.shown:
-            self.hide()
+            self._hide()
         elif now >= self._due:
             self._due = now + self.every
-            self.draw(cycle)
+            self._draw(cycle)
 
-    def draw(self, cycle: Cycle) -> None:
-        """Draw a cycle."""
+    def _draw(self, cycle: Cycle) -> None:
         raise NotImplementedError
 
-    def hide(self) -> None:
-        """Draw nothing."""
+    def _hide(self) -> None:
         for node in self.nodes.values():
             node.visible = False
 
@@ -153,8 +150,7 @@ class Robots(Bodies):
                     path, concatenate([self.primitive(i) for i in own]), GRASPABLE
                 )
 
-    def draw(self, cycle: Cycle) -> None:
-        """Move the bodies."""
+    def _draw(self, cycle: Cycle) -> None:
         self.move(cycle.frame.poses)
 
 
@@ -176,8 +172,7 @@ class Objects(Drawable):
             parts = [primitive_mesh(kind, row) for kind, row in rows]
             self.nodes[name] = self.mesh(path, concatenate(parts), colour)
 
-    def draw(self, cycle: Cycle) -> None:
-        """Move the objects that were placed or removed."""
+    def _draw(self, cycle: Cycle) -> None:
         objects = self.world.objects
         if objects.revision == self._revision:
             return
@@ -203,8 +198,7 @@ class Primitives(Drawable):
     label = "Checked primitives"
     shown = False
 
-    def draw(self, cycle: Cycle) -> None:
-        """Show them; they move with their bodies."""
+    def _draw(self, cycle: Cycle) -> None:
         for i, body in enumerate(self.tables.bodies[: self.tables.moving_count]):
             if i not in self.nodes:
                 path = f"/bodies/{body}/primitive_{i}"
@@ -226,8 +220,7 @@ class NearPairs(Drawable):
                 f"/near/label_{k}", "", visible=False, anchor="bottom-center"
             )
 
-    def draw(self, cycle: Cycle) -> None:
-        """Draw the near pairs."""
+    def _draw(self, cycle: Cycle) -> None:
         pairs = cycle.pairs[:LINES]
         self._lines.visible = bool(pairs)
         if pairs:
@@ -257,8 +250,7 @@ class Shells(Drawable):
         self._index = {label: i for i, label in enumerate(self.tables.labels)}
         self._steps: dict[int, int] = {}
 
-    def draw(self, cycle: Cycle) -> None:
-        """Draw the shells of the nearest pairs."""
+    def _draw(self, cycle: Cycle) -> None:
         wanted: dict[int, tuple[float, Rgb]] = {}
         for pair in cycle.pairs[:SHELLS]:
             both = self._index[pair.primitive_a], self._index[pair.primitive_b]
@@ -278,8 +270,7 @@ class Shells(Drawable):
                 self._steps[i] = steps
             self.nodes[i].color = colour
 
-    def hide(self) -> None:
-        """Remove the shells, which would be old when they are shown again."""
+    def _hide(self) -> None:
         while self.nodes:
             self.nodes.popitem()[1].remove()
 

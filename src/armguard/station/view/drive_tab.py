@@ -9,13 +9,12 @@ import viser
 
 from armguard.scene.settings import CHOICES
 from armguard.station.view.commander import Commander
-from armguard.station.view.controls import ask, by_page
-from armguard.station.view.cycles import Cycle
+from armguard.station.view.controls import ask, on_click, on_page, on_value
 from armguard.station.view.drawables import Drawable, pose_of, put
 from armguard.station.view.driver import Driver, TeleOperator
 from armguard.station.view.jog import KEYS_SENTENCE, PAD_SENTENCE
 from armguard.station.view.viser_server import page_of
-from armguard.station.view.world import World, tool_pose
+from armguard.station.view.world import Cycle, World, tool_pose
 from armguard.station.wire.keys import Role
 
 # Sliders follow their joints except for so long after they were moved [s].
@@ -40,8 +39,7 @@ class ToolHandles(Drawable):
         super().__init__(world)
         self._driver = driver
 
-    def draw(self, cycle: Cycle) -> None:
-        """Keep the handles that are not held at their tools."""
+    def _draw(self, cycle: Cycle) -> None:
         for part in self.tables.robots:
             if part.name not in self.nodes:
                 self._add(part.name)
@@ -51,8 +49,7 @@ class ToolHandles(Drawable):
             if off > ASIDE and not self._driver.leads_tool(part.name):
                 put(node, T)
 
-    def hide(self) -> None:
-        """Remove the handles."""
+    def _hide(self) -> None:
         while self.nodes:
             name, node = self.nodes.popitem()
             self._driver.lead_tool(name, None)
@@ -109,8 +106,7 @@ class DriveTab(Drawable):
         if commander.role >= Role.ADMINISTER:
             self._add_settings()
 
-    def draw(self, cycle: Cycle) -> None:
-        """Let sliders and buttons follow."""
+    def _draw(self, cycle: Cycle) -> None:
         for k, slider in enumerate(self._sliders):
             # A slider that leads its joint shows its target.
             touched = time.monotonic() - self._touched[k] < TOUCHED
@@ -126,27 +122,28 @@ class DriveTab(Drawable):
     def _add_command(self) -> None:
         gui, commander = self.gui, self._commander
         self._take = gui.add_button("Take the command", icon=viser.Icon.HAND_GRAB)
+        self._take.on_click(self._claim)
         self._give = gui.add_button("Give it back", disabled=True)
+        on_click(self._give, lambda: self._at_rest(commander.give_back))
 
-        @self._take.on_click
-        def _(event: viser.GuiEvent) -> None:
-            if commander.claim():
-                return
-            if commander.role < Role.ADMINISTER:
-                # It is refused, with the sentence that says why.
-                commander.claim(force=True)
-                return
-            question = "Take it from them? What they ask for is not heard any more."
-            ask(
-                event,
-                "Somebody else has the command",
-                lambda gui: gui.add_markdown(question),
-                ("Take it", "orange"),
-                "Leave it",
-                lambda _: commander.claim(force=True),
-            )
-
-        self._give.on_click(lambda _: self._at_rest(commander.give_back))
+    def _claim(self, event: viser.GuiEvent) -> None:
+        """Take the command; ask whether to take it from its holder."""
+        commander = self._commander
+        question = "Take it? What that client asks for is ignored from then on."
+        if commander.claim():
+            return
+        if commander.role < Role.ADMINISTER:
+            # It is refused, with the sentence that says why.
+            commander.claim(force=True)
+            return
+        ask(
+            event,
+            "Another client has the command",
+            lambda gui: gui.add_markdown(question),
+            ("Take it", "orange"),
+            "Leave it",
+            lambda _: commander.claim(force=True),
+        )
 
     def _at_rest(self, does: Callable[[], object]) -> None:
         """Do something after all inputs have ended."""
@@ -155,57 +152,50 @@ class DriveTab(Drawable):
 
     def _add_inputs(self) -> None:
         gui, driver = self.gui, self._driver
-        tele = self._tele = gui.add_checkbox("Tele-driver", False)
-        handles = gui.add_checkbox("Handles at tools", False)
-        keys = gui.add_checkbox("Keys and gamepad", False)
-        share = gui.add_slider("Speed [%]", 5, 100, 5, round(100 * driver.share))
         names = tuple(part.name for part in self.tables.robots)
-        robot = self._robot = gui.add_dropdown("Keys lead", names)
+
+        def drive_by_program(on: bool) -> None:
+            driver.tele = self._make_tele() if on else None
+
+        def drive_by_keys(on: bool) -> None:
+            words.visible = on
+            self._keyboard(on)
+
+        def limit(percent: float) -> None:
+            driver.share = percent / 100.0
+
+        def choose(_: viser.GuiEvent) -> None:
+            if self._robot.value in names:
+                driver.chosen = names.index(self._robot.value)
+
+        self._tele = on_value(gui.add_checkbox("Tele-driver", False), drive_by_program)
+        on_value(gui.add_checkbox("Handles at tools", False), self.handles.show)
+        on_value(gui.add_checkbox("Keys and gamepad", False), drive_by_keys)
+        share = round(100 * driver.share)
+        on_value(gui.add_slider("Speed [%]", 5, 100, 5, share), limit)
+        self._robot = on_page(gui.add_dropdown("Keys lead", names), choose)
         words = gui.add_markdown(f"{KEYS_SENTENCE}\n\n{PAD_SENTENCE}", visible=False)
-        handles.on_update(lambda _: self.handles.show(handles.value))
-
-        @tele.on_update
-        def _(_: viser.GuiEvent) -> None:
-            driver.tele = self._make_tele() if tele.value else None
-
-        @keys.on_update
-        def _(_: viser.GuiEvent) -> None:
-            words.visible = keys.value
-            self._keyboard(keys.value)
-
-        @share.on_update
-        def _(_: viser.GuiEvent) -> None:
-            driver.share = share.value / 100.0
-
-        @robot.on_update
-        @by_page
-        def _(_: viser.GuiEvent) -> None:
-            if robot.value in names:
-                driver.chosen = names.index(robot.value)
 
     def _add_stops(self) -> None:
-        commander = self._commander
-        engage = self.gui.add_button("Engage all", icon=viser.Icon.PLAYER_PLAY)
-        reset = self.gui.add_button("Reset after a brake", color="gray")
-        engage.on_click(lambda _: commander.engage())
-        reset.on_click(lambda _: self._at_rest(lambda: commander.call("reset")))
+        gui, commander = self.gui, self._commander
+        engage = gui.add_button("Engage all", icon=viser.Icon.PLAYER_PLAY)
+        on_click(engage, commander.engage)
+        reset = gui.add_button("Reset after a brake", color="gray")
+        on_click(reset, lambda: self._at_rest(lambda: commander.call("reset")))
 
     def _add_grippers(self) -> None:
         holds, gui = self.tables.holds, self.gui
         if not holds.grippers or not holds.objects:
             return
+
+        def call(what: str) -> None:
+            self._commander.call(what, robot=robot.value, name=item.value)
+
         with gui.add_folder("Grippers"):
             robot = gui.add_dropdown("Robot", tuple(g.name for g in holds.grippers))
             item = gui.add_dropdown("Object", tuple(holds.objects))
-            buttons = gui.add_button("Grasp"), gui.add_button("Release")
-
-        def add(button: Any, call: str) -> None:
-            button.on_click(
-                lambda _: self._commander.call(call, robot=robot.value, name=item.value)
-            )
-
-        add(buttons[0], "grasp")
-        add(buttons[1], "release")
+            on_click(gui.add_button("Grasp"), lambda: call("grasp"))
+            on_click(gui.add_button("Release"), lambda: call("release"))
 
     def _add_slider(self, place: int, joint: str) -> None:
         tables = self.tables
@@ -221,23 +211,23 @@ class DriveTab(Drawable):
         )
         self._sliders.append(slider)
 
-        @slider.on_update
-        @by_page
-        def _(event: viser.GuiEvent) -> None:
+        def lead(event: viser.GuiEvent) -> None:
             self._touched[place] = time.monotonic()
             page = page_of(self.world.server, event.client_id)
             self._driver.lead_joint(place, float(slider.value), page)
 
+        on_page(slider, lead)
+
     def _add_settings(self) -> None:
         gui, first = self.gui, self.tables.robots[0]
+        kinds, kind = CHOICES["kind"], first.response.kind
+
+        def configure() -> None:
+            settings = {"response": response.value, "mode": mode.value}
+            self._commander.call("configure", **settings)
+
         with gui.add_folder("Response and buffer", expand_by_default=False):
-            kind = gui.add_dropdown(
-                "Response", CHOICES["kind"], initial_value=first.response.kind
-            )
+            response = gui.add_dropdown("Response", kinds, initial_value=kind)
             mode = gui.add_dropdown("Mode", MODES, initial_value=first.mode)
             apply = gui.add_button("Set, while all rest")
-
-        @apply.on_click
-        def _(_: viser.GuiEvent) -> None:
-            settings = {"response": kind.value, "mode": mode.value}
-            self._at_rest(lambda: self._commander.call("configure", **settings))
+            on_click(apply, lambda: self._at_rest(configure))

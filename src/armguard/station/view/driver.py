@@ -11,23 +11,15 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from viser.transforms import SO3
 
 from armguard.guard.levels import Level
 from armguard.respond.command import Blocked
+from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame
-from armguard.station.view.commander import Commander
-from armguard.station.view.cycles import levels_of
-from armguard.station.view.desired_motion import (
-    ANGULAR,
-    LINEAR,
-    REACHED,
-    DesiredMotion,
-    ramped,
-    top_speeds,
-    twist_towards,
-)
+from armguard.station.view.commander import Commander, DesiredMotion
 from armguard.station.view.jog import HELD, Jog
-from armguard.station.view.world import World, tool_pose
+from armguard.station.view.world import World, levels_of, tool_pose
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +28,22 @@ PERIOD = 0.02
 
 # Where no page lives for so long, what was begun in one is ended [s].
 LEFT = 2.0
+
+
+# Desired positions are at most so many steps ahead of where the joints are.
+AHEAD = 8.0
+
+# A tool that is near its target is led there in proportion [1/s].
+APPROACH = 4.0
+
+# A joint has reached its target within this [rad or m].
+REACHED = 2e-3
+
+# Fastest motion of a tool by keys and handles [m/s], [rad/s].
+LINEAR, ANGULAR = 0.30, 1.0
+
+# Heartbeat of a page that never lived.
+NEVER = -float("inf"), False
 
 
 class TeleOperator(Protocol):
@@ -56,35 +64,28 @@ class Heartbeats:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._lock = threading.Lock()
-        self._lived: dict[str, float] = {}
-        self._held: dict[str, float] = {}
+        self._newest: dict[str, tuple[float, bool]] = {}
 
     def beat(self, page: str, held: bool) -> None:
         """Take a heartbeat of a page; `held` says that a pointer is down in it."""
-        with self._lock:
-            self._lived[page] = now = self._clock()
-            self._held[page] = now if held else -np.inf
+        self._newest[page] = self._clock(), held
 
     def end(self, page: str) -> None:
         """Forget a page that was closed."""
-        with self._lock:
-            self._lived.pop(page, None)
-            self._held.pop(page, None)
+        self._newest.pop(page, None)
 
     def holds(self, page: str) -> bool:
         """Whether a pointer is held down in a page."""
-        with self._lock:
-            return self._clock() - self._held.get(page, -np.inf) <= HELD
+        held = self._newest.get(page, NEVER)[1]
+        return held and self.silence(page) <= HELD
 
     def silence(self, page: str | None = None) -> float:
         """Time since a page lived, or any; infinite if none did [s]."""
-        with self._lock:
-            if page is None:
-                newest = max(self._lived.values(), default=-np.inf)
-            else:
-                newest = self._lived.get(page, -np.inf)
-        return float(self._clock() - newest)
+        # Copied at once: another thread may add a page.
+        newest = self._newest.copy()
+        pages = newest if page is None else (page,)
+        beats = (newest.get(each, NEVER)[0] for each in pages)
+        return self._clock() - max(beats, default=NEVER[0])
 
 
 class Driver:
@@ -106,10 +107,7 @@ class Driver:
     """
 
     def __init__(
-        self,
-        world: World,
-        newest: Callable[[], Frame | None],
-        commander: Commander,
+        self, world: World, newest: Callable[[], Frame | None], commander: Commander
     ) -> None:
         self.world, self._newest, self._commander = world, newest, commander
         self.tables = world.tables
@@ -248,3 +246,53 @@ class Driver:
                 # What a person ordered to stop waits for a person.
                 self._commander.call("engage", name=robot, ordered=False)
             self._commander.send(desired)
+
+
+def top_speeds(tables: SceneTables) -> Floats:
+    """Declared top speed of each joint, 1 where none is declared, shape (n,)."""
+    parts = [
+        np.ones(part.joint_count) if part.stopping is None else part.stopping.velocity
+        for part in tables.robots
+    ]
+    return np.concatenate(parts)
+
+
+def ramped(position: Floats, target: Floats, q: Floats, step: Floats) -> Floats:
+    """Next desired positions on the way to a target, shape (n,).
+
+    When the next ones are late, the arm then rests where it was sent last.
+
+    Args:
+        position: Positions desired last, shape (n,).
+        target: Targets of joints, shape (n,); NaN for one that is to stay.
+        q: Measured positions, shape (n,).
+        step: How far each may go until the next, shape (n,).
+    """
+    left = np.where(np.isfinite(target), target - position, 0.0)
+    wanted = position + np.clip(left, -step, step)
+    # They do not run away from a joint that does not follow.
+    return np.asarray(np.clip(wanted, q - AHEAD * step, q + AHEAD * step))
+
+
+def twist_towards(T: Floats, T_target: Floats, share: float) -> Floats:
+    """Twist that leads a frame to another one, shape (6,).
+
+    Args:
+        T: The frame in the world, shape (4, 4).
+        T_target: Its target, likewise.
+        share: Share of the fastest motion [-].
+    """
+    linear = T_target[:3, 3] - T[:3, 3]
+    angular = SO3.from_matrix(T_target[:3, :3] @ T[:3, :3].T).log()
+    return np.concatenate(
+        [
+            limited(APPROACH * linear, share * LINEAR),
+            limited(APPROACH * angular, share * ANGULAR),
+        ]
+    )
+
+
+def limited(vector: Floats, longest: float) -> Floats:
+    """A vector that is no longer than that."""
+    length = float(np.linalg.norm(vector))
+    return vector if length <= longest else vector * (longest / length)

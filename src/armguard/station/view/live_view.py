@@ -2,6 +2,7 @@
 
 import queue
 import secrets
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -15,19 +16,21 @@ from armguard.scene.settings import CHOICES
 from armguard.scene.two_pandas import two_pandas_path
 from armguard.station.client import Client, Welcome
 from armguard.station.errors import NoServiceError, StationError
-from armguard.station.frames import Frame, Kind
+from armguard.station.frames import KIND, Frame, Kind, frame_of
 from armguard.station.recorder_pulse import recorder_age
+from armguard.station.ring import RingReader
 from armguard.station.service.scenes import open_scene, scene_hash
 from armguard.station.simulated import TeleDriver
 from armguard.station.simulated.operator import Operator
 from armguard.station.view.commander import Commander
-from armguard.station.view.cycles import LiveFrames
 from armguard.station.view.drive_tab import MODES, DriveTab
 from armguard.station.view.driver import Driver
-from armguard.station.view.edit_tab import EditTab
-from armguard.station.view.editor import Editor
+from armguard.station.view.edit_tab import Editor, EditTab
 from armguard.station.view.view import View
 from armguard.station.wire.keys import Role, found_keys
+
+# Time between two looks into the ring; a level is shown within it [s].
+LOOK = 0.004
 
 # A frame that is older than this is not the present any more [s].
 OLD = 0.5
@@ -44,6 +47,70 @@ NOT_RECORDING, LOOKS = 3.0, 0.5
 EVERY = 5
 
 
+class LiveFrames:
+    """Reads every frame of a ring; the newest cycle is drawn, never a queue.
+
+    Every record is looked at, so that no level is missed however short it was.
+
+    Attributes:
+        newest: The newest cycle, None before there is one.
+
+    Args:
+        path: The ring's file.
+        cycle: Called with every cycle that is written from `start` on, in order.
+        other: Called with every other frame, and those before it.
+
+    Raises:
+        RingError: There is no ring.
+    """
+
+    newest: Frame | None = None
+
+    def __init__(
+        self, path: Path, cycle: Callable[[Frame], None], other: Callable[[Frame], None]
+    ) -> None:
+        self._reader = RingReader(path)
+        self._cycle, self._other = cycle, other
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ring", daemon=True)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the loop has ended its ring."""
+        return self._reader.closed
+
+    @property
+    def age(self) -> float:
+        """Time since the newest cycle was written [s]; infinite before the first."""
+        newest = self.newest
+        return float("inf") if newest is None else time.monotonic() - newest.monotonic
+
+    def start(self) -> None:
+        """Take the events of what is in the ring already, then read in a thread."""
+        self._read(lambda frame: None)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Close the ring."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)
+        self._reader.close()
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK):
+            self._read(self._cycle)
+
+    def _read(self, cycle: Callable[[Frame], None]) -> None:
+        """Take in what has been written since the last look."""
+        for row in self._reader.unread():
+            if int(row[KIND]) == Kind.CYCLE:
+                self.newest = frame_of(row)
+                cycle(self.newest)
+            else:
+                self._other(frame_of(row))
+
+
 class LiveView(View):
     """Shows a service and drives through it, also after it was started anew.
 
@@ -51,6 +118,7 @@ class LiveView(View):
         driver: Makes one desired motion of all inputs.
         commander: The client that driving and editing go through.
         editor: Changes objects.
+        source: The ring's frames.
         drive: The tab to drive by; None if the role may not.
         edit: The tab to edit by; None if the role may not.
 
@@ -67,12 +135,14 @@ class LiveView(View):
         RingError: The service's ring is not on this machine.
     """
 
-    source: LiveFrames
-
     def __init__(
         self, port: int, page_port: int = 8080, *, keys: Path | None = None
     ) -> None:
-        role = highest_role(port, keys)
+        try:
+            role = max(found_keys(keys, port)[0])
+        except NoServiceError:
+            # The client waits for it, and says what is missing.
+            role = Role.OBSERVE
         client = Client(port, role=role, keys=keys, name="view", every=EVERY)
         # What the page's and the ring's threads leave to the one that draws.
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -96,7 +166,7 @@ class LiveView(View):
         self.page.publish("may", {**may, "taken": commander.taken})
         self._publish_recorder()
         self.remark, self.changed = commander.remark, commander.changed
-        super().step()
+        self.draw(self.source.newest)
         age = self.source.age
         if age < OLD:
             return
@@ -231,24 +301,6 @@ class LiveView(View):
         """Show all pages why something was not done."""
         for client in self.server.get_clients().values():
             client.add_notification("Refused", sentence, color="orange")
-
-
-def highest_role(port: int, keys: Path | None) -> Role:
-    """The highest role that a key is there for.
-
-    Args:
-        port: Port of the service.
-        keys: Its key file; the one that clients find by themselves if None.
-
-    Raises:
-        KeyFileError: The file cannot be used.
-    """
-    try:
-        found, _ = found_keys(keys, port)
-    except NoServiceError:
-        # The client waits for it, and says what is missing.
-        return Role.OBSERVE
-    return max(found)
 
 
 def guarded_scene(welcome: Welcome) -> Scene:

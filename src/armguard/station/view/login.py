@@ -55,7 +55,7 @@ class Login:
         return {f"{host}:{port}" for host in HOSTS}
 
     def addressed(self, request: Request, port: int) -> bool:
-        """Whether a request that came to a port of ours was meant for it."""
+        """Whether a request names the port of ours that it came to."""
         return bool(self.port) and only(request.headers, "Host") in self.names(port)
 
     def knows(self, request: Request) -> bool:

@@ -33,7 +33,7 @@ MOST = 4000
 # Points round a cylinder or a cone.
 ROUND = 32
 
-# Edge of the square that stands for a half-space [m].
+# Edge of the square that is drawn for a half-space [m].
 GROUND = 4.0
 
 # Thinner than this a core has no hull of its own and is given a little body [m].

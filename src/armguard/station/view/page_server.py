@@ -21,13 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from armguard.station.errors import StationError
-from armguard.station.view.login import (
-    Login,
-    abort,
-    from_within,
-    navigates,
-    page_name,
-)
+from armguard.station.view.login import Login, abort, from_within, navigates, page_name
 from armguard.station.view.viser_server import DropLog
 
 HERE = Path(__file__).parent / "page"
@@ -238,7 +232,7 @@ class PageServer:
         body: bytes = b"",
         cookie: str = "",
     ) -> Response:
-        """An answer that is to be asked for anew each time, and by nobody else."""
+        """An answer for this page alone, which no cache keeps."""
         ports = (self.port, self._scene_port)
         sockets = [f"ws://{name}" for port in ports for name in self._login.names(port)]
         headers = Headers(

@@ -8,13 +8,8 @@ from typing import Any
 from armguard.guard.levels import ORDERED, Level, Reason
 from armguard.respond import Action
 from armguard.respond.command import Blocked, Held
-from armguard.station.palette import (
-    LEVEL_COLOURS,
-    LEVEL_WORDS,
-    Rgb,
-    hexadecimal,
-)
-from armguard.station.view.cycles import Cycle
+from armguard.station.palette import LEVEL_COLOURS, LEVEL_WORDS, Rgb, hexadecimal
+from armguard.station.view.world import Cycle
 
 ACTION_WORDS = {
     Action.FOLLOW: "follows",

@@ -15,7 +15,7 @@ from armguard.station.errors import StationError
 from armguard.station.frames import Frame
 from armguard.station.palette import BLUE, VERMILLION, hexadecimal
 from armguard.station.view.computed_drawables import Leaves, StopGhost
-from armguard.station.view.cycles import Cycle, Source, levels_of
+from armguard.station.view.controls import on_value
 from armguard.station.view.drawables import (
     Drawable,
     NearPairs,
@@ -28,7 +28,7 @@ from armguard.station.view.login import Login
 from armguard.station.view.page_server import PageServer
 from armguard.station.view.state_message import state_message
 from armguard.station.view.viser_server import open_viser
-from armguard.station.view.world import World, body_poses
+from armguard.station.view.world import Cycle, World, body_poses, levels_of
 
 # Drawings a second.
 RATE = 30.0
@@ -36,8 +36,8 @@ RATE = 30.0
 # The page gets sentence and numbers this often, a change of its light at once [s].
 SENTENCE = 0.1
 
-# What the plot shows, how often it gets a value, and how often it is sent [s].
-SPAN, STEP, REDRAW = 20.0, 0.1, 0.3
+# What the plot shows, and how often it is sent [s].
+SPAN, REDRAW = 20.0, 0.3
 
 # Near pairs in the list.
 LISTED = 6
@@ -58,7 +58,6 @@ class View:
         world: The scene that is drawn.
         tabs: The panel's tabs.
         drawables: What follows the cycles, in the scene and in the panel.
-        source: Where cycles come from.
         remark: Why the service stops all robots beside its verdicts; empty if it does
             not.
         changed: Whether objects were changed within the last second.
@@ -73,8 +72,6 @@ class View:
     Raises:
         StationError: The port is taken.
     """
-
-    source: Source
 
     def __init__(
         self,
@@ -126,8 +123,11 @@ class View:
             time.sleep(max(due - time.monotonic(), 0.001))
 
     def step(self) -> None:
-        """Draw the newest cycle, unless it is drawn already."""
-        frame = self.source.newest
+        """Draw the newest cycle of the source."""
+        raise NotImplementedError
+
+    def draw(self, frame: Frame | None) -> None:
+        """Draw a cycle, unless it is drawn already."""
         if frame is None or frame is self._drawn or not self.world.fits(frame):
             return
         self._drawn = frame
@@ -177,30 +177,25 @@ class View:
         return *levels_of(frame, robots), *held, self.changed, bool(self.remark)
 
     def _add_switch(self, drawable: Drawable) -> None:
-        box = self.server.gui.add_checkbox(drawable.label, drawable.shown)
-
-        @box.on_update
-        def _(_: viser.GuiEvent) -> None:
-            drawable.show(box.value)
+        def show(shown: bool) -> None:
+            drawable.show(shown)
             # Also where the cycle stays the same.
             self._drawn = None
 
+        box = self.server.gui.add_checkbox(drawable.label, drawable.shown)
+        on_value(box, show)
+
 
 class ClearancePlot(Drawable):
-    """Clearance of the nearest pair over the last seconds; at the top if none is near.
-
-    Of the verdicts within a step the least clearance counts.
-    """
+    """Clearance of the nearest pair in the last seconds; at the top if none is near."""
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
-        count = round(SPAN / STEP)
-        top = self._top = self._least = self.tables.margin * 1e3
-        self._times, self._zero = np.linspace(-SPAN, 0.0, count), np.zeros(count)
-        self._values = np.full(count, top)
-        self._added, self._sent = -np.inf, -np.inf
+        top = self._top = self.tables.margin * 1e3
+        self._points: deque[tuple[float, float]] = deque(maxlen=round(SPAN * RATE))
+        self._sent = -np.inf
         self._plot = self.gui.add_uplot(
-            (self._times, self._values, self._zero),
+            (np.array([-SPAN, 0.0]), np.array([top, top]), np.zeros(2)),
             (
                 uplot.Series(label="s"),
                 uplot.Series(label="clearance [mm]", stroke=hexadecimal(BLUE), width=2),
@@ -217,23 +212,15 @@ class ClearancePlot(Drawable):
             height=150,
         )
 
-    def draw(self, cycle: Cycle) -> None:
-        """Take a verdict in; send the plot from time to time."""
+    def _draw(self, cycle: Cycle) -> None:
         now, nearest = time.monotonic(), cycle.verdict.nearest
-        if nearest is not None:
-            self._least = min(self._least, nearest.clearance * 1e3)
-        if now - self._added < STEP:
-            return
-        # Through time without cycles the value stays.
-        passed = min((now - self._added) / STEP, len(self._values))
-        steps = max(round(passed), 1) if np.isfinite(self._added) else 1
-        self._added = now
-        self._values = np.append(self._values[steps:], np.full(steps, self._least))
-        self._least = self._top
+        clearance = self._top if nearest is None else nearest.clearance * 1e3
+        self._points.append((now, clearance))
         if now - self._sent >= REDRAW:
             self._sent = now
-            shown = np.maximum(self._values, -0.3 * self._top)
-            self._plot.data = self._times, shown, self._zero
+            times, values = np.array(self._points).T
+            shown = np.clip(values, -0.3 * self._top, self._top)
+            self._plot.data = times - now, shown, np.zeros(len(times))
 
 
 class NearList(Drawable):
@@ -245,8 +232,7 @@ class NearList(Drawable):
         super().__init__(world)
         self._text = self.gui.add_markdown("")
 
-    def draw(self, cycle: Cycle) -> None:
-        """List the nearest pairs."""
+    def _draw(self, cycle: Cycle) -> None:
         lines = [
             f"| {inert(pair.a)} | {inert(pair.b)} | {pair.distance * 1e3:.0f} "
             f"| {pair.clearance * 1e3:.0f} |"

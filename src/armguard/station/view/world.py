@@ -1,8 +1,9 @@
-"""A scene, and where its objects stand at a cycle."""
+"""A scene, where its objects are at a cycle, and the verdict of that cycle."""
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,10 @@ import viser
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes import Shape
-from armguard.guard.verdict import names_of
+from armguard.guard import layout
+from armguard.guard.levels import Level, Reason, level_of
+from armguard.guard.verdict import NearPair, Verdict, names_of
+from armguard.respond import Command
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
@@ -18,7 +22,6 @@ from armguard.scene.standing import Standing
 from armguard.scene.tables import RobotPart, SceneTables
 from armguard.station.frames import Frame
 from armguard.station.shape_words import shape_of
-from armguard.station.view.cycles import Cycle, cycle_of
 
 Floats = NDArray[np.float64]
 
@@ -70,6 +73,41 @@ class ObjectPoses:
         self.revision = next(REVISIONS)
 
 
+@dataclass(frozen=True)
+class Cycle:
+    """A cycle as it was judged.
+
+    Attributes:
+        frame: The frame.
+        verdict: Its verdict.
+        command: What the robots were commanded; None where no motion was asked for.
+    """
+
+    frame: Frame
+    verdict: Verdict
+    command: Command | None
+
+    @cached_property
+    def pairs(self) -> list[NearPair]:
+        """Its near pairs, the one with the least clearance first."""
+        return sorted(self.verdict.near, key=lambda pair: pair.clearance)
+
+
+def levels_of(frame: Frame, robots: int) -> tuple[int, ...]:
+    """The highest level of a cycle, then that of each robot, without making a verdict.
+
+    Args:
+        frame: Frame of a cycle.
+        robots: Robots the verdict has a row for.
+    """
+    own = level_of(Reason(int(frame.verdict[layout.REASON])))
+    step = layout.ROBOT_WIDTH
+    first = layout.HEADER + layout.ROBOT_LEVEL
+    each = frame.verdict[first : first + robots * step : step]
+    levels = tuple(int(level) for level in each)
+    return (max((int(own), *levels), default=int(Level.CLEAR)), *levels)
+
+
 class World:
     """The scene of the frames, on a page.
 
@@ -94,7 +132,15 @@ class World:
 
     def cycle(self, frame: Frame) -> Cycle:
         """A frame with its verdict and its command."""
-        return cycle_of(frame, self.tables, self.names)
+        verdict = Verdict(
+            frame.verdict,
+            self.names,
+            float(frame.stamps[0]) if len(frame.stamps) else None,
+            frame.cycle_time,
+            str(frame.text.get("fault", "")),
+        )
+        command = Command(frame.told, self.tables.robots, verdict)
+        return Cycle(frame, verdict, command if len(frame.told) else None)
 
 
 def body_poses(tables: SceneTables, q: Floats) -> Floats:
