@@ -1,25 +1,21 @@
 """Inputs of a page end with its heartbeat, whatever its sockets do."""
 
 import asyncio
-import contextlib
 import json
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-import viser
-from tests.station.view.conftest import OPTIONS, SCENE, channel_of, let_in
+from tests.station.view.conftest import channel_of, greet, running, until
 from websockets.asyncio.client import connect
 
 from armguard.respond.command import Action
 from armguard.station.client import Client
 from armguard.station.recorder_pulse import beat, end_pulse
-from armguard.station.simulated.stage import Stage
 from armguard.station.view.driver import LEFT, Heartbeats
 from armguard.station.view.jog import HELD
 from armguard.station.view.live_view import LiveView
@@ -29,50 +25,6 @@ PATIENCE = 30.0
 
 # A page says that it lives this often here [s].
 PULSE = 0.05
-
-
-@pytest.fixture(scope="module")
-def stage(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("station")
-    file = folder / "scene.yaml"
-    file.write_text(SCENE, encoding="utf-8")
-    with (folder / "log").open("wb") as log:
-        with Stage(str(file), *OPTIONS, log=log) as made:
-            made.start_service()
-            made.wait_for_service()
-            made.start_arms()
-            yield made
-
-
-@contextlib.contextmanager
-def running(view):
-    """A view that draws in a thread."""
-    end = threading.Event()
-    thread = threading.Thread(target=view.run, args=(end.is_set,))
-    thread.start()
-    try:
-        yield view
-    finally:
-        end.set()
-        thread.join()
-        view.close()
-
-
-@pytest.fixture(scope="module")
-def live(stage):
-    """The view of the station, and the headers of a browser that was let in."""
-    with running(LiveView(stage.port, 0)) as view:
-        yield view, let_in(view.login.link)
-
-
-def until(what, seconds=PATIENCE):
-    """Wait until something is true; whether it is."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if what():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def moves(view):
@@ -87,26 +39,6 @@ def ready(view):
     assert until(lambda: view.commander.claim() or view.commander.claim(force=True))
     assert until(lambda: view.commander.call("engage"))
     assert until(lambda: not view.world.cycle(view.source.newest).command.held)
-
-
-def scene_of(view, page):
-    """Address of viser's socket, for a page of some name."""
-    return f"ws://127.0.0.1:{view.server.get_port()}/?page={page}"
-
-
-async def greet(view, browser):
-    """A page's channel, and its socket of viser's, that were both opened."""
-    channel = connect(
-        channel_of(view.login.link), additional_headers=browser, max_queue=None
-    )
-    scene = connect(
-        scene_of(view, "one"),
-        additional_headers=browser,
-        subprotocols=[f"viser-v{viser.__version__}"],
-        # Nobody reads what it is told to draw.
-        max_queue=None,
-    )
-    return channel, scene
 
 
 def drag(view):

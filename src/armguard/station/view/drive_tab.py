@@ -79,6 +79,7 @@ class DriveTab(Drawable):
     """
 
     every = 0.2
+    _ran = False
 
     def __init__(
         self,
@@ -115,7 +116,8 @@ class DriveTab(Drawable):
                 slider.value = min(max(q, slider.min), slider.max)
         commands = self._commander.commands
         self._take.disabled, self._give.disabled = commands, not commands
-        if self._driver.tele is None:
+        ran, self._ran = self._ran, self._driver.tele is not None
+        if ran and not self._ran:
             self._tele.value = False
         self._robot.value = self.tables.robots[self._driver.chosen].name
 
