@@ -1,4 +1,4 @@
-"""Scene files are changed by their letters: only the intended ones, and never blindly."""
+"""Scene files are changed by their letters: as intended, and never blindly."""
 
 from pathlib import Path
 
