@@ -68,25 +68,25 @@ class Target:
     def __init__(self, stage: Stage) -> None:
         self.view = patiently(lambda: LiveView(stage.port, 0))
         self.done: dict[str, int] = {}
-        self.view._drive.handles.show(True)
+        self.view.drive.handles.show(True)
         driver, commander = self.view.driver, self.view.commander
         for owner, name in (
             (driver, "lead_tool"),
-            (driver.jog, "hear"),
+            (driver.jog, "receive"),
             (commander, "claim"),
             (commander, "give_back"),
             (commander, "call"),
             (commander, "stop"),
         ):
             setattr(owner, name, self._counted(name, getattr(owner, name)))
-        self.ports = (self.view.view.page.port, self.view.view.server.get_port())
+        self.ports = (self.view.page.port, self.view.server.get_port())
         self._end = threading.Event()
         self._thread = threading.Thread(target=self.view.run, args=(self._end.is_set,))
         self._thread.start()
 
     def take_command(self) -> None:
         """Wait for the arms, take the command, and let them follow."""
-        while self.view._frames.newest is None:
+        while self.view.source.newest is None:
             time.sleep(0.05)
         commander = self.view.commander
         assert commander.claim() and commander.call("engage")
@@ -94,15 +94,14 @@ class Target:
     @property
     def q(self) -> Any:
         """Where the arms are, shape (n,) [rad]."""
-        frame = self.view._frames.newest
+        frame = self.view.source.newest
         assert frame is not None
         return np.array(frame.q)
 
     @property
     def link(self) -> str:
         """What lets a browser in."""
-        door = getattr(self.view.view, "door", None)
-        return f"http://127.0.0.1:{self.ports[0]}/" if door is None else str(door.link)
+        return self.view.login.link
 
     def messages(self) -> list[bytes]:
         """What an attacker sends to viser: drags of all handles, clicks of buttons."""
@@ -114,7 +113,7 @@ class Target:
                 "position": [0.5, 0.4, 0.7],
                 "owner": "",
             }
-            for part in self.view.view.world.tables.robots
+            for part in self.view.world.tables.robots
         ]
         clicks: list[dict[str, Any]] = [
             {
@@ -122,7 +121,7 @@ class Target:
                 "uuid": button._impl.uuid,
                 "updates": {"value": True},
             }
-            for button in (self.view._drive._take, self.view._drive._give)
+            for button in (self.view.drive._take, self.view.drive._give)
         ]
         return [msgspec.msgpack.encode(message) for message in (*drags, *clicks)]
 

@@ -3,19 +3,23 @@
 import os
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+import viser
+from websockets.asyncio.client import connect
 
 from armguard.scene.bay import bay_path
 from armguard.station.frames import Frame, Kind, frame_of
 from armguard.station.ring import RingReader
 from armguard.station.simulated.stage import Stage
+from armguard.station.view.live_view import LiveView
 
 CHROMIUM = Path("/usr/bin/chromium")
 
@@ -282,3 +286,63 @@ def opened(station: Station) -> Station:
     if told.count():
         page.locator("[class*=Notification] button").first.click(force=True)
     return station
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: Any) -> Iterator[Stage]:
+    """A service with an arm, without a browser."""
+    folder = tmp_path_factory.mktemp("station")
+    file = folder / "scene.yaml"
+    file.write_text(SCENE, encoding="utf-8")
+    with (folder / "log").open("wb") as log:
+        with Stage(str(file), *OPTIONS, log=log) as made:
+            made.start_service()
+            made.wait_for_service()
+            made.start_arms()
+            yield made
+
+
+@contextmanager
+def running(view: LiveView) -> Iterator[LiveView]:
+    """A view that draws in a thread."""
+    end = threading.Event()
+    thread = threading.Thread(target=view.run, args=(end.is_set,))
+    thread.start()
+    try:
+        yield view
+    finally:
+        end.set()
+        thread.join()
+        view.close()
+
+
+@pytest.fixture(scope="module")
+def live(stage: Stage) -> Iterator[tuple[LiveView, dict[str, str]]]:
+    """The view of the station, and the headers of a browser that was let in."""
+    with running(LiveView(stage.port, 0)) as view:
+        yield view, let_in(view.login.link)
+
+
+def until(what: Callable[[], Any], seconds: float = 30.0) -> bool:
+    """Wait until something is true; whether it is."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if what():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+async def greet(view: LiveView, browser: dict[str, str]) -> tuple[Any, Any]:
+    """A page's channel, and its socket of viser's, that were both opened."""
+    channel = connect(
+        channel_of(view.login.link), additional_headers=browser, max_queue=None
+    )
+    scene = connect(
+        f"ws://127.0.0.1:{view.server.get_port()}/?page=one",
+        additional_headers=browser,
+        subprotocols=[f"viser-v{viser.__version__}"],
+        # What is to be drawn is not read.
+        max_queue=None,
+    )
+    return channel, scene

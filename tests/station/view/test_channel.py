@@ -19,7 +19,7 @@ from armguard import Guard, bay_scene
 from armguard.guard.verdict import Verdict
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingWriter
-from armguard.station.view.live import LiveFrames
+from armguard.station.view.live_view import LiveFrames
 from armguard.station.view.view import View
 
 PATIENCE = 20.0
@@ -45,8 +45,8 @@ class Loop:
         self.taped = RecordedGuard(self.guard, self.ring)
         self.heard: list[object] = []
         self.view = View(scene, 0, lambda *said: self.heard.append(said))
-        self.browser = let_in(self.view.door.link)
-        self.frames = LiveFrames(folder / "ring", self.view.cue, lambda frame: None)
+        self.browser = let_in(self.view.login.link)
+        self.frames = LiveFrames(folder / "ring", self.view.publish, lambda frame: None)
         self.frames.start()
         self.stamp = 0.0
 
@@ -77,7 +77,7 @@ def listening(loop, **headers):
     """
     wanted = {**loop.browser, **headers}
     sent = {name: value for name, value in wanted.items() if value is not None}
-    return connect(channel_of(loop.view.door.link), additional_headers=sent)
+    return connect(channel_of(loop.view.login.link), additional_headers=sent)
 
 
 async def told(page, seconds):
@@ -198,7 +198,7 @@ def test_sockets_of_our_own_page_open_on_both_ports(loop):
 
 def ask(loop, path="", **headers):
     """Ask for a file of the page; what comes back."""
-    address = loop.view.door.link.partition("?")[0] + path
+    address = loop.view.login.link.partition("?")[0] + path
     one = urllib.request.Request(address, headers=headers)
     return urllib.request.urlopen(one, timeout=PATIENCE)
 
@@ -238,13 +238,13 @@ def test_what_another_page_asks_for_is_not_answered(loop, headers, known):
 
 
 def test_a_link_lets_one_browser_in_and_the_next_one_is_told(loop):
-    door = loop.view.door
+    login = loop.view.login
     links = []
-    door.used = links.append
-    used = door.link
+    login.used = links.append
+    used = login.link
     another = let_in(used)
     assert another["Cookie"] != loop.browser["Cookie"]
-    assert links == [door.link] != [used]
+    assert links == [login.link] != [used]
     with pytest.raises(urllib.error.HTTPError, match="403"):
         let_in(used)
     assert len(links) == 1
@@ -254,7 +254,7 @@ def test_a_link_lets_one_browser_in_and_the_next_one_is_told(loop):
 
 
 def test_the_cookie_is_kept_from_scripts_and_from_other_sites(loop):
-    with urllib.request.urlopen(loop.view.door.link, timeout=PATIENCE) as answer:
+    with urllib.request.urlopen(loop.view.login.link, timeout=PATIENCE) as answer:
         name, *rest = answer.headers["Set-Cookie"].split("; ")
     assert name.startswith(f"armguard-{loop.view.page.port}=")
     assert set(rest) == {"HttpOnly", "SameSite=Strict", "Path=/"}

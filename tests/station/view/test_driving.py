@@ -1,18 +1,18 @@
-"""What hands ask for becomes wishes, and ends when the hands are gone."""
+"""Inputs of hands become desired motion, and end when the hands are gone."""
 
 import numpy as np
 import pytest
 
 from armguard.scene import bay_scene, compile_scene
-from armguard.station.view.driving.jog import HELD, LEFT_BUMPER, RIGHT_BUMPER, B, Jog
-from armguard.station.view.driving.wishes import (
+from armguard.station.view.driver import (
     AHEAD,
     ANGULAR,
     LINEAR,
     ramped,
-    tool_frame,
     twist_towards,
 )
+from armguard.station.view.jog import HELD, LEFT_BUMPER, RIGHT_BUMPER, B, Jog
+from armguard.station.view.world import tool_pose
 
 
 class Hand:
@@ -26,13 +26,13 @@ class Hand:
         self.stops += 1
 
     def keys(self, *held):
-        self.jog.hear({"type": "keys", "held": list(held)})
+        self.jog.receive({"type": "keys", "held": list(held)})
 
     def pad(self, axes=(0.0,) * 4, **pressed):
         buttons = [0.0] * 17
         for name, value in pressed.items():
             buttons[int(name[1:])] = value
-        self.jog.hear({"type": "pad", "axes": list(axes), "buttons": buttons})
+        self.jog.receive({"type": "pad", "axes": list(axes), "buttons": buttons})
 
 
 def test_keys_count_while_they_are_held_and_no_longer():
@@ -79,7 +79,7 @@ def test_a_gamepad_leads_only_while_its_bumper_is_held():
 )
 def test_nonsense_asks_for_nothing(said):
     hand = Hand()
-    hand.jog.hear(said)
+    hand.jog.receive(said)
     assert not hand.jog.direction.any()
 
 
@@ -101,7 +101,7 @@ def test_a_twist_leads_a_tool_where_its_handle_is():
     tables = compile_scene(bay_scene("path"))
     poses = np.zeros((len(tables.parent), 12))
     poses[:] = np.eye(4)[:3].reshape(12)
-    T = tool_frame(tables, tables.robots[0], poses)
+    T = tool_pose(tables, tables.robots[0], poses)
     wanted = T.copy()
     wanted[:3, 3] += [0.01, 0.0, 0.0]
     asked = twist_towards(T, wanted, 1.0)

@@ -10,7 +10,7 @@ from armguard.station.calls import Engage
 from armguard.station.frames import Kind, frame_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
-from armguard.station.view.playback import Playback
+from armguard.station.view.recorded_view import Playback
 
 PERIOD = 0.01
 CYCLES = 20

@@ -1,26 +1,23 @@
-"""What a page asks for ends when the page says no more, whatever its sockets do."""
+"""Inputs of a page end with its heartbeat, whatever its sockets do."""
 
 import asyncio
-import contextlib
 import json
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-import viser
-from tests.station.view.conftest import OPTIONS, SCENE, channel_of, let_in
+from tests.station.view.conftest import channel_of, greet, running, until
 from websockets.asyncio.client import connect
 
 from armguard.respond.command import Action
 from armguard.station.client import Client
 from armguard.station.recorder_pulse import beat, end_pulse
-from armguard.station.simulated.stage import Stage
-from armguard.station.view.driving.pulses import HELD, LEFT, Pulses
+from armguard.station.view.driver import LEFT, Heartbeats
+from armguard.station.view.jog import HELD
 from armguard.station.view.live_view import LiveView
 from armguard.station.wire.keys import Role, keys_path, read_keys, write_keys
 
@@ -30,87 +27,23 @@ PATIENCE = 30.0
 PULSE = 0.05
 
 
-@pytest.fixture(scope="module")
-def stage(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("station")
-    file = folder / "scene.yaml"
-    file.write_text(SCENE, encoding="utf-8")
-    with (folder / "log").open("wb") as log:
-        with Stage(str(file), *OPTIONS, log=log) as made:
-            made.start_service()
-            made.wait_for_service()
-            made.start_arms()
-            yield made
-
-
-@contextlib.contextmanager
-def running(view):
-    """A view that draws in a thread."""
-    end = threading.Event()
-    thread = threading.Thread(target=view.run, args=(end.is_set,))
-    thread.start()
-    try:
-        yield view
-    finally:
-        end.set()
-        thread.join()
-        view.close()
-
-
-@pytest.fixture(scope="module")
-def live(stage):
-    """The view of the station, and the headers of a browser that was let in."""
-    with running(LiveView(stage.port, 0)) as view:
-        yield view, let_in(view.view.door.link)
-
-
-def until(what, seconds=PATIENCE):
-    """Wait until something is true; whether it is."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if what():
-            return True
-        time.sleep(0.01)
-    return False
-
-
 def moves(view):
     """Whether the arm is told to move."""
-    frame = view._frames.newest
+    frame = view.source.newest
     return frame is not None and bool(np.any(frame.told[: len(frame.q)]))
 
 
 def ready(view):
     """Have the arm stand, in the clear, with the command."""
-    assert until(lambda: view._frames.newest is not None and not moves(view))
+    assert until(lambda: view.source.newest is not None and not moves(view))
     assert until(lambda: view.commander.claim() or view.commander.claim(force=True))
     assert until(lambda: view.commander.call("engage"))
-    assert until(lambda: not view.view.world.judged(view._frames.newest).command.held)
-
-
-def scene_of(view, page):
-    """Address of viser's socket, for a page of some name."""
-    return f"ws://127.0.0.1:{view.view.server.get_port()}/?page={page}"
-
-
-async def greet(view, browser):
-    """A page's channel, and its socket of viser's, that were both opened."""
-    channel = connect(
-        channel_of(view.view.door.link), additional_headers=browser, max_queue=None
-    )
-    scene = connect(
-        scene_of(view, "one"),
-        additional_headers=browser,
-        subprotocols=[f"viser-v{viser.__version__}"],
-        # Nobody reads what it is told to draw.
-        max_queue=None,
-    )
-    return channel, scene
+    assert until(lambda: not view.world.cycle(view.source.newest).command.held)
 
 
 def drag(view):
     """A message that drags the left arm's handle up."""
-    handle = view._drive.handles._handles["left"]
+    handle = view.drive.handles.nodes["left"]
     x, y, z = (float(v) for v in handle.position)
     return msgspec.msgpack.encode(
         {
@@ -134,8 +67,8 @@ async def pulse(channel, seconds, held):
 def test_one_message_of_a_drag_moves_no_longer_than_a_key(live, held):
     view, browser = live
     ready(view)
-    view._drive.handles.show(True)
-    assert until(lambda: np.any(view._drive.handles._handles["left"].position))
+    view.drive.handles.show(True)
+    assert until(lambda: "left" in view.drive.handles.nodes)
 
     async def act():
         channel, scene = await greet(view, browser)
@@ -150,14 +83,14 @@ def test_one_message_of_a_drag_moves_no_longer_than_a_key(live, held):
             return moves(view), view.driver.leads_tool("left")
 
     assert asyncio.run(act()) == (False, False)
-    view._drive.handles.show(False)
+    view.drive.handles.show(False)
 
 
 def test_a_drag_leads_while_its_pointer_is_down_and_ends_when_the_page_freezes(live):
     view, browser = live
     ready(view)
-    view._drive.handles.show(True)
-    assert until(lambda: np.any(view._drive.handles._handles["left"].position))
+    view.drive.handles.show(True)
+    assert until(lambda: "left" in view.drive.handles.nodes)
 
     async def act():
         channel, scene = await greet(view, browser)
@@ -169,7 +102,7 @@ def test_a_drag_leads_while_its_pointer_is_down_and_ends_when_the_page_freezes(l
             return led, view.driver.leads_tool("left"), moves(view)
 
     assert asyncio.run(act()) == (True, False, False)
-    view._drive.handles.show(False)
+    view.drive.handles.show(False)
 
 
 def test_the_tele_driver_rests_without_a_pulse_and_ends_with_the_last_page(live):
@@ -185,10 +118,10 @@ def test_the_tele_driver_rests_without_a_pulse_and_ends_with_the_last_page(live)
             await pulse(channel, 0.3, held=False)
             view.driver.tele = Hands()
             await pulse(channel, 1.0, held=False)
-            frame = view._frames.newest
-            drove = view.driver.wish(frame).velocities.any()
+            frame = view.source.newest
+            drove = view.driver.desired(frame).velocities.any()
             await asyncio.sleep(2 * HELD)
-            frozen = view.driver.wish(view._frames.newest).velocities.any()
+            frozen = view.driver.desired(view.source.newest).velocities.any()
             there = view.driver.tele is not None
             await pulse(channel, 0.3, held=False)
         return drove, frozen, there
@@ -198,27 +131,27 @@ def test_the_tele_driver_rests_without_a_pulse_and_ends_with_the_last_page(live)
     assert until(lambda: view.driver.tele is None, 1.0)
 
 
-def test_silence_ends_what_was_asked_for():
+def test_silence_ends_inputs():
     now = 0.0
-    pulses = Pulses(lambda: now)
-    pulses.hear("a", held=True)
-    pulses.hear("b", held=False)
-    assert pulses.holds("a") and not pulses.holds("b")
+    beats = Heartbeats(lambda: now)
+    beats.beat("a", held=True)
+    beats.beat("b", held=False)
+    assert beats.holds("a") and not beats.holds("b")
     now = HELD + 0.01
-    assert not pulses.holds("a")
-    assert pulses.silence("a") == pulses.silence() == now
-    pulses.hear("b", held=True)
+    assert not beats.holds("a")
+    assert beats.silence("a") == beats.silence() == now
+    beats.beat("b", held=True)
     # Another page's hand holds nothing of this one.
-    assert not pulses.holds("a")
-    pulses.gone("b")
-    assert pulses.silence("b") > LEFT
-    pulses.gone("a")
-    assert pulses.silence() > LEFT
+    assert not beats.holds("a")
+    beats.end("b")
+    assert beats.silence("b") > LEFT
+    beats.end("a")
+    assert beats.silence() > LEFT
 
 
 async def told(view, browser, what):
     """The first state that a page is told of which something is true."""
-    channel = connect(channel_of(view.view.door.link), additional_headers=browser)
+    channel = connect(channel_of(view.login.link), additional_headers=browser)
     async with channel as page, asyncio.timeout(PATIENCE):
         while True:
             message = json.loads(await page.recv())
@@ -245,7 +178,7 @@ def test_a_stop_by_a_person_is_named_and_engaged_from_the_page(live):
         channel, _ = await greet(view, browser)
         async with channel as page:
             await pulse(page, 0.5, held=False)
-            held = view.view.world.judged(view._frames.newest).command.held
+            held = view.world.cycle(view.source.newest).command.held
             await page.send(json.dumps({"type": "engage"}))
             return held
 
@@ -285,19 +218,20 @@ def test_a_page_may_what_its_key_may_and_always_stop(stage, tmp_path, role):
     file = tmp_path / "keys"
     write_keys(file, keys)
     with running(LiveView(stage.port, 0, keys=file)) as view:
-        assert (view._drive is not None) == (role >= Role.COMMAND)
-        assert (view._edit is not None) == (role >= Role.SENSE)
-        assert view._editor.movable == ()
+        assert (view.drive is not None) == (role >= Role.COMMAND)
+        assert (view.edit is not None) == (role >= Role.SENSE)
+        assert view.editor.movable == ()
         if role < Role.COMMAND:
             assert not view.commander.claim()
-        assert until(lambda: view._may.get("role") == role.word)
-        assert view._may["engage"] == (role >= Role.COMMAND)
-        before = view._frames.newest.cycle
-        view._heard("one", {"type": "stop"})
+        assert until(lambda: "may" in view.page.newest)
+        may = json.loads(view.page.newest["may"])
+        assert (may["role"], may["engage"]) == (role.word, role >= Role.COMMAND)
+        before = view.source.newest.cycle
+        view._received("one", {"type": "stop"})
 
         def held():
-            frame = view._frames.newest
-            return frame.cycle > before and view.view.world.judged(frame).command.held
+            frame = view.source.newest
+            return frame.cycle > before and view.world.cycle(frame).command.held
 
         assert until(held)
 
@@ -307,7 +241,7 @@ def test_a_recorder_that_falls_silent_is_shown(live):
     ring = Path(view._welcome.ring)
 
     async def said(what):
-        channel = connect(channel_of(view.view.door.link), additional_headers=browser)
+        channel = connect(channel_of(view.login.link), additional_headers=browser)
         async with channel as page, asyncio.timeout(PATIENCE):
             while True:
                 message = json.loads(await page.recv())

@@ -1,30 +1,36 @@
-"""The view of a running service: its ring is drawn, its client drives."""
+"""The view of a running service: its ring is drawn, its client drives and edits."""
 
 import queue
 import secrets
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import viser
 
+from armguard.scene import Scene, compile_scene
 from armguard.scene.bay import bay_path
+from armguard.scene.settings import CHOICES
+from armguard.scene.two_pandas import two_pandas_path
 from armguard.station.client import Client, Welcome
 from armguard.station.errors import NoServiceError, StationError
-from armguard.station.frames import Frame, Kind
+from armguard.station.frames import KIND, Frame, Kind, frame_of
 from armguard.station.recorder_pulse import recorder_age
+from armguard.station.ring import RingReader
+from armguard.station.service.scenes import open_scene, scene_hash
 from armguard.station.simulated import TeleDriver
 from armguard.station.simulated.operator import Operator
-from armguard.station.view.drive_tab import DriveTab
-from armguard.station.view.driving.commander import Commander
-from armguard.station.view.driving.driver import Driver
-from armguard.station.view.edit_tab import EditTab
-from armguard.station.view.editing.editor import Editor
-from armguard.station.view.live import LiveFrames
-from armguard.station.view.service_scene import guarded_scene
-from armguard.station.view.view import View, at_rate
+from armguard.station.view.commander import Commander
+from armguard.station.view.drive_tab import MODES, DriveTab
+from armguard.station.view.driver import Driver
+from armguard.station.view.edit_tab import Editor, EditTab
+from armguard.station.view.view import View
 from armguard.station.wire.keys import Role, found_keys
+
+# Time between two looks into the ring; a level is shown within it [s].
+LOOK = 0.004
 
 # A frame that is older than this is not the present any more [s].
 OLD = 0.5
@@ -33,25 +39,92 @@ OLD = 0.5
 # take [s].
 AGAIN, ATTEMPT = 1.0, 0.2
 
-# A recorder that said nothing for so long records no more, and how often that is looked
-# at [s].
+# A recorder that reports nothing for so long records no more, and how often that is
+# looked at [s].
 NOT_RECORDING, LOOKS = 3.0, 0.5
 
-# Answers are only looked at for who commands: one in so many cycles will do.
+# The client needs answers only while it commands: one in so many cycles will do.
 EVERY = 5
 
 
-class LiveView:
+class LiveFrames:
+    """Reads every frame of a ring; the newest cycle is drawn, never a queue.
+
+    Every record is looked at, so that no level is missed however short it was.
+
+    Attributes:
+        newest: The newest cycle, None before there is one.
+
+    Args:
+        path: The ring's file.
+        cycle: Called with every cycle that is written from `start` on, in order.
+        other: Called with every other frame, and those before it.
+
+    Raises:
+        RingError: There is no ring.
+    """
+
+    newest: Frame | None = None
+
+    def __init__(
+        self, path: Path, cycle: Callable[[Frame], None], other: Callable[[Frame], None]
+    ) -> None:
+        self._reader = RingReader(path)
+        self._cycle, self._other = cycle, other
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ring", daemon=True)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the loop has ended its ring."""
+        return self._reader.closed
+
+    @property
+    def age(self) -> float:
+        """Time since the newest cycle was written [s]; infinite before the first."""
+        newest = self.newest
+        return float("inf") if newest is None else time.monotonic() - newest.monotonic
+
+    def start(self) -> None:
+        """Take the events of what is in the ring already, then read in a thread."""
+        self._read(lambda frame: None)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Close the ring."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)
+        self._reader.close()
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK):
+            self._read(self._cycle)
+
+    def _read(self, cycle: Callable[[Frame], None]) -> None:
+        """Take in what has been written since the last look."""
+        for row in self._reader.unread():
+            if int(row[KIND]) == Kind.CYCLE:
+                self.newest = frame_of(row)
+                cycle(self.newest)
+            else:
+                self._other(frame_of(row))
+
+
+class LiveView(View):
     """Shows a service and drives through it, also after it was started anew.
 
     Attributes:
-        view: The page.
-        driver: Who drives.
-        commander: What driving goes through.
+        driver: Makes one desired motion of all inputs.
+        commander: The client that driving and editing go through.
+        editor: Changes objects.
+        source: The ring's frames.
+        drive: The tab to drive by; None if the role may not.
+        edit: The tab to edit by; None if the role may not.
 
     Args:
         port: Port of the service.
-        page_port: Where the page is to be; 0 for any port that is free.
+        page_port: Port of the page; 0 for any port that is free.
         keys: File with the service's keys; the one that clients find by themselves if
             None. The page may do what its highest role may.
 
@@ -65,215 +138,208 @@ class LiveView:
     def __init__(
         self, port: int, page_port: int = 8080, *, keys: Path | None = None
     ) -> None:
-        role = highest_role(port, keys)
+        try:
+            role = max(found_keys(keys, port)[0])
+        except NoServiceError:
+            # The client waits for it, and says what is missing.
+            role = Role.OBSERVE
         client = Client(port, role=role, keys=keys, name="view", every=EVERY)
+        # What the page's and the ring's threads leave to the one that draws.
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._tried = time.monotonic()
+        self._recording, self._looked = "", -float("inf")
         self._welcome = client.connect()
         self.commander = Commander(client, role, self._complain)
-        self._may: dict[str, Any] = {}
-        self._recording, self._looked = "", -float("inf")
-        self.view = View(guarded_scene(self._welcome), page_port, self._heard)
-        self._add_tabs()
-        self._watch()
+        super().__init__(guarded_scene(self._welcome), page_port, self._received)
+        self._begin()
 
-        @self.view.server.on_client_disconnect
+        @self.server.on_client_disconnect
         def _(_: viser.ClientHandle) -> None:
-            # The hand that held a handle or a slider is gone.
-            self.driver.let_go()
+            self.driver.release()
 
-    def run(self, until: Callable[[], bool]) -> None:
-        """Draw until told not to."""
-        at_rate(self.draw, until)
-
-    def draw(self) -> None:
+    def step(self) -> None:
         """Draw the newest cycle, or say why there is none."""
         while not self._jobs.empty():
             self._jobs.get()()
-        self._tell_what_it_may()
-        self._tell_of_recorder()
-        self.view.remark = self.commander.remark
-        self.view.changed = self.commander.changed
-        frame = self._frames.newest
-        if self.view.draw(frame) and frame is not None:
-            if self._drive is not None:
-                self._drive.show(frame, time.monotonic())
-            if self._edit is not None:
-                self._edit.show(frame)
-        age = self._frames.age()
-        if age >= OLD:
-            self.view.tell(frame, self._why_old(age))
-            self._find_again()
+        commander = self.commander
+        may = {"role": commander.role.word, "engage": commander.role >= Role.COMMAND}
+        self.page.publish("may", {**may, "taken": commander.taken})
+        self._publish_recorder()
+        self.remark, self.changed = commander.remark, commander.changed
+        self.draw(self.source.newest)
+        age = self.source.age
+        if age < OLD:
+            return
+        why = "" if commander.alive else f": {commander.cause.sentence}"
+        why = f"nothing new since {age:.1f} s{why}"
+        closed = self.source.closed
+        self.publish(self.source.newest, "the service has ended" if closed else why)
+        if not commander.alive and time.monotonic() - self._tried >= AGAIN:
+            try:
+                self._greet(ATTEMPT)
+            except StationError:
+                pass
+            self._tried = time.monotonic()
 
     def close(self) -> None:
-        """Give the command back, let go of ring, page and service."""
-        self._close_tabs()
-        self._frames.close()
-        self.view.close()
+        """Give the command back; close ring, page and connection."""
+        self._end()
+        super().close()
         self.commander.close()
 
-    def _add_tabs(self) -> None:
-        """Put up the tabs by which the scene that is shown is driven and edited."""
-        view, world = self.view, self.view.world
-        file = Path(self._welcome.scene_file) if self._welcome.scene_file else None
-        self.driver = Driver(
-            world.tables,
-            lambda: self._frames.newest,
-            self.commander,
-            self.commander.stop,
-        )
-        self._editor = Editor(
-            world.tables,
-            world.placements,
-            self.commander.call,
-            changeable={
-                name
-                for name, thing in world.scene.objects.items()
-                if thing.movable or self.commander.role >= Role.ADMINISTER
-            },
-        )
-        self._drive: DriveTab | None = None
-        self._edit: EditTab | None = None
-        if self.commander.role >= Role.COMMAND:
-            with view.tabs.add_tab("Drive", viser.Icon.DEVICE_GAMEPAD_2):
-                self._drive = DriveTab(
-                    view.server,
+    def _begin(self) -> None:
+        """Add the tabs to drive and edit by, and read the service's ring."""
+        commander, world, welcome = self.commander, self.world, self._welcome
+        self.driver = Driver(world, lambda: self.source.newest, commander)
+        administers = commander.role >= Role.ADMINISTER
+        changeable = {
+            name
+            for name, item in world.scene.objects.items()
+            if item.movable or administers
+        }
+        self.editor = Editor(world, commander.call, changeable)
+        self.drive: DriveTab | None = None
+        self.edit: EditTab | None = None
+        if commander.role >= Role.COMMAND:
+            with self.tabs.add_tab("Drive", viser.Icon.DEVICE_GAMEPAD_2):
+                self.drive = DriveTab(
                     world,
                     self.driver,
-                    self.commander,
+                    commander,
                     lambda: Operator(TeleDriver(world.tables, secrets.randbits(31))),
-                    lambda on: view.page.tell("driving", {"on": on}, keep=True),
+                    lambda on: self.page.publish("driving", {"on": on}),
                 )
-        if self.commander.role >= Role.SENSE:
-            with view.tabs.add_tab("Edit", viser.Icon.CUBE):
-                # The bundled scene belongs to everybody.
-                own = file if file != bay_path() else None
-                self._edit = EditTab(view.server, world, self._editor, own)
-        view.page.tell("driving", {"on": False}, keep=True)
-
-    def _close_tabs(self) -> None:
-        self.driver.close()
-        self._editor.close()
-
-    def _watch(self) -> None:
-        """Read the service's ring from now on."""
-        self._hash = self._welcome.scene_hash
-        ring = Path(self._welcome.ring)
-        self._frames = LiveFrames(ring, self.view.cue, self._other)
+            self.drawables += self.drive, self.drive.handles
+        if commander.role >= Role.SENSE:
+            # Bundled scenes belong to everybody.
+            file = Path(welcome.scene_file) if welcome.scene_file else None
+            with self.tabs.add_tab("Edit", viser.Icon.CUBE):
+                own = None if file == bay_path() else file
+                self.edit = EditTab(world, self.editor, own)
+            self.drawables.append(self.edit)
+        self.page.publish("driving", {"on": False})
+        self._hash = welcome.scene_hash
+        self.source = LiveFrames(Path(welcome.ring), self.publish, self._other)
         # What was placed before the oldest record that the ring still has.
-        self.view.world.placements.begin_with(self.commander.objects())
-        self._frames.start()
+        world.objects.begin_with(commander.objects())
+        self.source.start()
         self.driver.start()
 
+    def _end(self) -> None:
+        """End the inputs of the scene that is shown, and close its ring."""
+        self.driver.close()
+        self.editor.close()
+        self.source.close()
+
     def _other(self, frame: Frame) -> None:
-        """What is no cycle, from the ring's thread."""
+        """Take a frame that is no cycle, from the ring's thread."""
         text = frame.text
         if frame.kind is Kind.EVENT:
-            self.view.world.placements.take(text)
+            self.world.objects.apply(text)
         elif text.get("note") == "scene" and text["scene_hash"] != self._hash:
             self._hash = text["scene_hash"]
             self._jobs.put(self._adopt_settings)
 
     def _adopt_settings(self) -> None:
-        """The service goes on with other settings of its scene."""
+        """Show the scene with the settings that the service has changed."""
         try:
-            self._greet(self.commander.connect(timeout=1.0))
+            self._greet(1.0)
         except StationError as error:
             self._complain(str(error))
 
-    def _find_again(self) -> None:
-        """Look for a service at the same port that was started anew."""
-        now = time.monotonic()
-        if self.commander.alive or now - self._tried < AGAIN:
-            return
-        try:
-            self._greet(self.commander.connect(ATTEMPT))
-        except StationError:
-            pass
-        self._tried = time.monotonic()
+    def _greet(self, timeout: float) -> None:
+        """Connect to the service anew, and show its scene if that is new.
 
-    def _greet(self, welcome: Welcome) -> None:
-        """Show what a service guards that was said hello to anew, if that is new."""
-        known = self._welcome.session, self._welcome.scene_hash
-        if known == (welcome.session, welcome.scene_hash):
+        Args:
+            timeout: How long to wait for an answer [s].
+
+        Raises:
+            StationError: No service answers, or its scene is not the one in the file.
+        """
+        welcome, known = self.commander.connect(timeout), self._welcome
+        if (known.session, known.scene_hash) == (welcome.session, welcome.scene_hash):
             # It was only silent for a while.
             return
         scene = guarded_scene(welcome)
-        self._close_tabs()
-        self._frames.close()
+        self._end()
         self._welcome = welcome
-        self.view.show_scene(scene)
-        self._add_tabs()
-        self._watch()
+        self.show_scene(scene)
+        self._begin()
 
-    def _why_old(self, age: float) -> str:
-        """Why there is nothing new."""
-        if self._frames.closed:
-            return "the service has ended"
-        why = "" if self.commander.alive else f": {self.commander.cause.sentence}"
-        return f"nothing new since {age:.1f} s{why}"
-
-    def _heard(self, page: str, said: Mapping[str, Any]) -> None:
-        """What a page says, from the page's thread."""
-        kind = said["type"]
+    def _received(self, page: str, message: Mapping[str, Any]) -> None:
+        """Take a page's message, in the page's thread."""
+        kind = message["type"]
         if kind == "stop":
             self.commander.stop()
         elif kind == "gone":
-            self.driver.gone(page)
+            self.driver.page_closed(page)
         elif kind == "engage":
             if self.commander.role >= Role.COMMAND:
-                # The page's thread has to hear the next stop meanwhile.
+                # This thread has to receive the next stop meanwhile.
                 self._jobs.put(self.commander.engage)
         elif kind == "pulse":
-            self.driver.pulses.hear(page, said.get("held") is True)
+            self.driver.heartbeats.beat(page, message.get("held") is True)
         elif kind in ("keys", "pad"):
-            self.driver.jog.hear(said)
+            self.driver.jog.receive(message)
 
-    def _tell_what_it_may(self) -> None:
-        """Tell pages what they may do, when that is something else than before."""
-        commander = self.commander
-        may = {
-            "role": commander.role.word,
-            "engage": commander.role >= Role.COMMAND,
-            "taken": commander.taken,
-        }
-        if may != self._may:
-            self._may = may
-            self.view.page.tell("may", may, keep=True)
-
-    def _tell_of_recorder(self) -> None:
-        """Tell pages since when nothing is recorded that is to be."""
+    def _publish_recorder(self) -> None:
+        """Tell pages since when nothing is recorded although a recorder has begun."""
         now = time.monotonic()
         if now - self._looked < LOOKS:
             return
         self._looked = now
         age = recorder_age(Path(self._welcome.ring)) or 0.0
-        when = time.strftime("%H:%M:%S", time.localtime(time.time() - age))
-        said = f"NOT RECORDING since {when}" if age > NOT_RECORDING else ""
-        # The time it began, not each new reading of it.
-        if bool(said) != bool(self._recording):
-            self._recording = said
-            self.view.page.tell("recorder", {"said": said}, keep=True)
+        if age <= NOT_RECORDING:
+            self._recording = ""
+        elif not self._recording:
+            # The time it ended, not each new reading of it.
+            when = time.strftime("%H:%M:%S", time.localtime(time.time() - age))
+            self._recording = f"NOT RECORDING since {when}"
+        self.page.publish("recorder", {"said": self._recording})
 
     def _complain(self, sentence: str) -> None:
-        """Tell everybody why something was not done."""
-        for client in self.view.server.get_clients().values():
+        """Show all pages why something was not done."""
+        for client in self.server.get_clients().values():
             client.add_notification("Refused", sentence, color="orange")
 
 
-def highest_role(port: int, keys: Path | None) -> Role:
-    """The highest role that a key is there for.
+def guarded_scene(welcome: Welcome) -> Scene:
+    """The scene of a service; its tables have the service's hash.
 
     Args:
-        port: Port of the service.
-        keys: Its key file; the one that clients find by themselves if None.
+        welcome: The service's description of itself.
 
     Raises:
-        KeyFileError: The file cannot be used.
+        StationError: The scene that is found is another one, so drawing it would show
+            something that was not checked.
+        SceneError: There is no such scene.
     """
-    try:
-        found, _ = found_keys(keys, port)
-    except NoServiceError:
-        # The client waits for it, and says what is missing.
-        return Role.OBSERVE
-    return max(found)
+    bundled = {"": "two-pandas", str(two_pandas_path()): "two-pandas"}
+    bundled[str(bay_path())] = "bay"
+    name = bundled.get(welcome.scene_file, welcome.scene_file)
+    late, stale = float(welcome.text["late"]), welcome.text["stale"]
+    scene, _ = open_scene(name, period=welcome.period, late=late, stale=stale)
+    for settings in settings_of(scene):
+        for robot, (mode, response) in settings.items():
+            scene.set_mode(mode, robot)
+            scene.set_response(response, robot)
+        if scene_hash(compile_scene(scene)) == welcome.scene_hash:
+            return scene
+    raise StationError(
+        f"the service guards another scene than the one in '{name}'; was the file "
+        "changed since it started? start it again"
+    )
+
+
+def settings_of(scene: Scene) -> Iterator[dict[str, tuple[Any, Any]]]:
+    """Mode and response of each robot that a service may have.
+
+    As `serve` and `configure` set them: those of the scene, or one for all.
+    """
+    own = {name: (robot.mode, robot.response) for name, robot in scene.robots.items()}
+    for mode in (None, *MODES):
+        for kind in (None, *CHOICES["kind"]):
+            yield {
+                name: (mode or own_mode, kind or response)
+                for name, (own_mode, response) in own.items()
+            }

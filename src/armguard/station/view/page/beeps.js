@@ -1,4 +1,4 @@
-// Beeps, in the thread that makes sound: it is told of each by the one that reads the
+// Beeps, in the thread that makes sound: it gets each from the one that reads the
 // channel, and neither waits for the drawing.
 "use strict";
 const LASTS = 0.1; // [s]
@@ -17,15 +17,15 @@ registerProcessor("beeps", class extends AudioWorkletProcessor {
 
   begin(beep) {
     // While nothing is played they would wait, and then sound all at once.
-    if (this.tones.length < MOST) this.tones.push({ ...beep, time: 0, told: false });
+    if (this.tones.length < MOST) this.tones.push({ ...beep, time: 0, noted: false });
   }
 
   process(_, [[out]]) {
     for (const tone of this.tones) {
-      if (!tone.told) {
+      if (!tone.noted) {
         const { name, hertz, level, cycle } = tone;
         this.port.postMessage({ name, hertz, level, cycle, at: Date.now() / 1000 });
-        tone.told = true;
+        tone.noted = true;
       }
       for (let k = 0; k < out.length; k++, tone.time += 1 / sampleRate) {
         const rises = Math.min(tone.time / RISES, 1);

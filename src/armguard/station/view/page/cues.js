@@ -83,7 +83,7 @@ const take = (message) => {
   if (before === null || before.level !== message.level) {
     postMessage({ type: "turned", cycle: message.cycle, at: Date.now() / 1000 });
   }
-  // A page that is busy is told every change, and of the rest the newest.
+  // A page that is busy gets every change, and of the rest the newest.
   if (changed || unseen === 0) {
     late = null;
     hand(message);

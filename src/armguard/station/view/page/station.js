@@ -3,8 +3,8 @@
 "use strict";
 (() => {
   const SILENCE = 0.5; // without news for so long the page is grey [s]
-  const REPEAT = 50; // keys that are held and gamepads are told again after this [ms]
-  const PULSE = 100; // that this page lives is told again after this [ms]
+  const REPEAT = 50; // keys that are held and gamepads are sent again after this [ms]
+  const PULSE = 100; // that this page lives is sent again after this [ms]
   const make = (tag, id, parent) => {
     const made = document.createElement(tag);
     if (id) made.id = id;
@@ -18,11 +18,11 @@
   light.setAttribute("role", "status");
   const word = make("span", null, light);
   word.textContent = "WAITING";
-  const told = make("div", "told", bar);
-  const why = make("div", "why", told);
-  const slack = make("div", "slack", told);
-  const role = make("div", "role", told);
-  const recorder = make("div", "recorder", told);
+  const words = make("div", "words", bar);
+  const why = make("div", "why", words);
+  const slack = make("div", "slack", words);
+  const role = make("div", "role", words);
+  const recorder = make("div", "recorder", words);
   const robots = make("div", "robots", bar);
   const sound = make("button", "sound", bar);
   sound.textContent = "Sound: off";

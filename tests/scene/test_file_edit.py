@@ -1,4 +1,4 @@
-"""Scene files are changed by their letters: only what was meant, and never blindly."""
+"""Scene files are changed by their letters: as intended, and never blindly."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from armguard.errors import SceneError
 from armguard.geometry import Pose
 from armguard.scene.bay import bay_path
-from armguard.station.view.editing.scene_text import (
+from armguard.scene.file_edit import (
     Entry,
     difference,
     edited,
@@ -110,7 +110,7 @@ def test_a_file_is_written_only_if_it_is_the_one_that_was_shown_and_loads(tmp_pa
     before = f"robots:\n  arm: {{urdf: {arm}, mode: fixed}}\n"
     path.write_text(before, encoding="utf-8")
     good = edited(before, {"wall": Entry(Pose(xyz=(1, 1, 1)), (0.1, 0.1, 0.1))})
-    with pytest.raises(SceneError, match="somebody else"):
+    with pytest.raises(SceneError, match="changed meanwhile"):
         write_checked(path, before + "\n", good)
     with pytest.raises(SceneError):
         write_checked(path, before, good.replace("wall", "wa/ll"))

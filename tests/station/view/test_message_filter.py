@@ -6,7 +6,7 @@ import logging
 import msgspec
 import pytest
 
-from armguard.station.view.sieve import PAUSE, Drops, Sifted
+from armguard.station.view.viser_server import PAUSE, DropLog, FilteredConnection
 
 TURN = {"wxyz": [1, 0, 0, 0], "position": [0.5, 0.4, 0.7], "owner": ""}
 DRAG = {"type": "TransformControlsUpdateMessage", "name": "/handles/left", **TURN}
@@ -54,15 +54,15 @@ class Sent:
 
 @pytest.mark.parametrize("name", NOT_OURS)
 def test_what_is_not_ours_is_dropped_and_the_next_message_is_heard(name):
-    drops = Drops()
+    drops = DropLog()
     for ours in OURS:
-        sifted = Sifted(Sent(NOT_OURS[name], ours), drops)
-        assert asyncio.run(sifted.recv()) == ours
+        filtered = FilteredConnection(Sent(NOT_OURS[name], ours), drops)
+        assert asyncio.run(filtered.recv()) == ours
 
 
 def test_drops_cost_one_line_a_second(caplog):
     now = 0.0
-    drops = Drops(lambda: now)
+    drops = DropLog(lambda: now)
     with caplog.at_level(logging.WARNING, logger="armguard.view"):
         for _ in range(100):
             drops.add("noise")

@@ -1,10 +1,10 @@
-"""The door of the page: which requests are answered at all.
+"""The login of the page: which requests are answered at all.
 
-A link that was printed lets one browser in and is used up by that; the browser is known
-by a cookie from then on. Host, origin and cookie are looked at before a socket opens,
-so nothing that was sent along with the request is ever read. Requests that no browser
-of an operator makes get no answer: a page that tries out ports cannot tell this one
-from a closed one.
+A link that was printed admits one browser and is used up by that; a cookie identifies
+the browser from then on. Host, origin and cookie are checked before a socket opens, so
+nothing that was sent along with the request is ever read. Requests that no browser of
+an operator makes get no answer: a page that tries out ports cannot tell this one from a
+closed one.
 """
 
 import secrets
@@ -26,11 +26,11 @@ SECRET = 24
 NAME = 64
 
 
-class Door:
-    """Knows the browsers that were let in.
+class Login:
+    """Knows the browsers that were admitted.
 
     Attributes:
-        port: The page's port; nobody is let in before it is known.
+        port: The page's port; no browser is admitted before it is known.
         used: Called with the next link when one was used up, from the page's thread.
     """
 
@@ -42,7 +42,7 @@ class Door:
 
     @property
     def link(self) -> str:
-        """What lets the next browser in, once."""
+        """The link that admits the next browser, once."""
         return f"http://{HOSTS[0]}:{self.port}/?token={self._token}"
 
     @property
@@ -54,53 +54,40 @@ class Door:
         """Values of a request's `Host` that mean a port of this machine."""
         return {f"{host}:{port}" for host in HOSTS}
 
-    def ours(self, request: Request, port: int) -> bool:
-        """Whether a request was meant for a port of ours.
-
-        Args:
-            request: The request.
-            port: The port that it came to.
-        """
+    def addressed(self, request: Request, port: int) -> bool:
+        """Whether a request names the port of ours that it came to."""
         return bool(self.port) and only(request.headers, "Host") in self.names(port)
 
     def knows(self, request: Request) -> bool:
-        """Whether a request comes from a browser that was let in."""
-        given = [
-            value.encode()
+        """Whether a request comes from a browser that was admitted."""
+        pairs = (
+            part.strip().partition("=")
             for line in request.headers.get_all("Cookie")
-            for name, _, value in (
-                part.strip().partition("=") for part in line.split(";")
-            )
-            if name == self.cookie
-        ]
+            for part in line.split(";")
+        )
         return any(
-            compare_digest(value, browser.encode())
-            for value in given
+            compare_digest(value.encode(), browser.encode())
+            for name, _, value in pairs
+            if name == self.cookie
             for browser in self._browsers
         )
 
     def opens_socket(self, request: Request, port: int) -> bool:
-        """Whether a request may become a socket: one of our page, in a known browser.
-
-        Args:
-            request: The request.
-            port: The port that it came to.
-        """
+        """Whether a request to a port opens a socket: of our page, if admitted."""
         origins = {f"http://{name}" for name in self.names(self.port)}
         return (
-            self.ours(request, port)
+            self.addressed(request, port)
             and only(request.headers, "Origin") in origins
             and self.knows(request)
         )
 
-    def let_in(self, request: Request) -> str:
+    def admit(self, request: Request) -> str:
         """Use the link up, if the request follows it.
 
         Returns:
             The value for `Set-Cookie`; empty if this is not the link.
         """
-        _, _, query = request.path.partition("?")
-        token = parse_qs(query).get("token", [""])[0]
+        token = argument(request.path, "token")
         if not compare_digest(token.encode(), self._token.encode()):
             return ""
         self._token, browser = (secrets.token_urlsafe(SECRET) for _ in range(2))
@@ -115,12 +102,15 @@ def only(headers: Headers, name: str) -> str:
     return values[0] if len(values) == 1 else ""
 
 
+def argument(path: str, name: str) -> str:
+    """An argument in the query of a request's path; empty if it has none."""
+    return parse_qs(path.partition("?")[2]).get(name, [""])[0]
+
+
 def navigates(request: Request) -> bool:
     """Whether a request opens a page in a tab, or comes from no browser."""
-    how = (
-        only(request.headers, "Sec-Fetch-Mode"),
-        only(request.headers, "Sec-Fetch-Dest"),
-    )
+    names = "Sec-Fetch-Mode", "Sec-Fetch-Dest"
+    how = tuple(only(request.headers, name) for name in names)
     return how in (("navigate", "document"), ("", ""))
 
 
@@ -131,11 +121,10 @@ def from_within(request: Request) -> bool:
 
 def page_name(path: str) -> str:
     """The name a page has given itself for all its sockets; empty if none."""
-    _, _, query = path.partition("?")
-    return parse_qs(query).get("page", [""])[0][:NAME]
+    return argument(path, "page")[:NAME]
 
 
-def hang_up(connection: ServerConnection) -> Response:
+def abort(connection: ServerConnection) -> Response:
     """End a connection without an answer; what to return for that."""
     connection.transport.abort()
     return connection.respond(403, "")

@@ -1,4 +1,4 @@
-"""What the page's light, sentence and sounds are told of a cycle."""
+"""The message that tells a page of a cycle: its light, its sentences, its sounds."""
 
 import math
 import time
@@ -8,13 +8,8 @@ from typing import Any
 from armguard.guard.levels import ORDERED, Level, Reason
 from armguard.respond import Action
 from armguard.respond.command import Blocked, Held
-from armguard.station.palette import (
-    LEVEL_COLOURS,
-    LEVEL_WORDS,
-    Rgb,
-    hexadecimal,
-)
-from armguard.station.view.judged import Judged
+from armguard.station.palette import LEVEL_COLOURS, LEVEL_WORDS, Rgb, hexadecimal
+from armguard.station.view.world import Cycle
 
 ACTION_WORDS = {
     Action.FOLLOW: "follows",
@@ -31,9 +26,16 @@ GO_ON = {
     Blocked.LOCAL_MINIMUM: "lead it elsewhere",
 }
 
+# What a robot that follows its operator has to expect.
+AHEAD = {
+    Level.CLEAR: "nothing is near",
+    Level.CAUTION: "something is near",
+    Level.SLOW: "a stop would come soon",
+}
+
 
 def state_message(
-    cycle: Judged,
+    cycle: Cycle,
     age: float,
     grey: str = "",
     recorded: str = "",
@@ -51,10 +53,7 @@ def state_message(
             not.
         changed: Whether objects were changed within the last second.
     """
-    verdict, command = cycle.verdict, cycle.command
-    cues, scale = verdict.cues, verdict.speed_scale
-    actions = {} if command is None else command.actions
-    blocked = {} if command is None else command.blocked
+    verdict, command, frame = cycle.verdict, cycle.command, cycle.frame
     held = {} if command is None else command.held
     level = max(
         verdict.level,
@@ -62,9 +61,8 @@ def state_message(
         Level.CAUTION if changed else Level.CLEAR,
     )
     waits = bool(held) and level < Level.BRAKE
-    slack = verdict.slack
     return {
-        "cycle": cycle.frame.cycle,
+        "cycle": frame.cycle,
         "level": int(level),
         "name": "HELD" if waits else level.name,
         "word": "HELD" if waits else LEVEL_WORDS[level],
@@ -74,108 +72,90 @@ def state_message(
         "why": sentence(cycle, held),
         "remark": remark if not held else "",
         "changed": "objects were changed" if changed else "",
-        "slack_ms": finite(slack.s * 1e3),
-        "slack_mm": finite(slack.m * 1e3),
+        "slack_ms": finite(verdict.slack.s * 1e3),
+        "slack_mm": finite(verdict.slack.m * 1e3),
         "age": age,
-        "wall": cycle.frame.wall,
+        "wall": frame.wall,
         "grey": grey,
         "recorded": recorded,
-        "robots": [
-            robot_card(
-                name,
-                Level.STOP if remark and own < Level.STOP else own,
-                actions.get(name),
-                scale[name],
-                f"since {since(cycle, held[name])}: {held[name].cause}"
-                if name in held
-                else remark or blocked_sentence(own, blocked.get(name, Blocked.NOT)),
-                name in held,
-                cues[name].urgency,
-            )
-            for name, own in verdict.levels.items()
-        ],
+        "robots": [robot_card(cycle, name, remark) for name in verdict.levels],
     }
 
 
-def sentence(cycle: Judged, held: Mapping[str, Held]) -> str:
+def robot_card(cycle: Cycle, name: str, remark: str) -> dict[str, Any]:
+    """The card of a robot: its level, its action, and why it does not follow.
+
+    Args:
+        cycle: The cycle.
+        name: The robot.
+        remark: Why the service stops all robots beside the verdict.
+    """
+    verdict, command = cycle.verdict, cycle.command
+    level = verdict.levels[name]
+    if remark:
+        level = max(level, Level.STOP)
+    action, held, blocked = None, None, Blocked.NOT
+    if command is not None:
+        action, blocked = command.actions[name], command.blocked[name]
+        held = command.held.get(name)
+    if held is not None:
+        why = f"since {since(cycle, held)}: {held.cause}"
+    elif remark or blocked is not Blocked.NOT:
+        why = remark or blocked.sentence
+    else:
+        why = AHEAD.get(level, LEVEL_WORDS[level].lower())
+    shown = level if held is None else max(level, Level.STOP)
+    return {
+        "name": name,
+        "level": int(level),
+        "colour": hexadecimal(LEVEL_COLOURS[shown]),
+        "word": robot_word(level, action, verdict.speed_scale[name]),
+        "blocked": why,
+        "urgency": verdict.cues[name].urgency,
+    }
+
+
+def sentence(cycle: Cycle, held: Mapping[str, Held]) -> str:
     """Robots that wait for a person: why, since when, how to go on; then the rest."""
     verdict = cycle.verdict
-    groups: dict[tuple[str, str, str], list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for name, one in held.items():
-        how = "press Engage all"
+        why, how = f"HELD: {one.cause}", "press Engage all"
         if one.reason is Reason.STOP_ORDERED and one.until_engaged:
             why = "STOPPED BY A PERSON"
-        else:
-            why = f"HELD: {one.cause}"
-            if not one.until_engaged:
-                how = f"{GO_ON[one.blocked]}, or {how}"
-        groups.setdefault((why, since(cycle, one), how), []).append(name)
-    said = [
-        ("" if len(names) == len(verdict.levels) else f"{' and '.join(names)} ")
-        + f"{why}, since {when} – {how}"
-        for (why, when, how), names in groups.items()
+        elif not one.until_engaged:
+            how = f"{GO_ON[one.blocked]}, or {how}"
+        said = f"{why}, since {since(cycle, one)} – {how}"
+        groups.setdefault(said, []).append(name)
+    sentences = [
+        said if len(names) == len(verdict.levels) else f"{' and '.join(names)} {said}"
+        for said, names in groups.items()
     ]
-    if not said or verdict.reason not in (Reason.OK, *ORDERED):
-        said.append(verdict.why)
-    return "; ".join(said)
+    if not sentences or verdict.reason not in (Reason.OK, *ORDERED):
+        sentences.append(verdict.why)
+    return "; ".join(sentences)
 
 
-def since(cycle: Judged, held: Held) -> str:
+def since(cycle: Cycle, held: Held) -> str:
     """When a robot began to wait, on this machine's wall clock."""
     frame = cycle.frame
     now = held.since if frame.now is None else frame.now
     return time.strftime("%H:%M:%S", time.localtime(frame.wall - (now - held.since)))
 
 
-def robot_card(
-    name: str,
-    level: Level,
-    action: Action | None,
-    scale: float,
-    why: str,
-    waits: bool,
-    urgency: float,
-) -> dict[str, Any]:
-    """What the card of a robot shows.
+def robot_word(level: Level, action: Action | None, scale: float) -> str:
+    """Action of a robot in a word or two that do not contradict its level.
 
     Args:
-        name: The robot.
-        level: What it should do.
-        action: What it is told; None where nothing is.
+        level: Its level.
+        action: Its action; None where no motion was asked for.
         scale: Share of the speed that it may have [-].
-        why: Why it does not follow, or how near it is to that.
-        waits: Whether it waits for a person.
-        urgency: How much its operator is to be warned [-].
     """
-    shown = max(level, Level.STOP) if waits else level
-    return {
-        "name": name,
-        "level": int(level),
-        "colour": hexadecimal(LEVEL_COLOURS[shown]),
-        "word": robot_word(level, action, scale),
-        "blocked": why,
-        "urgency": urgency,
-    }
-
-
-def robot_word(level: Level, action: Action | None, scale: float) -> str:
-    """What a robot does, in a word or two that do not contradict its level."""
     if action is None or (action is Action.FOLLOW and level >= Level.STOP):
         return LEVEL_WORDS[level].lower()
     if action is Action.FOLLOW and scale < 1.0:
         return f"{ACTION_WORDS[action]} {scale * 100:.0f} %"
     return ACTION_WORDS[action]
-
-
-def blocked_sentence(level: Level, blocked: Blocked) -> str:
-    """Why a robot does not follow, or how near it is to that."""
-    if blocked is not Blocked.NOT:
-        return blocked.sentence
-    return {
-        Level.CLEAR: "nothing is near",
-        Level.CAUTION: "something is near",
-        Level.SLOW: "a stop would come soon",
-    }.get(level, LEVEL_WORDS[level].lower())
 
 
 def ink_on(colour: Rgb) -> Rgb:

@@ -1,8 +1,8 @@
 """A scene file with some of its objects changed, and not one other letter.
 
 The file is not written anew by a YAML library, which would fold lines and move
-comments; entries are found by it, and their letters replaced. What comes out is read
-again and compared with what was meant before anybody gets it.
+comments; entries are found by it, and their letters replaced. The new text is read
+again and compared with the intended scene before it is returned.
 """
 
 import difflib
@@ -16,6 +16,7 @@ from ruamel.yaml.nodes import MappingNode, Node
 
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
+from armguard.scene.file import load_scene
 
 Triple = tuple[float, float, float]
 
@@ -25,11 +26,11 @@ FIGURES = 4
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What an object's entry is to say.
+    """New values of an object's entry.
 
     Attributes:
-        pose: Where it stands.
-        size: Edges of the box it is; None where its shape stays as it is [m].
+        pose: Its pose.
+        size: Edges of its box; None where its shape stays as it is [m].
     """
 
     pose: Pose
@@ -41,7 +42,7 @@ def edited(text: str, changes: Mapping[str, Entry | None]) -> str:
 
     Args:
         text: The text.
-        changes: What objects are to be, by name; None for one that is to go. One that
+        changes: New entries of objects, by name; None for one that is removed. One that
             is not there yet is added and needs a size.
 
     Raises:
@@ -66,15 +67,13 @@ def write_checked(path: Path, before: str, after: str) -> None:
     """Write a scene file if it still is what was shown, and can be loaded then.
 
     Raises:
-        SceneError: Somebody else wrote it meanwhile, or the scene would be wrong.
+        SceneError: It was changed meanwhile, or the scene would be wrong.
         OSError: It cannot be written.
     """
-    from armguard.scene.file import load_scene
-
     if path.read_text(encoding="utf-8") != before:
         raise SceneError(
-            f"'{path.name}' was changed by somebody else meanwhile; look at it, then "
-            "write again"
+            f"'{path.name}' was changed meanwhile by another program; look at it, "
+            "then write again"
         )
     # Beside the file, so that paths in it lead to the same places.
     trial = path.with_name(f".{path.name}.new")
@@ -88,7 +87,7 @@ def write_checked(path: Path, before: str, after: str) -> None:
 
 
 def values_of(text: str) -> dict[str, Any]:
-    """All the file says."""
+    """All values of the file."""
     values = YAML(typ="safe", pure=True).load(text)
     if not isinstance(values, dict):
         raise SceneError("the scene file is no mapping")
@@ -98,27 +97,18 @@ def values_of(text: str) -> dict[str, Any]:
 def check(
     before: dict[str, Any], after: dict[str, Any], name: str, entry: Entry | None
 ) -> None:
-    """An edit did what it was to do, and nothing besides.
+    """Check that an edit changed one entry as intended, and nothing besides.
 
     Raises:
         SceneError: It did not; the file is written in an unusual way.
     """
-    wanted = {**before, "objects": dict(before.get("objects") or {})}
-    objects = wanted["objects"]
-    if entry is None:
-        objects.pop(name, None)
-    else:
-        shape = {"box": list(entry.size)} if entry.size is not None else objects[name]
-        kept = {key: value for key, value in shape.items() if key != "at"}
-        rest = {
-            k: v for k, v in objects.get(name, {}).items() if k not in ("at", "box")
-        }
-        objects[name] = {**rest, **kept, "at": place_of(entry.pose)}
-    if not objects and not before.get("objects"):
-        wanted.pop("objects")
-    now = {**after}
-    if now.get("objects") is None and not objects:
-        now["objects"] = {}
+    objects = dict(before.get("objects") or {})
+    old = objects.pop(name, {})
+    if entry is not None:
+        new = {**old, "at": place_of(entry.pose)}
+        objects[name] = new if entry.size is None else {**new, "box": list(entry.size)}
+    wanted, now = {**before, "objects": objects}, {**after}
+    now["objects"] = now.get("objects") or {}
     if rounded(now) != rounded(wanted):
         raise SceneError(
             f"the entry of '{name}' is written in a way that cannot be edited from "
@@ -155,17 +145,13 @@ def flow(value: Any) -> str:
 
 def item(mapping: Node | None, key: str) -> tuple[Node, Node] | None:
     """Key and value of a mapping's item, None if it has none."""
-    if isinstance(mapping, MappingNode):
-        for name, value in mapping.value:
-            if name.value == key:
-                return name, value
-    return None
+    pairs = mapping.value if isinstance(mapping, MappingNode) else ()
+    return next((pair for pair in pairs if pair[0].value == key), None)
 
 
 def entry_of(text: str, name: str) -> tuple[Node | None, tuple[Node, Node] | None]:
     """The mapping of objects, and the key and value of one."""
-    root = YAML(typ="safe", pure=True).compose(text)
-    found = item(root, "objects")
+    found = item(YAML(typ="safe", pure=True).compose(text), "objects")
     objects = None if found is None else found[1]
     return objects, item(objects, name)
 
@@ -178,8 +164,8 @@ def without(text: str, name: str) -> str:
     if objects.flow_style:
         raise SceneError("objects are written in one line; edit the file by hand")
     lines = text.splitlines(keepends=True)
-    start, end = found[0].start_mark.line, last_line(lines, found)
-    return "".join(lines[:start] + lines[end + 1 :])
+    del lines[found[0].start_mark.line : last_line(lines, found) + 1]
+    return "".join(lines)
 
 
 def last_line(lines: list[str], found: tuple[Node, Node]) -> int:
@@ -187,7 +173,7 @@ def last_line(lines: list[str], found: tuple[Node, Node]) -> int:
     mark = found[1].end_mark
     end = mark.line
     if end >= len(lines) or not lines[end][: mark.column].strip():
-        # A block ends where the next thing begins.
+        # A block ends where the next one begins.
         end -= 1
     while end > found[0].start_mark.line:
         line = lines[end].strip() if end < len(lines) else ""
@@ -198,7 +184,7 @@ def last_line(lines: list[str], found: tuple[Node, Node]) -> int:
 
 
 def with_entry(text: str, name: str, entry: Entry) -> str:
-    """The text with an object that is as it is to be."""
+    """The text with a new entry of an object."""
     objects, found = entry_of(text, name)
     if found is None:
         return with_new(text, objects, name, entry)
@@ -210,14 +196,12 @@ def with_entry(text: str, name: str, entry: Entry) -> str:
         raise SceneError(
             f"the entry of '{name}' is said elsewhere in the file; edit it by hand"
         )
-    text = with_value(text, value, "at", flow(place_of(entry.pose)))
-    if entry.size is None:
-        return text
-    _, again = entry_of(text, name)
-    assert again is not None
-    if item(again[1], "box") is None:
-        raise SceneError(f"'{name}' is no box in the file; its size cannot change")
-    return with_value(text, again[1], "box", flow(rounded(entry.size)))
+    if entry.size is not None:
+        if item(value, "box") is None:
+            raise SceneError(f"'{name}' is no box in the file; its size cannot change")
+        text = with_value(text, value, "box", flow(rounded(entry.size)))
+        _, value = entry_of(text, name)[1] or found
+    return with_value(text, value, "at", flow(place_of(entry.pose)))
 
 
 def with_value(text: str, mapping: Node, key: str, value: str) -> str:
@@ -244,8 +228,8 @@ def with_new(text: str, objects: Node | None, name: str, entry: Entry) -> str:
     """The text with an object more, behind the last one."""
     if entry.size is None:
         raise SceneError(f"'{name}' is not in the scene file, and no box")
-    said = {"box": rounded(entry.size), "at": place_of(entry.pose)}
-    line = f"{name}: {flow(said)}\n"
+    values = {"box": rounded(entry.size), "at": place_of(entry.pose)}
+    line = f"{name}: {flow(values)}\n"
     if not isinstance(objects, MappingNode) or not objects.value:
         if objects is not None:
             raise SceneError("objects are empty in the file; write the first by hand")

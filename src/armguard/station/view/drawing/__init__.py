@@ -1,1 +1,0 @@
-"""What stands in the page's scene: each file draws one kind of thing."""
