@@ -16,12 +16,14 @@ from armguard.respond import Blocked, Guard
 from armguard.respond.escape_path import POSTURES, STEPS
 from armguard.respond.escape_state import (
     COMER_COUNT,
+    DONE,
     EVADING,
     HAS_WAY,
     LEFT,
     SPENT,
     TRIED,
 )
+from armguard.respond.evasion import LINGERS, look_for_threats
 from armguard.respond.leaving import only_out
 from armguard.respond.state import open_response
 from armguard.scene import Scene
@@ -333,6 +335,37 @@ def test_a_joint_that_is_led_back_from_its_limit_goes_on(way, low, high, kept):
     keep_away(guard._response_lines, guard._lines)
     assert (response.low[0], response.high[0]) == kept
     assert response.target[0] == np.clip(0.1, *kept)
+
+
+@kernel(inline=False, entry=True)
+def look(response, lines):
+    """Look for robots that something comes at."""
+    look_for_threats(open_response(response), open_workspace(lines))
+
+
+@pytest.mark.parametrize(
+    ("phase", "asked", "since", "evading"),
+    [
+        (RECOVERING, 0.0, 0.97 * LINGERS, True),
+        (RECOVERING, 0.0, 1.03 * LINGERS, False),
+        (RECOVERING, 0.05, 0.97 * LINGERS, True),
+        (RUNNING, 0.0, 0.97 * LINGERS, False),
+        (RESTING, 0.05, 0.97 * LINGERS, False),
+    ],
+)
+def test_one_that_recovers_is_held_for_a_while_when_nothing_comes_any_more(
+    phase, asked, since, evading
+):
+    guard = cart_guard()
+    guard.place("cart", Pose(xyz=(0.7, 0.6, 0.2)), 0.0, velocity=(0.0, 0.0, 0.0))
+    guard.filter([0.0], [0.0], 0.0, velocity=[0.0], now=0.0)
+    escape, response = guard._escape, guard._response
+    guard._watch.phase[0] = phase
+    escape.notes[0, EVADING], escape.memory[0, DONE] = 1, since - PERIOD
+    response.asked[0] = asked
+    look(guard._response_lines, guard._lines)
+    assert (escape.notes[0, EVADING], guard._watch.evades[0]) == (evading, evading)
+    assert response.asked[0] == (0.0 if evading else asked)
 
 
 # Distance that is asked for at rest, and gap of the cart at x to an arm along x [m].
