@@ -24,7 +24,7 @@ from armguard.scene.robots import check_figures
 from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
 from armguard.scene.settings import ObjectSettings, RobotSettings
-from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
+from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
 
 # Problems of one file that are reported; each takes a search for its line.
 MOST_PROBLEMS = 20
@@ -60,7 +60,7 @@ def validated(source: YamlSource) -> SceneModel:
         SceneFileError: They do not follow it.
     """
     if not isinstance(source.values, dict):
-        raise source.problem(1, "", "must be a mapping with the key 'robots'")
+        raise source.problem((), "must be a mapping with the key 'robots'")
     try:
         return SceneModel.model_validate(source.values)
     except ValidationError as errors:
@@ -92,11 +92,10 @@ class Problems:
         """How many there are."""
         return len(self._found)
 
-    def add(self, keys: tuple[str | int, ...], sentence: str) -> None:
+    def add(self, keys: Keys, sentence: str) -> None:
         """Add one, unless there are enough."""
         if len(self) < MOST_PROBLEMS:
-            name, line = self._source.path.name, self._source.line(keys)
-            self._found.append(Problem(name, line, dotted(keys), sentence))
+            self._found.append(self._source.found(keys, sentence))
 
     @contextmanager
     def at(self, *keys: str | int) -> Iterator[None]:
