@@ -36,11 +36,12 @@ from armguard.robot.model import (
 )
 from armguard.robot.stopping import StoppingFigures
 from armguard.robot.stopping.table import StopTable
+from armguard.scene.contents import Allowance
 from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Surface
 from armguard.scene.objects import SceneObject
 from armguard.scene.robots import SceneRobot
-from armguard.scene.scene import Allowance, Scene
+from armguard.scene.scene import Scene
 from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
 
 # What may be in a scene, by name; nothing else is ever made of an archive.
