@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from armguard.robot.model import JointKind
-from armguard.scene.rigid import rigid_groups
+from armguard.robot.tree import rigid_groups
 from armguard.scene.scene import Scene
 
 

@@ -7,6 +7,7 @@ from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Box, PlacedShape, shape_row
 from armguard.robot.kinematics import PRISMATIC, KinematicTable
 from armguard.robot.limits import joint_limits
+from armguard.robot.tree import joints_above
 from armguard.scene.blocks import extent
 from armguard.scene.robots import SceneRobot
 
@@ -16,15 +17,13 @@ Floats = NDArray[np.float64]
 def gripper_members(robot: SceneRobot) -> tuple[str, ...]:
     """The gripper's link and all links that ride on it, of those with primitives."""
     assert robot.gripper is not None, "only asked of robots that have one"
-    above = {joint.child: joint.parent for joint in robot.model.joints.values()}
-    members = []
-    for link in robot.fits:
-        up: str | None = link
-        while up is not None and up != robot.gripper.link:
-            up = above.get(up)
-        if up is not None:
-            members.append(link)
-    return tuple(members)
+    carrier = robot.gripper.link
+    return tuple(
+        link
+        for link in robot.fits
+        if link == carrier
+        or carrier in (joint.parent for joint in joints_above(robot.model, link))
+    )
 
 
 def coarse_gripper(

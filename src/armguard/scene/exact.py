@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes import ROW_WIDTH, PlacedShape, Shape, shape_row
+from armguard.scene.blocks import Block
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -47,35 +48,32 @@ class ExactTables:
 
 
 def exact_tables(
-    owners: Sequence[str], sizes: Sequence[int], parts: Mapping[str, ExactPart]
+    blocks: Sequence[Block], parts: Mapping[str, ExactPart]
 ) -> ExactTables:
-    """Tables for runs of primitives, each run of one owner.
+    """Tables for blocks of primitives.
 
     Args:
-        owners: 'robot/link' or object of each run.
-        sizes: Primitives in each run.
+        blocks: All blocks, in the order of the tables.
         parts: Exact geometry by owner, of those that have any.
     """
-    kinds: list[int] = []
-    rows: list[Floats] = []
-    shapes: list[Shape] = []
-    ranges = {}
-    errors = {}
+    placed = [(part.T, one) for part in parts.values() for one in part.shapes]
+    ranges: dict[str, tuple[int, int]] = {}
+    first = 0
     for owner, part in parts.items():
-        ranges[owner] = (len(kinds), len(part.shapes))
-        errors[owner] = max((placed.model_error for placed in part.shapes), default=0.0)
-        for placed in part.shapes:
-            kinds.append(int(placed.shape.kind))
-            rows.append(shape_row(placed.shape, part.T @ placed.pose.matrix()))
-            shapes.append(placed.shape)
-    of_run = np.array([ranges.get(owner, (-1, 0)) for owner in owners], dtype=np.int32)
+        ranges[owner] = (first, len(part.shapes))
+        first += len(part.shapes)
+    errors = {
+        owner: max((one.model_error for one in part.shapes), default=0.0)
+        for owner, part in parts.items()
+    }
+    sizes = np.array([len(block) for block in blocks], dtype=np.intp)
+    of_block = np.array([ranges.get(b.owner, (-1, 0)) for b in blocks], dtype=np.int32)
+    error = np.array([errors.get(b.owner, 0.0) for b in blocks], dtype=np.float64)
+    rows = [shape_row(one.shape, T @ one.pose.matrix()) for T, one in placed]
     return ExactTables(
-        of_primitive=np.repeat(of_run.reshape(-1, 2), np.array(sizes, np.intp), axis=0),
-        kinds=np.array(kinds, dtype=np.int32),
+        of_primitive=np.repeat(of_block.reshape(-1, 2), sizes, axis=0),
+        kinds=np.array([int(one.shape.kind) for _, one in placed], dtype=np.int32),
         rows=np.array(rows, dtype=np.float64).reshape(-1, ROW_WIDTH),
-        errors=np.repeat(
-            np.array([errors.get(owner, 0.0) for owner in owners], dtype=np.float64),
-            np.array(sizes, np.intp),
-        ),
-        shapes=tuple(shapes),
+        errors=np.repeat(error, sizes),
+        shapes=tuple(one.shape for _, one in placed),
     )
