@@ -318,7 +318,8 @@ def root_cube(
     """
     scene = layout.scene
     box = np.zeros(6)
-    extent(kinds[bodies < 0], rows[bodies < 0], box)
+    first = int(np.count_nonzero(bodies >= 0))
+    extent(kinds[first:], rows[first:], box)
     low, high = box[:3], box[3:]
     chosen = scene.index.cube
     if chosen is not None:
@@ -330,7 +331,7 @@ def root_cube(
         return (low + high) / 2.0, float((high - low).max()) * CUBE_SLACK
     for name, robot in scene.robots.items():
         origin = robot.base.matrix()[:3, 3]
-        reach = robot_reach(layout, name, kinds, bodies, rows)
+        reach = robot_reach(layout, name, kinds[:first], bodies[:first], rows[:first])
         low = np.minimum(low, origin - reach - scene.margin)
         high = np.maximum(high, origin + reach + scene.margin)
     return (low + high) / 2.0, float((high - low).max()) * CUBE_SLACK
