@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.scene.objects import SceneObject
 from armguard.scene.robots import SceneRobot, check_mode
+from armguard.scene.schema import CLOSED, Name
 from armguard.scene.settings import Mode
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
@@ -34,9 +35,11 @@ class Allowance:
         reason: Why.
     """
 
+    __pydantic_config__ = CLOSED
+
     a: str
     b: str
-    reason: str
+    reason: Name
 
 
 class Contents:

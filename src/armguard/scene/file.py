@@ -10,12 +10,7 @@ from armguard.bounded import is_file
 from armguard.errors import ArmguardError, did_you_mean
 from armguard.robot import load_urdf
 from armguard.robot.stopping import FiguresError
-from armguard.scene.file_models import (
-    ObjectEntry,
-    RobotEntry,
-    SceneModel,
-    known_keys,
-)
+from armguard.scene.file_models import RobotEntry, SceneModel, known_keys
 from armguard.scene.file_shapes import Place
 from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
 from armguard.scene.meshes import Progress
@@ -138,11 +133,16 @@ def build_scene(
         with problems.at("robots", name):
             own = place_of(folder, {**model.packages, **robot.packages})
             add_robot(scene, name, robot, own, progress)
-    for name, thing in model.objects.items():
+    for name, entry in model.objects.items():
         if len(problems) == MOST_PROBLEMS:
             break
         with problems.at("objects", name):
-            add_object(scene, name, thing, place, progress)
+            scene.add(
+                entry.parts_of_all(place, progress),
+                name=name,
+                pose=entry.at.pose(),
+                **part_of(entry, ObjectSettings),
+            )
     if not problems:
         for k, allow in enumerate(model.allow):
             with problems.at("allow", k):
@@ -164,22 +164,6 @@ def build_scene(
 def place_of(folder: Path, packages: Mapping[str, str]) -> Place:
     """Where files of a scene may be; paths of packages count from its folder."""
     return Place(folder, {name: folder / path for name, path in packages.items()})
-
-
-def add_object(
-    scene: Scene,
-    name: str,
-    entry: ObjectEntry,
-    place: Place,
-    progress: Progress | None,
-) -> None:
-    """Add an object of the file."""
-    scene.add(
-        entry.parts_of_all(place, progress),
-        name=name,
-        pose=entry.at.pose(),
-        **part_of(entry, ObjectSettings),
-    )
 
 
 def add_robot(

@@ -9,6 +9,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import PlacedShape
+from armguard.scene.contents import Allowance
 from armguard.scene.file_shapes import (
     ORIGIN,
     Place,
@@ -18,7 +19,7 @@ from armguard.scene.file_shapes import (
 )
 from armguard.scene.file_stopping import StoppingModel
 from armguard.scene.meshes import Progress, Surface
-from armguard.scene.schema import CLOSED, Name, NotNegative, Number, Strict, meanings
+from armguard.scene.schema import CLOSED, NotNegative, Number, Strict, meanings
 from armguard.scene.settings import (
     DEFAULT_MODE,
     CycleSettings,
@@ -90,14 +91,6 @@ class RobotEntry(RobotSettings):
     max_primitives: Annotated[int, Field(ge=1, le=64)]
 
 
-class AllowEntry(Strict):
-    """A pair that may touch."""
-
-    a: str
-    b: str
-    reason: Name
-
-
 class BufferEntry(Strict):
     """The distance of a pair [m]."""
 
@@ -133,7 +126,7 @@ class SceneModel(Strict):
     cycle: CycleSettings = CycleSettings()
     buffer: NotNegative | None = None
     margin: NotNegative | None = None
-    allow: list[AllowEntry] = Field(default=[])
+    allow: list[Allowance] = Field(default=[])
     buffers: list[BufferEntry] = Field(default=[])
     index: IndexSettings = IndexSettings()
 

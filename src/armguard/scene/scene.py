@@ -12,7 +12,6 @@ from armguard.robot.limits import home_configuration
 from armguard.robot.model import RobotModel
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.contents import Contents, check_amount
-from armguard.scene.gripping import Gripper
 from armguard.scene.meshes import (
     MAX_TRIANGLES,
     MeshForm,
@@ -38,6 +37,7 @@ from armguard.scene.settings import (
     ObjectSettings,
     ResponseName,
     ResponseSettings,
+    RobotKeys,
     RobotSettings,
 )
 
@@ -108,15 +108,10 @@ class Scene(Contents):
         base: Pose | None = None,
         srdf: str | Path | None = None,
         packages: Mapping[str, Path] | None = None,
-        buffer: float | None = None,
-        mode: Mode | None = None,
         stopping: StoppingFigures | Mapping[str, Any] | None = None,
-        response: ResponseName | ResponseSettings = RobotSettings.response,
-        gripper: Gripper | None = None,
-        fit_target: float = RobotSettings.fit_target,
-        max_primitives: int = RobotSettings.max_primitives,
         home: Mapping[str, float] | None = None,
         progress: Progress | None = None,
+        **settings: Unpack[RobotKeys],
     ) -> SceneRobot:
         """Add a robot.
 
@@ -127,43 +122,36 @@ class Scene(Contents):
             base: Its root frame in the world.
             srdf: Its SRDF file.
             packages: Folders of `package://` names.
-            buffer: Distance its links must keep; the scene's if None [m].
-            mode: How the distance it must keep is made; the scene's mode if None.
             stopping: How it stops: figures, or what `stopping_figures` takes. Of a
                 robot by name, what is not given is taken from its own figures.
-            response: What it does about what is near, see `Guard.filter`.
-            gripper: Its gripper, see docs/gripping.md.
-            fit_target: Overreach the fitted primitives should stay below [m].
-            max_primitives: Primitives a link may be given for that.
             home: Home positions by joint name; see `home_configuration` for the rest.
             progress: Called with what is done, its number and their count, while links
                 are fitted.
+            settings: How it is guarded, see `RobotSettings`. `response` may be one
+                word, its kind.
 
         Raises:
-            SceneError: The name is taken or no name.
+            SceneError: The name is taken or no name, or a setting cannot be true.
             ModelError: The robot cannot be guarded as it is written.
             FiguresError: A figure cannot be true.
         """
         self._check_name(name)
-        settings = RobotSettings(
-            buffer=buffer,
-            mode=self.mode if mode is None else mode,
-            response=response_settings(f"robot '{name}'", response),
-            gripper=gripper,
-            fit_target=fit_target,
-            max_primitives=max_primitives,
-        )
+        who, given = f"robot '{name}'", dict[str, Any](settings)
+        if given.get("mode") is None:
+            given["mode"] = self.mode
+        if "response" in given:
+            given["response"] = response_settings(who, given["response"])
         robot = scene_robot(
             name,
             load_robot(urdf, srdf, packages),
-            checked(f"robot '{name}'", settings),
+            checked(who, RobotSettings(**given)),
             base=base,
             stopping=stopping,
             home=home,
             progress=progress,
         )
         self._robots[name] = robot
-        self.notes += [f"robot '{name}': {note}" for note in robot.model.notes]
+        self.notes += [f"{who}: {note}" for note in robot.model.notes]
         return robot
 
     def add(
