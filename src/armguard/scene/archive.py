@@ -203,5 +203,5 @@ def remade(value: Any) -> Any:
     if kind == "mapping":
         return {remade(key): remade(item) for key, item in value["items"]}
     if kind not in PARTS:
-        raise ArchiveError(f"an archived scene holds a '{kind}', which nobody knows")
+        raise ArchiveError(f"an archived scene holds a '{kind}', no part of one")
     return PARTS[kind](**{k: remade(v) for k, v in value.items() if k != KIND})

@@ -99,7 +99,7 @@ def compile_scene(scene: Scene) -> SceneTables:
         robot_of_primitive=robots_of(layout, bodies[:moving]),
         base_reach=base_reaches(layout, kinds[:moving], bodies[:moving], rows),
         top_speeds=top_speeds(scene, blocks),
-        people=tuple(name for name, thing in scene.objects.items() if thing.person),
+        people=tuple(name for name, item in scene.objects.items() if item.person),
         period=scene.period,
         late=scene.late,
         holds=holds,
@@ -138,18 +138,18 @@ def object_blocks(layout: Layout) -> Iterator[Block]:
 
     What may be gripped has a body of its own.
     """
-    for name, thing in layout.scene.objects.items():
-        T, body = thing.pose.matrix(), layout.own.get(name, -1)
+    for name, item in layout.scene.objects.items():
+        T, body = item.pose.matrix(), layout.own.get(name, -1)
         if body >= 0:
             T = np.eye(4)
-        elif thing.attached_to is not None:
-            robot, link = thing.attached_to.split("/", 1)
+        elif item.attached_to is not None:
+            robot, link = item.attached_to.split("/", 1)
             T = layout.tables[robot].T_body_link[link] @ T
             if layout.tables[robot].body_of_link[link]:
                 body = layout.body(robot, link)
             else:
                 T = layout.scene.robots[robot].base.matrix() @ T
-        yield from blocks_of(name, thing.shapes, thing.surfaces, T, body)
+        yield from blocks_of(name, item.shapes, item.surfaces, T, body)
 
 
 def rules_and_holds(
@@ -259,7 +259,7 @@ def robots_of(layout: Layout, bodies: Ints) -> Ints:
 
 def top_speeds(scene: Scene, blocks: Sequence[Block]) -> Floats:
     """Greatest speed of each primitive, shape (p,), or (0,) if no object moves."""
-    if not any(thing.top_speed > 0.0 for thing in scene.objects.values()):
+    if not any(item.top_speed > 0.0 for item in scene.objects.values()):
         return np.zeros(0)
     known = scene.objects
     speed = [known[b.owner].top_speed if b.owner in known else 0.0 for b in blocks]
@@ -311,7 +311,7 @@ def root_cube(
 ) -> tuple[Floats, float]:
     """Cube that holds everything the scene can contain: centre and edge [m].
 
-    The cube of the scene's settings is taken if it holds what stands still; otherwise
+    The cube of the scene's settings is taken if it holds what is static; otherwise
     it grows about that. An arm may reach out of it, and a half-space always does: the
     outermost leaves have no end.
     """

@@ -142,7 +142,7 @@ class Contents:
 
         Args:
             mode: The mode.
-            robot: The robot it is for; all, and those still to come, if None.
+            robot: The robot it is for; all, and those added later, if None.
 
         Raises:
             SceneError: There is no such mode.
@@ -203,12 +203,12 @@ class Contents:
         Args:
             body: 'robot/link', a robot, or an object.
         """
-        thing = self._objects.get(body)
-        carrier = body if thing is None else thing.attached_to
+        item = self._objects.get(body)
+        carrier = body if item is None else item.attached_to
         near = list(self._robots.values())
         if carrier is not None:
             near = [self._robots[carrier.split("/", 1)[0]]]
-        own = near[0].buffer if thing is None else thing.buffer
+        own = near[0].buffer if item is None else item.buffer
         return self._usual({robot.mode for robot in near}) if own is None else own
 
     def _usual(self, modes: set[Mode]) -> float:

@@ -31,7 +31,7 @@ class ExactTables:
     """Exact shapes of all links that have any.
 
     Attributes:
-        of_primitive: First exact shape of the link a primitive stands for, and how
+        of_primitive: First exact shape of the link a primitive encloses, and how
             many there are; (-1, 0) where the primitive is exact itself, shape (p, 2).
         kinds: ShapeKind of each exact shape, shape (e,).
         rows: Rows in the frame of the body, or in the world, shape (e, 16).

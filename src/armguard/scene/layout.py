@@ -35,7 +35,7 @@ class Layout:
         """The layout of a scene."""
         tables = {n: kinematic_table(r.model) for n, r in scene.robots.items()}
         ends = np.cumsum([0, *(len(t.parent) for t in tables.values())]).tolist()
-        carried = [name for name, thing in scene.objects.items() if thing.graspable]
+        carried = [name for name, item in scene.objects.items() if item.graspable]
         return cls(
             scene=scene,
             tables=tables,

@@ -83,9 +83,9 @@ def build_moveit_scene(
     state = (values.get("robot_state") or {}).get("joint_state") or {}
     place_home(scene, name, state)
     world = values.get("world") or {}
-    for k, thing in enumerate(world.get("collision_objects") or []):
+    for k, entry in enumerate(world.get("collision_objects") or []):
         try:
-            add_object(scene, thing, progress)
+            add_object(scene, entry, progress)
         except (KeyError, TypeError, ValueError, ArmguardError) as error:
             what = f"has no {error}" if isinstance(error, KeyError) else str(error)
             raise source.problem(("world", "collision_objects", k), what) from None
@@ -111,8 +111,8 @@ def place_home(scene: Scene, name: str, state: Mapping[str, Any]) -> None:
     if not any(positions.values()):
         if positions:
             scene.notes.append(
-                "the file's robot state is all zeros, as MoveIt writes where nobody "
-                "set one; the robot's own home is used"
+                "the file's robot state is all zeros, as MoveIt writes where none "
+                "was set; the robot's own home is used"
             )
         return
     joints = robot.model.joints
@@ -131,7 +131,7 @@ def place_home(scene: Scene, name: str, state: Mapping[str, Any]) -> None:
 
 
 def add_object(
-    scene: Scene, thing: Mapping[str, Any], progress: Progress | None
+    scene: Scene, entry: Mapping[str, Any], progress: Progress | None
 ) -> None:
     """Add one collision object; nothing of it is dropped.
 
@@ -139,10 +139,10 @@ def add_object(
         SceneError: It has an unknown primitive, or more or fewer poses than
             shapes to place.
     """
-    name = str(thing["id"])
+    name = str(entry["id"])
     parts: list[PlacedShape | Surface] = []
     for what, where in LISTS:
-        shapes, poses = thing.get(what) or [], thing.get(where) or []
+        shapes, poses = entry.get(what) or [], entry.get(where) or []
         if len(shapes) != len(poses):
             raise SceneError(
                 f"object '{name}' has {len(shapes)} {what} and {len(poses)} poses"
@@ -157,7 +157,7 @@ def add_object(
             else:
                 solid = primitive_shape(name, shape)
                 parts.append(PlacedShape(solid, Pose.from_matrix(T)))
-    own = thing.get("pose")
+    own = entry.get("pose")
     pose = None if own is None else Pose.from_matrix(pose_matrix(own))
     scene.add(parts, name=name, pose=pose)
 
@@ -180,11 +180,11 @@ def allow_matrix(scene: Scene, source: YamlSource, name: str) -> None:
         raise source.problem(
             (key,), f"has {len(entries)} names, its values are not as many each way"
         )
-    body = {thing: thing for thing in scene.objects}
+    body = {entry: entry for entry in scene.objects}
     body |= {link: f"{name}/{link}" for link in scene.robots[name].model.links}
     for (i, a), (j, b) in combinations(enumerate(entries), 2):
         if bool(rows[i][j]) != bool(rows[j][i]):
-            raise source.problem((key,), f"says two things about '{a}' and '{b}'")
+            raise source.problem((key,), f"has two values for '{a}' and '{b}'")
         if rows[i][j] and a in body and b in body:
             reason = f"{key} of {source.path.name}"
             scene.allow(body[a], body[b], reason=reason)

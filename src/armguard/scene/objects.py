@@ -65,13 +65,13 @@ def scene_object(
     return made
 
 
-def contradiction(thing: SceneObject) -> str | None:
+def contradiction(item: SceneObject) -> str | None:
     """What in an object's shapes and settings cannot be together; None if all can."""
-    link, grasped = thing.attached_to, thing.graspable is not None
-    moves = thing.top_speed != 0.0 or thing.person
-    if link is not None and thing.surfaces:
+    link, grasped = item.attached_to, item.graspable is not None
+    moves = item.top_speed != 0.0 or item.person
+    if link is not None and item.surfaces:
         return riding_surface(link)
-    if link is not None and not thing.present:
+    if link is not None and not item.present:
         return (
             f"rides on '{link}' and is not present; only what stands still can come "
             "later"
@@ -81,20 +81,20 @@ def contradiction(thing: SceneObject) -> str | None:
             f"rides on '{link}' and has a top_speed or is a person; it moves as its "
             "link does, leave them out"
         )
-    if thing.top_speed == 0.0 and (thing.error > 0.0 or thing.stale < inf):
+    if item.top_speed == 0.0 and (item.error > 0.0 or item.stale < inf):
         return "has error or stale and no top_speed; only what moves has sightings"
     if grasped and (link is not None or moves):
         return (
             "is graspable and is attached, has a top_speed or is a person; leave one "
             "of them out"
         )
-    endless = (isinstance(p.shape, HalfSpace | Triangle) for p in thing.shapes)
-    if grasped and (thing.surfaces or any(endless)):
+    endless = (isinstance(p.shape, HalfSpace | Triangle) for p in item.shapes)
+    if grasped and (item.surfaces or any(endless)):
         return (
             "is graspable and has triangles or a half-space, which no gripper carries; "
             "give a mesh as 'hull' or as 'pieces'"
         )
-    if not grasped and thing.rests_on is not None:
+    if not grasped and item.rests_on is not None:
         return "has rests_on and is not graspable; leave it out"
     return None
 

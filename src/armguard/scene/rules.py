@@ -47,10 +47,10 @@ def allowed_pairs(scene: Scene) -> list[PairRule]:
         riders: dict[str, list[str]] = {}
         for link, group in groups.items():
             riders.setdefault(group, []).append(f"{name}/{link}")
-        for thing in scene.objects.values():
-            if thing.attached_to and thing.attached_to.startswith(f"{name}/"):
-                link = thing.attached_to.split("/", 1)[1]
-                riders[groups[link]].append(thing.name)
+        for item in scene.objects.values():
+            if item.attached_to and item.attached_to.startswith(f"{name}/"):
+                link = item.attached_to.split("/", 1)[1]
+                riders[groups[link]].append(item.name)
         for members in riders.values():
             rules += [
                 PairRule(a, b, "they do not move against each other", "rigid")

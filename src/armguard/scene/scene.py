@@ -73,7 +73,7 @@ class Scene(Contents):
     Example:
         >>> from armguard import Box, Pose, Scene
         >>> scene = Scene()
-        >>> thing = scene.add(
+        >>> item = scene.add(
         ...     Box(half_extents=(0.6, 1.0, 0.025)),
         ...     name="table",
         ...     pose=Pose(xyz=(0.5, 0, -0.03)),
@@ -326,8 +326,8 @@ class Scene(Contents):
             raise SceneError("no robot of the scene has a joint that moves")
         for robot in self._robots.values():
             check_figures(robot)
-        for thing in self._objects.values():
-            for support in thing.rests_on or ():
+        for item in self._objects.values():
+            for support in item.rests_on or ():
                 self._check_body(support)
         if self.largest_buffer > self.margin:
             raise SceneError(

@@ -1,4 +1,4 @@
-"""Objects that stand still, and may come, go and stand elsewhere while a guard runs."""
+"""Static objects, which may be added, removed and moved while a guard runs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -65,13 +65,13 @@ def standing_objects(
         name: Standing(
             first=places[name][0],
             count=places[name][1] - places[name][0],
-            present=thing.present,
-            shapes=thing.shapes,
-            surfaces=thing.surfaces,
+            present=item.present,
+            shapes=item.shapes,
+            surfaces=item.surfaces,
             body=bodies.get(name, -1),
-            error=thing.error,
-            stale=thing.stale,
+            error=item.error,
+            stale=item.stale,
         )
-        for name, thing in objects.items()
-        if thing.attached_to is None
+        for name, item in objects.items()
+        if item.attached_to is None
     }

@@ -32,7 +32,7 @@ MOST_YAML_TEXT = 4_000
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong in a file.
+    """What is wrong at one place of a file.
 
     Attributes:
         file: Name of the file.
