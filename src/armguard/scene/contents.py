@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,7 +154,7 @@ class Contents:
         if robot is None:
             self.mode = mode
         for name in names:
-            self._robots[name] = replace(self._robots[name], mode=mode)
+            self._change(name, mode=mode)
 
     def allow(self, a: str, b: str, *, reason: str) -> None:
         """Leave a pair of bodies unchecked.
@@ -216,6 +217,9 @@ class Contents:
         if self.buffer is not None:
             return self.buffer
         return PAPER_BUFFER if (modes or {self.mode}) == {"fixed"} else FLOOR
+
+    def _change(self, robot: str, **settings: Any) -> None:
+        self._robots[robot] = replace(self._robots[robot], **settings)
 
     def _named(self, robot: str | None) -> list[str]:
         if robot is None:

@@ -272,8 +272,7 @@ class Scene(Contents):
             UnknownNameError: There is no such robot.
         """
         for name in self._named(robot):
-            chosen = response_settings(f"robot '{name}'", response)
-            self._robots[name] = replace(self._robots[name], response=chosen)
+            self._change(name, response=response_settings(f"robot '{name}'", response))
 
     def set_stale(self, stale: float) -> None:
         """Change how old states of all robots may be before they are not believed.
@@ -296,8 +295,7 @@ class Scene(Contents):
                 )
         for name, robot in self._robots.items():
             if robot.stopping is not None:
-                stopping = replace(robot.stopping, stale=stale)
-                self._robots[name] = replace(robot, stopping=stopping)
+                self._change(name, stopping=replace(robot.stopping, stale=stale))
 
     def set_home(self, name: str, home: Mapping[str, float]) -> None:
         """Give a robot another home configuration.
@@ -309,8 +307,8 @@ class Scene(Contents):
         Raises:
             ModelError: A joint does not exist, or is outside its limits.
         """
-        robot = self._robots[name]
-        self._robots[name] = replace(robot, home=home_configuration(robot.model, home))
+        model = self._robots[name].model
+        self._change(name, home=home_configuration(model, home))
 
     def validate(self) -> None:
         """Check what only the whole scene can tell.
