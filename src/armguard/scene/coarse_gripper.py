@@ -26,24 +26,17 @@ def gripper_members(robot: SceneRobot) -> tuple[str, ...]:
     )
 
 
-def coarse_gripper(
-    robot: SceneRobot, table: KinematicTable, members: tuple[str, ...]
-) -> PlacedShape:
+def coarse_gripper(robot: SceneRobot, table: KinematicTable) -> PlacedShape:
     """Box in the frame of the gripper's body that always holds its members.
 
     What slides is held at both ends of its way, what turns at any angle.
-
-    Args:
-        robot: The robot.
-        table: Its bodies.
-        members: Links of the gripper that have primitives.
     """
     assert robot.gripper is not None, "only asked of robots that have one"
     carrier = table.body_of_link[robot.gripper.link]
     lower, upper = joint_limits(robot.model)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     box = np.zeros(6)
-    for link in members:
+    for link in gripper_members(robot):
         fit = robot.fits[link]
         T = table.T_body_link[link]
         rows = np.array([shape_row(s.shape, T @ s.pose.matrix()) for s in fit.shapes])
@@ -56,12 +49,9 @@ def coarse_gripper(
             body = int(table.parent[body])
         low = np.minimum(low, corners.min(axis=0))
         high = np.maximum(high, corners.max(axis=0))
-    x, y, z = (high - low) / 2.0
-    middle = (high + low) / 2.0
-    return PlacedShape(
-        Box(half_extents=(float(x), float(y), float(z))),
-        Pose(xyz=(float(middle[0]), float(middle[1]), float(middle[2]))),
-    )
+    x, y, z = ((high - low) / 2.0).tolist()
+    i, j, k = ((high + low) / 2.0).tolist()
+    return PlacedShape(Box(half_extents=(x, y, z)), Pose(xyz=(i, j, k)))
 
 
 def corners_of(low: Floats, high: Floats) -> Floats:

@@ -122,7 +122,7 @@ def link_blocks(layout: Layout) -> Iterator[Block]:
             yield from blocks_of(f"{name}/{link}", fit.shapes, (), frame, body)
         if robot.gripper is not None and robot.gripper.coarse:
             link = robot.gripper.link
-            box = coarse_gripper(robot, table, gripper_members(robot))
+            box = coarse_gripper(robot, table)
             owner, body = f"{name}/{link}{COARSE}", layout.body(name, link)
             yield from blocks_of(owner, (box,), (), np.eye(4), body)
 

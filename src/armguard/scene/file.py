@@ -10,9 +10,14 @@ from armguard.bounded import is_file
 from armguard.errors import ArmguardError, did_you_mean
 from armguard.robot import load_urdf
 from armguard.robot.stopping import FiguresError
-from armguard.scene.file_models import RobotEntry, SceneModel, known_keys
+from armguard.scene.file_models import (
+    RobotEntry,
+    SceneModel,
+    keys_of_figure,
+    known_keys,
+    stopping_arguments,
+)
 from armguard.scene.file_shapes import Place
-from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
 from armguard.scene.robots import check_figures

@@ -66,14 +66,7 @@ class TriangleSource:
         for number, block in enumerate(self.blocks(), start=1):
             if progress is not None and total > 1:
                 progress(f"reading {self.name}", number, total)
-            finite = np.isfinite(block).all(axis=(1, 2))
-            if not finite.all():
-                bad = int(np.flatnonzero(~finite)[0])
-                raise MeshError(
-                    f"mesh '{self.name}' has a corner that is not finite, in triangle "
-                    f"{done + bad}; mend the mesh"
-                )
-            check_corners(self.name, block)
+            check_corners(self.name, block, done)
             done += len(block)
             yield block
 
