@@ -26,8 +26,7 @@ from armguard.scene.hold_tables import (
     HoldTables,
     free_coarse,
 )
-from armguard.scene.layout import Layout
-from armguard.scene.names import PrimitiveNames
+from armguard.scene.layout import Layout, PrimitiveNames
 from armguard.scene.rules import PairRules, allowed_pairs, pair_rules
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.standing import standing_objects

@@ -1,7 +1,9 @@
-"""The order of bodies in the tables of a scene."""
+"""The order of bodies and of primitives in the tables of a scene."""
 
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from armguard.robot.kinematics import (
     concatenate,
     kinematic_table,
 )
+from armguard.scene.blocks import Block
 from armguard.scene.scene import Scene
 
 
@@ -65,3 +68,44 @@ class Layout:
             T_parent_joint=np.concatenate([table.T_parent_joint, frames]),
             axis=np.concatenate([table.axis, np.tile([1.0, 0.0, 0.0], (count, 1))]),
         )
+
+
+class PrimitiveNames(Sequence[str]):
+    """A name for each primitive of a list of blocks, made when it is read.
+
+    Args:
+        blocks: The blocks, in the order of the tables.
+        numbered: Whether primitives of an owner with several get a number, as in
+            'table[3]'; otherwise all have their owner's name.
+    """
+
+    def __init__(self, blocks: Sequence[Block], *, numbered: bool) -> None:
+        self._owners = [block.owner for block in blocks]
+        self._offsets: list[int | None] = [
+            block.first if numbered and not block.alone else None for block in blocks
+        ]
+        self._starts = [0]
+        for block in blocks:
+            self._starts.append(self._starts[-1] + len(block))
+
+    def __len__(self) -> int:
+        """How many primitives."""
+        return self._starts[-1]
+
+    @overload
+    def __getitem__(self, index: int) -> str: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[str, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> str | tuple[str, ...]:
+        """Name of one primitive, or of a slice of them."""
+        if isinstance(index, slice):
+            return tuple(self[k] for k in range(*index.indices(len(self))))
+        place = range(len(self))[index]
+        block = bisect_right(self._starts, place) - 1
+        offset = self._offsets[block]
+        owner = self._owners[block]
+        if offset is None:
+            return owner
+        return f"{owner}[{offset + place - self._starts[block]}]"

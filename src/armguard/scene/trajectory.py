@@ -118,7 +118,7 @@ class Trajectory:
         matches = [
             f"{robot}/{joint}"
             for robot, joint in known
-            if bare == joint or bare in (f"{robot}{sign}{joint}" for sign in SEPARATORS)
+            if bare in (joint, *(f"{robot}{sign}{joint}" for sign in SEPARATORS))
         ]
         if len(matches) > 1:
             either = " or ".join(f"'{m}'" for m in matches)

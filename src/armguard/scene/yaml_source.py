@@ -8,6 +8,7 @@ from ruamel.yaml import YAML, YAMLError
 from ruamel.yaml.composer import Composer, MaxDepthExceededError
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
 from armguard.bounded import read_text, shown
@@ -127,23 +128,33 @@ class YamlSource:
 
 
 class BoundedComposer(Composer):  # type: ignore[misc]
-    """Counts nodes while it makes them."""
+    """Counts nodes while it makes them, aliases as often as what they name."""
 
     def __init__(self, loader: Any = None) -> None:
         super().__init__(loader=loader)
         self.warn_double_anchors = False
         self.nodes = 0
+        self.sizes: dict[int, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """One node, unless there are too many.
 
         Raises:
-            TooLargeError: There are too many.
+            TooLargeError: There are too many, or it is an alias of what it is in.
         """
         self.nodes += 1
         if self.nodes > MOST_YAML_NODES:
             raise too_many(self.parser.peek_event())
-        return super().compose_node(parent, index)
+        is_alias = self.parser.check_event(AliasEvent)
+        node = super().compose_node(parent, index)
+        if not is_alias:
+            size = 1 + sum(self.sizes[id(child)] for child in children_of(node))
+            if size > MOST_YAML_NODES:
+                raise too_many(node)
+            self.sizes[id(node)] = size
+        elif id(node) not in self.sizes:
+            raise too_large("has an anchor that holds itself", node)
+        return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:
         """A key or a value, unless it is too long.
@@ -174,7 +185,6 @@ def parse_yaml(text: str) -> tuple[Node | None, Any]:
         root = yaml.compose(text)
         if root is None:
             return None, None
-        check_expanded(root)
         # Merge keys rewrite the nodes they are in; lines are asked of the first ones.
         values = YAML(typ="safe", pure=True).constructor.construct_document(root)
     except MaxDepthExceededError as error:
@@ -196,31 +206,6 @@ def sentence_of_yaml(error: YAMLError) -> str:
         key = what.split('"')[1]
         return f"the key '{key}' is there twice; keep one"
     return what if isinstance(error, TooLargeError) else f"is not YAML: {what}"
-
-
-def check_expanded(root: Node) -> None:
-    """Refuse aliases and merge keys that stand for too much, or for themselves.
-
-    Raises:
-        TooLargeError: They do.
-    """
-    sizes: dict[int, int] = {}
-    open_nodes: set[int] = set()
-    stack = [(root, False)]
-    while stack:
-        node, left = stack.pop()
-        children = children_of(node)
-        if left:
-            open_nodes.discard(id(node))
-            sizes[id(node)] = 1 + sum(sizes[id(child)] for child in children)
-            if sizes[id(node)] > MOST_YAML_NODES:
-                raise too_many(node)
-        elif id(node) in open_nodes:
-            raise too_large("has an anchor that holds itself", node)
-        elif id(node) not in sizes:
-            open_nodes.add(id(node))
-            stack.append((node, True))
-            stack += [(child, False) for child in children]
 
 
 def children_of(node: Node) -> list[Node]:
