@@ -1,8 +1,8 @@
 """The sampled proposal: right about what is certain, never applied."""
 
 from armguard.scene import Scene, compile_scene
+from armguard.scene.allowed import allowed_pairs
 from armguard.scene.proposal import propose_allowed
-from armguard.scene.rules import allowed_pairs
 
 
 def test_pairs_of_one_robot_are_proposed_and_nothing_changes():

@@ -7,8 +7,8 @@ from armguard.geometry import Box, Capsule, Pose, Sphere
 from armguard.guard import Level
 from armguard.respond import Guard
 from armguard.scene import Scene, load_scene
+from armguard.scene.allowed import allowed_pairs
 from armguard.scene.bay import FOLDER
-from armguard.scene.rules import allowed_pairs
 from armguard.scene.settings import ResponseSettings
 from armguard.scene.yaml_source import SceneFileError
 

@@ -39,8 +39,8 @@ from armguard.prove import RowAudit
 from armguard.respond import Guard
 from armguard.robot.model import FittedLink
 from armguard.scene import compile_scene, load_scene
+from armguard.scene.allowed import allowed_pairs
 from armguard.scene.proposal import propose_allowed
-from armguard.scene.rules import allowed_pairs
 from armguard.scene.scene import Scene
 
 # Cycles the cycle time is measured over, and the step of each joint between them.

@@ -7,8 +7,8 @@ from typing import Literal
 
 from armguard.prove.pair_proof import Budget, PairProof
 from armguard.prove.pairs import prove_pairs
+from armguard.scene.allowed import PairRule, allowed_pairs
 from armguard.scene.meshes import Progress
-from armguard.scene.rules import PairRule, allowed_pairs
 from armguard.scene.scene import Scene, SceneRobot
 
 Status = Literal["proved", "contradicted", "sometimes", "open"]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from armguard.robot.kinematics import KinematicTable, reach_bounds
 from armguard.robot.limits import joint_limits
 from armguard.robot.tree import tool_link
+from armguard.scene.allowed import PairRules, allowed_pairs, pair_rules
 from armguard.scene.blocks import (
     Block,
     blocks_of,
@@ -27,7 +28,6 @@ from armguard.scene.hold_tables import (
     free_coarse,
 )
 from armguard.scene.layout import Layout, PrimitiveNames
-from armguard.scene.rules import PairRules, allowed_pairs, pair_rules
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.standing import standing_objects
 from armguard.scene.tables import LinkFrame, RobotPart, SceneTables

@@ -10,7 +10,7 @@ from armguard.prove.audit import STATUSES, claims
 from armguard.prove.store import link_print
 from armguard.robot.kinematics import kinematic_table
 from armguard.robot.stopping import ASSUMPTION, StoppingFigures
-from armguard.scene.rules import allowed_pairs
+from armguard.scene.allowed import allowed_pairs
 from armguard.scene.scene import Scene, SceneRobot
 
 # Fields of `StoppingFigures` that are not figures.
