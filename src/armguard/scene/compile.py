@@ -18,7 +18,7 @@ from armguard.scene.blocks import (
     stacked_rows,
 )
 from armguard.scene.coarse_gripper import coarse_gripper, gripper_members
-from armguard.scene.exact import ExactPart, exact_tables
+from armguard.scene.exact import ExactPart, exact_tables, repeated
 from armguard.scene.gripping import Grasp
 from armguard.scene.hold_tables import (
     COARSE,
@@ -55,8 +55,9 @@ def compile_scene(scene: Scene) -> SceneTables:
     rules, holds = rules_and_holds(layout, blocks)
     joined, rows = layout.joined(), stacked_rows(blocks)
     kinds = np.concatenate([np.zeros(0, dtype=np.int32), *(b.kinds for b in blocks)])
-    bodies = repeated([b.body for b in blocks], blocks)
-    groups = repeated([rules.group_of[b.owner] for b in blocks], blocks)
+    bodies = repeated(np.array([b.body for b in blocks], dtype=np.int32), blocks)
+    group = [rules.group_of[b.owner] for b in blocks]
+    groups = repeated(np.array(group, dtype=np.int32), blocks)
     moving = int(np.count_nonzero(bodies >= 0))
     limits = zip(*(joint_limits(r.model) for r in scene.robots.values()), strict=True)
     lower, upper = map(np.concatenate, limits)
@@ -103,12 +104,6 @@ def compile_scene(scene: Scene) -> SceneTables:
         late=scene.late,
         holds=holds,
     )
-
-
-def repeated(values: Sequence[int], blocks: Sequence[Block]) -> Ints:
-    """A value of each block for each of its primitives, shape (p,)."""
-    sizes = np.array([len(b) for b in blocks], dtype=np.intp)
-    return np.repeat(np.array(values, dtype=np.int32), sizes)
 
 
 def link_blocks(layout: Layout) -> Iterator[Block]:
@@ -262,7 +257,7 @@ def top_speeds(scene: Scene, blocks: Sequence[Block]) -> Floats:
         return np.zeros(0)
     known = scene.objects
     speed = [known[b.owner].top_speed if b.owner in known else 0.0 for b in blocks]
-    return np.repeat(np.array(speed), np.array([len(b) for b in blocks], np.intp))
+    return repeated(np.array(speed), blocks)
 
 
 def count_checkable(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from armguard.scene.blocks import Block
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Number = TypeVar("Number", np.int32, np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,11 @@ class ExactTables:
     shapes: tuple[Shape, ...]
 
 
+def repeated(values: NDArray[Number], blocks: Sequence[Block]) -> NDArray[Number]:
+    """A row of each block for each of its primitives."""
+    return np.repeat(values, np.array([len(b) for b in blocks], dtype=np.intp), axis=0)
+
+
 def exact_tables(
     blocks: Sequence[Block], parts: Mapping[str, ExactPart]
 ) -> ExactTables:
@@ -66,14 +73,13 @@ def exact_tables(
         owner: max((one.model_error for one in part.shapes), default=0.0)
         for owner, part in parts.items()
     }
-    sizes = np.array([len(block) for block in blocks], dtype=np.intp)
     of_block = np.array([ranges.get(b.owner, (-1, 0)) for b in blocks], dtype=np.int32)
     error = np.array([errors.get(b.owner, 0.0) for b in blocks], dtype=np.float64)
     rows = [shape_row(one.shape, T @ one.pose.matrix()) for T, one in placed]
     return ExactTables(
-        of_primitive=np.repeat(of_block.reshape(-1, 2), sizes, axis=0),
+        of_primitive=repeated(of_block.reshape(-1, 2), blocks),
         kinds=np.array([int(one.shape.kind) for _, one in placed], dtype=np.int32),
         rows=np.array(rows, dtype=np.float64).reshape(-1, ROW_WIDTH),
-        errors=np.repeat(error, sizes),
+        errors=repeated(error, blocks),
         shapes=tuple(one.shape for _, one in placed),
     )

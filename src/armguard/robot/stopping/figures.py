@@ -77,24 +77,17 @@ class Figure:
             value = per_joint(name, value, model.q_names)
             each = list(zip(model.q_names, value.tolist(), strict=True))
         for joint, number in each:
-            of_joint = f" of joint '{joint}'" if joint else ""
+            figure = f"{name} of joint '{joint}'" if joint else name
             enough = number > 0.0 if self.positive else number >= 0.0
             if self.bounded and not (isfinite(number) and enough):
-                bound = "> 0" if self.positive else ">= 0"
-                raise FiguresError(
-                    f"{name}{of_joint} is {number:g}; it must be finite and {bound}",
-                    name,
-                    joint,
-                )
+                bound = f"finite and {'> 0' if self.positive else '>= 0'}"
+                sentence = f"{figure} is {number:g}; it must be {bound}"
+                raise FiguresError(sentence, name, joint)
             if number > self.ceiling:
                 slides = joint and model.joints[joint].kind is JointKind.PRISMATIC
                 looks, give = MISTAKEN[self.unit or ("m" if slides else "rad")]
-                raise FiguresError(
-                    f"{name}{of_joint} is {number:g}, which looks like {looks}; give "
-                    f"{give}",
-                    name,
-                    joint,
-                )
+                sentence = f"{figure} is {number:g}, which looks like {looks}; give "
+                raise FiguresError(sentence + give, name, joint)
         return value
 
 
