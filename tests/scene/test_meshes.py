@@ -13,7 +13,7 @@ from armguard.geometry.shapes import ROW_WIDTH, shape_row
 from armguard.respond import Guard
 from armguard.scene import Scene, compile_scene, load_scene
 from armguard.scene.bay import FOLDER
-from armguard.scene.meshes.stl import RECORD
+from armguard.scene.meshes.source import RECORD
 
 VERTICES = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0.5)]
 FACES = [(0, 1, 2), (1, 3, 2)]
@@ -169,7 +169,6 @@ def test_two_hundred_thousand_triangles_stay_one_array(tmp_path):
 
 
 def test_progress_is_told_for_large_files(tmp_path, monkeypatch):
-    monkeypatch.setattr("armguard.scene.meshes.stl.BLOCK", 100)
     monkeypatch.setattr("armguard.scene.meshes.source.BLOCK", 100)
     path = write_stl(tmp_path / "long.stl", np.ones((250, 3, 3)))
     told = []

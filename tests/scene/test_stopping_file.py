@@ -12,8 +12,8 @@ from armguard.geometry import Box, Pose, Sphere
 from armguard.robot.stopping.figures import FIGURES as DECLARED
 from armguard.scene import Scene, bay_path, bay_scene, compile_scene, load_scene
 from armguard.scene.bay import FOLDER
-from armguard.scene.file_stopping import FIGURE_OF, StoppingModel
-from armguard.scene.scene import FLOOR, MARGIN_BEYOND_BUFFER, PAPER_BUFFER
+from armguard.scene.contents import FLOOR, MARGIN_BEYOND_BUFFER, PAPER_BUFFER
+from armguard.scene.file_models import FIGURE_OF, StoppingModel
 from armguard.scene.schema import Strict
 from armguard.scene.yaml_source import SceneFileError
 from arms import simple_arm

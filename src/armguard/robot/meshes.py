@@ -96,15 +96,24 @@ def check_faces(name: str, count: int) -> None:
         )
 
 
-def check_corners(name: str, triangles: Floats) -> None:
+def check_corners(name: str, triangles: Floats, first: int = 0) -> None:
     """Refuse corners that are not finite, or too far away to be metres.
+
+    Args:
+        name: What messages call the mesh.
+        triangles: Corners, shape (n, 3, 3) [m].
+        first: Number of the first of them in the mesh.
 
     Raises:
         MeshError: There is one.
     """
     farthest = max(float(triangles.max()), -float(triangles.min()))
     if not isfinite(farthest):
-        raise MeshError(f"mesh '{name}' has a corner that is not finite")
+        bad = first + int(np.isfinite(triangles).all(axis=(1, 2)).argmin())
+        raise MeshError(
+            f"mesh '{name}' has a corner that is not finite, in triangle {bad}; mend "
+            "the mesh"
+        )
     if farthest > MOST_COORDINATE:
         raise MeshError(
             f"mesh '{name}' has a corner at {farthest:.3g} m; the limit is "

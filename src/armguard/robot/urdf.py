@@ -1,9 +1,10 @@
 """URDF to `RobotModel`: every oddity is an error with file and line."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from math import inf
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,10 @@ from armguard.robot.model import (
 )
 from armguard.robot.packages import find_file
 from armguard.robot.srdf import load_srdf
-from armguard.robot.urdf_geometry import read_collisions
+from armguard.robot.urdf_geometry import MeshFinder, read_collisions
 from armguard.robot.xml_source import Element, Reader, read_xml
+
+Part = TypeVar("Part", Link, Joint)
 
 # Shorter than this an axis gives no direction [-].
 LEAST_AXIS = 1e-9
@@ -57,36 +60,8 @@ def load_urdf(
     reader = Reader(path.name)
     check_counts(path.name, root)
     files = partial(find_file, urdf=path, packages=packages, folder=folder)
-    links: dict[str, Link] = {}
-    notes: list[str] = []
-    for element in root.iterchildren("link"):
-        name = reader.attribute(element, "name")
-        if name in links:
-            raise reader.fail(
-                element, f"link '{name}' is already on line {links[name].line}"
-            )
-        links[name] = Link(
-            name=name,
-            collisions=read_collisions(reader, element, files),
-            has_visual=element.find("visual") is not None,
-            line=element.sourceline,
-        )
-    joints: dict[str, Joint] = {}
-    for element in root.iterchildren("joint"):
-        joint = read_joint(reader, element)
-        if joint.name in joints:
-            raise reader.fail(
-                element,
-                f"joint '{joint.name}' is already on line {joints[joint.name].line}",
-            )
-        for role, name in (("parent", joint.parent), ("child", joint.child)):
-            if name not in links:
-                raise reader.fail(
-                    element,
-                    f"joint '{joint.name}' has {role} link '{name}', which does not "
-                    f"exist; {did_you_mean(name, links)}",
-                )
-        joints[joint.name] = joint
+    links = by_name(reader, root, "link", partial(read_link, files=files))
+    joints = by_name(reader, root, "joint", partial(read_joint, links=links))
     check_mesh_bytes(path.name, links)
     root_link = check_tree(path.name, links, joints)
     check_mimics(path.name, joints)
@@ -95,7 +70,7 @@ def load_urdf(
             f"'{path.name}' has no <collision> geometry on any of its "
             f"{len(links)} links; there is nothing to guard"
         )
-    notes += [
+    notes = [
         f"link '{link.name}' has visual but no collision geometry; it is not guarded: "
         "add a <collision> to the URDF"
         for link in links.values()
@@ -110,6 +85,24 @@ def load_urdf(
         notes=tuple(notes),
     )
     return model if srdf is None else load_srdf(Path(srdf), model)
+
+
+def by_name(
+    reader: Reader, root: Element, tag: str, read: Callable[[Reader, Element], Part]
+) -> dict[str, Part]:
+    """Links or joints by name, in the order of the file.
+
+    Raises:
+        ModelError: A name is there twice, or a part cannot be read.
+    """
+    found: dict[str, Part] = {}
+    for element in root.iterchildren(tag):
+        part = read(reader, element)
+        if part.name in found:
+            line = found[part.name].line
+            raise reader.fail(element, f"{tag} '{part.name}' is already on line {line}")
+        found[part.name] = part
+    return found
 
 
 def check_counts(file: str, root: Element) -> None:
@@ -143,8 +136,18 @@ def check_mesh_bytes(file: str, links: Mapping[str, Link]) -> None:
         )
 
 
-def read_joint(reader: Reader, element: Element) -> Joint:
-    """One <joint>."""
+def read_link(reader: Reader, element: Element, files: MeshFinder) -> Link:
+    """One <link>."""
+    return Link(
+        name=reader.attribute(element, "name"),
+        collisions=read_collisions(reader, element, files),
+        has_visual=element.find("visual") is not None,
+        line=element.sourceline,
+    )
+
+
+def read_joint(reader: Reader, element: Element, links: Mapping[str, Link]) -> Joint:
+    """One <joint> between links of the file."""
     name = reader.attribute(element, "name")
     type_name = reader.attribute(element, "type")
     known = [kind.value for kind in JointKind]
@@ -161,11 +164,24 @@ def read_joint(reader: Reader, element: Element) -> Joint:
         )
     kind = JointKind(type_name)
     lower, upper, velocity = read_limits(reader, element, name, kind)
+    ends = []
+    for role in ("parent", "child"):
+        found = element.find(role)
+        if found is None:
+            raise reader.fail(element, f"joint '{name}' has no <{role}>")
+        link = reader.attribute(found, "link")
+        if link not in links:
+            raise reader.fail(
+                element,
+                f"joint '{name}' has {role} link '{link}', which does not exist; "
+                f"{did_you_mean(link, links)}",
+            )
+        ends.append(link)
     return Joint(
         name=name,
         kind=kind,
-        parent=reader.attribute(required(reader, element, name, "parent"), "link"),
-        child=reader.attribute(required(reader, element, name, "child"), "link"),
+        parent=ends[0],
+        child=ends[1],
         T_parent_joint=reader.origin(element),
         axis=read_axis(reader, element, name, kind),
         lower=lower,
@@ -174,14 +190,6 @@ def read_joint(reader: Reader, element: Element) -> Joint:
         mimic=read_mimic(reader, element),
         line=element.sourceline,
     )
-
-
-def required(reader: Reader, element: Element, joint: str, tag: str) -> Element:
-    """A child element a joint has to have."""
-    found = element.find(tag)
-    if found is None:
-        raise reader.fail(element, f"joint '{joint}' has no <{tag}>")
-    return found
 
 
 def read_axis(

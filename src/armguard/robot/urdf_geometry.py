@@ -1,6 +1,7 @@
 """Collision geometry of a URDF link."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,16 +26,16 @@ def read_collisions(
     files: MeshFinder,
 ) -> tuple[CollisionElement, ...]:
     """All <collision> elements of a link; capped cylinders become capsules."""
-    found = []
-    for element in link.iterchildren("collision"):
-        found.append(
+    return join_capsules(
+        [
             CollisionElement(
                 geometry=read_geometry(reader, element, files),
                 T_link_geometry=reader.origin(element),
                 line=element.sourceline,
             )
-        )
-    return join_capsules(found)
+            for element in link.iterchildren("collision")
+        ]
+    )
 
 
 def read_geometry(
@@ -60,12 +61,9 @@ def read_geometry(
     if shape.tag == "box":
         x, y, z = reader.size(shape, "size", 3)
         return Box(half_extents=(x / 2, y / 2, z / 2))
-    if shape.tag == "cylinder":
+    if shape.tag in ("cylinder", "capsule"):
         (radius,), (length,) = (reader.size(shape, n) for n in ("radius", "length"))
-        return Cylinder(radius, length)
-    if shape.tag == "capsule":
-        (radius,), (length,) = (reader.size(shape, n) for n in ("radius", "length"))
-        return capsule(radius, length)
+        return (Cylinder if shape.tag == "cylinder" else capsule)(radius, length)
     if shape.tag == "mesh":
         name = reader.attribute(shape, "filename")
         a, b, c = reader.numbers(shape, "scale", 3, "1 1 1")
@@ -101,13 +99,8 @@ def join_capsules(
             continue
         for gone in (element, caps[0], caps[1]):
             left = [other for other in left if other is not gone]
-        joined.append(
-            CollisionElement(
-                geometry=capsule(element.geometry.radius, element.geometry.length),
-                T_link_geometry=element.T_link_geometry,
-                line=element.line,
-            )
-        )
+        whole = capsule(element.geometry.radius, element.geometry.length)
+        joined.append(replace(element, geometry=whole))
     return (*joined, *left)
 
 

@@ -36,11 +36,12 @@ from armguard.robot.model import (
 )
 from armguard.robot.stopping import StoppingFigures
 from armguard.robot.stopping.table import StopTable
+from armguard.scene.contents import Allowance
 from armguard.scene.gripping import Grasp, Gripper
 from armguard.scene.meshes import Surface
 from armguard.scene.objects import SceneObject
 from armguard.scene.robots import SceneRobot
-from armguard.scene.scene import Allowance, Scene
+from armguard.scene.scene import Scene
 from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
 
 # What may be in a scene, by name; nothing else is ever made of an archive.
@@ -54,6 +55,10 @@ PARTS: dict[str, type] = {
         StopTable, StoppingFigures, Surface,
     )
 }  # fmt: skip
+
+# Attributes of a scene: arguments of `Scene`, and what is added to one.
+SETTINGS = ("mode", "period", "late", "buffer", "_margin", "index")
+HELD = ("_robots", "_objects", "allowances", "pair_buffers", "notes")
 
 # Key of a mapping that has its kind.
 KIND = "$"
@@ -76,20 +81,8 @@ def archive_of(scene: Scene) -> bytes:
         ArchiveError: Something in it is known to this program alone, such as a shape
             with a support function of its own.
     """
-    whole = {
-        "form": FORM,
-        "mode": scene.mode,
-        "period": scene.period,
-        "late": scene.late,
-        "buffer": scene.buffer,
-        "margin": scene._margin,
-        "index": plain(scene.index),
-        "robots": plain(dict(scene.robots)),
-        "objects": plain(dict(scene.objects)),
-        "allowances": plain(scene.allowances),
-        "pair_buffers": plain(scene.pair_buffers),
-        "notes": plain(scene.notes),
-    }
+    parts = {key.strip("_"): plain(getattr(scene, key)) for key in (*SETTINGS, *HELD)}
+    whole = {"form": FORM, **parts}
     return zlib.compress(json.dumps(whole, separators=(",", ":")).encode())
 
 
@@ -106,19 +99,12 @@ def scene_of(archive: bytes) -> Scene:
                 f"a scene was archived in form {whole['form']}; this version reads "
                 f"form {FORM}"
             )
-        scene = Scene(
-            mode=whole["mode"],
-            period=whole["period"],
-            late=whole["late"],
-            buffer=whole["buffer"],
-            margin=whole["margin"],
-            index=remade(whole["index"]),
-        )
-        scene._robots.update(remade(whole["robots"]))
-        scene._objects.update(remade(whole["objects"]))
-        scene.allowances.extend(remade(whole["allowances"]))
-        scene.pair_buffers.update(remade(whole["pair_buffers"]))
-        scene.notes.extend(remade(whole["notes"]))
+        whole = {key: remade(value) for key, value in whole.items()}
+        scene = Scene(**{key.strip("_"): whole[key.strip("_")] for key in SETTINGS})
+        for key in HELD:
+            if type(whole[key.strip("_")]) is not type(getattr(scene, key)):
+                raise TypeError(f"its {key.strip('_')} are of another type")
+            setattr(scene, key, whole[key.strip("_")])
     except ArchiveError:
         raise
     except Exception as error:  # whatever a stranger's numbers and names lead to
@@ -152,10 +138,10 @@ def hash_of(archive: bytes) -> str:
 
 def plain(value: Any) -> Any:
     """A part of a scene as JSON has it."""
-    if value is None or isinstance(value, str | bool | int):
+    if isinstance(value, np.generic):
+        return value.item()
+    if value is None or isinstance(value, str | int | float):
         return value
-    if isinstance(value, float | np.floating | np.integer):
-        return value.item() if isinstance(value, np.generic) else value
     if isinstance(value, JointKind):
         return {KIND: "joint", "value": value.value}
     if isinstance(value, np.ndarray):
@@ -202,5 +188,5 @@ def remade(value: Any) -> Any:
     if kind == "mapping":
         return {remade(key): remade(item) for key, item in value["items"]}
     if kind not in PARTS:
-        raise ArchiveError(f"an archived scene holds a '{kind}', which nobody knows")
+        raise ArchiveError(f"an archived scene holds a '{kind}', no part of one")
     return PARTS[kind](**{k: remade(v) for k, v in value.items() if k != KIND})

@@ -7,6 +7,7 @@ from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Box, PlacedShape, shape_row
 from armguard.robot.kinematics import PRISMATIC, KinematicTable
 from armguard.robot.limits import joint_limits
+from armguard.robot.tree import joints_above
 from armguard.scene.blocks import extent
 from armguard.scene.robots import SceneRobot
 
@@ -16,35 +17,26 @@ Floats = NDArray[np.float64]
 def gripper_members(robot: SceneRobot) -> tuple[str, ...]:
     """The gripper's link and all links that ride on it, of those with primitives."""
     assert robot.gripper is not None, "only asked of robots that have one"
-    above = {joint.child: joint.parent for joint in robot.model.joints.values()}
-    members = []
-    for link in robot.fits:
-        up: str | None = link
-        while up is not None and up != robot.gripper.link:
-            up = above.get(up)
-        if up is not None:
-            members.append(link)
-    return tuple(members)
+    carrier = robot.gripper.link
+    return tuple(
+        link
+        for link in robot.fits
+        if link == carrier
+        or carrier in (joint.parent for joint in joints_above(robot.model, link))
+    )
 
 
-def coarse_gripper(
-    robot: SceneRobot, table: KinematicTable, members: tuple[str, ...]
-) -> PlacedShape:
+def coarse_gripper(robot: SceneRobot, table: KinematicTable) -> PlacedShape:
     """Box in the frame of the gripper's body that always holds its members.
 
     What slides is held at both ends of its way, what turns at any angle.
-
-    Args:
-        robot: The robot.
-        table: Its bodies.
-        members: Links of the gripper that have primitives.
     """
     assert robot.gripper is not None, "only asked of robots that have one"
     carrier = table.body_of_link[robot.gripper.link]
     lower, upper = joint_limits(robot.model)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     box = np.zeros(6)
-    for link in members:
+    for link in gripper_members(robot):
         fit = robot.fits[link]
         T = table.T_body_link[link]
         rows = np.array([shape_row(s.shape, T @ s.pose.matrix()) for s in fit.shapes])
@@ -57,12 +49,9 @@ def coarse_gripper(
             body = int(table.parent[body])
         low = np.minimum(low, corners.min(axis=0))
         high = np.maximum(high, corners.max(axis=0))
-    x, y, z = (high - low) / 2.0
-    middle = (high + low) / 2.0
-    return PlacedShape(
-        Box(half_extents=(float(x), float(y), float(z))),
-        Pose(xyz=(float(middle[0]), float(middle[1]), float(middle[2]))),
-    )
+    x, y, z = ((high - low) / 2.0).tolist()
+    i, j, k = ((high + low) / 2.0).tolist()
+    return PlacedShape(Box(half_extents=(x, y, z)), Pose(xyz=(i, j, k)))
 
 
 def corners_of(low: Floats, high: Floats) -> Floats:

@@ -11,20 +11,20 @@ from armguard.errors import ArmguardError, did_you_mean
 from armguard.robot import load_urdf
 from armguard.robot.stopping import FiguresError
 from armguard.scene.file_models import (
-    ObjectEntry,
     RobotEntry,
     SceneModel,
+    keys_of_figure,
     known_keys,
+    stopping_arguments,
 )
 from armguard.scene.file_shapes import Place
-from armguard.scene.file_stopping import keys_of_figure, stopping_arguments
 from armguard.scene.meshes import Progress
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
 from armguard.scene.robots import check_figures
 from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
 from armguard.scene.settings import ObjectSettings, RobotSettings
-from armguard.scene.yaml_source import Problem, SceneFileError, YamlSource, dotted
+from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
 
 # Problems of one file that are reported; each takes a search for its line.
 MOST_PROBLEMS = 20
@@ -60,7 +60,7 @@ def validated(source: YamlSource) -> SceneModel:
         SceneFileError: They do not follow it.
     """
     if not isinstance(source.values, dict):
-        raise source.problem(1, "", "must be a mapping with the key 'robots'")
+        raise source.problem((), "must be a mapping with the key 'robots'")
     try:
         return SceneModel.model_validate(source.values)
     except ValidationError as errors:
@@ -92,11 +92,10 @@ class Problems:
         """How many there are."""
         return len(self._found)
 
-    def add(self, keys: tuple[str | int, ...], sentence: str) -> None:
+    def add(self, keys: Keys, sentence: str) -> None:
         """Add one, unless there are enough."""
         if len(self) < MOST_PROBLEMS:
-            name, line = self._source.path.name, self._source.line(keys)
-            self._found.append(Problem(name, line, dotted(keys), sentence))
+            self._found.append(self._source.found(keys, sentence))
 
     @contextmanager
     def at(self, *keys: str | int) -> Iterator[None]:
@@ -139,11 +138,16 @@ def build_scene(
         with problems.at("robots", name):
             own = place_of(folder, {**model.packages, **robot.packages})
             add_robot(scene, name, robot, own, progress)
-    for name, thing in model.objects.items():
+    for name, entry in model.objects.items():
         if len(problems) == MOST_PROBLEMS:
             break
         with problems.at("objects", name):
-            add_object(scene, name, thing, place, progress)
+            scene.add(
+                entry.parts_of_all(place, progress),
+                name=name,
+                pose=entry.at.pose(),
+                **part_of(entry, ObjectSettings),
+            )
     if not problems:
         for k, allow in enumerate(model.allow):
             with problems.at("allow", k):
@@ -165,22 +169,6 @@ def build_scene(
 def place_of(folder: Path, packages: Mapping[str, str]) -> Place:
     """Where files of a scene may be; paths of packages count from its folder."""
     return Place(folder, {name: folder / path for name, path in packages.items()})
-
-
-def add_object(
-    scene: Scene,
-    name: str,
-    entry: ObjectEntry,
-    place: Place,
-    progress: Progress | None,
-) -> None:
-    """Add an object of the file."""
-    scene.add(
-        entry.parts_of_all(place, progress),
-        name=name,
-        pose=entry.at.pose(),
-        **part_of(entry, ObjectSettings),
-    )
 
 
 def add_robot(

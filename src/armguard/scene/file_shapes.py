@@ -64,21 +64,16 @@ class PoseModel(Strict):
 
     @model_validator(mode="after")
     def _one_orientation(self) -> Self:
-        given = [
-            key
-            for key in ("rpy", "quat_wxyz", "quat_xyzw")
-            if getattr(self, key) is not None
-        ]
+        ways = {key: getattr(self, key) for key in ("rpy", "quat_wxyz", "quat_xyzw")}
+        given = {key: values for key, values in ways.items() if values is not None}
         if len(given) > 1:
             raise ValueError(f"has {' and '.join(given)}; give one orientation")
-        for key in ("quat_wxyz", "quat_xyzw"):
-            quat = getattr(self, key)
-            if quat is not None:
-                norm = sum(v * v for v in quat) ** 0.5
-                if abs(norm - 1.0) > 1e-3:
-                    raise ValueError(f"{key} has norm {norm:.4g}; it must be 1")
-        if self.rpy is not None and max(map(abs, self.rpy)) > LOOKS_LIKE_DEGREES:
-            raise ValueError(f"rpy {list(self.rpy)} looks like degrees; give radians")
+        for key, values in given.items():
+            norm = sum(v * v for v in values) ** 0.5
+            if key != "rpy" and abs(norm - 1.0) > 1e-3:
+                raise ValueError(f"{key} has norm {norm:.4g}; it must be 1")
+            if key == "rpy" and max(map(abs, values)) > LOOKS_LIKE_DEGREES:
+                raise ValueError(f"rpy {list(values)} looks like degrees; give radians")
         return self
 
     def pose(self) -> Pose:

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.robot.model import FittedLink, RobotModel
-from armguard.scene.rigid import rigid_groups
+from armguard.robot.tree import joints_above, rigid_groups
 from armguard.scene.schema import CLOSED, NotNegative, Positive
 
 
@@ -100,7 +100,6 @@ def check_links(
                 f"{did_you_mean(link, model.links)}"
             )
     groups = rigid_groups(model)
-    above = {joint.child: joint.parent for joint in model.joints.values()}
     own = groups[gripper.link]
     if own == groups[model.root]:
         raise SceneError(
@@ -113,10 +112,8 @@ def check_links(
                 f"robot '{name}': finger '{finger}' has no collision geometry, so "
                 "its contacts cannot be detected"
             )
-        link = finger
-        while link in above and groups[link] != own:
-            link = above[link]
-        if groups[link] != own:
+        chain = (finger, *(joint.parent for joint in joints_above(model, finger)))
+        if own not in (groups[link] for link in chain):
             raise SceneError(
                 f"robot '{name}': finger '{finger}' does not ride on gripper.link "
                 f"'{gripper.link}'"

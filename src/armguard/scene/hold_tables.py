@@ -1,4 +1,4 @@
-"""Grippers and what they may grip, in the tables; and who is checked against whom."""
+"""Grippers and what they may grip, in the tables; which groups are checked."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class GripperPart:
         fingers: Links that may touch what is gripped, 'robot/link'; those with
             primitives.
         members: All links of it that have primitives.
-        coarse: Name of the box that stands for them; None if none does.
+        coarse: Name of the box around them; None if there is none.
         swap: Distance at which the box is replaced, see `Gripper` [m].
     """
 
@@ -46,10 +46,10 @@ class Graspable:
 
     Attributes:
         name: Its name.
-        body: Its body: stands in the world, or rides on a gripper's.
+        body: Its body: static in the world, or riding on a gripper's.
         group: Its rule group.
         grasp: How it may be gripped.
-        rests_on: Bodies it may be put down on; None for what it stands on.
+        rests_on: Bodies it may be put down on; None for what it rests on.
     """
 
     name: str
@@ -83,18 +83,18 @@ class HoldTables:
     def checked(
         self, held: Iterable[str] = (), exempt: Iterable[tuple[int, int]] = ()
     ) -> Bytes:
-        """Which groups are checked as things stand, shape (g, g).
+        """Which groups are checked at present, shape (g, g).
 
         What no robot carries is checked against robots and what they carry, not
-        against what stands still like itself.
+        against what is static like itself.
 
         Args:
             held: Objects that a gripper holds.
             exempt: Groups that touch each other for it.
         """
         carried = self.still == 0
-        for name, thing in self.objects.items():
-            carried[thing.group] = name in held
+        for name, item in self.objects.items():
+            carried[item.group] = name in held
         now = self.rules * (carried[:, None] | carried[None, :])
         for a, b in exempt:
             now[a, b] = now[b, a] = 0

@@ -1,6 +1,7 @@
 """MoveIt planning scenes, read as they are."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +19,30 @@ from armguard.geometry.shapes import (
     Shape,
     Sphere,
 )
+from armguard.robot.fitting.overreach import frame_along
 from armguard.scene.meshes import Progress, Surface, mesh_parts
 from armguard.scene.scene import Scene
-from armguard.scene.yaml_source import SceneFileError, YamlSource
+from armguard.scene.yaml_source import YamlSource
 
 Floats = NDArray[np.float64]
 
-# Type numbers of shape_msgs/SolidPrimitive, where a file has them in place of names.
-PRIMITIVE_NAMES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
+# Solids by their name: how many dimensions each has, and its shape.
+SOLIDS: dict[str, tuple[int, Callable[..., Shape]]] = {
+    "box": (3, lambda x, y, z: Box(half_extents=(x / 2, y / 2, z / 2))),
+    "sphere": (1, lambda radius: Sphere(radius=radius)),
+    "cylinder": (2, lambda height, radius: Cylinder(radius=radius, height=height)),
+    "cone": (2, lambda height, radius: Cone(radius=radius, height=height)),
+}
 
-# How many dimensions each has.
-DIMENSIONS = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
+# Lists of shapes of a collision object, and of their poses.
+LISTS = (
+    ("primitives", "primitive_poses"),
+    ("planes", "plane_poses"),
+    ("meshes", "mesh_poses"),
+)
+
+# Their numbers in shape_msgs/SolidPrimitive, where a file has these in place of names.
+NUMBERED = dict(enumerate(SOLIDS, start=1))
 
 
 def is_moveit_scene(values: Any) -> bool:
@@ -63,33 +77,25 @@ def build_moveit_scene(
     name = str(values.get("robot_model_name") or "robot")
     scene = Scene(mode="fixed")
     try:
-        model = scene.add_robot(
-            name if robot is None else robot, name=name, progress=progress
-        ).model
+        scene.add_robot(robot or name, name=name, progress=progress)
     except ArmguardError as error:
-        raise source.problem(
-            source.line(("robot_model_name",)), "robot_model_name", str(error)
-        ) from None
+        raise source.problem(("robot_model_name",), str(error)) from None
     state = (values.get("robot_state") or {}).get("joint_state") or {}
     place_home(scene, name, state)
     world = values.get("world") or {}
-    for k, thing in enumerate(world.get("collision_objects") or []):
-        keys = ("world", "collision_objects", k)
+    for k, entry in enumerate(world.get("collision_objects") or []):
         try:
-            add_object(scene, thing, progress)
+            add_object(scene, entry, progress)
         except (KeyError, TypeError, ValueError, ArmguardError) as error:
             what = f"has no {error}" if isinstance(error, KeyError) else str(error)
-            raise source.problem(
-                source.line(keys), f"world.collision_objects[{k}]", what
-            ) from None
+            raise source.problem(("world", "collision_objects", k), what) from None
     octomap = world.get("octomap") or {}
     if (octomap.get("octomap") or octomap).get("data"):
         raise source.problem(
-            source.line(("world", "octomap")),
-            "world.octomap",
+            ("world", "octomap"),
             "an octomap cannot be guarded; give its occupied boxes as objects",
         )
-    allow_matrix(scene, source, name, set(model.links))
+    allow_matrix(scene, source, name)
     return scene
 
 
@@ -100,120 +106,94 @@ def place_home(scene: Scene, name: str, state: Mapping[str, Any]) -> None:
     a state is left out with a note, and the robot keeps its own home.
     """
     robot = scene.robots[name]
-    positions = {
-        str(joint): float(value)
-        for joint, value in zip(
-            state.get("name") or [], state.get("position") or [], strict=False
-        )
-        if joint in robot.home
-    }
+    given = zip(state.get("name") or [], state.get("position") or [], strict=False)
+    positions = {str(j): float(value) for j, value in given if j in robot.home}
     if not any(positions.values()):
         if positions:
             scene.notes.append(
-                "the file's robot state is all zeros, as MoveIt writes where nobody "
-                "set one; the robot's own home is used"
+                "the file's robot state is all zeros, as MoveIt writes where none "
+                "was set; the robot's own home is used"
             )
         return
+    joints = robot.model.joints
     outside = [
-        f"{joint} at {value:g}"
-        for joint, value in positions.items()
-        if not robot.model.joints[joint].lower
-        <= value
-        <= robot.model.joints[joint].upper
+        f"{name} at {value:g}"
+        for name, value in positions.items()
+        if not joints[name].lower <= value <= joints[name].upper
     ]
     if outside:
         scene.notes.append(
-            "the file's robot state is outside the joint limits ("
-            + ", ".join(outside)
-            + "); the robot's own home is used"
+            f"the file's robot state is outside the joint limits ({', '.join(outside)})"
+            "; the robot's own home is used"
         )
         return
     scene.set_home(name, {**robot.home, **positions})
 
 
 def add_object(
-    scene: Scene, thing: Mapping[str, Any], progress: Progress | None
+    scene: Scene, entry: Mapping[str, Any], progress: Progress | None
 ) -> None:
     """Add one collision object; nothing of it is dropped.
 
     Raises:
         SceneError: It has an unknown primitive, or more or fewer poses than
-            things to place.
+            shapes to place.
     """
-    name = str(thing["id"])
+    name = str(entry["id"])
     parts: list[PlacedShape | Surface] = []
-    for primitive, T in placed(name, thing, "primitives", "primitive_poses"):
-        shape = primitive_shape(name, primitive)
-        parts.append(PlacedShape(shape, Pose.from_matrix(T)))
-    for plane, T in placed(name, thing, "planes", "plane_poses"):
-        shape, inner = half_space(name, plane)
-        parts.append(PlacedShape(shape, Pose.from_matrix(T @ inner)))
-    for mesh, T in placed(name, thing, "meshes", "mesh_poses"):
-        parts += mesh_parts(
-            mesh_arrays(name, mesh), pose=Pose.from_matrix(T), progress=progress
-        )
-    own = thing.get("pose")
-    scene.add(
-        parts,
-        name=name,
-        pose=Pose() if own is None else Pose.from_matrix(pose_matrix(own)),
-    )
+    for what, where in LISTS:
+        shapes, poses = entry.get(what) or [], entry.get(where) or []
+        if len(shapes) != len(poses):
+            raise SceneError(
+                f"object '{name}' has {len(shapes)} {what} and {len(poses)} poses"
+            )
+        for shape, pose in zip(shapes, poses, strict=True):
+            T = pose_matrix(pose)
+            if what == "meshes":
+                mesh, place = mesh_arrays(name, shape), Pose.from_matrix(T)
+                parts += mesh_parts(mesh, pose=place, progress=progress)
+            elif what == "planes":
+                parts.append(half_space(name, shape, T))
+            else:
+                solid = primitive_shape(name, shape)
+                parts.append(PlacedShape(solid, Pose.from_matrix(T)))
+    own = entry.get("pose")
+    pose = None if own is None else Pose.from_matrix(pose_matrix(own))
+    scene.add(parts, name=name, pose=pose)
 
 
-def placed(
-    name: str, thing: Mapping[str, Any], what: str, where: str
-) -> list[tuple[Any, Floats]]:
-    """Things of one list of a collision object with their frames, shape (4, 4)."""
-    things, poses = thing.get(what) or [], thing.get(where) or []
-    if len(things) != len(poses):
-        raise SceneError(
-            f"object '{name}' has {len(things)} {what} and {len(poses)} poses"
-        )
-    return [(t, pose_matrix(p)) for t, p in zip(things, poses, strict=True)]
-
-
-def allow_matrix(scene: Scene, source: YamlSource, name: str, links: set[str]) -> None:
-    """Allowances of the allowed collision matrix.
+def allow_matrix(scene: Scene, source: YamlSource, name: str) -> None:
+    """Allowances of the allowed collision matrix, of the robot of that name.
 
     Raises:
         SceneFileError: The matrix is not square and symmetric.
     """
-    matrix = source.values.get("allowed_collision_matrix") or {}
+    key = "allowed_collision_matrix"
+    matrix = source.values.get(key) or {}
     entries = [str(entry) for entry in matrix.get("entry_names") or []]
-    rows = matrix.get("entry_values") or []
-    if len(rows) != len(entries) or any(len(row_of(r)) != len(entries) for r in rows):
-        raise problem(
-            source, f"has {len(entries)} names, its values are not as many each way"
+    # A row is a list, or MoveIt's message with `enabled`.
+    rows = [
+        list(row["enabled"] if isinstance(row, Mapping) else row)
+        for row in matrix.get("entry_values") or []
+    ]
+    if len(rows) != len(entries) or any(len(row) != len(entries) for row in rows):
+        raise source.problem(
+            (key,), f"has {len(entries)} names, its values are not as many each way"
         )
-    foreign = [e for e in entries if e not in links and e not in scene.objects]
-    for i, a in enumerate(entries):
-        for j in range(i + 1, len(entries)):
-            b = entries[j]
-            if bool(row_of(rows[i])[j]) != bool(row_of(rows[j])[i]):
-                raise problem(source, f"says two things about '{a}' and '{b}'")
-            if row_of(rows[i])[j] and a not in foreign and b not in foreign:
-                scene.allow(
-                    f"{name}/{a}" if a in links else a,
-                    f"{name}/{b}" if b in links else b,
-                    reason=f"allowed_collision_matrix of {source.path.name}",
-                )
+    body = {entry: entry for entry in scene.objects}
+    body |= {link: f"{name}/{link}" for link in scene.robots[name].model.links}
+    for (i, a), (j, b) in combinations(enumerate(entries), 2):
+        if bool(rows[i][j]) != bool(rows[j][i]):
+            raise source.problem((key,), f"has two values for '{a}' and '{b}'")
+        if rows[i][j] and a in body and b in body:
+            reason = f"{key} of {source.path.name}"
+            scene.allow(body[a], body[b], reason=reason)
+    foreign = [f"'{entry}'" for entry in entries if entry not in body]
     if foreign:
         scene.notes.append(
-            "the allowed collision matrix names "
-            + ", ".join(f"'{f}'" for f in foreign)
-            + ", which nobody has; those rows are left out"
+            f"the allowed collision matrix names {', '.join(foreign)}, which are no "
+            "body of the scene; those rows are left out"
         )
-
-
-def row_of(row: Any) -> list[Any]:
-    """A row of the matrix: a list, or MoveIt's message with `enabled`."""
-    return list(row["enabled"]) if isinstance(row, Mapping) else list(row)
-
-
-def problem(source: YamlSource, sentence: str) -> SceneFileError:
-    """An error about the matrix."""
-    key = "allowed_collision_matrix"
-    return source.problem(source.line((key,)), key, sentence)
 
 
 def pose_matrix(pose: Mapping[str, Any]) -> Floats:
@@ -238,37 +218,31 @@ def primitive_shape(name: str, primitive: Mapping[str, Any]) -> Shape:
         SceneError: The type is unknown, or the dimensions do not belong to it.
         ShapeError: A size is negative, zero or not finite.
     """
-    kind = PRIMITIVE_NAMES.get(primitive["type"], primitive["type"])
+    kind = NUMBERED.get(primitive["type"], primitive["type"])
     sizes = [float(v) for v in primitive["dimensions"]]
-    if kind not in DIMENSIONS:
+    if kind not in SOLIDS:
         raise SceneError(
             f"object '{name}' has a primitive of type '{kind}'; known types are "
-            + ", ".join(DIMENSIONS)
+            + ", ".join(SOLIDS)
         )
-    if len(sizes) != DIMENSIONS[kind]:
+    count, made = SOLIDS[kind]
+    if len(sizes) != count:
         raise SceneError(
-            f"object '{name}': a {kind} has {DIMENSIONS[kind]} dimensions, this one "
-            f"{len(sizes)}"
+            f"object '{name}': a {kind} has {count} dimensions, this one {len(sizes)}"
         )
-    if kind == "box":
-        x, y, z = (size / 2 for size in sizes)
-        return Box(half_extents=(x, y, z))
-    if kind == "sphere":
-        return Sphere(radius=sizes[0])
-    height, radius = sizes
-    if kind == "cylinder":
-        return Cylinder(radius=radius, height=height)
-    return Cone(radius=radius, height=height)
+    return made(*sizes)
 
 
-def half_space(name: str, plane: Mapping[str, Any]) -> tuple[HalfSpace, Floats]:
+def half_space(name: str, plane: Mapping[str, Any], T_plane: Floats) -> PlacedShape:
     """A shape_msgs/Plane, a·x + b·y + c·z + d = 0, as the solid below it.
 
     MoveIt's plane is thin; what lies on the side its normal points away from counts as
     solid here, which errs only towards "nearer".
 
-    Returns:
-        The shape, and its frame in the plane's, shape (4, 4).
+    Args:
+        name: The object's name, for messages.
+        plane: The plane.
+        T_plane: Its frame in the object's, shape (4, 4).
 
     Raises:
         SceneError: The coefficients are not four finite numbers with a normal.
@@ -280,13 +254,10 @@ def half_space(name: str, plane: Mapping[str, Any]) -> tuple[HalfSpace, Floats]:
             f"object '{name}' has a plane with coef {coefficients.tolist()}; it must "
             "be a, b, c, d of a·x + b·y + c·z + d = 0 with a normal that is not 0"
         )
-    z = coefficients[:3] / length
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x /= np.linalg.norm(x)
     T = np.eye(4)
-    T[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    T[:3, 3] = -coefficients[3] / length * z
-    return HalfSpace(), T
+    T[:3, :3] = frame_along(coefficients[:3])
+    T[:3, 3] = -coefficients[3] / length * T[:3, 2]
+    return PlacedShape(HalfSpace(), Pose.from_matrix(T_plane @ T))
 
 
 def mesh_arrays(name: str, mesh: Mapping[str, Any]) -> tuple[Floats, NDArray[np.int64]]:

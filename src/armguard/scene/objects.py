@@ -8,10 +8,11 @@ from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import HalfSpace, PlacedShape, Shape, Triangle
 from armguard.scene.meshes import Surface
-from armguard.scene.schema import part_of
 from armguard.scene.settings import ObjectSettings
 
 Part = Shape | PlacedShape | Surface
+
+ORIGIN = Pose()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,72 +51,57 @@ def scene_object(
     made = SceneObject(
         name=name,
         shapes=tuple(
-            part if isinstance(part, PlacedShape) else PlacedShape(part)
+            part if isinstance(part, PlacedShape) else PlacedShape(part, ORIGIN)
             for part in parts
             if not isinstance(part, Surface)
         ),
         surfaces=tuple(part for part in parts if isinstance(part, Surface)),
-        pose=Pose() if pose is None else pose,
-        **part_of(settings, ObjectSettings),
+        pose=ORIGIN if pose is None else pose,
+        **vars(settings),
     )
-    if made.attached_to is not None:
-        check_attached(made, made.attached_to)
-    if made.top_speed == 0.0 and (made.error > 0.0 or made.stale < inf):
-        raise SceneError(
-            f"object '{name}' has error or stale and no top_speed; only what moves has "
-            "sightings"
-        )
-    if made.graspable is not None:
-        check_carried(made)
-    elif made.rests_on is not None:
-        raise SceneError(
-            f"object '{name}' has rests_on and is not graspable; leave it out"
-        )
+    wrong = contradiction(made)
+    if wrong is not None:
+        raise SceneError(f"object '{name}' {wrong}")
     return made
 
 
-def check_attached(thing: SceneObject, link: str) -> None:
-    """Refuse what cannot ride on a link.
-
-    Raises:
-        SceneError: It has triangles, is not present, or moves by itself.
-    """
-    if thing.surfaces:
-        raise SceneError(riding_surface(thing.name, link))
-    if not thing.present:
-        raise SceneError(
-            f"object '{thing.name}' rides on '{link}' and is not present; only what "
-            "stands still can come later"
+def contradiction(item: SceneObject) -> str | None:
+    """What in an object's shapes and settings cannot be together; None if all can."""
+    link, grasped = item.attached_to, item.graspable is not None
+    moves = item.top_speed != 0.0 or item.person
+    if link is not None and item.surfaces:
+        return riding_surface(link)
+    if link is not None and not item.present:
+        return (
+            f"rides on '{link}' and is not present; only what stands still can come "
+            "later"
         )
-    if thing.top_speed != 0.0 or thing.person:
-        raise SceneError(
-            f"object '{thing.name}' rides on '{link}' and has a top_speed or is a "
-            "person; it moves as its link does, leave them out"
+    if link is not None and moves:
+        return (
+            f"rides on '{link}' and has a top_speed or is a person; it moves as its "
+            "link does, leave them out"
         )
+    if item.top_speed == 0.0 and (item.error > 0.0 or item.stale < inf):
+        return "has error or stale and no top_speed; only what moves has sightings"
+    if grasped and (link is not None or moves):
+        return (
+            "is graspable and is attached, has a top_speed or is a person; leave one "
+            "of them out"
+        )
+    endless = (isinstance(p.shape, HalfSpace | Triangle) for p in item.shapes)
+    if grasped and (item.surfaces or any(endless)):
+        return (
+            "is graspable and has triangles or a half-space, which no gripper carries; "
+            "give a mesh as 'hull' or as 'pieces'"
+        )
+    if not grasped and item.rests_on is not None:
+        return "has rests_on and is not graspable; leave it out"
+    return None
 
 
-def riding_surface(name: str, link: str) -> str:
+def riding_surface(link: str) -> str:
     """Why triangles cannot be attached, and what can."""
     return (
-        f"object '{name}' is a mesh of triangles, which stand still; to ride on "
-        f"'{link}' give the mesh as 'hull' or as 'pieces'"
+        f"is a mesh of triangles, which stand still; to ride on '{link}' give the mesh "
+        "as 'hull' or as 'pieces'"
     )
-
-
-def check_carried(thing: SceneObject) -> None:
-    """Refuse what is graspable and cannot be carried.
-
-    Raises:
-        SceneError: It moves otherwise, or has a shape that no gripper carries.
-    """
-    if thing.attached_to is not None or thing.top_speed != 0.0 or thing.person:
-        raise SceneError(
-            f"object '{thing.name}' is graspable and is attached, has a top_speed or "
-            "is a person; leave one of them out"
-        )
-    shapes = [placed.shape for placed in thing.shapes]
-    if thing.surfaces or any(isinstance(s, HalfSpace | Triangle) for s in shapes):
-        raise SceneError(
-            f"object '{thing.name}' is graspable and has triangles or a half-space, "
-            "which no gripper carries; give a mesh as 'hull' or as 'pieces'"
-        )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
@@ -52,40 +52,31 @@ class SceneRobot(RobotSettings):
     stopping: StoppingFigures | None
 
 
-class Loaded(NamedTuple):
-    """A robot's model, and what a robot by name brings with it.
-
-    Attributes:
-        model: The model.
-        home: Home positions by joint name [rad or m].
-        figures: Stopping figures, None if it has none.
-    """
-
-    model: RobotModel
-    home: Mapping[str, float]
-    figures: StoppingFigures | None
-
-
 def load_robot(
     urdf: str | Path | RobotModel,
     srdf: str | Path | None,
     packages: Mapping[str, Path] | None,
-) -> Loaded:
-    """A robot by its file, by its name, or by its model; see `Scene.add_robot`."""
+) -> tuple[RobotModel, Mapping[str, float], StoppingFigures | None]:
+    """A robot by its file, by its name, or by its model; see `Scene.add_robot`.
+
+    Returns:
+        The model; home positions by joint name [rad or m] and stopping figures, as far
+        as a robot by name has some.
+    """
     if isinstance(urdf, RobotModel):
-        return Loaded(urdf, {}, None)
+        return urdf, {}, None
     path = Path(urdf)
     if path.exists() or path.suffix or len(path.parts) > 1:
-        return Loaded(load_urdf(path, srdf=srdf, packages=packages), {}, None)
+        return load_urdf(path, srdf=srdf, packages=packages), {}, None
     named = find_named_robot(str(urdf))
     srdf = named.srdf if srdf is None else srdf
     model = load_urdf(named.urdf, srdf=srdf, packages=packages)
-    return Loaded(model, named.home, named_figures(str(urdf), model))
+    return model, named.home, named_figures(str(urdf), model)
 
 
 def scene_robot(
     name: str,
-    loaded: Loaded,
+    loaded: tuple[RobotModel, Mapping[str, float], StoppingFigures | None],
     settings: RobotSettings,
     *,
     base: Pose | None,
@@ -93,19 +84,19 @@ def scene_robot(
     home: Mapping[str, float] | None,
     progress: Progress | None,
 ) -> SceneRobot:
-    """A robot of its model, fitted; see `Scene.add_robot`.
+    """A robot as `load_robot` has it, fitted; see `Scene.add_robot`.
 
     Raises:
         SceneError: Its gripper is none.
         ModelError: A link cannot be fitted, or it cannot be at home there.
         FiguresError: A figure cannot be true.
     """
-    model = loaded.model
+    model, own_home, own = loaded
     if stopping is None:
-        stopping = loaded.figures
+        stopping = own
     elif not isinstance(stopping, StoppingFigures):
-        stopping = declared_figures(model, stopping, loaded.figures)
-    at_home = home_configuration(model, {**loaded.home, **(home or {})})
+        stopping = declared_figures(model, stopping, own)
+    at_home = home_configuration(model, {**own_home, **(home or {})})
     fits = fit_robot(
         model,
         target=settings.fit_target,

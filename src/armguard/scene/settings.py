@@ -188,6 +188,17 @@ class RobotSettings:
     max_primitives: Annotated[int, Field(ge=1)] = 8
 
 
+class RobotKeys(TypedDict, total=False):
+    """Settings of a robot as scripts give them, see `RobotSettings`."""
+
+    buffer: float | None
+    mode: Mode | None
+    response: ResponseName | ResponseSettings
+    gripper: Gripper | None
+    fit_target: float
+    max_primitives: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class ObjectSettings:
     """What an object is, beside its shapes and its place.

@@ -1,6 +1,6 @@
-"""Objects that stand still, and may come, go and stand elsewhere while a guard runs."""
+"""Static objects, which may be added, removed and moved while a guard runs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes import PlacedShape
-from armguard.scene.blocks import Block, blocks_of, stacked_rows
+from armguard.scene.blocks import blocks_of, stacked_rows
 from armguard.scene.meshes.surface import Surface
 from armguard.scene.objects import SceneObject
 
@@ -50,34 +50,28 @@ class Standing:
 
 
 def standing_objects(
-    blocks: Sequence[Block], objects: Mapping[str, SceneObject]
+    objects: Mapping[str, SceneObject],
+    places: Mapping[str, tuple[int, int]],
+    bodies: Mapping[str, int],
 ) -> dict[str, Standing]:
     """Objects that are attached to nothing, by name.
 
     Args:
-        blocks: All blocks in the order of the tables.
         objects: All objects of the scene.
+        places: First primitive of each, and the one after its last.
+        bodies: Bodies of those that may be gripped.
     """
-    first: dict[str, int] = {}
-    body: dict[str, int] = {}
-    count: dict[str, int] = {}
-    start = 0
-    for block in blocks:
-        first.setdefault(block.owner, start)
-        body[block.owner] = block.body
-        count[block.owner] = count.get(block.owner, 0) + len(block)
-        start += len(block)
     return {
         name: Standing(
-            first[name],
-            count[name],
-            thing.present,
-            thing.shapes,
-            thing.surfaces,
-            body[name],
-            thing.error,
-            thing.stale,
+            first=places[name][0],
+            count=places[name][1] - places[name][0],
+            present=item.present,
+            shapes=item.shapes,
+            surfaces=item.surfaces,
+            body=bodies.get(name, -1),
+            error=item.error,
+            stale=item.stale,
         )
-        for name, thing in objects.items()
-        if thing.attached_to is None
+        for name, item in objects.items()
+        if item.attached_to is None
     }

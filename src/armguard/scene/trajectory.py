@@ -63,23 +63,18 @@ class Trajectory:
             TrajectoryError: A joint is unknown, ambiguous, given twice, or missing; or
                 its positions are degrees.
         """
-        fill = fill or {}
-        joints = scene.q_names
+        fill, joints = fill or {}, scene.q_names
         column, unknown = self._columns(scene)
         absent = [j for j in joints if j not in column]
         for name in unknown:
             if not self.others or is_like(name, absent):
-                every = [*absent, *(j for j in joints if j in column)]
-                raise TrajectoryError(
-                    f"{self.source}: joint '{name}' is not in the scene; "
-                    f"{did_you_mean(name, every)}"
-                )
-        missing = [j for j in absent if j not in fill]
+                near = did_you_mean(name, sorted(joints, key=column.__contains__))
+                raise self._wrong(f"joint '{name}' is not in the scene; {near}")
+        missing = ", ".join(f"'{j}'" for j in absent if j not in fill)
         if missing:
-            raise TrajectoryError(
-                f"{self.source}: no positions for "
-                + ", ".join(f"'{m}'" for m in missing)
-                + "; add columns, or hold them at home with --hold-home"
+            raise self._wrong(
+                f"no positions for {missing}; add columns, or hold them at home with "
+                "--hold-home"
             )
         self._check_unit(scene, column)
         return np.column_stack(
@@ -107,9 +102,9 @@ class Trajectory:
             if joint is None:
                 unknown.append(name)
             elif joint in column:
-                raise TrajectoryError(
-                    f"{self.source}: joint '{joint}' has two columns, "
-                    f"'{self.names[column[joint]]}' and '{name}'"
+                first = self.names[column[joint]]
+                raise self._wrong(
+                    f"joint '{joint}' has two columns, '{first}' and '{name}'"
                 )
             else:
                 column[joint] = k
@@ -123,13 +118,12 @@ class Trajectory:
         matches = [
             f"{robot}/{joint}"
             for robot, joint in known
-            if bare == joint or bare in (f"{robot}{sign}{joint}" for sign in SEPARATORS)
+            if bare in (joint, *(f"{robot}{sign}{joint}" for sign in SEPARATORS))
         ]
         if len(matches) > 1:
-            raise TrajectoryError(
-                f"{self.source}: joint '{name}' may be "
-                + " or ".join(f"'{m}'" for m in matches)
-                + "; write the robot's name before it"
+            either = " or ".join(f"'{m}'" for m in matches)
+            raise self._wrong(
+                f"joint '{name}' may be {either}; write the robot's name before it"
             )
         return matches[0] if matches else None
 
@@ -145,11 +139,13 @@ class Trajectory:
             q = self.q[:, k]
             q = np.abs(q[np.isfinite(q)])
             if len(q) and q.max() > max(SURELY_DEGREES, model.upper, -model.lower):
-                raise TrajectoryError(
-                    f"{self.source}: joint '{self.names[k]}' is at {q.max():g}, which "
-                    f"looks like degrees; its limits are [{model.lower:g}, "
-                    f"{model.upper:g}] rad"
+                raise self._wrong(
+                    f"joint '{self.names[k]}' is at {q.max():g}, which looks like "
+                    f"degrees; its limits are [{model.lower:g}, {model.upper:g}] rad"
                 )
+
+    def _wrong(self, sentence: str) -> TrajectoryError:
+        return TrajectoryError(f"{self.source}: {sentence}")
 
 
 def is_like(name: str, others: list[str]) -> bool:

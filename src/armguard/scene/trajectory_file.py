@@ -1,22 +1,52 @@
-"""Motion files: which reader a file needs, and what holds for all of them."""
+"""Motion files: tables of text, arrays, trajectories of ROS, requests of MoveIt."""
 
+import csv
+import re
+from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
+from typing import Any
+from zipfile import ZipFile, is_zipfile
 
 import numpy as np
+from numpy.lib.format import read_array
+from ruamel.yaml import YAMLError
 
-from armguard.errors import TrajectoryError
+from armguard.bounded import read_bytes, read_text, shown
+from armguard.errors import TrajectoryError, did_you_mean
 from armguard.scene.trajectory import Trajectory
-from armguard.scene.trajectory_csv import read_csv
-from armguard.scene.trajectory_npz import read_npz
-from armguard.scene.trajectory_yaml import read_yaml
+from armguard.scene.yaml_source import MOST_YAML_BYTES, parse_yaml, sentence_of_yaml
 
-READERS = {
-    ".csv": read_csv,
-    ".npz": read_npz,
-    ".yaml": read_yaml,
-    ".yml": read_yaml,
-    ".json": read_yaml,
-}
+# Largest table of text [byte], most lines, and most characters of a line.
+MOST_CSV_BYTES = 100_000_000
+MOST_LINES = 500_000
+MOST_IN_LINE = 20_000
+
+# Column names that mean time, and units they may end in: `t`, `time_ms`, `stamp [s]`.
+TIME_COLUMN = re.compile(
+    r"(?:t|time|stamp|timestamp|time_from_start)"
+    r"(?:[ _]?[\[(]?(s|sec|ms|us|µs|ns)[\])]?)?",
+    re.IGNORECASE,
+)
+UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+
+# Seconds since 1970 are below this for another three thousand years [s].
+MOST_SECONDS = 1e11
+
+# What a first column without a name holds: the row's number, as pandas writes it.
+INDEX_COLUMNS = ("", "Unnamed: 0")
+
+# Largest file of arrays, and what it may unpack to [byte].
+MOST_NPZ_BYTES = 256_000_000
+MOST_UNPACKED = 256_000_000
+
+# What others call the arrays, ours first.
+NAMES = ("names", "joint_names", "joints")
+POSITIONS = ("q", "qpos", "positions", "joint_positions")
+TIMES = ("t", "time", "times", "stamps", "timestamps")
+
+# What reading a value of another form raises.
+WRONG_FORM = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
@@ -32,9 +62,9 @@ def load_trajectory(path: str | Path) -> Trajectory:
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
+        known = ", ".join(READERS)
         raise TrajectoryError(
-            f"'{path.name}' is no motion file; it must end in "
-            f"{', '.join(list(READERS)[:-1])} or {list(READERS)[-1]}"
+            f"'{path.name}' is no motion file; it must end in one of {known}"
         )
     try:
         trajectory = reader(path)
@@ -48,16 +78,283 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 def check_motion(trajectory: Trajectory) -> None:
     """Refuse a motion that is empty, or whose time goes back."""
-    source = trajectory.source
+    source, stamps = trajectory.source, trajectory.stamps
     if len(trajectory.q) == 0:
         raise TrajectoryError(f"{source}: there is no configuration in it")
-    stamps = trajectory.stamps
     if stamps is None:
         return
-    back = np.flatnonzero(~(np.diff(stamps) >= 0.0))
-    if len(back):
-        k = int(back[0])
+    for k in np.flatnonzero(~(np.diff(stamps) >= 0.0)):
         raise TrajectoryError(
             f"{source}: time goes from {stamps[k]:g} s to {stamps[k + 1]:g} s at "
             f"configuration {k + 2}; it must not go back"
         )
+
+
+def read_csv(path: Path) -> Trajectory:
+    """CSV with a header of joint names.
+
+    Separated by commas, semicolons, tabs or blanks, whichever the header has. Lines
+    that begin with `#` are remarks; the header may be one, as NumPy writes it.
+    """
+    text, name = read_text(path, MOST_CSV_BYTES), path.name
+    count = text.count("\n")
+    if count > MOST_LINES:
+        raise TrajectoryError(
+            f"'{name}' has {count:,} lines; the limit is {MOST_LINES:,}: split it"
+        )
+    every = enumerate(map(str.strip, text.split("\n")), start=1)
+    lines = [(k, line) for k, line in every if line]
+    for k, line in lines:
+        if len(line) > MOST_IN_LINE:
+            raise TrajectoryError(
+                f"{name}:{k}: the line has more than {MOST_IN_LINE:,} characters"
+            )
+    first, names, separator = header_of(name, lines)
+    values = [
+        row_of(split(line, separator), len(names), f"{name}:{k}", separator)
+        for k, line in lines
+        if k > first and not line.startswith("#")
+    ]
+    table = np.array(values, dtype=np.float64).reshape(len(values), len(names))
+    counted = len(table) and (table[:, 0] - table[0, 0] == range(len(table))).all()
+    if names[0] in INDEX_COLUMNS and counted:
+        names, table = names[1:], table[:, 1:]
+    if not all(names):
+        raise TrajectoryError(
+            f"{name}:{first}: the first line must hold the joint names; column "
+            f"{names.index('') + 1} has none"
+        )
+    time = [k for k, column in enumerate(names) if TIME_COLUMN.fullmatch(column)]
+    joints = [k for k in range(len(names)) if k not in time]
+    if not joints:
+        raise TrajectoryError(f"{name}:{first}: there is no joint in the header")
+    return Trajectory(
+        names=tuple(names[k] for k in joints),
+        q=table[:, joints],
+        stamps=seconds(name, names[time[0]], table[:, time[0]]) if time else None,
+        source=name,
+    )
+
+
+def header_of(name: str, lines: list[tuple[int, str]]) -> tuple[int, list[str], str]:
+    """Number of the header's line, its names, and what separates them."""
+    remarks = list(takewhile(lambda line: line[1].startswith("#"), lines))
+    number, text = next(iter(lines[len(remarks) :]), (1, ""))
+    if remarks and all(map(is_number, split(text, separator_of(text)))):
+        number, text = remarks[-1][0], remarks[-1][1].lstrip("# ")
+    separator = separator_of(text)
+    header = split(text, separator)
+    if not text or all(map(is_number, header)):
+        held = "; it holds numbers" if text else ""
+        raise TrajectoryError(
+            f"{name}:{number if text else 1}: the first line must hold the joint names"
+            f"{held}"
+        )
+    twice = [cell for cell in header if header.count(cell) > 1]
+    if twice:
+        raise TrajectoryError(
+            f"{name}:{number}: column '{shown(twice[0])}' is there twice"
+        )
+    return number, header, separator
+
+
+def separator_of(text: str) -> str:
+    """What separates the cells of a line."""
+    sign = max(",;\t", key=text.count)
+    if text.count(sign):
+        return sign
+    return " " if " " in text else ","
+
+
+def split(text: str, separator: str) -> list[str]:
+    """Cells of a line."""
+    if separator == " " or not text:
+        return text.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
+    except csv.Error:
+        return [text]
+
+
+def row_of(cells: list[str], count: int, at: str, separator: str) -> list[float]:
+    """Numbers of a line."""
+    if len(cells) != count:
+        raise TrajectoryError(f"{at}: {len(cells)} columns; the header has {count}")
+    if separator == ";":
+        # Where numbers have a decimal comma, columns are parted by semicolons.
+        cells = [cell.replace(",", ".") for cell in cells]
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        bad = next(cell for cell in cells if not is_number(cell))
+        raise TrajectoryError(f"{at}: '{shown(bad)}' is no number") from None
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def seconds(name: str, column: str, values: np.ndarray) -> np.ndarray:
+    """A column of times [s]."""
+    match = TIME_COLUMN.fullmatch(column)
+    if match and match[1]:
+        return np.asarray(values * UNITS[match[1].lower()])
+    if len(values) and abs(values[0]) > MOST_SECONDS:
+        raise TrajectoryError(
+            f"{name}: column '{column}' begins with {values[0]:g}, which is no time in "
+            f"seconds; name its unit: '{column}_ms', '{column}_us' or '{column}_ns'"
+        )
+    return values
+
+
+def read_npz(path: Path) -> Trajectory:
+    """NPZ with `names`, `q` and perhaps `t`, or under what others call these."""
+    name, data = path.name, read_bytes(path, MOST_NPZ_BYTES)
+    try:
+        held = arrays_of(data)
+    except Exception as error:  # zip files, their compression and NumPy have their own
+        why = shown(str(error) or type(error).__name__)
+        if "Object arrays" in why:
+            why = "an array holds Python objects; write names as np.array(names)"
+        raise TrajectoryError(f"'{name}' is no NPZ file: {why}") from None
+    names = tuple(str(joint) for joint in np.atleast_1d(array_of(held, NAMES, name)))
+    q = array_of(held, POSITIONS, name)
+    if q.dtype.kind not in "fiu":
+        raise TrajectoryError(f"{name}: q holds {q.dtype}; it must hold numbers")
+    if q.ndim != 2 or q.shape[1] != len(names):
+        hint = "; it is (k, n), turn it" if q.shape[:1] == (len(names),) else ""
+        raise TrajectoryError(
+            f"{name}: q has shape {q.shape}; it must be (n, {len(names)}){hint}"
+        )
+    stamps = next((held[key] for key in TIMES if key in held), None)
+    if stamps is not None:
+        if stamps.shape != (len(q),):
+            raise TrajectoryError(
+                f"{name}: t has shape {stamps.shape}; it must be ({len(q)},)"
+            )
+        stamps = np.asarray(stamps, dtype=np.float64)
+    return Trajectory(names, np.asarray(q, dtype=np.float64), stamps, name)
+
+
+def arrays_of(data: bytes) -> dict[str, np.ndarray]:
+    """Arrays of an NPZ archive, unpacked only if they are not too large together.
+
+    Raises:
+        ValueError: It is none, an array is too large or holds Python objects, or its
+            header and its size disagree.
+    """
+    if not is_zipfile(BytesIO(data)):
+        raise ValueError("it was not written by np.savez")
+    held = {}
+    with ZipFile(BytesIO(data)) as archive:
+        total = sum(member.file_size for member in archive.infolist())
+        if total > MOST_UNPACKED:
+            limit = f"{MOST_UNPACKED / 1e6:g} MB"
+            raise ValueError(
+                f"it unpacks to {total / 1e6:.0f} MB; the limit is {limit}"
+            )
+        for name in archive.namelist():
+            with archive.open(name) as member:
+                held[name.removesuffix(".npy")] = read_array(member, allow_pickle=False)
+                if member.read(1):
+                    raise ValueError("an array has more bytes than its header says")
+    return held
+
+
+def array_of(
+    held: dict[str, np.ndarray], keys: tuple[str, ...], file: str
+) -> np.ndarray:
+    """The array that goes by one of these names."""
+    for key in keys:
+        if key in held:
+            return held[key]
+    there = ", ".join(f"'{key}'" for key in held) or "nothing"
+    raise TrajectoryError(
+        f"{file}: there is no array '{keys[0]}', only {there}; an NPZ holds "
+        "`names`, `q` and perhaps `t`"
+    )
+
+
+def read_yaml(path: Path) -> Trajectory:
+    """A trajectory with `joint_names` and `points`, or a request with a goal."""
+    try:
+        _, values = parse_yaml(read_text(path, MOST_YAML_BYTES))
+    except YAMLError as error:
+        raise TrajectoryError(f"'{path.name}' {sentence_of_yaml(error)}") from None
+    if isinstance(values, dict) and "points" in values:
+        return read_points(path.name, values)
+    return read_request(path.name, values)
+
+
+def read_points(name: str, values: dict[str, Any]) -> Trajectory:
+    """`trajectory_msgs/JointTrajectory`: waypoints that were planned."""
+    try:
+        joints = tuple(str(joint) for joint in values["joint_names"])
+        points = [[float(x) for x in point["positions"]] for point in values["points"]]
+        times = [since_start(point["time_from_start"]) for point in values["points"]]
+    except WRONG_FORM as error:
+        raise TrajectoryError(
+            f"'{name}' is no trajectory with joint_names and points, each with "
+            f"positions and time_from_start: {shown(str(error))}"
+        ) from None
+    for k, point in enumerate(points):
+        if len(point) != len(joints):
+            raise TrajectoryError(
+                f"{name}: point {k + 1} has {len(point)} positions; there are "
+                f"{len(joints)} joints"
+            )
+    q = np.array(points, dtype=np.float64).reshape(len(points), len(joints))
+    return Trajectory(joints, q, np.array(times), name)
+
+
+def since_start(value: Any) -> float:
+    """A duration: seconds, or ROS's pair of seconds and nanoseconds [s]."""
+    if not isinstance(value, dict):
+        return float(value)
+    whole: Any = value.get("sec", value.get("secs", 0))
+    rest: Any = value.get("nanosec", value.get("nsecs", 0))
+    return float(whole) + 1e-9 * float(rest)
+
+
+def read_request(name: str, request: Any) -> Trajectory:
+    """A MoveIt motion request: its start state, and its joint goal.
+
+    Joints the goal does not name stay where they start. The way between is not part
+    of a request.
+    """
+    try:
+        state = request["start_state"]["joint_state"]
+        start = dict(zip(state["name"], map(float, state["position"]), strict=True))
+        goal = dict(start)
+        for constraints in request["goal_constraints"]:
+            for joint in constraints["joint_constraints"]:
+                goal[joint["joint_name"]] = float(joint["position"])
+    except WRONG_FORM as error:
+        raise TrajectoryError(
+            f"'{name}' is no trajectory with joint_names and points, and no MoveIt "
+            "motion request with a start_state and joint goal_constraints: "
+            f"{shown(str(error))}"
+        ) from None
+    unknown = [joint for joint in goal if joint not in start]
+    if unknown:
+        raise TrajectoryError(
+            f"{name}: the goal names joint '{unknown[0]}', which has no start; "
+            f"{did_you_mean(unknown[0], start)}"
+        )
+    names = tuple(start)
+    q = np.array([[state[n] for n in names] for state in (start, goal)])
+    return Trajectory(names, q, None, name, ends_only=True)
+
+
+READERS = {
+    ".csv": read_csv,
+    ".npz": read_npz,
+    ".yaml": read_yaml,
+    ".yml": read_yaml,
+    ".json": read_yaml,
+}

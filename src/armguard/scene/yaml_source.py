@@ -8,10 +8,14 @@ from ruamel.yaml import YAML, YAMLError
 from ruamel.yaml.composer import Composer, MaxDepthExceededError
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError
-from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.events import AliasEvent
+from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
 from armguard.bounded import read_text, shown
 from armguard.errors import SceneError
+
+# Keys that lead to a value; those of a list are numbers.
+Keys = tuple[str | int, ...]
 
 # Largest YAML file [byte].
 MOST_YAML_BYTES = 8_000_000
@@ -29,7 +33,7 @@ MOST_YAML_TEXT = 4_000
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong in a file.
+    """What is wrong at one place of a file.
 
     Attributes:
         file: Name of the file.
@@ -79,32 +83,31 @@ class YamlSource:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.values: Any
+        self._root: Node | None = None
         try:
             text = read_text(path, MOST_YAML_BYTES)
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
-            raise self.problem(0, "", f"cannot be read: {reason}") from None
+            raise self._unread(0, f"cannot be read: {reason}") from None
         try:
             self._root, self.values = parse_yaml(text)
-        except DuplicateKeyError as error:
-            mark = error.problem_mark
-            key = str(error.problem).split('"')[1]
-            raise self.problem(
-                mark.line + 1, "", f"the key '{key}' is there twice; keep one"
-            ) from None
         except YAMLError as error:
-            found = getattr(error, "problem_mark", None)
-            line = 0 if found is None else found.line + 1
-            what = getattr(error, "problem", None) or shown(str(error))
-            is_yaml = isinstance(error, TooLargeError)
-            sentence = what if is_yaml else f"is not YAML: {what}"
-            raise self.problem(line, "", sentence) from None
+            mark = getattr(error, "problem_mark", None)
+            line = 0 if mark is None else mark.line + 1
+            raise self._unread(line, sentence_of_yaml(error)) from None
 
-    def problem(self, line: int, path: str, sentence: str) -> SceneFileError:
-        """An error about this file with one problem."""
-        return SceneFileError([Problem(self.path.name, line, path, sentence)])
+    def _unread(self, line: int, sentence: str) -> SceneFileError:
+        return SceneFileError([Problem(self.path.name, line, "", sentence)])
 
-    def line(self, keys: tuple[str | int, ...]) -> int:
+    def found(self, keys: Keys, sentence: str) -> Problem:
+        """A problem of a key path."""
+        return Problem(self.path.name, self.line(keys), dotted(keys), sentence)
+
+    def problem(self, keys: Keys, sentence: str) -> SceneFileError:
+        """An error about this file with one problem, that of a key path."""
+        return SceneFileError([self.found(keys, sentence)])
+
+    def line(self, keys: Keys) -> int:
         """Line of a key path, or of the longest beginning of it that exists."""
         node: Node | None = self._root
         line = 1
@@ -125,23 +128,33 @@ class YamlSource:
 
 
 class BoundedComposer(Composer):  # type: ignore[misc]
-    """Counts nodes while it makes them."""
+    """Counts nodes while it makes them, aliases as often as what they name."""
 
     def __init__(self, loader: Any = None) -> None:
         super().__init__(loader=loader)
         self.warn_double_anchors = False
         self.nodes = 0
+        self.sizes: dict[int, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """One node, unless there are too many.
 
         Raises:
-            TooLargeError: There are too many.
+            TooLargeError: There are too many, or it is an alias of what it is in.
         """
         self.nodes += 1
         if self.nodes > MOST_YAML_NODES:
             raise too_many(self.parser.peek_event())
-        return super().compose_node(parent, index)
+        is_alias = self.parser.check_event(AliasEvent)
+        node = super().compose_node(parent, index)
+        if not is_alias:
+            size = 1 + sum(self.sizes[id(child)] for child in children_of(node))
+            if size > MOST_YAML_NODES:
+                raise too_many(node)
+            self.sizes[id(node)] = size
+        elif id(node) not in self.sizes:
+            raise too_large("has an anchor that holds itself", node)
+        return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:
         """A key or a value, unless it is too long.
@@ -172,7 +185,6 @@ def parse_yaml(text: str) -> tuple[Node | None, Any]:
         root = yaml.compose(text)
         if root is None:
             return None, None
-        check_expanded(root)
         # Merge keys rewrite the nodes they are in; lines are asked of the first ones.
         values = YAML(typ="safe", pure=True).constructor.construct_document(root)
     except MaxDepthExceededError as error:
@@ -187,38 +199,20 @@ def parse_yaml(text: str) -> tuple[Node | None, Any]:
     return root, values
 
 
-def check_expanded(root: Node) -> None:
-    """Refuse aliases and merge keys that stand for too much, or for themselves.
-
-    Raises:
-        TooLargeError: They do.
-    """
-    sizes: dict[int, int] = {}
-    open_nodes: set[int] = set()
-    stack = [(root, False)]
-    while stack:
-        node, left = stack.pop()
-        children = children_of(node)
-        if left:
-            open_nodes.discard(id(node))
-            sizes[id(node)] = 1 + sum(sizes[id(child)] for child in children)
-            if sizes[id(node)] > MOST_YAML_NODES:
-                raise too_many(node)
-        elif id(node) in open_nodes:
-            raise too_large("has an anchor that holds itself", node)
-        elif id(node) not in sizes:
-            open_nodes.add(id(node))
-            stack.append((node, True))
-            stack += [(child, False) for child in children]
+def sentence_of_yaml(error: YAMLError) -> str:
+    """What is wrong with a YAML file, to follow its name."""
+    what = str(getattr(error, "problem", None) or shown(str(error)))
+    if isinstance(error, DuplicateKeyError):
+        key = what.split('"')[1]
+        return f"the key '{key}' is there twice; keep one"
+    return what if isinstance(error, TooLargeError) else f"is not YAML: {what}"
 
 
 def children_of(node: Node) -> list[Node]:
     """Nodes inside of a node."""
-    if isinstance(node, ScalarNode):
-        return []
-    if isinstance(node, SequenceNode):
-        return list(node.value)
-    return [child for pair in node.value for child in pair]
+    if isinstance(node, MappingNode):
+        return [child for pair in node.value for child in pair]
+    return list(node.value) if isinstance(node, SequenceNode) else []
 
 
 def too_many(place: Any) -> TooLargeError:
@@ -235,17 +229,12 @@ def too_large(sentence: str, place: Any) -> TooLargeError:
     return TooLargeError(problem=sentence, problem_mark=place.start_mark)
 
 
-def dotted(keys: tuple[str | int, ...]) -> str:
+def dotted(keys: Keys) -> str:
     """Key path as text.
 
     Example:
         >>> dotted(("robots", "left", "base", "rpy", 2))
         'robots.left.base.rpy[2]'
     """
-    text = ""
-    for key in keys:
-        if isinstance(key, int):
-            text += f"[{key}]"
-        else:
-            text += f".{shown(str(key))}" if text else shown(str(key))
-    return text
+    parts = (f"[{k}]" if isinstance(k, int) else f".{shown(str(k))}" for k in keys)
+    return "".join(parts).removeprefix(".")

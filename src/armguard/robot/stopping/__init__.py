@@ -1,6 +1,10 @@
 """How a robot stops, and how well it is known where it is: what its user declares."""
 
-from armguard.robot.stopping.declared import ASSUMPTION, declared_figures
+from armguard.robot.stopping.declared import (
+    ASSUMPTION,
+    declared_figures,
+    named_figures,
+)
 from armguard.robot.stopping.distance import StopTravel, stop_travel
 from armguard.robot.stopping.figures import (
     FiguresError,
@@ -8,7 +12,6 @@ from armguard.robot.stopping.figures import (
     stopping_figures,
 )
 from armguard.robot.stopping.link_stops import LinkStop, levers, stop_distances
-from armguard.robot.stopping.named import named_figures
 from armguard.robot.stopping.table import StopTable
 from armguard.robot.stopping.table_file import TableFile, read_stop_tables
 

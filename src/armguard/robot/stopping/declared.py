@@ -1,14 +1,20 @@
-"""Figures that are declared, with where each of the others is from."""
+"""Figures as they are declared or published, each with where it is from.
+
+Every figure of a robot by name says in `sources` where it is from. What holds the word
+"assumption:" we could not trace to its maker: it is a careful guess, to be replaced by
+your robot's manual or by a measurement of yours.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from armguard.errors import ModelError
 from armguard.robot.model import RobotModel
+from armguard.robot.named import ROBOTS, robot_data
 from armguard.robot.stopping.figures import (
     FIGURES,
+    KEYS,
     FiguresError,
     PerJoint,
     StoppingFigures,
@@ -32,6 +38,10 @@ DEFAULTS = {
 }
 DEFAULT = ASSUMPTION + "armguard's default"
 
+# Figures that no data file has.
+NO_ERROR = ASSUMPTION + "0: the URDF is right, and the base stands where the scene says"
+NO_ERRORS = dict.fromkeys(("model_error", "base_error", "base_turn"), NO_ERROR)
+
 Tables = Mapping[str, StopTable | Sequence[Sequence[float]]] | TableFile | str | Path
 
 
@@ -42,8 +52,8 @@ def declared_figures(
 ) -> StoppingFigures:
     """Figures as declared, the rest from the robot's own or defaults.
 
-    Who declares a deceleration takes it from the robot's own measured tables and its
-    own greatest deceleration too: these describe another stop.
+    A declared deceleration takes the place of the robot's own measured tables and of
+    its own greatest deceleration too: these describe another stop.
 
     Args:
         model: The robot.
@@ -59,7 +69,11 @@ def declared_figures(
     arguments: dict[str, Any] = {}
     sources: dict[str, str] = {}
     if own is not None:
-        arguments, sources = own_arguments(model, declared, own)
+        replaced = {"sources", *declared}
+        if "deceleration" in declared:
+            replaced |= {"deceleration_most", "tables"}
+        arguments = {key: getattr(own, key) for key in KEYS if key not in replaced}
+        sources = {key: own.sources[key] for key in arguments if key in own.sources}
     arguments |= declared
     if "tables" in declared:
         tables = stop_tables(model, declared["tables"], arguments.get("velocity"))
@@ -72,25 +86,6 @@ def declared_figures(
             sources[key] = DEFAULTS.get(key, DEFAULT)
     arguments["sources"] = sources | dict(declared.get("sources") or {})
     return stopping_figures(model, **arguments)
-
-
-def own_arguments(
-    model: RobotModel, declared: Mapping[str, Any], own: StoppingFigures
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """What of a robot's own figures stays beside the declared, with its sources."""
-    left_out = {*declared, "sources", "joints"}
-    if "deceleration" in declared:
-        left_out |= {"deceleration_most", "tables"}
-    arguments: dict[str, Any] = {}
-    for field in fields(own):
-        if field.name in left_out:
-            continue
-        value = getattr(own, field.name)
-        if hasattr(value, "tolist"):
-            value = dict(zip(model.q_names, value.tolist(), strict=True))
-        arguments[field.name] = value
-    sources = {key: own.sources[key] for key in arguments if key in own.sources}
-    return arguments, sources
 
 
 def stop_tables(
@@ -120,11 +115,8 @@ def stop_tables(
             made[joint] = rows
             continue
         try:
-            made[joint] = StopTable(
-                tuple(float(row[0]) for row in rows),
-                tuple(float(row[1]) for row in rows),
-                tuple(float(row[2]) for row in rows),
-            )
+            columns = [tuple(float(row[k]) for row in rows) for k in range(3)]
+            made[joint] = StopTable(*columns)
         except ModelError as error:
             raise FiguresError(f"joint '{joint}': {error}", "tables", joint) from None
     return made
@@ -144,12 +136,44 @@ def with_tables(
         return deceleration
     found = dict(deceleration or {})
     for name in model.q_names:
+        if name not in found and name not in tables:
+            raise FiguresError(
+                f"joint '{name}' has no deceleration and no table of measured stops",
+                "deceleration",
+            )
         if name not in found:
-            if name not in tables:
-                raise FiguresError(
-                    f"joint '{name}' has no deceleration and no table of measured "
-                    "stops",
-                    "deceleration",
-                )
             found[name] = tables[name].deceleration
+    return found
+
+
+def named_figures(name: str, model: RobotModel) -> StoppingFigures | None:
+    """Stopping figures of a robot by name, None if it has none.
+
+    Args:
+        name: Its name in `armguard.robot.named.ROBOTS`.
+        model: The robot.
+    """
+    if name not in ROBOTS:
+        return None
+    data = robot_data(name)
+    if isinstance(data["figures"], str):
+        data = robot_data(data["figures"])
+    rows = data["figures"]
+    groups = data.get("joints", {})
+    return stopping_figures(
+        model,
+        **{key: by_joint(row["value"], groups) for key, row in rows.items()},
+        sources={**{key: row["source"] for key, row in rows.items()}, **NO_ERRORS},
+    )
+
+
+def by_joint(value: Any, groups: Mapping[str, list[str]]) -> Any:
+    """A figure by joint name; in the data it is a number, or one or several a group."""
+    if not isinstance(value, Mapping):
+        return value
+    found: dict[str, float] = {}
+    for group, given in value.items():
+        joints = groups[group]
+        several = given if isinstance(given, list) else [given] * len(joints)
+        found |= zip(joints, several, strict=True)
     return found

@@ -1,6 +1,6 @@
 """Figures of one robot: limits, stops, delays, errors; each with where it is from."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Annotated, Any, Required, TypedDict, Unpack, get_type_hints
@@ -72,33 +72,23 @@ class Figure:
         Raises:
             FiguresError: It is missing for a joint, or cannot be true.
         """
+        each = [("", value)]
         if self.unit is None:
             value = per_joint(name, value, model.q_names)
-        for joint, number in self._by_joint(model, value):
-            of_joint = f" of joint '{joint}'" if joint else ""
+            each = list(zip(model.q_names, value.tolist(), strict=True))
+        for joint, number in each:
+            figure = f"{name} of joint '{joint}'" if joint else name
             enough = number > 0.0 if self.positive else number >= 0.0
             if self.bounded and not (isfinite(number) and enough):
-                bound = "> 0" if self.positive else ">= 0"
-                raise FiguresError(
-                    f"{name}{of_joint} is {number:g}; it must be finite and {bound}",
-                    name,
-                    joint,
-                )
+                bound = f"finite and {'> 0' if self.positive else '>= 0'}"
+                sentence = f"{figure} is {number:g}; it must be {bound}"
+                raise FiguresError(sentence, name, joint)
             if number > self.ceiling:
                 slides = joint and model.joints[joint].kind is JointKind.PRISMATIC
                 looks, give = MISTAKEN[self.unit or ("m" if slides else "rad")]
-                raise FiguresError(
-                    f"{name}{of_joint} is {number:g}, which looks like {looks}; give "
-                    f"{give}",
-                    name,
-                    joint,
-                )
+                sentence = f"{figure} is {number:g}, which looks like {looks}; give "
+                raise FiguresError(sentence + give, name, joint)
         return value
-
-    def _by_joint(self, model: RobotModel, value: Any) -> Iterator[tuple[str, float]]:
-        if self.unit is None:
-            return zip(model.q_names, value.tolist(), strict=True)
-        return iter([("", value)])
 
 
 def per_joint(what: str, value: PerJoint, names: Sequence[str]) -> Floats:
@@ -274,7 +264,15 @@ def stopping_figures(
         if value is None:
             value = from_others(name, model, made)
         made[name] = figure.of(name, model, value)
-    check_most(made["deceleration"], made["deceleration_most"], model.q_names)
+    least, most = made["deceleration"], made["deceleration_most"]
+    for name, low, high in zip(model.q_names, least, most, strict=True):
+        if not high >= low:
+            raise FiguresError(
+                f"deceleration_most of joint '{name}' is {high:g}, below its "
+                f"deceleration, {low:g}",
+                "deceleration_most",
+                name,
+            )
     sensing, stale = made["sensing"], made["stale"]
     if stale < sensing:
         raise FiguresError(
@@ -335,19 +333,3 @@ def urdf_velocity(model: RobotModel) -> dict[str, float]:
             )
         speeds[name] = speed
     return speeds
-
-
-def check_most(least: Floats, most: Floats, names: tuple[str, ...]) -> None:
-    """The greatest deceleration is not below the least.
-
-    Raises:
-        FiguresError: It is, or is NaN.
-    """
-    for name, low, high in zip(names, least, most, strict=True):
-        if not high >= low:
-            raise FiguresError(
-                f"deceleration_most of joint '{name}' is {high:g}, below its "
-                f"deceleration, {low:g}",
-                "deceleration_most",
-                name,
-            )

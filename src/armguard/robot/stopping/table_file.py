@@ -1,8 +1,9 @@
 """Tables of measured stops as makers publish them: CSV files to `StopTable`s."""
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from math import isfinite, radians
 from pathlib import Path
 
@@ -22,6 +23,8 @@ TIMES = {"time_s": 1.0, "time_ms": 1e-3}
 TRAVELS = {"angle_rad": 1.0, "angle_deg": radians(1.0), "travel_m": 1.0}
 CONDITIONS = ("load_percent", "extension_percent")
 COLUMNS = ("joint", *SPEEDS, *CONDITIONS, *TIMES, *TRAVELS)
+UNITS = {**TIMES, **TRAVELS}
+IN_ANGLES = "angle_rad or angle_deg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +41,17 @@ class TableFile:
     load: float | None = None
     extension: float | None = None
 
+    @property
+    def declared(self) -> dict[str, float]:
+        """The conditions that are declared, by their columns [percent]."""
+        given = zip(CONDITIONS, (self.load, self.extension), strict=True)
+        return {column: value for column, value in given if value is not None}
+
+    def wrong(self, sentence: str, line: int = 0) -> FiguresError:
+        """An error about the file: `stop.csv:7: ...`."""
+        where = f"{self.path.name}:{line}" if line else self.path.name
+        return FiguresError(f"{where}: {sentence}", "tables")
+
 
 @dataclass(frozen=True, slots=True)
 class MeasuredStop:
@@ -46,14 +60,15 @@ class MeasuredStop:
     Attributes:
         joint: The joint.
         speed: Its speed when the stop was ordered [rad/s or m/s].
-        conditions: Load and extension in percent, None where the file has none.
+        conditions: Load and extension by their columns, where the file has them
+            [percent].
         time: Time to rest [s].
         travel: Way to rest [rad or m].
     """
 
     joint: str
     speed: float
-    conditions: tuple[float | None, float | None]
+    conditions: Mapping[str, float]
     time: float
     travel: float
 
@@ -80,52 +95,43 @@ def read_stop_tables(
         grouped.setdefault(row.joint, {}).setdefault(row.speed, []).append(row)
     tables = {}
     for joint, by_speed in grouped.items():
-        speeds = sorted(by_speed)
-        times: list[float] = []
-        travels: list[float] = []
-        for speed in speeds:
-            rows = by_speed[speed]
-            for k, declared in enumerate((file.load, file.extension)):
-                if declared is not None:
-                    rows = near_condition(file, rows, k, declared)
-            times.append(max([*times[-1:], *(row.time for row in rows)]))
-            travels.append(max([*travels[-1:], *(row.travel for row in rows)]))
-        tables[joint] = StopTable(tuple(speeds), tuple(times), tuple(travels))
+        found = [near_conditions(file, rows) for _, rows in sorted(by_speed.items())]
+        times = accumulate((max(row.time for row in rows) for rows in found), max)
+        travels = accumulate((max(row.travel for row in rows) for rows in found), max)
+        tables[joint] = StopTable(tuple(sorted(by_speed)), tuple(times), tuple(travels))
     return tables
 
 
-def near_condition(
-    file: TableFile, rows: Sequence[MeasuredStop], k: int, declared: float
-) -> list[MeasuredStop]:
-    """Rows at the next load or extension at or above the declared, and next below.
+def near_conditions(
+    file: TableFile, rows: Sequence[MeasuredStop]
+) -> Sequence[MeasuredStop]:
+    """Rows at the next load and extension at or above the declared, and next below.
 
     Args:
-        file: For messages.
+        file: The file and the conditions.
         rows: Rows of one joint and speed.
-        k: 0 for the load, 1 for the extension.
-        declared: What the robot works at [percent].
 
     Raises:
-        FiguresError: Nothing was measured at or above it.
+        FiguresError: Nothing was measured at or above one.
     """
-    given = {value for row in rows if (value := row.conditions[k]) is not None}
-    above = [value for value in given if value >= declared]
-    if not above:
-        raise wrong(
-            file,
-            f"has no stop of joint '{rows[0].joint}' from {rows[0].speed:g} at a "
-            f"{CONDITIONS[k]} of {declared:g} or more",
-        )
-    wanted = {min(above)}
-    below = [value for value in given if value < declared]
-    if below and declared not in wanted:
-        wanted.add(max(below))
-    return [row for row in rows if row.conditions[k] in wanted]
+    for column, declared in file.declared.items():
+        given = {row.conditions[column] for row in rows}
+        above = [value for value in given if value >= declared]
+        if not above:
+            raise file.wrong(
+                f"has no stop of joint '{rows[0].joint}' from {rows[0].speed:g} at a "
+                f"{column} of {declared:g} or more"
+            )
+        wanted = {min(above)}
+        if declared not in wanted:
+            wanted |= {max((v for v in given if v < declared), default=declared)}
+        rows = [row for row in rows if row.conditions[column] in wanted]
+    return rows
 
 
 def measured_stops(
     file: TableFile, model: RobotModel, velocity: Mapping[str, float]
-) -> Iterator[MeasuredStop]:
+) -> list[MeasuredStop]:
     """Rows of a file.
 
     Raises:
@@ -135,80 +141,83 @@ def measured_stops(
         text = read_text(file.path, MOST_TABLE_BYTES)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
-        raise wrong(file, f"cannot be read: {reason}") from None
+        raise file.wrong(f"cannot be read: {reason}") from None
     reader = csv.DictReader(text.split("\n"), skipinitialspace=True, strict=True)
     try:
-        yield from measured_rows(file, model, velocity, reader)
+        columns = [name.strip() for name in reader.fieldnames or []]
+        reader.fieldnames = columns
+        measures = check_columns(file, columns)
+        rows = [
+            measured_stop(file, row, reader.line_num, measures, model, velocity)
+            for row in reader
+        ]
     except csv.Error as error:
-        raise wrong(file, f"is no table: {error}", reader.line_num) from None
+        raise file.wrong(f"is no table: {error}", reader.line_num) from None
+    if not rows:
+        raise file.wrong("has no rows")
+    return rows
 
 
-def measured_rows(
+def measured_stop(
     file: TableFile,
+    row: Mapping[str, str],
+    line: int,
+    measures: Sequence[str],
     model: RobotModel,
     velocity: Mapping[str, float],
-    reader: "csv.DictReader[str]",
-) -> Iterator[MeasuredStop]:
-    """Rows of a table, see `measured_stops`."""
-    columns = [name.strip() for name in reader.fieldnames or []]
-    reader.fieldnames = columns
-    speed_column, time_column, travel_column = check_columns(file, columns)
-    count = 0
-    for row in reader:
-        count += 1
-        line = reader.line_num
+) -> MeasuredStop:
+    """A row of a file, see `read_stop_tables`.
 
-        def number(column: str, row: dict[str, str] = row, line: int = line) -> float:
-            try:
-                value = float(row[column])
-            except (TypeError, ValueError):
-                raise wrong(
-                    file, f"{column} is {shown(repr(row[column]))}, no number", line
-                ) from None
-            if not (isfinite(value) and value >= 0.0):
-                raise wrong(file, f"{column} is {value}; it must be >= 0", line)
-            return value
+    Args:
+        file: The file.
+        row: Text by column.
+        line: Its line.
+        measures: Columns of speed, time and travel.
+        model: The robot.
+        velocity: Top speed of each joint [rad/s or m/s].
 
-        joint = (row["joint"] or "").strip()
-        if joint not in model.q_names:
-            raise wrong(
-                file,
-                f"no joint is named '{shown(joint)}'; "
-                f"{did_you_mean(joint, model.q_names)}",
-                line,
-            )
-        slides = model.joints[joint].kind is JointKind.PRISMATIC
-        if slides != (travel_column == "travel_m"):
-            right = "travel_m" if slides else "angle_rad or angle_deg"
-            raise wrong(
-                file,
-                f"joint '{joint}' {'slides' if slides else 'turns'}; its way is in "
-                f"{right}, not in {travel_column}",
-                line,
-            )
-        speed = number(speed_column)
-        if speed_column == "speed_percent":
-            speed *= velocity[joint] / 100.0
-        time = number(time_column) * TIMES[time_column]
-        travel = number(travel_column) * TRAVELS[travel_column]
-        if min(speed, time, travel) <= 0.0:
-            raise wrong(file, "speed, time and way of a stop must be > 0", line)
-        if travel > speed * time:
-            raise wrong(
-                file,
-                f"joint '{joint}' starts to stop at {speed:g} and cannot get "
-                f"{travel:g} far in {time:g} s",
-                line,
-            )
-        load, extension = (
-            number(column) if column in columns else None for column in CONDITIONS
+    Raises:
+        FiguresError: A value is wrong.
+    """
+
+    def number(column: str) -> float:
+        try:
+            value = float(row[column])
+        except (TypeError, ValueError):
+            text = shown(repr(row[column]))
+            raise file.wrong(f"{column} is {text}, no number", line) from None
+        if not (isfinite(value) and value >= 0.0):
+            raise file.wrong(f"{column} is {value}; it must be >= 0", line)
+        return value
+
+    in_speed, in_time, in_travel = measures
+    joint = (row["joint"] or "").strip()
+    if joint not in model.q_names:
+        known = did_you_mean(joint, model.q_names)
+        raise file.wrong(f"no joint is named '{shown(joint)}'; {known}", line)
+    slides = model.joints[joint].kind is JointKind.PRISMATIC
+    if slides != (in_travel == "travel_m"):
+        moves, right = ("slides", "travel_m") if slides else ("turns", IN_ANGLES)
+        raise file.wrong(
+            f"joint '{joint}' {moves}; its way is in {right}, not in {in_travel}", line
         )
-        yield MeasuredStop(joint, speed, (load, extension), time, travel)
-    if not count:
-        raise wrong(file, "has no rows")
+    speed = number(in_speed)
+    if in_speed == "speed_percent":
+        speed *= velocity[joint] / 100.0
+    time, travel = (number(c) * UNITS[c] for c in (in_time, in_travel))
+    if min(speed, time, travel) <= 0.0:
+        raise file.wrong("speed, time and way of a stop must be > 0", line)
+    if travel > speed * time:
+        raise file.wrong(
+            f"joint '{joint}' starts to stop at {speed:g} and cannot get {travel:g} "
+            f"far in {time:g} s",
+            line,
+        )
+    conditions = {column: number(column) for column in CONDITIONS if column in row}
+    return MeasuredStop(joint, speed, conditions, time, travel)
 
 
-def check_columns(file: TableFile, columns: Sequence[str]) -> tuple[str, str, str]:
+def check_columns(file: TableFile, columns: Sequence[str]) -> list[str]:
     """Names of the columns of speed, time and travel.
 
     Raises:
@@ -216,26 +225,17 @@ def check_columns(file: TableFile, columns: Sequence[str]) -> tuple[str, str, st
     """
     for name in columns:
         if name not in COLUMNS:
-            raise wrong(
-                file,
-                f"there is no column '{shown(name)}'; {did_you_mean(name, COLUMNS)}",
-                1,
-            )
+            known = did_you_mean(name, COLUMNS)
+            raise file.wrong(f"there is no column '{shown(name)}'; {known}", 1)
     found = []
-    for group in (("joint",), SPEEDS, tuple(TIMES), tuple(TRAVELS)):
+    for group in (("joint",), SPEEDS, TIMES, TRAVELS):
         given = [name for name in columns if name in group]
         if len(given) != 1:
             has = " and ".join(given) if given else "none"
-            raise wrong(file, f"needs one column of {', '.join(group)}; has {has}", 1)
+            raise file.wrong(f"needs one column of {', '.join(group)}; has {has}", 1)
         found.append(given[0])
-    for column, declared in zip(CONDITIONS, (file.load, file.extension), strict=True):
-        if declared is not None and column not in columns:
+    for column in file.declared:
+        if column not in columns:
             what = column.removesuffix("_percent")
-            raise wrong(file, f"has no column {column}, yet a {what} is declared", 1)
-    return found[1], found[2], found[3]
-
-
-def wrong(file: TableFile, sentence: str, line: int = 0) -> FiguresError:
-    """An error about a file: `stop.csv:7: ...`."""
-    where = f"{file.path.name}:{line}" if line else file.path.name
-    return FiguresError(f"{where}: {sentence}", "tables")
+            raise file.wrong(f"has no column {column}, yet a {what} is declared", 1)
+    return found[1:]

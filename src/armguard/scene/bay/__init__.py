@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from armguard.errors import UnknownNameError
+from armguard.scene.contents import FLOOR
 from armguard.scene.file import load_scene
-from armguard.scene.scene import FLOOR, Scene
+from armguard.scene.scene import Scene
 from armguard.scene.settings import Mode
 from armguard.scene.trajectory import Trajectory
 from armguard.scene.trajectory_file import load_trajectory

@@ -1,7 +1,11 @@
 """Meshes in a scene: as triangles, as a hull, or as convex pieces."""
 
-from armguard.scene.meshes.form import MeshForm, mesh_parts
-from armguard.scene.meshes.pieces import convex_pieces, mesh_hull
+from armguard.scene.meshes.pieces import (
+    MeshForm,
+    convex_pieces,
+    mesh_hull,
+    mesh_parts,
+)
 from armguard.scene.meshes.source import (
     MAX_TRIANGLES,
     MeshInput,

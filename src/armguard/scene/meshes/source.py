@@ -1,4 +1,8 @@
-"""Where triangles come from: a file, or arrays of vertices and faces."""
+"""Where triangles come from: a file, or arrays of vertices and faces.
+
+A binary STL, of whatever size, is read in blocks: a header of 80 bytes, the count of
+triangles, then 50 bytes a triangle.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +16,6 @@ from armguard.bounded import is_file
 from armguard.errors import MeshError
 from armguard.robot.meshes import check_corners, load_triangles
 from armguard.robot.model import MeshFile
-from armguard.scene.meshes.stl import BLOCK, binary_stl_blocks, binary_stl_count
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +29,12 @@ MAX_TRIANGLES = 10_000_000
 
 # The same for a mesh of a scene file; it may ask for as many as `MAX_TRIANGLES`.
 MAX_TRIANGLES_OF_FILE = 2_000_000
+
+HEADER = 80
+RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+
+# Triangles read at once: about 120 MB while they are turned into float64.
+BLOCK = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +66,7 @@ class TriangleSource:
         for number, block in enumerate(self.blocks(), start=1):
             if progress is not None and total > 1:
                 progress(f"reading {self.name}", number, total)
-            finite = np.isfinite(block).all(axis=(1, 2))
-            if not finite.all():
-                bad = int(np.flatnonzero(~finite)[0])
-                raise MeshError(
-                    f"mesh '{self.name}' has a corner that is not finite, in triangle "
-                    f"{done + bad}; mend the mesh"
-                )
-            check_corners(self.name, block)
+            check_corners(self.name, block, done)
             done += len(block)
             yield block
 
@@ -140,7 +142,7 @@ def open_file(path: Path, factors: Floats) -> TriangleSource:
             path.name, count, lambda: binary_stl_blocks(path, count, factors)
         )
     triangles = load_triangles(MeshFile(path)) * factors
-    return TriangleSource(path.name, len(triangles), lambda: in_blocks(triangles))
+    return in_memory(path.name, triangles, np.arange(len(triangles)))
 
 
 def open_arrays(arrays: tuple[ArrayLike, ArrayLike], factors: Floats) -> TriangleSource:
@@ -167,15 +169,69 @@ def open_arrays(arrays: tuple[ArrayLike, ArrayLike], factors: Floats) -> Triangl
             f"mesh faces name vertex {low if low < 0 else high}; there are "
             f"{len(vertices)}, from 0 on"
         )
-    scaled = vertices * factors
+    return in_memory(name, vertices * factors, faces)
+
+
+def in_memory(name: str, rows: Floats, chosen: NDArray[np.integer]) -> TriangleSource:
+    """Triangles in memory: those rows of an array that are chosen, block by block."""
     return TriangleSource(
         name,
-        len(faces),
-        lambda: (scaled[faces[k : k + BLOCK]] for k in range(0, len(faces), BLOCK)),
+        len(chosen),
+        lambda: (rows[chosen[k : k + BLOCK]] for k in range(0, len(chosen), BLOCK)),
     )
 
 
-def in_blocks(triangles: Floats) -> Iterator[Floats]:
-    """Triangles in memory, block by block."""
-    for start in range(0, len(triangles), BLOCK):
-        yield triangles[start : start + BLOCK]
+def binary_stl_count(path: Path) -> int | None:
+    """Triangles a binary STL holds, None if the file is text.
+
+    The length tells the two apart: files exist whose binary header begins with
+    'solid', the first word of a text file.
+
+    Raises:
+        MeshError: It is neither: the count in its header and its length disagree.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(HEADER + 4)
+    if len(head) == HEADER + 4:
+        count = int.from_bytes(head[HEADER:], "little")
+        if size == HEADER + 4 + count * RECORD.itemsize:
+            return count
+    if head.lstrip().startswith(b"solid"):
+        return None
+    if len(head) < HEADER + 4:
+        raise MeshError(
+            f"mesh '{path.name}' is {size} bytes long, too short for an STL; write it "
+            "again"
+        )
+    held = (size - HEADER - 4) // RECORD.itemsize
+    raise MeshError(
+        f"mesh '{path.name}' tells of {count:,} triangles and has room for {held:,}; "
+        "it is cut off or no STL; write it again"
+    )
+
+
+def binary_stl_blocks(path: Path, count: int, factors: Floats) -> Iterator[Floats]:
+    """Its triangles, block by block, each of shape (n, 3, 3) [m].
+
+    Args:
+        path: The file.
+        count: Triangles in it.
+        factors: Scale of each axis, shape (3,) [-].
+
+    Raises:
+        MeshError: The file ends early: it was changed meanwhile.
+    """
+    with path.open("rb") as file:
+        file.seek(HEADER + 4)
+        for start in range(0, count, BLOCK):
+            wanted = min(BLOCK, count - start)
+            records = np.fromfile(file, dtype=RECORD, count=wanted)
+            if len(records) != wanted:
+                raise MeshError(
+                    f"mesh '{path.name}' ends after {start + len(records):,} of "
+                    f"{count:,} triangles; write it again"
+                )
+            corners = records["corners"].astype(np.float64)
+            corners *= factors
+            yield corners

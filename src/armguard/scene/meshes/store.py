@@ -3,6 +3,7 @@
 import os
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from zipfile import BadZipFile
@@ -11,9 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.kernel import cache_home
-from armguard.scene.meshes.piece import Piece
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A convex piece of a mesh.
+
+    Attributes:
+        points: Points whose hull it is, shape (n, 3) [m].
+        growth: How far the hull is grown so that every vertex of the mesh that is
+            nearest to it lies inside [m].
+        overreach: How far the grown hull reaches beyond the mesh [m].
+    """
+
+    points: Floats
+    growth: float
+    overreach: float
 
 
 def piece_key(triangles: Floats, settings: Sequence[object]) -> str:

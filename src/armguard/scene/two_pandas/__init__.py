@@ -14,7 +14,7 @@ def two_pandas_path() -> Path:
 
 
 def two_pandas_scene() -> Scene:
-    """Two real robots at one table, with things in their way and blocks to grip.
+    """Two real robots at one table, with obstacles and blocks to grip.
 
     Example:
         >>> from armguard.scene.two_pandas import two_pandas_scene
