@@ -16,14 +16,13 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from armguard.benchmark.filter import FREQUENCY, PERIOD, SPEED, crowded_scene
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.timing import percentiles, quiet
 from armguard.cli.console import say
 from armguard.respond import Guard
 from closed_loop.judge import Judge
 from episodes.records import keep
 from reach.peer import MinkPeer, is_installed
+from speed.filter import FREQUENCY, PERIOD, SPEED, crowded_scene
+from timing import describe_machine, percentiles, quiet
 
 RESULTS = Path(__file__).parents[1] / "docs" / "filter_peer.json"
 

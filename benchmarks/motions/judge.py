@@ -10,10 +10,10 @@ import coal
 import mujoco
 import numpy as np
 
-from armguard.benchmark.peers.mujoco_margin import mjcf
 from armguard.scene import SceneTables
 from arrays import Floats
 from closed_loop.judge import extent
+from peers.mujoco_margin import mjcf
 
 
 class Judge:

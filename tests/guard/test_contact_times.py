@@ -4,7 +4,6 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.benchmark.filter import crowded_guard
 from armguard.guard.contact_times import contact_time, lever_time, time_to_contact
 from armguard.guard.layout import NEAR_COUNT, TIME_TO_CONTACT
 from armguard.guard.near_pairs import row_place
@@ -13,6 +12,7 @@ from armguard.guard.workspace import MOTION, WATCH, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import open_motion
 from sliding import at_gap, let_go, slides
+from speed.filter import crowded_guard
 
 CYCLES = 200
 

@@ -2,7 +2,6 @@
 
 import typer
 
-from armguard.cli.bench import bench
 from armguard.cli.chaos import chaos
 from armguard.cli.check import check
 from armguard.cli.demo import demo
@@ -34,7 +33,6 @@ for command in (
     report,
     chaos,
     octree,
-    bench,
 ):
     app.command()(command)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from armguard.cli.console import CLEAR, JsonOption, out, print_json, say
+from armguard.cli.console import CLEAR, Json, out, print_json, say
 from armguard.errors import SceneError, did_you_mean
 from armguard.station.faults.fault import Fault, Outcome
 from armguard.station.faults.play import play
@@ -38,7 +38,7 @@ def chaos(
             "things to do [s]."
         ),
     ] = 0.15,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Play every fault against a guard of simulated arms: declared beside observed.
 

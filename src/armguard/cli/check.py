@@ -19,7 +19,7 @@ from armguard.cli.console import (
     BAD_INPUT,
     CLEAR,
     TOO_CLOSE,
-    JsonOption,
+    Json,
     out,
     print_json,
     say,
@@ -76,7 +76,7 @@ def check(
     prove_seconds: Annotated[
         float, typer.Option(min=0.0, help="Time for all proofs together [s].")
     ] = 60.0,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Check a scene. Exit code 0 sound, 1 too close at home, 2 cannot be guarded."""
     loaded: Scene | None = None

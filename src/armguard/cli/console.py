@@ -4,7 +4,9 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from functools import wraps
+from inspect import signature
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 from rich.console import Console
@@ -37,7 +39,32 @@ out = Console(highlight=False)
 # Progress and remarks, so that standard output holds the answer alone.
 err = Console(stderr=True, highlight=False)
 
-JsonOption = typer.Option(False, "--json", help="Print one JSON object.")
+Options = TypeVar("Options")
+
+# The option that every command with an answer has.
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+
+
+def with_options(
+    options: type[Options],
+) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
+    """A command that takes its options as one object.
+
+    Args:
+        options: A dataclass; its fields are annotated as typer's parameters are.
+    """
+
+    def decorate(work: Callable[[Options], None]) -> Callable[..., None]:
+        @wraps(work)
+        def command(**chosen: Any) -> None:
+            work(options(**chosen))
+
+        # Typer reads both.
+        command.__signature__ = signature(options)  # type: ignore[attr-defined]
+        command.__annotations__ = get_type_hints(options)
+        return command
+
+    return decorate
 
 
 def print_json(answer: dict[str, Any]) -> None:

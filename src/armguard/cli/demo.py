@@ -16,7 +16,7 @@ from armguard.cli.console import (
     CLEAR,
     STYLES,
     TOO_CLOSE,
-    JsonOption,
+    Json,
     out,
     print_json,
     say,
@@ -74,7 +74,7 @@ def demo(
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the operator's whims.")] = 8,
     page_port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Guard two simulated arms that a careless operator drives.
 

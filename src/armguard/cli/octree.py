@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from armguard.cli.console import JsonOption, out, print_json, say, say_progress
+from armguard.cli.console import Json, out, print_json, say, say_progress
 from armguard.errors import OctreeError
 from armguard.index import Octree
 from armguard.index.picture import draw_octree
@@ -20,7 +20,7 @@ def octree(
     png: Annotated[
         Path | None, typer.Option(help="Write a picture of the tree here.")
     ] = None,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Show the N-objects octree of a scene at home, audited."""
     path = bay_path() if scene is None else scene

@@ -11,7 +11,7 @@ from rich.table import Table
 from armguard.cli.console import (
     CLEAR,
     TOO_CLOSE,
-    JsonOption,
+    Json,
     out,
     print_json,
     progress_bar,
@@ -43,7 +43,7 @@ def replay(
     end: Annotated[
         float, typer.Option("--to", help="End at this time of it [s].")
     ] = np.inf,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Judge every cycle of a recording again and compare the answers bit by bit.
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from armguard.cli.console import CLEAR, JsonOption, out, print_json, progress_bar, say
+from armguard.cli.console import CLEAR, Json, out, print_json, progress_bar, say
 from armguard.station.errors import StationError
 
 
@@ -34,7 +34,7 @@ def report(
             min=0.0, help="Time for proofs that are not kept on this machine [s]."
         ),
     ] = 0.0,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Tell a recording on one page that needs no network. Exit code 0, 2 bad input.
 

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from armguard.cli.console import (
-    JsonOption,
+    Json,
     jsonable,
     out,
     print_json,
@@ -57,7 +57,7 @@ def run(
     report: Annotated[
         Path | None, typer.Option(help="Write the report with every event here.")
     ] = None,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Judge a motion, cycle by cycle. Exit code 0 clear, 1 too close, 2 bad input."""
     loaded = load_scene(scene, robot=robot, progress=say_progress)

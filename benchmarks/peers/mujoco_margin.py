@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.benchmark.peers import Pairs
 from armguard.geometry.shapes import ShapeKind
 from armguard.scene import SceneTables
+from peers import Pairs
 
 Floats = NDArray[np.float64]
 

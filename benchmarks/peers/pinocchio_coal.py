@@ -7,9 +7,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armguard.benchmark.peers import Pairs, checked_pairs
 from armguard.geometry.shapes import ShapeKind
 from armguard.scene import SceneTables
+from peers import Pairs, checked_pairs
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def transform(rows: Floats) -> Any:
 
 
 def coal_shape(kind: int, row: Floats) -> tuple[Any, Any]:
-    """Coal's shape of a primitive and where it stands."""
+    """Coal's shape of a primitive, and its frame."""
     if kind == ShapeKind.SPHERE:
         return coal.Sphere(row[0]), pin.SE3(np.eye(3), row[1:4].copy())
     if kind == ShapeKind.CAPSULE:
@@ -70,40 +70,11 @@ def coal_shape(kind: int, row: Floats) -> tuple[Any, Any]:
     return box, pin.SE3(R, row[1:4].copy())
 
 
-class AllDistances:
-    """`computeDistances` over all checked pairs."""
-
-    name = "pinocchio_coal_distances"
+class PinocchioPeer:
+    """Model and geometry of a scene, with the margin as the pairs' security margin."""
 
     def __init__(self, tables: SceneTables) -> None:
         self.margin = tables.margin
-        self.model, self.geometry = build_models(tables)
-        self.data = self.model.createData()
-        self.results = pin.GeometryData(self.geometry)
-
-    def step(self, q: Floats) -> object:
-        """Every distance."""
-        return pin.computeDistances(
-            self.model, self.data, self.geometry, self.results, q
-        )
-
-    def near_pairs(self, q: Floats) -> Pairs:
-        """Pairs whose distance is within the margin."""
-        self.step(q)
-        pairs = self.geometry.collisionPairs
-        return {
-            (pairs[k].first, pairs[k].second)
-            for k in range(len(pairs))
-            if self.results.distanceResults[k].min_distance <= self.margin
-        }
-
-
-class MarginCollisions:
-    """`computeCollisions` over all checked pairs; the margin is its security margin."""
-
-    name = "pinocchio_coal_margin"
-
-    def __init__(self, tables: SceneTables) -> None:
         self.model, self.geometry = build_models(tables)
         self.data = self.model.createData()
         self.results = pin.GeometryData(self.geometry)
@@ -116,19 +87,43 @@ class MarginCollisions:
             self.model, self.data, self.geometry, self.results, q, False
         )
 
+    def is_near(self, k: int) -> bool:
+        """Whether a pair was found in collision with the margin."""
+        return bool(self.results.collisionResults[k].isCollision())
+
     def near_pairs(self, q: Floats) -> Pairs:
-        """Pairs in collision with the margin."""
+        """Pairs that a step finds near."""
+        for result in self.results.collisionResults:
+            result.clear()
         self.step(q)
-        pairs = self.geometry.collisionPairs
-        return {
-            (pairs[k].first, pairs[k].second)
-            for k in range(len(pairs))
-            if self.results.collisionResults[k].isCollision()
-        }
+        pairs = enumerate(self.geometry.collisionPairs)
+        return {(pair.first, pair.second) for k, pair in pairs if self.is_near(k)}
 
 
-class BroadPhase:
-    """The broad-phase manager over a dynamic tree of boxes, with the margin.
+class AllDistances(PinocchioPeer):
+    """`computeDistances` over all checked pairs."""
+
+    name = "pinocchio_coal_distances"
+
+    def step(self, q: Floats) -> object:
+        """Every distance."""
+        return pin.computeDistances(
+            self.model, self.data, self.geometry, self.results, q
+        )
+
+    def is_near(self, k: int) -> bool:
+        """Whether the distance of a pair is within the margin."""
+        return bool(self.results.distanceResults[k].min_distance <= self.margin)
+
+
+class MarginCollisions(PinocchioPeer):
+    """`computeCollisions` over all checked pairs."""
+
+    name = "pinocchio_coal_margin"
+
+
+class BroadPhase(PinocchioPeer):
+    """The broad-phase manager over a dynamic tree of boxes.
 
     The manager leaves the margin out of its boxes unless the requests had it when the
     manager was made (the default callback then inflates them).
@@ -137,11 +132,7 @@ class BroadPhase:
     name = "pinocchio_coal_broadphase"
 
     def __init__(self, tables: SceneTables) -> None:
-        self.model, self.geometry = build_models(tables)
-        self.data = self.model.createData()
-        self.results = pin.GeometryData(self.geometry)
-        for request in self.results.collisionRequests:
-            request.security_margin = tables.margin
+        super().__init__(tables)
         self.manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             self.model, self.geometry, self.results
         )
@@ -152,15 +143,3 @@ class BroadPhase:
         return pin.computeCollisions(
             self.model, self.data, self.manager, self.callback, q
         )
-
-    def near_pairs(self, q: Floats) -> Pairs:
-        """Pairs in collision with the margin."""
-        for result in self.results.collisionResults:
-            result.clear()
-        self.step(q)
-        pairs = self.geometry.collisionPairs
-        return {
-            (pairs[k].first, pairs[k].second)
-            for k in range(len(pairs))
-            if self.results.collisionResults[k].isCollision()
-        }

@@ -1,4 +1,4 @@
-"""Other people's collision checkers, on the same tables in the same process."""
+"""Collision checkers of other projects, on the same tables in the same process."""
 
 from collections.abc import Callable, Iterator
 from typing import Protocol
@@ -12,11 +12,15 @@ Floats = NDArray[np.float64]
 Pairs = set[tuple[int, int]]
 
 
+# How to get a peer that is not there.
+NOT_INSTALLED = "not installed; pip install 'armguard[bench]'"
+
+
 class Peer(Protocol):
     """A checker that was given the scene's primitives and checked pairs.
 
     Attributes:
-        name: How it is called in the results.
+        name: Its name in the results.
     """
 
     name: str
@@ -39,23 +43,19 @@ def attempt(make: Callable[[], list[Peer]], packages: str) -> Iterator[Peer | st
     try:
         yield from make()
     except ImportError:
-        yield f"{packages}: not installed; pip install 'armguard[bench]'"
+        yield f"{packages}: {NOT_INSTALLED}"
 
 
 def pinocchio_peers(tables: SceneTables) -> list[Peer]:
     """Pinocchio with Coal, three ways."""
-    from armguard.benchmark.peers.pinocchio_coal import (
-        AllDistances,
-        BroadPhase,
-        MarginCollisions,
-    )
+    from peers.pinocchio_coal import AllDistances, BroadPhase, MarginCollisions
 
     return [AllDistances(tables), MarginCollisions(tables), BroadPhase(tables)]
 
 
 def mujoco_peers(tables: SceneTables) -> list[Peer]:
     """MuJoCo's kinematics and collision."""
-    from armguard.benchmark.peers.mujoco_margin import MujocoMargin
+    from peers.mujoco_margin import MujocoMargin
 
     return [MujocoMargin(tables)]
 

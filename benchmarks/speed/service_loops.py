@@ -1,7 +1,9 @@
-"""One process that is in turn a bare loop, an echo's client, and the service's client.
+"""The processes around the service: its client, a bare loop, and both ends of an echo.
 
-It is the same process for all three, so that they differ in nothing else. It is told
-what to be by a line of JSON on standard input, and answers with one.
+One process is in turn the service's client, a bare loop and the client of the echo, so
+that they differ in nothing else. A line of JSON on standard input says which one, and
+the answer is a line of JSON. With the word `echo` the module is the other end of the
+echo.
 """
 
 import gc
@@ -18,37 +20,129 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.benchmark.service_arms import Arms
-from armguard.benchmark.service_echo import ANSWERED, ASKED
+from armguard.scene import bay_scene, bay_task
 from armguard.station.client import Answer, Client
 from armguard.station.errors import StationError
 from armguard.station.service.machine import ask_realtime
+from armguard.station.wire.layout import (
+    COMMAND,
+    HEADER,
+    ROBOT,
+    SEAL,
+    STATE,
+    SUMMARY,
+    WISH,
+)
 
+Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
 NANO = 1_000_000_000
 
-# What a loop does in its first moments is not counted: pages and caches are cold, and
-# arms have to be engaged [s].
+# The bundled task: rows, and time from one to the next [s].
+ROWS, STEP = 2000, 0.03
+
+# The operators: gain towards the present point of the task [1/s], greatest desired
+# velocity [rad/s].
+PULL, FASTEST = 2.0, 1.2
+
+# Deceleration and acceleration of the bay's arms, and of their brakes [rad/s²].
+STRENGTH, BRAKES = 8.0, 30.0
+
+# As `Action` and `Level` number them.
+BRAKE_ACTION, BRAKE_LEVEL = 20, 40
+
+# Arms that had no turn for longer have been stopped [s].
+LONGEST = 1.0
+
+# The first moments of a loop are not counted: pages and caches are cold, and arms have
+# to be engaged [s].
 WARM = 0.5
 
-# As `Level` numbers it.
-BRAKE = 40
-
-# Who was stopped asks to be let go again after that long [s].
+# Time after which a stopped arm is engaged again [s].
 PATIENCE = 0.05
 
 # How long a single message of the echo is waited for [s].
 LOST = 1.0
 
+# Messages between the service and its client in the bay: a state with velocities and
+# the desired velocities of two arms of seven joints, and the answer [bytes].
+JOINTS, ROBOTS = 14, 2
+ASKED = HEADER.size + STATE.size + WISH.size + 3 * 8 * JOINTS + SEAL
+ANSWERED = (
+    HEADER.size + COMMAND.size + SUMMARY.size + ROBOTS * ROBOT.size + 16 * JOINTS + SEAL
+)
+
+
+class Arms:
+    """Both arms of the bay, and two operators who follow the bundled task.
+
+    The arms take a command when it arrives, and accelerate as real ones do.
+
+    Attributes:
+        q: Positions, shape (n,) [rad].
+        v: Velocities, shape (n,) [rad/s].
+        command: Commanded velocities, shape (n,) [rad/s].
+        worked: How far into the task the operators are [s].
+    """
+
+    def __init__(self) -> None:
+        self._rows: Floats = bay_task(ROWS).for_scene(bay_scene("path"))
+        self.q: Floats = self._rows[0].copy()
+        self.v: Floats = np.zeros_like(self.q)
+        self.command: Floats = np.zeros_like(self.q)
+        self.worked = 0.0
+        self._at = float("nan")
+        self._braked = False
+
+    def measure(self, now: float) -> None:
+        """Move until now [s]."""
+        passed = now - self._at
+        self._at = now
+        if not 0.0 < passed < LONGEST:
+            return
+        most = (BRAKES if self._braked else STRENGTH) * passed
+        after = self.v + np.clip(self.command - self.v, -most, most)
+        self.q += 0.5 * (self.v + after) * passed
+        self.v = after
+        self.worked += passed
+
+    def desired(self) -> Floats:
+        """Velocities that the operators desire, shape (n,) [rad/s]."""
+        at = self.worked / STEP % (len(self._rows) - 1)
+        row = int(at)
+        before, after = self._rows[row], self._rows[row + 1]
+        target = before + (at - row) * (after - before)
+        velocity = (after - before) / STEP + PULL * (target - self.q)
+        clipped: Floats = np.clip(velocity, -FASTEST, FASTEST)
+        return clipped
+
+    def obey(self, answer: Answer, now: float) -> None:
+        """Take the command of an answer at a time [s]."""
+        self.measure(now)
+        self._braked = answer.action_number >= BRAKE_ACTION
+        self.command = np.zeros_like(self.q) if self._braked else answer.velocity
+
+    def rest(self) -> None:
+        """Stop, because no command comes any more."""
+        self.q += 0.5 * self.v * np.abs(self.v) / STRENGTH
+        self.v[:] = 0.0
+        self.command = np.zeros_like(self.q)
+        self._at = float("nan")
+
+    @property
+    def resting(self) -> bool:
+        """Whether they are at rest."""
+        return not self.v.any()
+
 
 def pace(rate: float, seconds: float, step: Callable[[], None]) -> Longs:
-    """Sleep until it is time, do a step, again and again.
+    """Sleep until a step is due, make it, again and again.
 
     Args:
         rate: Steps a second [Hz].
         seconds: For how long, a warm-up before it left out [s].
-        step: What to do.
+        step: The step.
 
     Returns:
         When each step was due and when the loop woke for it, shape (k, 2) [ns].
@@ -65,7 +159,7 @@ def pace(rate: float, seconds: float, step: Callable[[], None]) -> Longs:
         woke = time.monotonic_ns()
         times[k] = due, woke
         step()
-        # What was missed is not made up for by a burst, as in the service.
+        # Missed steps are not made up for by a burst, as in the service.
         due = max(due + period, woke)
     return times[warm:]
 
@@ -95,7 +189,7 @@ def echo(rate: float, seconds: float, port: int) -> dict[str, Longs]:
 
 
 class Talk:
-    """The service's client: it drives both arms, and looks at what comes back.
+    """The service's client: it drives both arms, and counts what answers say.
 
     Args:
         port: Port of the service.
@@ -109,7 +203,6 @@ class Talk:
     def _reset(self) -> None:
         self._took: list[int] = []
         self._cues: list[float] = []
-        self._inside: list[float] = []
         self._tally: Counter[str] = Counter()
         self._levels: Counter[str] = Counter()
         self._level = -1
@@ -130,22 +223,21 @@ class Talk:
             "times": times,
             "took": np.array(self._took[-len(times) :]),
             "cues": np.array(self._cues),
-            "inside": np.array(self._inside),
             "tally": dict(self._tally),
             "levels": dict(self._levels),
             "worked": self._arms.worked,
         }
 
     def _step(self) -> None:
-        """A state, a wish, an answer."""
+        """A state, desired velocities, an answer."""
         client, arms = self._client, self._arms
         while (answer := client.receive()) is not None:
             self._look(answer)
         now = client.clock()
         arms.measure(now)
-        wish = arms.wish()
+        desired = arms.desired()
         begin = time.perf_counter_ns()
-        answer = client.cycle(arms.q, wish, velocity=arms.v, stamp=now)
+        answer = client.cycle(arms.q, desired, velocity=arms.v, stamp=now)
         self._took.append(time.perf_counter_ns() - begin)
         arms.obey(answer, client.clock())
         self._look(answer)
@@ -172,15 +264,13 @@ class Talk:
             tally["missed_and_stopped"] += answer.cause.stops
         if not answer.cause.stops and "STALE" in answer.reason.name:
             tally["stale"] += 1
-        if answer.inside == answer.inside:
-            self._inside.append(answer.inside)
         self._levels[answer.level.name] += 1
 
     def _let_go(self, now: float, level: int) -> None:
-        """Whoever was stopped is engaged again, as an operator would.
+        """Engage stopped arms again, as an operator would.
 
         Arms that did not stop as declared, because this process had no time to obey,
-        would be measured standing for the rest of the run: all starts anew then.
+        would be at rest for the remainder of the run: all starts anew then.
         """
         if now - self._asked < PATIENCE:
             return
@@ -189,15 +279,30 @@ class Talk:
         with suppress(StationError):
             if not self._client.commands:
                 self._client.claim(force=True)
-            if level >= BRAKE:
+            if level >= BRAKE_LEVEL:
                 self._client.call("reset", timeout=0.2)
                 self._tally["reset"] += 1
             self._client.call("engage", timeout=0.2)
             self._tally["engaged"] += self._client.clock() >= self._counted
 
 
+def answer_echo() -> None:
+    """Answer every message at once; the first line on standard output is the port."""
+    buffer, answer = bytearray(2 * ANSWERED), bytes(ANSWERED)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here:
+        here.bind(("127.0.0.1", 0))
+        print(here.getsockname()[1], flush=True)
+        while True:
+            _, address = here.recvfrom_into(buffer)
+            here.sendto(answer, address)
+
+
 def main() -> None:
-    """Do what standard input says, a line at a time."""
+    """Be what standard input says, a line at a time; or the other end of the echo."""
+    if "echo" in sys.argv:
+        if "realtime" in sys.argv:
+            ask_realtime()
+        answer_echo()
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -205,9 +310,10 @@ def main() -> None:
     for line in sys.stdin:
         asked = json.loads(line)
         what, rate, seconds = asked["what"], asked["rate"], asked["seconds"]
+        found: dict[str, Any] = {}
         refusal = ""
         if what == "realtime":
-            refusal, found = ask_realtime(), {}
+            refusal = ask_realtime()
         elif what == "bare":
             found = bare(rate, seconds)
         elif what == "echo":
@@ -220,8 +326,7 @@ def main() -> None:
             with Path(asked["file"]).open("wb") as file:
                 np.savez(file, allow_pickle=False, **arrays)
         rest = {k: v for k, v in found.items() if k not in arrays}
-        sys.stdout.write(json.dumps({"refusal": refusal, **rest}) + "\n")
-        sys.stdout.flush()
+        print(json.dumps({"refusal": refusal, **rest}), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The processes that take part in the service's benchmark, and what they cost."""
 
 import json
+import os
 import select
 import signal
 import subprocess
@@ -17,22 +18,28 @@ import psutil
 
 from armguard.errors import ArmguardError
 
-# How long a process has to say its first word; kernels may have to be compiled [s].
+# Time until a process must write its first line; kernels may be compiled [s].
 START = 600.0
 
-# How long it gets to end [s].
+# Time in which it must end [s].
 END = 5.0
 
-# How often memory and descriptors are looked at [s].
+# Period at which memory and descriptors are read [s].
 LOOK = 1.0
 
 
 class BenchmarkError(ArmguardError, RuntimeError):
-    """A process of the benchmark did not do what it was started for."""
+    """A process of the benchmark has ended, or says nothing."""
+
+
+Process = subprocess.Popen[str]
+
+# Folder of the benchmarks' modules.
+BENCHMARKS = str(Path(__file__).parents[1])
 
 
 @contextmanager
-def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
+def running(*words: str, log: Path) -> Iterator[Process]:
     """A Python module as a process; it is ended afterwards.
 
     Args:
@@ -40,8 +47,9 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
         log: Where its standard error goes.
 
     Raises:
-        BenchmarkError: As raised while it ran, with its own last words if it has died.
+        BenchmarkError: As raised while it ran; with its last line if it has died.
     """
+    paths = filter(None, (os.environ.get("PYTHONPATH"), BENCHMARKS))
     with log.open("w", encoding="utf-8") as errors:
         process = subprocess.Popen(
             [sys.executable, "-m", *words],
@@ -50,6 +58,7 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
             stderr=errors,
             text=True,
             bufsize=1,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         )
     try:
         yield process
@@ -57,7 +66,6 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
         said = log.read_text(encoding="utf-8", errors="replace").strip()
         if process.poll() is None or not said:
             raise
-        # Who has died knows best of what.
         raise BenchmarkError(f"{error}; {said.splitlines()[-1]}") from error
     finally:
         # One that is paused cannot end.
@@ -72,7 +80,7 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def line_of(
-    process: subprocess.Popen[str],
+    process: Process,
     timeout: float,
     meanwhile: Callable[[], None] = lambda: None,
 ) -> str:
@@ -109,25 +117,19 @@ class Loops:
         meanwhile: Called every second while it works.
     """
 
-    process: subprocess.Popen[str]
+    process: Process
     folder: Path
     meanwhile: Callable[[], None] = lambda: None
 
     def ask(
         self, what: str, rate: float = 0.0, seconds: float = 0.0, port: int = 0
     ) -> dict[str, Any]:
-        """Have it be something for a while, and what it found."""
+        """Run one of the loops for a while; its results."""
         assert self.process.stdin is not None
         file = self.folder / "arrays.npz"
         file.unlink(missing_ok=True)
-        asked = {
-            "what": what,
-            "rate": rate,
-            "seconds": seconds,
-            "port": port,
-            "file": str(file),
-        }
-        self.process.stdin.write(json.dumps(asked) + "\n")
+        asked = {"what": what, "rate": rate, "seconds": seconds, "port": port}
+        self.process.stdin.write(json.dumps({**asked, "file": str(file)}) + "\n")
         line = line_of(self.process, START + 2.0 * seconds, self.meanwhile)
         found: dict[str, Any] = json.loads(line)
         if file.exists():
@@ -138,7 +140,7 @@ class Loops:
 
 @dataclass
 class Watch:
-    """Memory and open files of processes over time, and how busy the machine is.
+    """Memory and open files of processes over time.
 
     Attributes:
         rows: By process, of each look: time [s], resident memory [KiB], descriptors.
@@ -150,12 +152,12 @@ class Watch:
     _last: float = 0.0
 
     def add(self, name: str, pid: int) -> None:
-        """Look at a process from now on."""
+        """Watch a process from now on."""
         self._all[name] = psutil.Process(pid)
         self.rows[name] = []
 
     def add_children(self, pid: int) -> None:
-        """Look at the companions of a process from now on."""
+        """Watch the children of a process from now on."""
         for child in psutil.Process(pid).children(recursive=True):
             with suppress(psutil.Error):
                 words = child.cmdline()
@@ -175,21 +177,24 @@ class Watch:
                 self.rows[name].append(row)
 
     def processor_seconds(self) -> float:
-        """Processor time that those that are looked at have used [s]."""
-        used = 0.0
-        for process in self._all.values():
-            with suppress(psutil.Error):
-                times = process.cpu_times()
-                used += times.user + times.system
-        return used
+        """Processor time of the watched processes [s]."""
+        return sum(seconds_of(process) for process in self._all.values())
 
     def summary(self) -> dict[str, Any]:
         """What each process holds, how that changes, and whether it is flat."""
         return {name: kept(rows) for name, rows in self.rows.items() if len(rows) > 3}
 
 
-# Memory that is flat may differ by this share between the second and the last quarter
-# of the time, and by no less than this much is meant anyhow [KiB].
+def seconds_of(process: psutil.Process) -> float:
+    """Processor time that a process has used; 0 if it has ended [s]."""
+    with suppress(psutil.Error):
+        times = process.cpu_times()
+        return float(times.user + times.system)
+    return 0.0
+
+
+# Memory is flat if its growth from the second to the last quarter of the time is at
+# most this share, or this much [KiB].
 FLAT, LEAST = 0.005, 1024.0
 
 

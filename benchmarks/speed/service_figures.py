@@ -7,18 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.benchmark.timing import percentiles
-from armguard.station.service.counters import (
-    BUCKETS,
-    HISTOGRAMS,
-    Histogram,
-    upper_end,
-)
+from armguard.station.service.counters import BUCKETS, HISTOGRAMS, Histogram, upper_end
+from timing import percentiles
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# What must be reached [us], and misses beyond the bare loop's [-].
+# Targets [us], and misses beyond those of the bare loop [-].
 INSIDE_MEDIAN, INSIDE_TAIL = 60.0, 500.0
 ADDED_MEDIAN, ADDED_TAIL = 150.0, 300.0
 MORE_MISSES = 0.001
@@ -27,25 +22,23 @@ CUE = 50_000.0
 
 @dataclass
 class Found:
-    """What the rounds found.
+    """Results of the rounds.
 
     Attributes:
         times: By loop, due and woken [ns].
         took: By loop, round trips [ns].
         cues: From a level's change to its answer [s].
-        inside: As answers told it [s].
-        tally: What answers said.
+        tally: Answers by what they say.
         levels: Answers by level.
-        counted: What the service counted while its client was there.
+        counted: Counters of the service while its client was connected.
         stops: Its stops by reason, likewise.
         buckets: Its histograms, likewise.
-        worked: How far the operators came [s].
+        worked: How far into the task the operators are [s].
     """
 
     times: dict[str, list[Longs]] = field(default_factory=dict)
     took: dict[str, list[Longs]] = field(default_factory=dict)
     cues: list[Floats] = field(default_factory=list)
-    inside: list[Floats] = field(default_factory=list)
     tally: Counter[str] = field(default_factory=Counter)
     levels: Counter[str] = field(default_factory=Counter)
     counted: Counter[str] = field(default_factory=Counter)
@@ -58,77 +51,46 @@ class Found:
     worked: float = 0.0
 
     def add(self, loop: str, found: dict[str, Any]) -> None:
-        """What a loop found in its turn."""
+        """Add the results of a loop."""
         self.times.setdefault(loop, []).append(found["times"])
         if "took" in found:
             self.took.setdefault(loop, []).append(found["took"])
         if "tally" in found:
             self.cues.append(found["cues"])
-            self.inside.append(found["inside"])
             self.tally.update(found["tally"])
             self.levels.update(found["levels"])
             self.worked = found["worked"]
 
 
 def figures(found: Found, limit: float) -> dict[str, Any]:
-    """What was reached beside what must be.
+    """Measured figures beside their targets.
 
     Args:
-        found: What the rounds found.
+        found: Results of the rounds.
         limit: Time from one cycle to the next that is a missed deadline [ns].
     """
-    took = {
-        name: np.concatenate(parts).astype(np.float64)
-        for name, parts in found.took.items()
-    }
-    inside = from_buckets(found.buckets["inside"])
-    handed = from_buckets(found.buckets["handed"])
-    trip, echo = percentiles(took["service"]), percentiles(took["echo"])
-    loops = {
-        name: lateness(parts, limit)
-        for name, parts in found.times.items()
-        if name in ("bare", "alone")
-    }
+    took = {name: percentiles(np.concatenate(t)) for name, t in found.took.items()}
+    histograms = {name: from_buckets(found.buckets[name]) for name in HISTOGRAMS}
+    loops = {name: lateness(found.times[name], limit) for name in ("bare", "alone")}
     cycles = max(found.counted["cycles"], 1)
-    missed = found.counted["deadline_missed"] / cycles
-    allowed = loops["bare"]["share_missed"] + MORE_MISSES
-    cues = np.concatenate(found.cues) if found.cues else np.zeros(0)
+    missed = found.counted["deadline_missed"]
+    cues = np.concatenate(found.cues)
     cue = percentiles(cues * 1e9) if len(cues) else {}
-    targets = [
-        target("in to handed out, median [us]", INSIDE_MEDIAN, handed["median_us"]),
-        target("in to handed out, 99.9 % [us]", INSIDE_TAIL, handed["p999_us"]),
-        target("in to sent, median [us]", INSIDE_MEDIAN, inside["median_us"]),
-        target("in to sent, 99.9 % [us]", INSIDE_TAIL, inside["p999_us"]),
-        target(
-            "round trip minus echo, median [us]",
-            ADDED_MEDIAN,
-            trip["median_us"] - echo["median_us"],
-        ),
-        target(
-            "round trip minus echo, 99 % [us]",
-            ADDED_TAIL,
-            trip["p99_us"] - echo["p99_us"],
-        ),
-        target("deadlines missed, share [-]", allowed, missed),
-    ]
-    if cue:
-        targets.append(target("level change to answer, most [us]", CUE, cue["max_us"]))
-    return {
-        "targets": targets,
-        "in_to_handed_out": handed,
-        "in_to_sent": inside,
+    answer = {
+        "in_to_handed_out": histograms["handed"],
+        "in_to_sent": histograms["inside"],
         "in_to_handed_out_histogram": histogram_rows(found.buckets["handed"]),
         "in_to_sent_histogram": histogram_rows(found.buckets["inside"]),
-        "judging": from_buckets(found.buckets["judging"]),
-        "waking": from_buckets(found.buckets["waking"]),
-        "round_trip": trip,
-        "echo": echo,
+        "judging": histograms["judging"],
+        "waking": histograms["waking"],
+        "round_trip": took["service"],
+        "echo": took["echo"],
         "loops": loops,
         "misses": {
             "limit_ms": limit / 1e6,
             "cycles": cycles,
-            "counted": found.counted["deadline_missed"],
-            "share": missed,
+            "counted": missed,
+            "share": missed / cycles,
             "bare_share": loops["bare"]["share_missed"],
             "answers_that_said_so": found.tally["missed"],
             "of_these_stops": found.tally["missed_and_stopped"],
@@ -141,22 +103,39 @@ def figures(found: Found, limit: float) -> dict[str, Any]:
         "counters": {k: v for k, v in found.counted.items() if v},
         "task_s": found.worked,
     }
+    return {"targets": targets(answer), **answer}
 
 
-def target(what: str, most: float, measured: float) -> dict[str, Any]:
-    """A figure beside what it must not exceed."""
-    return {
-        "figure": what,
-        "target": most,
-        "measured": measured,
-        "met": bool(measured <= most),
-    }
+def targets(answer: dict[str, Any]) -> list[dict[str, Any]]:
+    """Each figure that has a target, beside it."""
+    handed, inside = answer["in_to_handed_out"], answer["in_to_sent"]
+    trip, echo, misses = answer["round_trip"], answer["echo"], answer["misses"]
+    added = {name: trip[name] - echo[name] for name in ("median_us", "p99_us")}
+    rows = [
+        ("in to handed out, median [us]", INSIDE_MEDIAN, handed["median_us"]),
+        ("in to handed out, 99.9 % [us]", INSIDE_TAIL, handed["p999_us"]),
+        ("in to sent, median [us]", INSIDE_MEDIAN, inside["median_us"]),
+        ("in to sent, 99.9 % [us]", INSIDE_TAIL, inside["p999_us"]),
+        ("round trip minus echo, median [us]", ADDED_MEDIAN, added["median_us"]),
+        ("round trip minus echo, 99 % [us]", ADDED_TAIL, added["p99_us"]),
+        (
+            "deadlines missed, share [-]",
+            misses["bare_share"] + MORE_MISSES,
+            misses["share"],
+        ),
+    ]
+    if cue := answer["level_change_to_answer"]:
+        rows.append(("level change to answer, most [us]", CUE, cue["max_us"]))
+    return [
+        {"figure": name, "target": most, "measured": seen, "met": seen <= most}
+        for name, most, seen in rows
+    ]
 
 
 def lateness(parts: list[Longs], limit: float) -> dict[str, float]:
     """How late a bare loop was woken, and how often its deadline would be missed.
 
-    A miss is what the service counts as one: more time than its limit since the cycle
+    A miss is defined as in the service: more time than its limit since the cycle
     before.
 
     Args:
@@ -166,7 +145,7 @@ def lateness(parts: list[Longs], limit: float) -> dict[str, float]:
     late = np.concatenate([woken - due for due, woken in (part.T for part in parts)])
     apart = np.concatenate([np.diff(part[:, 1]) for part in parts])
     return {
-        **percentiles(late.astype(np.float64)),
+        **percentiles(late),
         "share_missed": float((apart > limit).mean()) if len(apart) else 0.0,
         "cycles": len(late),
     }
@@ -174,20 +153,10 @@ def lateness(parts: list[Longs], limit: float) -> dict[str, float]:
 
 def from_buckets(counts: Longs) -> dict[str, float]:
     """Median and tail of a histogram of the service, at most 6 % too long."""
-    nothing = float("nan")
-    total = int(counts.sum())
-    if not total:
-        names = ("median_us", "p99_us", "p999_us", "max_us")
-        return dict.fromkeys(names, nothing) | {"count": 0}
-    whole = Histogram(counts, total, nothing, float("inf"))
-    last = int(np.flatnonzero(counts)[-1])
-    return {
-        "median_us": whole.percentile(0.5) * 1e6,
-        "p99_us": whole.percentile(0.99) * 1e6,
-        "p999_us": whole.percentile(0.999) * 1e6,
-        "max_us": upper_end(last) / 1e3,
-        "count": total,
-    }
+    whole = Histogram(counts, int(counts.sum()), float("nan"), float("inf"))
+    shares = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999, "max_us": 1.0}
+    times = {name: whole.percentile(share) * 1e6 for name, share in shares.items()}
+    return {**times, "count": whole.count}
 
 
 def histogram_rows(counts: Longs) -> list[list[float]]:
@@ -198,16 +167,16 @@ def histogram_rows(counts: Longs) -> list[list[float]]:
 
 def print_service(answer: dict[str, Any]) -> str:
     """Target beside measured, then the rest, in lines."""
-    head = f"{'':36}{'target':>12}{'measured':>12}"
-    lines = [head]
-    for row in answer["targets"]:
-        met = "" if row["met"] else "  not met"
-        lines.append(
-            f"{row['figure']:36}{row['target']:12.5g}{row['measured']:12.5g}{met}"
-        )
-    times = ("in_to_handed_out", "in_to_sent", "judging", "waking")
-    for name in (*times, "round_trip", "echo"):
-        lines.append(f"{name}: {in_words(answer[name])}")
+    times = "in_to_handed_out", "in_to_sent", "judging", "waking", "round_trip", "echo"
+    lines = [
+        f"{'':36}{'target':>12}{'measured':>12}",
+        *(
+            f"{row['figure']:36}{row['target']:12.5g}{row['measured']:12.5g}"
+            + ("" if row["met"] else "  not met")
+            for row in answer["targets"]
+        ),
+        *(f"{name}: {in_words(answer[name])}" for name in times),
+    ]
     for name, row in answer["loops"].items():
         share = f"{row['share_missed']:.3%} missed"
         lines.append(f"bare loop, {name}: {in_words(row)}, {share}")

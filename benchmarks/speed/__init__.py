@@ -1,0 +1,1 @@
+"""How long cycles, distances and answers take, beside peers; never assertions."""
