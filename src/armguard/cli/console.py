@@ -1,4 +1,4 @@
-"""What every command shares: exit codes, JSON, progress, messages."""
+"""Shared by all commands: options, exit codes, JSON, progress, messages."""
 
 import json
 import sys
@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from inspect import signature
+from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
@@ -17,6 +18,7 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
+from rich.table import Column, Table
 
 from armguard.guard.levels import Level
 
@@ -24,7 +26,7 @@ CLEAR = 0
 TOO_CLOSE = 1
 BAD_INPUT = 2
 
-# Colours that those who do not see red and green apart can tell; the text says it too.
+# Colours that differ for the colour-blind as well; the text has the same information.
 STYLES = {
     Level.CLEAR: "blue",
     Level.CAUTION: "yellow",
@@ -41,8 +43,19 @@ err = Console(stderr=True, highlight=False)
 
 Options = TypeVar("Options")
 
-# The option that every command with an answer has.
+# Arguments and options of several commands.
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+SceneFile = Annotated[Path, typer.Argument(help="Scene file: ours, or MoveIt's.")]
+SceneName = Annotated[
+    str, typer.Argument(help="Scene file, or a bundled scene: bay, two-pandas.")
+]
+RobotOption = Annotated[
+    str | None, typer.Option(help="URDF for a MoveIt scene, or a robot's name.")
+]
+Rate = Annotated[float, typer.Option(help="Cycles a second [Hz].")]
+Late = Annotated[
+    float, typer.Option(help="How much later than its period a cycle may come [s].")
+]
 
 
 def with_options(
@@ -67,14 +80,18 @@ def with_options(
     return decorate
 
 
+def json_of(answer: dict[str, Any]) -> str:
+    """One JSON object in lines; NaN and infinity become null."""
+    return json.dumps(jsonable(answer), indent=1, allow_nan=False) + "\n"
+
+
 def print_json(answer: dict[str, Any]) -> None:
-    """Print one JSON object; NaN and infinity become null."""
-    json.dump(jsonable(answer), sys.stdout, indent=1, allow_nan=False)
-    sys.stdout.write("\n")
+    """Print one JSON object."""
+    sys.stdout.write(json_of(answer))
 
 
 def jsonable(value: Any) -> Any:
-    """A value without what JSON has no word for."""
+    """A value as JSON has it: NaN and infinity become None."""
     if isinstance(value, dict):
         return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -92,6 +109,12 @@ def say(sentence: str) -> None:
 def say_progress(what: str, number: int, count: int) -> None:
     """A remark before something that takes a second or more."""
     say(f"{what}, {number} of {count}" if count > 1 else what)
+
+
+def plain_table(*titles: str) -> Table:
+    """A table without lines, whose cells are folded where they are too long."""
+    columns = (Column(title, overflow="fold") for title in titles)
+    return Table(*columns, box=None, pad_edge=False)
 
 
 @contextmanager

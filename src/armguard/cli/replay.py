@@ -76,12 +76,9 @@ def replayed(path: Path, start: float, end: float) -> tuple[dict[str, Any], int]
     recording = open_recording(path)
     with progress_bar("judging", recording.cycle_count) as advance:
         found = judge_again(recording, start=start, end=end, progress=advance)
-    answer = {
-        **asdict(found),
-        "identical": found.identical,
-        "sentence": found.sentence,
-    }
-    return answer, CLEAR if found.identical else TOO_CLOSE
+    same = found.identical
+    answer = {**asdict(found), "identical": same, "sentence": found.sentence}
+    return answer, CLEAR if same else TOO_CLOSE
 
 
 def compared(
@@ -115,8 +112,8 @@ def by_name(settings: list[str]) -> dict[str, str]:
 
 def print_comparison(answer: dict[str, Any]) -> None:
     """A comparison for people."""
-    told = ", ".join(f"{name}={value}" for name, value in answer["settings"].items())
-    table = Table(title=f"{answer['cycles']:,} cycles, recorded and with {told}")
+    given = ", ".join(f"{name}={value}" for name, value in answer["settings"].items())
+    table = Table(title=f"{answer['cycles']:,} cycles, recorded and with {given}")
     for column in ("", "recorded", "changed"):
         table.add_column(column, justify="left" if not column else "right")
     sides = answer["recorded"], answer["changed"]
@@ -127,8 +124,8 @@ def print_comparison(answer: dict[str, Any]) -> None:
     table.add_row("stops", *(str(len(side["stops"])) for side in sides))
     table.add_row("slowed", *(str(side["slows"]) for side in sides))
     for name in ("least_clearance", "least_distance"):
-        row = [millimetres(side[name]) for side in sides]
-        table.add_row(name.replace("_", " "), *row)
+        lengths = (millimetres(side[name]) for side in sides)
+        table.add_row(name.replace("_", " "), *lengths)
     out.print(table)
     for title, key in (
         ("stops that would not have been ordered then", "stops_gone"),
@@ -144,11 +141,10 @@ def print_comparison(answer: dict[str, Any]) -> None:
     if first is None:
         out.print("no level and no command would have been different")
     else:
-        cycle, time, what = first["cycle"], first["time"], first["what"]
-        out.print(f"first difference: cycle {cycle:,} at {time:.3f} s: {what}")
-    told_otherwise = answer["cycles_told_otherwise"]
-    if told_otherwise:
-        out.print(f"told something else in {told_otherwise:,} cycles")
+        at = f"cycle {first['cycle']:,} at {first['time']:.3f} s"
+        out.print(f"first difference: {at}: {first['what']}")
+    if others := answer["cycles_told_otherwise"]:
+        out.print(f"other commands in {others:,} cycles")
     for refused in answer["refused"]:
         out.print(f"would have been refused: {refused}")
     say(answer["caveat"])

@@ -21,12 +21,10 @@ def report(
         ),
     ] = None,
     clearance: Annotated[
-        float,
-        typer.Option(help="A pair with less left than this is a near miss [m]."),
+        float, typer.Option(help="A pair with less left than this is a near miss [m].")
     ] = 0.0,
     slack: Annotated[
-        float,
-        typer.Option(help="Less time than this until a stop is a near miss [s]."),
+        float, typer.Option(help="Less time than this until a stop is a near miss [s].")
     ] = 0.0,
     prove_seconds: Annotated[
         float,
@@ -59,7 +57,8 @@ def report(
             progress=advance,
         )
     if page is None and not json:
-        page = page_beside(recording)
+        folder = recording.is_dir()
+        page = recording / "report.html" if folder else recording.with_suffix(".html")
     if page is not None:
         write_page(findings, page)
     if json:
@@ -68,14 +67,7 @@ def report(
         for problem in findings.problems:
             say(f"note: {problem}")
         out.print(summary(findings), markup=False)
-        if told := advice(findings):
-            out.print(told, markup=False)
+        if sentence := advice(findings):
+            out.print(sentence, markup=False)
         out.print(f"page written to {page}", markup=False)
     raise typer.Exit(CLEAR)
-
-
-def page_beside(recording: Path) -> Path:
-    """Where the page of a recording goes if nobody says."""
-    if recording.is_dir():
-        return recording / "report.html"
-    return recording.with_suffix(".html")

@@ -1,15 +1,18 @@
 """`armguard run`: judge a motion in a scene, report every event."""
 
-import json as json_format
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from armguard.cli.console import (
+    TOO_CLOSE,
     Json,
-    jsonable,
+    RobotOption,
+    SceneFile,
+    json_of,
     out,
     print_json,
     progress_bar,
@@ -24,9 +27,11 @@ from armguard.scene import load_scene
 from armguard.scene.trajectory import densify
 from armguard.station.motions import load_motion, motion_notes
 
+Floats = NDArray[np.float64]
+
 
 def run(
-    scene: Annotated[Path, typer.Argument(help="Scene file: ours, or MoveIt's.")],
+    scene: SceneFile,
     trajectory: Annotated[
         Path,
         typer.Option(
@@ -51,9 +56,7 @@ def run(
     hold_home: Annotated[
         bool, typer.Option(help="Hold joints the motion does not have at home.")
     ] = False,
-    robot: Annotated[
-        str | None, typer.Option(help="URDF for a MoveIt scene, or a robot's name.")
-    ] = None,
+    robot: RobotOption = None,
     report: Annotated[
         Path | None, typer.Option(help="Write the report with every event here.")
     ] = None,
@@ -69,48 +72,62 @@ def run(
     notes = motion_notes(motion, loaded)
     guard = Guard(loaded, progress=say)
     notes += guard.tables.notes
+    log, figures = judged(guard, q, motion.stamps)
+    between = None
+    if not motion.ends_only and np.isfinite(q).all():
+        say("checking the lines between the samples")
+        between = guard.check_path(q)
+    code = figures["exit_code"]
+    if between is not None and not between.clear:
+        code = max(code, TOO_CLOSE)
+    answer = {
+        "scene": scene.name,
+        "trajectory": trajectory.name,
+        "notes": notes,
+        **figures,
+        "exit_code": code,
+        "between": None if between is None else between.to_dict(guard.q_names),
+    }
+    if report is not None:
+        report.write_text(json_of(answer), encoding="utf-8")
+    if json:
+        print_json(answer)
+    else:
+        if motion.ends_only:
+            notes.append("a request has no way between start and goal; both are judged")
+        for note in notes:
+            say(f"note: {note}")
+        print_summary(answer, log)
+        if between is not None:
+            out.print(between.sentence)
+        if report is not None:
+            out.print(f"report written to {report}")
+    raise typer.Exit(code)
+
+
+def judged(
+    guard: Guard, q: Floats, stamps: Floats | None
+) -> tuple[EventLog, dict[str, Any]]:
+    """The events of a motion, and its summary.
+
+    Args:
+        guard: The guard.
+        q: Configurations, shape (k, n) [rad or m].
+        stamps: Time of each [s]; None of a motion without time.
+    """
     fixed = all(part.mode == "fixed" for part in guard.tables.robots)
     log, times, counts = EventLog(), list[float](), list[Counts]()
     with progress_bar("judging", len(q)) as advance:
-        for k, configuration in enumerate(q):
-            stamp = None if motion.stamps is None else float(motion.stamps[k])
+        for k, row in enumerate(q):
             # A recorded motion does not obey, so it is judged place by place.
             verdict = (
-                guard.step(configuration, stamp)
+                guard.step(row, None if stamps is None else float(stamps[k]))
                 if fixed
-                else (guard.judge_at_rest(configuration))
+                else guard.judge_at_rest(row)
             )
             log.add(verdict)
             times.append(verdict.cycle_time)
             counts.append(verdict.counts)
             if k % 100 == 99:
                 advance(100)
-    between = None
-    if not motion.ends_only and np.isfinite(q).all():
-        say("checking the lines between the samples")
-        between = guard.check_path(q)
-    answer = {
-        "scene": scene.name,
-        "trajectory": trajectory.name,
-        "notes": notes,
-        **summary(log, times, counts),
-        "between": None if between is None else between.to_dict(guard.q_names),
-    }
-    if between is not None and not between.clear:
-        answer["exit_code"] = max(int(str(answer["exit_code"])), 1)
-    if report is not None:
-        text = json_format.dumps(jsonable(answer), indent=1)
-        report.write_text(text + "\n", encoding="utf-8")
-    if json:
-        print_json(answer)
-    else:
-        for note in notes:
-            say(f"note: {note}")
-        if motion.ends_only:
-            say("note: a request has no way between start and goal; both are judged")
-        print_summary(answer, log)
-        if between is not None:
-            out.print(between.sentence)
-        if report is not None:
-            out.print(f"report written to {report}")
-    raise typer.Exit(int(str(answer["exit_code"])))
+    return log, summary(log, times, counts)

@@ -1,51 +1,46 @@
-"""What a run came to: events, levels, times; for people and for programs."""
+"""The result of a run: events, levels, times; for people and for programs."""
 
 from math import isfinite
 from typing import Any
 
 import numpy as np
-from rich.table import Table
 
-from armguard.cli.console import STYLES, exit_code, out
+from armguard.cli.console import STYLES, exit_code, out, plain_table
 from armguard.guard import Event, EventLog, Level
 from armguard.guard.verdict import Counts
+from armguard.station.simulated.tally import cycle_time_sentence, cycle_times
 
-# Levels whose count is told where it is 0 too.
-ALWAYS_TOLD = (Level.CLEAR, Level.CAUTION, Level.STOP)
+# Changes of the index that are added up.
+CHANGES = ("leaves_entered", "leaves_left", "splits", "merges")
+
+# Levels whose count is printed where it is 0 too.
+ALWAYS = (Level.CLEAR, Level.CAUTION, Level.STOP)
 
 # Events a table shows; the JSON has them all.
 SHOWN = 40
 
 
 def summary(
-    log: EventLog, cycle_times: list[float], counts: list[Counts]
+    log: EventLog, durations: list[float], counts: list[Counts]
 ) -> dict[str, Any]:
     """A run as one JSON object.
 
     Args:
         log: Its events.
-        cycle_times: Duration of each cycle [s].
+        durations: Duration of each cycle [s].
         counts: What each cycle had to do.
     """
-    times = np.array(cycle_times) * 1e6
     tested = [c.pairs_tested for c in counts]
     return {
-        "cycles": len(cycle_times),
+        "cycles": len(durations),
         "levels": {level.name: n for level, n in log.levels.items()},
         "faults": log.faults,
         "least_clearance": log.least_clearance,
         "exit_code": exit_code(log.levels, log.faults),
-        "cycle_time_us": {
-            "median": float(np.median(times)),
-            "p99": float(np.percentile(times, 99)),
-            "max": float(times.max()),
-        },
+        "cycle_time_us": cycle_times(durations),
         "pairs_tested": {"mean": float(np.mean(tested)), "max": max(tested)},
         "pairs_checkable": counts[0].pairs_tested + counts[0].pairs_skipped,
-        "leaves_entered": sum(c.leaves_entered for c in counts),
-        "leaves_left": sum(c.leaves_left for c in counts),
-        "splits": sum(c.splits for c in counts),
-        "merges": sum(c.merges for c in counts),
+        **{name: sum(getattr(c, name) for c in counts) for name in CHANGES},
         "events": [event.to_dict() for event in log.events],
     }
 
@@ -61,9 +56,7 @@ def event_line(event: Event) -> str:
 def print_summary(answer: dict[str, Any], log: EventLog) -> None:
     """Print a run for people."""
     if log.events:
-        table = Table(box=None, pad_edge=False)
-        for title in ("level", "cycles", "worst at", "what"):
-            table.add_column(title, overflow="fold")
+        table = plain_table("level", "cycles", "worst at", "what")
         for event in log.events[:SHOWN]:
             table.add_row(
                 f"[{STYLES[event.level]}]{event.level.name}[/]",
@@ -77,16 +70,15 @@ def print_summary(answer: dict[str, Any], log: EventLog) -> None:
     levels = ", ".join(
         f"{n} {level.name.lower().replace('_', ' ')}"
         for level, n in log.levels.items()
-        if n or level in ALWAYS_TOLD
+        if n or level in ALWAYS
     )
     out.print(f"{answer['cycles']} cycles: {levels}; {log.faults} faults")
     if log.levels[Level.CLEAR] == answer["cycles"]:
         out.print("nothing came within the margin")
     elif isfinite(answer["least_clearance"]):
         out.print(f"least clearance {answer['least_clearance'] * 1e3:.1f} mm")
-    times = answer["cycle_time_us"]
+    times, tested = answer["cycle_time_us"], answer["pairs_tested"]["mean"]
     out.print(
-        f"cycle time median {times['median']:.1f} µs, p99 {times['p99']:.1f} µs, "
-        f"max {times['max']:.1f} µs; {answer['pairs_tested']['mean']:.1f} of "
-        f"{answer['pairs_checkable']} pairs measured a cycle"
+        f"{cycle_time_sentence(times)}; {tested:.1f} of {answer['pairs_checkable']} "
+        "pairs measured a cycle"
     )
