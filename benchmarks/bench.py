@@ -5,7 +5,6 @@ make bench ARGS="filter --cycles 500"   one of them
 make bench ARGS="service --seconds 60"  the service, ten minutes if not given
 """
 
-import json as json_format
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,7 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer import Option
 
-from armguard.cli.console import Json, jsonable, out, print_json, say, with_options
+from armguard.cli.console import Json, json_of, out, print_json, say, with_options
 from armguard.entry import run_program
 from armguard.errors import UnknownNameError, did_you_mean
 from speed.service import ServiceBench, bench_service
@@ -51,8 +50,7 @@ def bench(options: Options) -> None:
         answer = run(options.name, cycles=options.cycles, progress=say)
         lines = print_result(answer)
     if options.output is not None:
-        text = json_format.dumps(jsonable(answer), indent=1)
-        options.output.write_text(text + "\n", encoding="utf-8")
+        options.output.write_text(json_of(answer), encoding="utf-8")
     if options.json:
         print_json(answer)
     else:

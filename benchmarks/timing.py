@@ -11,9 +11,11 @@ from platform import machine, python_version
 from time import perf_counter_ns
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
+
+# Takes a sentence before each part that takes a while.
+Progress = Callable[[str], None]
 
 PACKAGES = ("armguard", "numba", "numpy", "pin", "coal", "mujoco")
 

@@ -1,14 +1,12 @@
 """Collision checkers of other projects, on the same tables in the same process."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from importlib import import_module
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from armguard.scene import SceneTables
+from arrays import Floats
 
-Floats = NDArray[np.float64]
 Pairs = set[tuple[int, int]]
 
 
@@ -32,32 +30,19 @@ class Peer(Protocol):
         """Primitives (i < j) it finds within the margin."""
 
 
+# Packages to install, and the module of the peers that need them.
+MODULES = {"pin coal": "pinocchio_coal", "mujoco": "mujoco_margin"}
+
+
 def available_peers(tables: SceneTables) -> Iterator[Peer | str]:
     """Every peer that is installed; for the others a sentence that says how."""
-    yield from attempt(lambda: pinocchio_peers(tables), "pin coal")
-    yield from attempt(lambda: mujoco_peers(tables), "mujoco")
-
-
-def attempt(make: Callable[[], list[Peer]], packages: str) -> Iterator[Peer | str]:
-    """The peers a maker makes, or how to install what it needs."""
-    try:
-        yield from make()
-    except ImportError:
-        yield f"{packages}: {NOT_INSTALLED}"
-
-
-def pinocchio_peers(tables: SceneTables) -> list[Peer]:
-    """Pinocchio with Coal, three ways."""
-    from peers.pinocchio_coal import AllDistances, BroadPhase, MarginCollisions
-
-    return [AllDistances(tables), MarginCollisions(tables), BroadPhase(tables)]
-
-
-def mujoco_peers(tables: SceneTables) -> list[Peer]:
-    """MuJoCo's kinematics and collision."""
-    from peers.mujoco_margin import MujocoMargin
-
-    return [MujocoMargin(tables)]
+    for packages, module in MODULES.items():
+        try:
+            kinds = import_module(f"peers.{module}").PEERS
+        except ImportError:
+            yield f"{packages}: {NOT_INSTALLED}"
+        else:
+            yield from (kind(tables) for kind in kinds)
 
 
 def checked_pairs(tables: SceneTables) -> list[tuple[int, int]]:

@@ -1,14 +1,14 @@
 """MuJoCo: kinematics and collision with a margin."""
 
+from itertools import combinations
+
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry.shapes import ShapeKind
 from armguard.scene import SceneTables
+from arrays import Floats
 from peers import Pairs
-
-Floats = NDArray[np.float64]
 
 
 def as_text(values: Floats) -> str:
@@ -81,18 +81,13 @@ def exclusions(tables: SceneTables) -> str:
     MuJoCo leaves out pairs of bodies, not of geoms: where only some geoms of the world
     are allowed to touch a body, they are filtered from the answer instead.
     """
-    count = len(tables.parent)
-    lines = []
-    for a in range(count):
-        for b in range(a + 1, count):
-            own = np.flatnonzero(tables.bodies == a)
-            other = np.flatnonzero(tables.bodies == b)
-            checked = tables.checked[
-                np.ix_(tables.groups[own], tables.groups[other])
-            ].any()
-            if not checked:
-                lines.append(f'<exclude body1="b{a}" body2="b{b}"/>')
-    return "".join(lines)
+    bodies = range(len(tables.parent))
+    groups = [tables.groups[tables.bodies == body] for body in bodies]
+    return "".join(
+        f'<exclude body1="b{a}" body2="b{b}"/>'
+        for a, b in combinations(bodies, 2)
+        if not tables.checked[np.ix_(groups[a], groups[b])].any()
+    )
 
 
 class MujocoMargin:
@@ -131,3 +126,7 @@ class MujocoMargin:
             if contact.dist <= t.margin and t.checked[t.groups[i], t.groups[j]]:
                 found.add((i, j))
         return found
+
+
+# The peers of a cycle.
+PEERS = (MujocoMargin,)

@@ -1,17 +1,16 @@
 """Pinocchio's kinematics with Coal's collision checks."""
 
+from dataclasses import replace
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armguard.geometry.shapes import ShapeKind
 from armguard.scene import SceneTables
+from arrays import Floats
 from peers import Pairs, checked_pairs
-
-Floats = NDArray[np.float64]
 
 
 def build_models(tables: SceneTables) -> tuple[Any, Any]:
@@ -143,3 +142,64 @@ class BroadPhase(PinocchioPeer):
         return pin.computeCollisions(
             self.model, self.data, self.manager, self.callback, q
         )
+
+
+class CoalManager:
+    """Coal's `DynamicAABBTreeCollisionManager`, built once over the fixed objects.
+
+    A cycle is Pinocchio's kinematics, new transforms of the objects that move, and
+    every pair of a moving and a fixed object within the margin. Pairs of two moving
+    objects are left out, and so are the scene's rules: that is less than a guard does.
+
+    Args:
+        tables: The scene.
+    """
+
+    def __init__(self, tables: SceneTables) -> None:
+        first = tables.moving_count
+        self.margin = tables.margin
+        # Fixed objects need no place in Pinocchio's model.
+        moving = replace(
+            tables,
+            kinds=tables.kinds[:first],
+            bodies=tables.bodies[:first],
+            local_rows=tables.local_rows[:first],
+            moving_count=0,
+        )
+        self.model, self.geometry = build_models(moving)
+        self.data = self.model.createData()
+        self.placements = self.geometry.createData()
+        shapes = [part.geometry for part in self.geometry.geometryObjects]
+        self.moving = [coal.CollisionObject(shape) for shape in shapes]
+        primitives = tables.kinds[first:].tolist(), tables.local_rows[first:]
+        self.fixed = [
+            coal.CollisionObject(shape, at.rotation, at.translation)
+            for shape, at in map(coal_shape, *primitives)
+        ]
+        self.manager = coal.DynamicAABBTreeCollisionManager()
+        self.manager.registerObjects(self.fixed)
+        self.manager.setup()
+        self.callback = coal.CollisionCallBackDefault()
+        request = coal.CollisionRequest()
+        request.security_margin = tables.margin
+        request.num_max_contacts = 4096
+        self.callback.data.request = request
+
+    def step(self, q: Floats) -> int:
+        """Number of contacts within the margin."""
+        pin.updateGeometryPlacements(
+            self.model, self.data, self.geometry, self.placements, q
+        )
+        found = 0
+        for mover, at in zip(self.moving, self.placements.oMg, strict=True):
+            mover.setTransform(coal.Transform3s(at.rotation, at.translation))
+            mover.computeAABB()
+            # The manager compares boxes, which leave the margin out.
+            mover.getAABB().expand(self.margin)
+            self.manager.collide(mover, self.callback)
+            found += self.callback.data.result.numContacts()
+        return found
+
+
+# The peers of a cycle.
+PEERS = (AllDistances, MarginCollisions, BroadPhase)

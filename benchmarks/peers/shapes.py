@@ -22,15 +22,15 @@ from armguard.geometry import (
     Sphere,
     Triangle,
 )
+from arrays import Floats
 
-Floats = NDArray[np.float64]
 Convex = Callable[[Floats, NDArray[np.intp]], Any]
 
 
 def peer_geometry(
     library: Any, convex: Convex, shape: Shape, T: Floats
 ) -> tuple[Any, Floats] | None:
-    """A library's shape without rounding, and the frame it stands at.
+    """A library's shape without rounding, and its frame.
 
     Args:
         library: The module.
@@ -41,28 +41,29 @@ def peer_geometry(
     Returns:
         None if the library has nothing for it.
     """
-    if isinstance(shape, Sphere):
-        return library.Sphere(shape.radius), T
-    if isinstance(shape, Capsule):
-        length, T = along_z(shape, T)
-        return library.Capsule(shape.radius, length), T
-    if isinstance(shape, Box):
-        return library.Box(*(2.0 * np.array(shape.half_extents))), T
-    if isinstance(shape, Triangle):
-        # Their own TriangleP is measured against nothing, or against another one.
-        corners = np.array([shape.a, shape.b, shape.c])
-        return convex(corners, np.array([[0, 1, 2], [0, 2, 1]])), T
-    if isinstance(shape, Cylinder):
-        return library.Cylinder(shape.radius, shape.height), T
-    if isinstance(shape, Cone) and shape.top_radius == 0.0:
-        return library.Cone(shape.radius, shape.height), T
-    if isinstance(shape, Ellipsoid):
-        return library.Ellipsoid(*shape.semi_axes), T
-    if isinstance(shape, HalfSpace):
-        return library.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), T
-    if isinstance(shape, Hull):
-        faces = outward_faces(shape)
-        return None if faces is None else (convex(shape.vertices, faces), T)
+    match shape:
+        case Sphere():
+            return library.Sphere(shape.radius), T
+        case Capsule():
+            length, T = along_z(shape, T)
+            return library.Capsule(shape.radius, length), T
+        case Box():
+            return library.Box(*(2.0 * np.array(shape.half_extents))), T
+        case Triangle():
+            # Their own TriangleP is measured against nothing, or against another one.
+            corners = np.array([shape.a, shape.b, shape.c])
+            return convex(corners, np.array([[0, 1, 2], [0, 2, 1]])), T
+        case Cylinder():
+            return library.Cylinder(shape.radius, shape.height), T
+        case Cone(top_radius=0.0):
+            return library.Cone(shape.radius, shape.height), T
+        case Ellipsoid():
+            return library.Ellipsoid(*shape.semi_axes), T
+        case HalfSpace():
+            return library.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), T
+        case Hull():
+            faces = outward_faces(shape)
+            return None if faces is None else (convex(shape.vertices, faces), T)
     return None
 
 

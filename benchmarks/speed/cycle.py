@@ -1,6 +1,5 @@
 """`bench cycle`: a cycle in the bay, all links moving, beside its peers."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,9 +8,7 @@ from armguard.respond import Guard
 from armguard.scene import bay_scene, bay_task
 from peers import Pairs, Peer, available_peers
 from speed.scenes import sway
-from timing import percentiles, quiet, time_in_turns
-
-Progress = Callable[[str], None]
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 2000
 

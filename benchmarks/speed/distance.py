@@ -9,7 +9,6 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armguard.address import pointer
@@ -29,11 +28,9 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import ROW_WIDTH, shape_row
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
+from arrays import Floats
 from peers.shapes import CoalPair, coal_pair
-from timing import quiet
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from timing import Progress, quiet
 
 # Pairs of each kind, and calls of each of them that are timed together.
 CYCLES = 200

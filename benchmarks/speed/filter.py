@@ -1,20 +1,18 @@
 """`bench filter`: what a filtered command costs, in a crowded bay."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from time import perf_counter_ns
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Pose, Sphere
 from armguard.respond import Guard
+from armguard.respond.command import Command
 from armguard.scene import Scene, bay_scene
+from arrays import Floats
 from speed.scenes import PERIOD
-from timing import percentiles, quiet
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from timing import Progress, percentiles, quiet
 
 CYCLES = 20_000
 
@@ -91,23 +89,47 @@ def with_balls(scene: Scene, places: dict[str, Floats]) -> Scene:
     return scene
 
 
-def filtered(guard: Guard, count: int) -> dict[str, Any]:
+class Cycle(NamedTuple):
+    """A filtered cycle.
+
+    Attributes:
+        q: Positions [rad].
+        desired: Desired velocities [rad/s].
+        command: The filter's answer.
+        taken: Duration of the call [ns].
+    """
+
+    q: Floats
+    desired: Floats
+    command: Command
+    taken: int
+
+
+def driven(guard: Guard, count: int) -> Iterator[Cycle]:
     """Drive both arms to and fro through the filter; they follow its commands."""
     n = len(guard.q_names)
     phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, n)
     q, v = guard.home, np.zeros(n)
-    times, steps, near, stops, changed = [], [], [], 0, 0
-    guard.reset()
     for k in range(count):
         desired = SPEED * np.sin(2.0 * np.pi * FREQUENCY * k * PERIOD + phases)
         begin = perf_counter_ns()
         command = guard.filter(q, desired, k * PERIOD, velocity=v)
-        times.append(perf_counter_ns() - begin)
-        near.append(len(command.verdict.near))
-        stops += command.action > 0
-        changed += bool((np.abs(command.velocity - desired) > 1e-9).any())
+        yield Cycle(q, desired, command, perf_counter_ns() - begin)
         v = command.velocity
         q = q + v * PERIOD
+
+
+def filtered(guard: Guard, count: int) -> dict[str, Any]:
+    """Durations of filtered cycles, what they had to do, and those of `step`."""
+    times, steps, near, stops, changed = [], [], [], 0, 0
+    guard.reset()
+    for cycle in driven(guard, count):
+        v = cycle.command.velocity
+        times.append(cycle.taken)
+        near.append(len(cycle.command.verdict.near))
+        stops += cycle.command.action > 0
+        changed += bool((np.abs(v - cycle.desired) > 1e-9).any())
+    q = cycle.q + v * PERIOD
     for k in range(count // 10):
         begin = perf_counter_ns()
         guard.step(q, (count + k) * PERIOD, velocity=v)

@@ -1,20 +1,15 @@
 """`bench gripping`: what contracts, the models of a gripper and transactions cost."""
 
-from collections.abc import Callable
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Cylinder, Pose
 from armguard.respond import Guard
 from armguard.scene import Grasp, Gripper, Scene
 from speed.scenes import PERIOD
-from timing import percentiles, quiet
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from timing import Progress, percentiles, quiet
 
 CYCLES = 4_000
 

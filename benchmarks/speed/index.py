@@ -1,21 +1,17 @@
 """`bench index`: the paper's findings about its octree, measured again."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.guard import Reason
 from armguard.guard.verdict import Counts
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene
+from arrays import Floats
 from speed.scenes import crowded_bay, only_last, sway
-from timing import percentiles, quiet, time_in_turns
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 2000
 PAPER_PERIOD = 30e-3

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
@@ -14,9 +13,7 @@ from numba.core.runtime import _nrt_python, rtsys
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from speed.scenes import sway
-from timing import percentiles, time_calls
-
-Progress = Callable[[str], None]
+from timing import Progress, percentiles, time_calls
 
 CYCLES = 1_000_000
 

@@ -17,14 +17,10 @@ from armguard.kernel import kernel
 from armguard.respond import Guard
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import compile_scene
+from arrays import Floats, Ints
 from peers import NOT_INSTALLED
 from speed.scenes import bay_among_boxes, boxes_world, sway
-from timing import percentiles, quiet, time_in_turns
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Longs = NDArray[np.int64]
-Progress = Callable[[str], None]
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 500
 SIZES = (35, 200, 2_000, 20_000, 200_000, 1_000_000)
@@ -175,72 +171,11 @@ def brute_force(scene: Scene) -> Guard:
 def coal_manager(tables: SceneTables) -> tuple[Any, dict[str, Any]]:
     """Coal's manager of the same primitives if it is installed, and what is known."""
     try:
-        peer, seconds = timed(lambda: CoalManager(tables))
+        from peers.pinocchio_coal import CoalManager
     except ImportError:
         return None, {"left_out": NOT_INSTALLED}
+    peer, seconds = timed(lambda: CoalManager(tables))
     return peer, {"build_s": seconds}
-
-
-class CoalManager:
-    """Coal's `DynamicAABBTreeCollisionManager`, built once over the fixed objects.
-
-    A cycle is Pinocchio's kinematics, new transforms of the objects that move, and
-    every pair of a moving and a fixed object within the margin. Pairs of two moving
-    objects are left out, and so are the scene's rules: that is less than a guard does.
-
-    Args:
-        tables: The scene.
-    """
-
-    def __init__(self, tables: SceneTables) -> None:
-        import coal
-        import pinocchio as pin
-
-        from peers.pinocchio_coal import build_models, coal_shape
-
-        first = tables.moving_count
-        self.margin = tables.margin
-        # Fixed objects need no place in Pinocchio's model.
-        moving = replace(
-            tables,
-            kinds=tables.kinds[:first],
-            bodies=tables.bodies[:first],
-            local_rows=tables.local_rows[:first],
-            moving_count=0,
-        )
-        self.model, self.geometry = build_models(moving)
-        self.data = self.model.createData()
-        self.placements = self.geometry.createData()
-        self.place = pin.updateGeometryPlacements
-        self.transform = coal.Transform3s
-        shapes = [part.geometry for part in self.geometry.geometryObjects]
-        self.moving = [coal.CollisionObject(shape) for shape in shapes]
-        primitives = tables.kinds[first:].tolist(), tables.local_rows[first:]
-        self.fixed = [
-            coal.CollisionObject(shape, at.rotation, at.translation)
-            for shape, at in map(coal_shape, *primitives)
-        ]
-        self.manager = coal.DynamicAABBTreeCollisionManager()
-        self.manager.registerObjects(self.fixed)
-        self.manager.setup()
-        self.callback = coal.CollisionCallBackDefault()
-        request = coal.CollisionRequest()
-        request.security_margin = tables.margin
-        request.num_max_contacts = 4096
-        self.callback.data.request = request
-
-    def step(self, q: Floats) -> int:
-        """Number of contacts within the margin."""
-        self.place(self.model, self.data, self.geometry, self.placements, q)
-        found = 0
-        for mover, at in zip(self.moving, self.placements.oMg, strict=True):
-            mover.setTransform(self.transform(at.rotation, at.translation))
-            mover.computeAABB()
-            # The manager compares boxes, which leave the margin out.
-            mover.getAABB().expand(self.margin)
-            self.manager.collide(mover, self.callback)
-            found += self.callback.data.result.numContacts()
-        return found
 
 
 def against_movers(cycles: int, boxes: int) -> dict[str, Any]:
@@ -285,9 +220,9 @@ def follow_all(
     steps: Floats,
     world: World,
     state: OctreeState,
-    seen: Longs,
+    seen: Ints,
     token: int,
-    out: Ints,
+    out: NDArray[np.int32],
 ) -> int:
     """Move the first boxes of a world and look up their candidates.
 

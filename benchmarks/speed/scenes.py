@@ -3,15 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Capsule, Pose, ShapeKind
 from armguard.geometry.pose import rotation_from_rpy
 from armguard.geometry.shapes import ROW_WIDTH
 from armguard.index import World
 from armguard.scene import Scene, SceneTables, bay_scene
-
-Floats = NDArray[np.float64]
+from arrays import Floats
 
 # Time from one cycle to the next [s].
 PERIOD = 1e-3

@@ -15,13 +15,16 @@ this, and a fair comparison loads them alike:
 Companions (the view, the recorder) go on all the time.
 """
 
+import os
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,7 +37,9 @@ from armguard.station.service.counters import (
     Histogram,
     counters_path,
 )
+from armguard.station.service.machine import ask_realtime
 from speed.service_figures import Found, figures
+from speed.service_loops import answer_echo, bare, client, echo, without_collector
 from speed.service_processes import (
     START,
     BenchmarkError,
@@ -45,12 +50,7 @@ from speed.service_processes import (
     running,
     seconds_of,
 )
-from timing import describe_machine
-
-Progress = Callable[[str], None]
-
-# The module of the client, the bare loops and both ends of the echo.
-LOOPS = "speed.service_loops"
+from timing import Progress, describe_machine
 
 # A round: this long the service [s], and these shares of it the others.
 ROUND = 30.0
@@ -167,26 +167,29 @@ def start(
     bench: ServiceBench, stack: ExitStack, folder: Path, watch: Watch, notes: list[str]
 ) -> Setup:
     """Start the service, its view, the echo and the loops; the stack ends them."""
-
-    def process(name: str, *words: str) -> Process:
-        return stack.enter_context(running(*words, log=folder / f"{name}.log"))
-
     begin = time.monotonic()
-    service = process("service", "armguard", *serve_words(bench, folder, notes))
+    words = serve_words(bench, folder, notes)
+    log = folder / "service.log"
+    service = stack.enter_context(running("armguard", *words, log=log))
     port, ring = listening_at(line_of(service, START))
     start_s = time.monotonic() - begin
     if bench.view:
         stack.enter_context(viewed(port, folder, watch, notes))
-    far = process("echo", LOOPS, "echo", *["realtime"] * bench.realtime)
-    echo_port = int(line_of(far, START))
-    near = process("loops", LOOPS)
+    spawn = get_context("spawn")
+    here, there = spawn.Pipe()
+    far = spawn.Process(target=answer_echo, args=(there, bench.realtime), daemon=True)
+    far.start()
+    there.close()
+    stack.callback(far.terminate)
+    echo_port = here.recv()
+    near = stack.enter_context(ProcessPoolExecutor(1, spawn, without_collector))
     watch.add("service", service.pid)
     watch.add_children(service.pid)
-    loops = Loops(near, folder, watch.look)
-    if bench.realtime and (why := loops.ask("realtime")["refusal"]):
+    loops = Loops(near, watch.look)
+    if bench.realtime and (why := loops.ask(ask_realtime)):
         notes.append(f"the bare loops: {why}")
     counters = CountersReader(counters_path(ring))
-    pids = near.pid, far.pid
+    pids = loops.ask(os.getpid), far.pid or 0
     return Setup(service, port, start_s, counters, echo_port, loops, pids)
 
 
@@ -240,16 +243,16 @@ def one_round(bench: ServiceBench, length: float, setup: Setup, found: Found) ->
         return max(share * length * (0.02 if bench.soak else 1.0), 1.0)
 
     before = counters.values(), counters.stops(), histograms(counters)
-    found.add("service", loops.ask("client", rate, length, setup.port))
+    found.add("service", loops.ask(client, rate, length, setup.port))
     after = counters.values(), counters.stops(), histograms(counters)
     found.counted.update({k: v - before[0][k] for k, v in after[0].items()})
     found.stops.update({k: v - before[1].get(k, 0) for k, v in after[1].items()})
     for name in HISTOGRAMS:
         found.buckets[name] += after[2][name].counts - before[2][name].counts
-    found.add("bare", loops.ask("bare", rate, short(BARE)))
+    found.add("bare", loops.ask(bare, rate, short(BARE)))
     with paused(setup.service.pid):
-        found.add("alone", loops.ask("bare", rate, short(ALONE)))
-        found.add("echo", loops.ask("echo", rate, short(ECHO), setup.echo_port))
+        found.add("alone", loops.ask(bare, rate, short(ALONE)))
+        found.add("echo", loops.ask(echo, rate, short(ECHO), setup.echo_port))
 
 
 @contextmanager

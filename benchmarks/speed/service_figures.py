@@ -5,13 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.station.service.counters import BUCKETS, HISTOGRAMS, Histogram, upper_end
+from arrays import Floats, Ints
 from timing import percentiles
-
-Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
 
 # Targets [us], and misses beyond those of the bare loop [-].
 INSIDE_MEDIAN, INSIDE_TAIL = 60.0, 500.0
@@ -36,14 +33,14 @@ class Found:
         worked: How far into the task the operators are [s].
     """
 
-    times: dict[str, list[Longs]] = field(default_factory=dict)
-    took: dict[str, list[Longs]] = field(default_factory=dict)
+    times: dict[str, list[Ints]] = field(default_factory=dict)
+    took: dict[str, list[Ints]] = field(default_factory=dict)
     cues: list[Floats] = field(default_factory=list)
     tally: Counter[str] = field(default_factory=Counter)
     levels: Counter[str] = field(default_factory=Counter)
     counted: Counter[str] = field(default_factory=Counter)
     stops: Counter[int] = field(default_factory=Counter)
-    buckets: dict[str, Longs] = field(
+    buckets: dict[str, Ints] = field(
         default_factory=lambda: {
             name: np.zeros(BUCKETS, np.int64) for name in HISTOGRAMS
         }
@@ -132,7 +129,7 @@ def targets(answer: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def lateness(parts: list[Longs], limit: float) -> dict[str, float]:
+def lateness(parts: list[Ints], limit: float) -> dict[str, float]:
     """How late a bare loop was woken, and how often its deadline would be missed.
 
     A miss is defined as in the service: more time than its limit since the cycle
@@ -151,7 +148,7 @@ def lateness(parts: list[Longs], limit: float) -> dict[str, float]:
     }
 
 
-def from_buckets(counts: Longs) -> dict[str, float]:
+def from_buckets(counts: Ints) -> dict[str, float]:
     """Median and tail of a histogram of the service, at most 6 % too long."""
     whole = Histogram(counts, int(counts.sum()), float("nan"), float("inf"))
     shares = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999, "max_us": 1.0}
@@ -159,7 +156,7 @@ def from_buckets(counts: Longs) -> dict[str, float]:
     return {**times, "count": whole.count}
 
 
-def histogram_rows(counts: Longs) -> list[list[float]]:
+def histogram_rows(counts: Ints) -> list[list[float]]:
     """Upper end [us] and number of each bucket that holds something."""
     full = np.flatnonzero(counts).tolist()
     return [[upper_end(k) / 1e3, int(counts[k])] for k in full]

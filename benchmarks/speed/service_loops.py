@@ -1,24 +1,20 @@
 """The processes around the service: its client, a bare loop, and both ends of an echo.
 
 One process is in turn the service's client, a bare loop and the client of the echo, so
-that they differ in nothing else. A line of JSON on standard input says which one, and
-the answer is a line of JSON. With the word `echo` the module is the other end of the
-echo.
+that they differ in nothing else.
 """
 
 import gc
-import json
 import socket
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
+from functools import cache
+from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.scene import bay_scene, bay_task
 from armguard.station.client import Answer, Client
@@ -33,9 +29,7 @@ from armguard.station.wire.layout import (
     SUMMARY,
     WISH,
 )
-
-Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
+from arrays import Floats, Ints
 
 NANO = 1_000_000_000
 
@@ -136,7 +130,7 @@ class Arms:
         return not self.v.any()
 
 
-def pace(rate: float, seconds: float, step: Callable[[], None]) -> Longs:
+def pace(rate: float, seconds: float, step: Callable[[], None]) -> Ints:
     """Sleep until a step is due, make it, again and again.
 
     Args:
@@ -164,12 +158,12 @@ def pace(rate: float, seconds: float, step: Callable[[], None]) -> Longs:
     return times[warm:]
 
 
-def bare(rate: float, seconds: float) -> dict[str, Longs]:
+def bare(rate: float, seconds: float) -> dict[str, Ints]:
     """A loop that does nothing: how late the machine wakes it."""
     return {"times": pace(rate, seconds, lambda: None)}
 
 
-def echo(rate: float, seconds: float, port: int) -> dict[str, Longs]:
+def echo(rate: float, seconds: float, port: int) -> dict[str, Ints]:
     """Send as many bytes as a state has, wait for as many as an answer has."""
     took: list[int] = []
     message = bytes(ASKED)
@@ -286,48 +280,30 @@ class Talk:
             self._tally["engaged"] += self._client.clock() >= self._counted
 
 
-def answer_echo() -> None:
-    """Answer every message at once; the first line on standard output is the port."""
+# The arms of a client go on from turn to turn.
+talk_with = cache(Talk)
+
+
+def client(rate: float, seconds: float, port: int) -> dict[str, Any]:
+    """Drive the arms through the service at a port."""
+    return talk_with(port).run(rate, seconds)
+
+
+def answer_echo(port: Connection, realtime: bool) -> None:
+    """Answer every message at once; the port is sent first."""
+    if realtime:
+        ask_realtime()
     buffer, answer = bytearray(2 * ANSWERED), bytes(ANSWERED)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here:
         here.bind(("127.0.0.1", 0))
-        print(here.getsockname()[1], flush=True)
+        port.send(here.getsockname()[1])
         while True:
             _, address = here.recvfrom_into(buffer)
             here.sendto(answer, address)
 
 
-def main() -> None:
-    """Be what standard input says, a line at a time; or the other end of the echo."""
-    if "echo" in sys.argv:
-        if "realtime" in sys.argv:
-            ask_realtime()
-        answer_echo()
+def without_collector() -> None:
+    """Keep the garbage collector of this process from disturbing its loops."""
     gc.collect()
     gc.freeze()
     gc.disable()
-    talk: Talk | None = None
-    for line in sys.stdin:
-        asked = json.loads(line)
-        what, rate, seconds = asked["what"], asked["rate"], asked["seconds"]
-        found: dict[str, Any] = {}
-        refusal = ""
-        if what == "realtime":
-            refusal = ask_realtime()
-        elif what == "bare":
-            found = bare(rate, seconds)
-        elif what == "echo":
-            found = echo(rate, seconds, asked["port"])
-        else:
-            talk = talk or Talk(asked["port"])
-            found = talk.run(rate, seconds)
-        arrays = {k: v for k, v in found.items() if isinstance(v, np.ndarray)}
-        if arrays:
-            with Path(asked["file"]).open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
-        rest = {k: v for k, v in found.items() if k not in arrays}
-        print(json.dumps({"refusal": refusal, **rest}), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,17 +1,16 @@
 """The processes that take part in the service's benchmark, and what they cost."""
 
-import json
-import os
 import select
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import psutil
@@ -33,9 +32,7 @@ class BenchmarkError(ArmguardError, RuntimeError):
 
 
 Process = subprocess.Popen[str]
-
-# Folder of the benchmarks' modules.
-BENCHMARKS = str(Path(__file__).parents[1])
+Result = TypeVar("Result")
 
 
 @contextmanager
@@ -49,7 +46,6 @@ def running(*words: str, log: Path) -> Iterator[Process]:
     Raises:
         BenchmarkError: As raised while it ran; with its last line if it has died.
     """
-    paths = filter(None, (os.environ.get("PYTHONPATH"), BENCHMARKS))
     with log.open("w", encoding="utf-8") as errors:
         process = subprocess.Popen(
             [sys.executable, "-m", *words],
@@ -58,7 +54,6 @@ def running(*words: str, log: Path) -> Iterator[Process]:
             stderr=errors,
             text=True,
             bufsize=1,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         )
     try:
         yield process
@@ -79,63 +74,21 @@ def running(*words: str, log: Path) -> Iterator[Process]:
             process.communicate()
 
 
-def line_of(
-    process: Process,
-    timeout: float,
-    meanwhile: Callable[[], None] = lambda: None,
-) -> str:
+def line_of(process: Process, timeout: float) -> str:
     """The next line a process writes.
 
     Args:
         process: The process.
         timeout: How long to wait [s].
-        meanwhile: Called every second.
 
     Raises:
         BenchmarkError: It has ended, or says nothing.
     """
     assert process.stdout is not None
-    end = time.monotonic() + timeout
-    while time.monotonic() < end:
-        ready, _, _ = select.select([process.stdout], [], [], LOOK)
-        if ready:
-            line = process.stdout.readline()
-            if line:
-                return line
-            break
-        meanwhile()
+    ready, _, _ = select.select([process.stdout], [], [], timeout)
+    if ready and (line := process.stdout.readline()):
+        return line
     raise BenchmarkError(f"process {process.args!r} said nothing: {process.poll()}")
-
-
-@dataclass
-class Loops:
-    """The process of `service_loops`.
-
-    Attributes:
-        process: The process.
-        folder: Where it leaves its arrays.
-        meanwhile: Called every second while it works.
-    """
-
-    process: Process
-    folder: Path
-    meanwhile: Callable[[], None] = lambda: None
-
-    def ask(
-        self, what: str, rate: float = 0.0, seconds: float = 0.0, port: int = 0
-    ) -> dict[str, Any]:
-        """Run one of the loops for a while; its results."""
-        assert self.process.stdin is not None
-        file = self.folder / "arrays.npz"
-        file.unlink(missing_ok=True)
-        asked = {"what": what, "rate": rate, "seconds": seconds, "port": port}
-        self.process.stdin.write(json.dumps({**asked, "file": str(file)}) + "\n")
-        line = line_of(self.process, START + 2.0 * seconds, self.meanwhile)
-        found: dict[str, Any] = json.loads(line)
-        if file.exists():
-            with np.load(file) as arrays:
-                found.update({name: arrays[name] for name in arrays.files})
-        return found
 
 
 @dataclass
@@ -183,6 +136,26 @@ class Watch:
     def summary(self) -> dict[str, Any]:
         """What each process holds, how that changes, and whether it is flat."""
         return {name: kept(rows) for name, rows in self.rows.items() if len(rows) > 3}
+
+
+@dataclass
+class Loops:
+    """The process of the client and the bare loops.
+
+    Attributes:
+        process: The process.
+        meanwhile: Called every second while it works.
+    """
+
+    process: ProcessPoolExecutor
+    meanwhile: Callable[[], None]
+
+    def ask(self, work: Callable[..., Result], *arguments: Any) -> Result:
+        """Do some work in the process; its result."""
+        result = self.process.submit(work, *arguments)
+        while wait([result], LOOK).not_done:
+            self.meanwhile()
+        return result.result()
 
 
 def seconds_of(process: psutil.Process) -> float:

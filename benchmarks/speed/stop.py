@@ -1,21 +1,17 @@
 """`bench stop`: what the prediction of stops costs, by mode, in the bay."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.guard import Level, Verdict
 from armguard.guard.verdict import Counts
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from armguard.scene.settings import MODES
+from arrays import Floats
 from speed.scenes import PERIOD, sway
-from timing import percentiles, quiet, time_in_turns
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 2000
 
