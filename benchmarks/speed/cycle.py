@@ -17,12 +17,7 @@ AGREEMENT = 200
 
 
 def bench(cycles: int, progress: Progress) -> dict[str, Any]:
-    """Durations of `Guard.step` and of its peers over the same motion.
-
-    Args:
-        cycles: Cycles to measure.
-        progress: Called with a sentence before each part.
-    """
+    """Durations of `Guard.step` and of its peers over the same motion."""
     guard = Guard(bay_scene(), progress=progress)
     tables = guard.tables
     q = sway(tables, cycles)

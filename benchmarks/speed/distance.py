@@ -73,10 +73,6 @@ def bench(cycles: int, progress: Progress) -> dict[str, Any]:
 
     Ours is timed in compiled code. Coal is timed from Python, its functor made before;
     the overhead of a call, measured beside every pair, is taken off.
-
-    Args:
-        cycles: Pairs of each kind.
-        progress: Called with a sentence before each kind.
     """
     passes: list[Floats] = []
     for number in range(PASSES):

@@ -33,10 +33,6 @@ def bench(cycles: int, progress: Progress) -> dict[str, Any]:
 
     The same desired velocities go through a bay without balls, and the same states
     through `step`.
-
-    Args:
-        cycles: Cycles to measure.
-        progress: Called with a sentence before each part.
     """
     progress("putting balls around the arms")
     guards = {"crowded": crowded_guard(progress), "bay": Guard(bay_scene("path"))}

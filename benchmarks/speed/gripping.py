@@ -28,12 +28,7 @@ CASES = {
 
 
 def bench(cycles: int, progress: Progress) -> dict[str, Any]:
-    """Durations of `Guard.filter` of a Panda at rest, by what its gripper is about.
-
-    Args:
-        cycles: Cycles to measure of each kind.
-        progress: Called with a sentence before each part.
-    """
+    """Durations of `Guard.filter` of a Panda at rest, by what its gripper is about."""
     answer: dict[str, Any] = {"cycles": cycles}
     for name, (gripper, near) in CASES.items():
         progress(f"measuring {cycles} filtered cycles: {name}")

@@ -31,12 +31,7 @@ from typing import Annotated, Any
 import psutil
 from typer import Option
 
-from armguard.station.service.counters import (
-    HISTOGRAMS,
-    CountersReader,
-    Histogram,
-    counters_path,
-)
+from armguard.station.service.counters import CountersReader, counters_path
 from armguard.station.service.machine import ask_realtime
 from speed.service_figures import Found, figures
 from speed.service_loops import answer_echo, bare, client, echo, without_collector
@@ -242,35 +237,26 @@ def one_round(bench: ServiceBench, length: float, setup: Setup, found: Found) ->
     def short(share: float) -> float:
         return max(share * length * (0.02 if bench.soak else 1.0), 1.0)
 
-    before = counters.values(), counters.stops(), histograms(counters)
-    found.add("service", loops.ask(client, rate, length, setup.port))
-    after = counters.values(), counters.stops(), histograms(counters)
-    found.counted.update({k: v - before[0][k] for k, v in after[0].items()})
-    found.stops.update({k: v - before[1].get(k, 0) for k, v in after[1].items()})
-    for name in HISTOGRAMS:
-        found.buckets[name] += after[2][name].counts - before[2][name].counts
-    found.add("bare", loops.ask(bare, rate, short(BARE)))
-    with paused(setup.service.pid):
-        found.add("alone", loops.ask(bare, rate, short(ALONE)))
-        found.add("echo", loops.ask(echo, rate, short(ECHO), setup.echo_port))
+    found.count(counters, -1)
+    found.turns["service"].append(loops.ask(client, rate, length, setup.port))
+    found.count(counters, 1)
+    found.turns["bare"].append(loops.ask(bare, rate, short(BARE)))
+    with paused(setup.service):
+        found.turns["alone"].append(loops.ask(bare, rate, short(ALONE)))
+        turn = loops.ask(echo, rate, short(ECHO), setup.echo_port)
+        found.turns["echo"].append(turn)
 
 
 @contextmanager
-def paused(process: int) -> Iterator[None]:
+def paused(process: Process) -> Iterator[None]:
     """A process that does not run for a while."""
-    one = psutil.Process(process)
-    one.send_signal(signal.SIGSTOP)
+    process.send_signal(signal.SIGSTOP)
     try:
         yield
     finally:
-        one.send_signal(signal.SIGCONT)
+        process.send_signal(signal.SIGCONT)
         # What it counts for having been paused must not be counted as its own.
         time.sleep(SETTLE)
-
-
-def histograms(counters: CountersReader) -> dict[str, Histogram]:
-    """All histograms as they are now."""
-    return {name: counters.histogram(name) for name in HISTOGRAMS}
 
 
 def busy() -> float:

@@ -1,13 +1,19 @@
 """Figures of the service's benchmark, and how they are printed."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from armguard.station.service.counters import BUCKETS, HISTOGRAMS, Histogram, upper_end
-from arrays import Floats, Ints
+from armguard.station.service.counters import (
+    BUCKETS,
+    HISTOGRAMS,
+    CountersReader,
+    Histogram,
+    upper_end,
+)
+from arrays import Ints
 from timing import percentiles
 
 # Targets [us], and misses beyond those of the bare loop [-].
@@ -22,41 +28,41 @@ class Found:
     """Results of the rounds.
 
     Attributes:
-        times: By loop, due and woken [ns].
-        took: By loop, round trips [ns].
-        cues: From a level's change to its answer [s].
-        tally: Answers by what they say.
-        levels: Answers by level.
+        turns: By loop, the results of its turns, see `service_loops`.
         counted: Counters of the service while its client was connected.
         stops: Its stops by reason, likewise.
         buckets: Its histograms, likewise.
-        worked: How far into the task the operators are [s].
     """
 
-    times: dict[str, list[Ints]] = field(default_factory=dict)
-    took: dict[str, list[Ints]] = field(default_factory=dict)
-    cues: list[Floats] = field(default_factory=list)
-    tally: Counter[str] = field(default_factory=Counter)
-    levels: Counter[str] = field(default_factory=Counter)
-    counted: Counter[str] = field(default_factory=Counter)
-    stops: Counter[int] = field(default_factory=Counter)
-    buckets: dict[str, Ints] = field(
-        default_factory=lambda: {
-            name: np.zeros(BUCKETS, np.int64) for name in HISTOGRAMS
-        }
+    turns: dict[str, list[dict[str, Any]]] = field(
+        default_factory=lambda: defaultdict(list)
     )
-    worked: float = 0.0
+    counted: Counter[Any] = field(default_factory=Counter)
+    stops: Counter[Any] = field(default_factory=Counter)
+    buckets: dict[str, Ints] = field(
+        default_factory=lambda: {name: np.zeros(BUCKETS, int) for name in HISTOGRAMS}
+    )
 
-    def add(self, loop: str, found: dict[str, Any]) -> None:
-        """Add the results of a loop."""
-        self.times.setdefault(loop, []).append(found["times"])
-        if "took" in found:
-            self.took.setdefault(loop, []).append(found["took"])
-        if "tally" in found:
-            self.cues.append(found["cues"])
-            self.tally.update(found["tally"])
-            self.levels.update(found["levels"])
-            self.worked = found["worked"]
+    def count(self, counters: CountersReader, sign: int) -> None:
+        """Add what the service has counted so far, or subtract it before a turn."""
+        for total, now in (
+            (self.counted, counters.values()),
+            (self.stops, counters.stops()),
+        ):
+            total.update({key: sign * value for key, value in now.items()})
+        for name in HISTOGRAMS:
+            self.buckets[name] += sign * counters.histogram(name).counts
+
+    def of(self, loop: str, name: str) -> list[Any]:
+        """One of the results of all turns of a loop."""
+        return [turn[name] for turn in self.turns[loop]]
+
+    def tally(self, name: str) -> Counter[str]:
+        """Counts of answers, added up over the turns of the client."""
+        total = Counter[str]()
+        for counts in self.of("service", name):
+            total.update(counts)
+        return total
 
 
 def figures(found: Found, limit: float) -> dict[str, Any]:
@@ -66,12 +72,16 @@ def figures(found: Found, limit: float) -> dict[str, Any]:
         found: Results of the rounds.
         limit: Time from one cycle to the next that is a missed deadline [ns].
     """
-    took = {name: percentiles(np.concatenate(t)) for name, t in found.took.items()}
+    took = {
+        name: percentiles(np.concatenate(found.of(name, "took")))
+        for name in ("service", "echo")
+    }
+    tally = found.tally("tally")
     histograms = {name: from_buckets(found.buckets[name]) for name in HISTOGRAMS}
-    loops = {name: lateness(found.times[name], limit) for name in ("bare", "alone")}
+    loops = {n: lateness(found.of(n, "times"), limit) for n in ("bare", "alone")}
     cycles = max(found.counted["cycles"], 1)
     missed = found.counted["deadline_missed"]
-    cues = np.concatenate(found.cues)
+    cues = np.concatenate(found.of("service", "cues"))
     cue = percentiles(cues * 1e9) if len(cues) else {}
     answer = {
         "in_to_handed_out": histograms["handed"],
@@ -89,16 +99,16 @@ def figures(found: Found, limit: float) -> dict[str, Any]:
             "counted": missed,
             "share": missed / cycles,
             "bare_share": loops["bare"]["share_missed"],
-            "answers_that_said_so": found.tally["missed"],
-            "of_these_stops": found.tally["missed_and_stopped"],
+            "answers_that_said_so": tally["missed"],
+            "of_these_stops": tally["missed_and_stopped"],
         },
-        "answers": dict(found.tally),
-        "stale_answers": found.tally["stale"],
-        "levels": dict(found.levels),
+        "answers": dict(tally),
+        "stale_answers": tally["stale"],
+        "levels": dict(found.tally("levels")),
         "level_change_to_answer": cue,
         "stops_by_reason": {str(k): v for k, v in found.stops.items() if v},
         "counters": {k: v for k, v in found.counted.items() if v},
-        "task_s": found.worked,
+        "task_s": found.of("service", "worked")[-1],
     }
     return {"targets": targets(answer), **answer}
 

@@ -57,12 +57,7 @@ class Run:
 
 
 def bench(cycles: int, progress: Progress) -> dict[str, Any]:
-    """Durations of `Guard.step` in each mode over the same motion.
-
-    Args:
-        cycles: Cycles to measure.
-        progress: Called with a sentence before each part.
-    """
+    """Durations of `Guard.step` in each mode over the same motion."""
     guards = {mode: Guard(bay_scene(mode), progress=progress) for mode in MODES}
     q = sway(guards["fixed"].tables, cycles)
     runs = {mode: Run(guard, q, mode != "fixed") for mode, guard in guards.items()}

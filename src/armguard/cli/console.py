@@ -20,6 +20,7 @@ from rich.progress import (
 )
 from rich.table import Column, Table
 
+from armguard.guard.events import Event
 from armguard.guard.levels import Level
 
 CLEAR = 0
@@ -129,6 +130,14 @@ def progress_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
     with Progress(*columns, console=err, transient=True) as progress:
         task = progress.add_task(title, total=total)
         yield lambda steps: progress.update(task, advance=steps)
+
+
+def event_line(event: Event) -> str:
+    """An event as one line."""
+    time = "" if event.stamp is None else f" {event.stamp:8.3f} s"
+    style = STYLES[event.level]
+    level = f"[{style}]{event.level.name:13}[/]"
+    return f"{level} cycle {event.at:6d}{time}  {event.why}"
 
 
 def exit_code(levels: dict[Level, int], faults: int) -> int:

@@ -16,11 +16,11 @@ from armguard.cli.console import (
     STYLES,
     TOO_CLOSE,
     Json,
+    event_line,
     out,
     print_json,
     say,
 )
-from armguard.cli.summary import event_line
 from armguard.guard import Level
 from armguard.scene import compile_scene
 from armguard.station.frames import Kind, frame_of

@@ -34,7 +34,7 @@ def report(
     ] = 0.0,
     json: Json = False,
 ) -> None:
-    """Tell a recording on one page that needs no network. Exit code 0, 2 bad input.
+    """Report a recording on one page that needs no network. Exit code 0, 2 bad input.
 
     With --json the findings are printed, and a page is written only with --out.
     """
