@@ -1,6 +1,7 @@
 """MuJoCo: kinematics and collision with a margin."""
 
 from itertools import combinations
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,6 +11,18 @@ from armguard.scene import SceneTables
 from arrays import Floats
 from peers import Pairs
 
+GEOM = mujoco.mjtGeom
+JOINTS = {1: mujoco.mjtJoint.mjJNT_HINGE, 2: mujoco.mjtJoint.mjJNT_SLIDE}
+
+# No part moves by itself here, but a model must have masses.
+INERTIA = {
+    "explicitinertial": True,
+    "mass": 1.0,
+    "inertia": (1, 1, 1),
+    "ipos": (0, 0, 0),
+    "iquat": (1, 0, 0, 0),
+}
+
 
 def as_text(values: Floats) -> str:
     """Numbers for an attribute, exact."""
@@ -18,76 +31,58 @@ def as_text(values: Floats) -> str:
 
 def quaternion(R: Floats) -> str:
     """Quaternion of a rotation, scalar first, for an attribute."""
+    return as_text(quaternion_of(R))
+
+
+def quaternion_of(R: Floats) -> Floats:
+    """Quaternion of a rotation, scalar first."""
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(R).reshape(9))
-    return as_text(quat)
+    return quat
 
 
-def mjcf(tables: SceneTables) -> str:
-    """The scene's tables as a MuJoCo model."""
-    lines: dict[int, list[str]] = {-1: []}
-    for b in range(len(tables.parent)):
-        T = tables.T_parent_joint[b].reshape(3, 4)
-        kind = {1: "hinge", 2: "slide"}.get(int(tables.joint_kind[b]))
-        at = f'pos="{as_text(T[:, 3])}" quat="{quaternion(T[:, :3])}"'
-        lines[b] = [
-            f'<body name="b{b}" {at}>',
-            '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>',
-        ]
-        if kind:
-            axis = as_text(tables.axis[b])
-            lines[b].append(f'<joint name="j{b}" type="{kind}" axis="{axis}"/>')
-    for i, kind in enumerate(tables.kinds):
-        lines[int(tables.bodies[i])].append(
-            geom(i, int(kind), tables.local_rows[i], tables.margin)
-        )
-    children: dict[int, list[int]] = {}
-    for b, up in enumerate(tables.parent):
-        children.setdefault(int(up), []).append(b)
-
-    def tree(b: int) -> str:
-        inner = "".join(tree(child) for child in children.get(b, []))
-        return "\n".join(lines[b]) + inner + ("</body>" if b >= 0 else "")
-
-    excluded = exclusions(tables)
-    return (
-        "<mujoco><option><flag filterparent='disable'/></option>"
-        "<size memory='64M'/>"
-        f"<worldbody>{tree(-1)}</worldbody><contact>{excluded}</contact></mujoco>"
-    )
-
-
-def geom(i: int, kind: int, row: Floats, margin: float) -> str:
-    """A primitive as a geom; half of the margin is its own."""
-    common = f'<geom name="p{i}" margin="{margin!r}" gap="{margin!r}" '
-    if kind == ShapeKind.SPHERE:
-        return (
-            common
-            + f'type="sphere" size="{float(row[0])!r}" pos="{as_text(row[1:4])}"/>'
-        )
-    if kind == ShapeKind.CAPSULE:
-        ends = as_text(row[1:7])
-        return common + f'type="capsule" size="{float(row[0])!r}" fromto="{ends}"/>'
-    # MuJoCo has no rounded box; the benchmark's scenes have none either.
-    half, R = as_text(row[4:7] + row[0]), row[7:16].reshape(3, 3)
-    return common + (
-        f'type="box" size="{half}" pos="{as_text(row[1:4])}" quat="{quaternion(R)}"/>'
-    )
-
-
-def exclusions(tables: SceneTables) -> str:
-    """Pairs of bodies that are not checked.
+def model_of(tables: SceneTables) -> mujoco.MjModel:
+    """The scene's tables as a MuJoCo model; half of the margin is each geom's own.
 
     MuJoCo leaves out pairs of bodies, not of geoms: where only some geoms of the world
     are allowed to touch a body, they are filtered from the answer instead.
     """
-    bodies = range(len(tables.parent))
-    groups = [tables.groups[tables.bodies == body] for body in bodies]
-    return "".join(
-        f'<exclude body1="b{a}" body2="b{b}"/>'
-        for a, b in combinations(bodies, 2)
-        if not tables.checked[np.ix_(groups[a], groups[b])].any()
-    )
+    spec = mujoco.MjSpec()
+    spec.memory = 64 << 20
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    bodies: dict[int, Any] = {-1: spec.worldbody}
+    for b, up in enumerate(tables.parent.tolist()):
+        T = tables.T_parent_joint[b].reshape(3, 4)
+        turn = quaternion_of(T[:, :3])
+        body = bodies[up].add_body(name=f"b{b}", pos=T[:, 3], quat=turn, **INERTIA)
+        if kind := JOINTS.get(int(tables.joint_kind[b])):
+            body.add_joint(name=f"j{b}", type=kind, axis=tables.axis[b])
+        bodies[b] = body
+    margin = {"margin": tables.margin, "gap": tables.margin}
+    for i, b in enumerate(tables.bodies.tolist()):
+        shape = geom(int(tables.kinds[i]), tables.local_rows[i])
+        bodies[b].add_geom(name=f"p{i}", **margin, **shape)
+    groups = [tables.groups[tables.bodies == b] for b in range(len(tables.parent))]
+    for a, b in combinations(range(len(groups)), 2):
+        if not tables.checked[np.ix_(groups[a], groups[b])].any():
+            spec.add_exclude(bodyname1=f"b{a}", bodyname2=f"b{b}")
+    return spec.compile()
+
+
+def geom(kind: int, row: Floats) -> dict[str, Any]:
+    """A primitive as the attributes of a geom."""
+    if kind == ShapeKind.SPHERE:
+        return {"type": GEOM.mjGEOM_SPHERE, "size": (row[0], 0, 0), "pos": row[1:4]}
+    if kind == ShapeKind.CAPSULE:
+        size = row[0], 0, 0
+        return {"type": GEOM.mjGEOM_CAPSULE, "size": size, "fromto": row[1:7]}
+    # MuJoCo has no rounded box; the benchmark's scenes have none either.
+    return {
+        "type": GEOM.mjGEOM_BOX,
+        "size": row[4:7] + row[0],
+        "pos": row[1:4],
+        "quat": quaternion_of(row[7:16].reshape(3, 3)),
+    }
 
 
 class MujocoMargin:
@@ -100,7 +95,7 @@ class MujocoMargin:
 
     def __init__(self, tables: SceneTables) -> None:
         self.tables = tables
-        self.model = mujoco.MjModel.from_xml_string(mjcf(tables))
+        self.model = model_of(tables)
         self.data = mujoco.MjData(self.model)
         bodies = np.flatnonzero(tables.joint_kind != 0)
         self.address = np.array([self.model.joint(f"j{b}").qposadr[0] for b in bodies])
