@@ -96,20 +96,8 @@ def at_size(
     assert isinstance(index, Octree)
     with quiet():
         builds = [timed(lambda: octree_of(tables, index.world)) for _ in range(3)]
-    contestants: dict[str, Any] = {}
-    peers: dict[str, dict[str, Any]] = {}
-    if size <= BRUTE_FORCE_LIMIT:
-        contestants["brute_force"] = brute_force(scene).step
-        peers["brute_force"] = {}
-    else:
-        reason = f"not run above {BRUTE_FORCE_LIMIT} primitives"
-        peers["brute_force"] = {"left_out": reason}
     progress(f"building the peer of {size} primitives")
-    peers[COAL] = {"left_out": too_slow}
-    if too_slow is None:
-        peer, peers[COAL] = coal_manager(tables)
-        if peer is not None:
-            contestants[COAL] = peer.step
+    contestants, peers = peers_of(size, scene, tables, too_slow)
     progress(f"measuring {len(q)} cycles at {size} primitives")
     with quiet():
         # Two alike in turns: a guard that runs after a peer finds cold caches, which at
@@ -168,14 +156,26 @@ def brute_force(scene: Scene) -> Guard:
         scene.index = chosen
 
 
-def coal_manager(tables: SceneTables) -> tuple[Any, dict[str, Any]]:
-    """Coal's manager of the same primitives if it is installed, and what is known."""
-    try:
-        from peers.pinocchio_coal import CoalManager
-    except ImportError:
-        return None, {"left_out": NOT_INSTALLED}
-    peer, seconds = timed(lambda: CoalManager(tables))
-    return peer, {"build_s": seconds}
+def peers_of(
+    size: int, scene: Scene, tables: SceneTables, too_slow: str | None
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """Steps of the peers by name, and what is known of each: how long it was built."""
+    contestants: dict[str, Any] = {}
+    reason = f"not run above {BRUTE_FORCE_LIMIT} primitives"
+    peers: dict[str, dict[str, Any]] = {"brute_force": {"left_out": reason}}
+    if size <= BRUTE_FORCE_LIMIT:
+        contestants["brute_force"] = brute_force(scene).step
+        peers["brute_force"] = {}
+    peers[COAL] = {"left_out": too_slow}
+    if too_slow is None:
+        try:
+            from peers.pinocchio_coal import CoalManager
+        except ImportError:
+            peers[COAL] = {"left_out": NOT_INSTALLED}
+        else:
+            peer, seconds = timed(lambda: CoalManager(tables))
+            contestants[COAL], peers[COAL] = peer.step, {"build_s": seconds}
+    return contestants, peers
 
 
 def against_movers(cycles: int, boxes: int) -> dict[str, Any]:

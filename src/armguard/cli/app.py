@@ -22,18 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    demo,
-    check,
-    run,
-    serve,
-    keys,
-    view,
-    replay,
-    report,
-    chaos,
-    octree,
-):
+for command in (demo, check, run, serve, keys, view, replay, report, chaos, octree):
     app.command()(command)
 
 

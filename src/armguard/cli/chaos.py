@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 
 from armguard.cli.console import (
     CLEAR,
@@ -35,13 +36,13 @@ def chaos(
     scene: SceneName = "bay",
     only: Annotated[
         list[str] | None,
-        typer.Option(help="Play faults whose names hold this; may be given again."),
+        Option(help="Play faults whose names hold this; may be given again."),
     ] = None,
     rate: Rate = 250.0,
     late: Late = 0.012,
     slack: Annotated[
         float,
-        typer.Option(
+        Option(
             help="What this machine may add to every declared time by having other "
             "things to do [s]."
         ),

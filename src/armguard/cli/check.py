@@ -4,6 +4,7 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from armguard.cli.claims import claim_findings, claim_table, prove_claims, show_claims
 from armguard.cli.console import (
@@ -44,7 +45,7 @@ def check(
     robot: RobotOption = None,
     propose: Annotated[
         int,
-        typer.Option(
+        Option(
             min=0,
             help="Sample this many configurations and propose pairs to allow; for "
             "review, nothing is applied.",
@@ -52,13 +53,13 @@ def check(
     ] = 0,
     prove: Annotated[
         bool,
-        typer.Option(
+        Option(
             help="Prove over the whole joint box what the SRDF and the scene claim of "
-            "pairs of a robot's links.",
+            "pairs of a robot's links."
         ),
     ] = False,
     prove_seconds: Annotated[
-        float, typer.Option(min=0.0, help="Time for all proofs together [s].")
+        float, Option(min=0.0, help="Time for all proofs together [s].")
     ] = 60.0,
     json: Json = False,
 ) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.live import Live
 from rich.text import Text
+from typer import Option
 
 from armguard.cli.console import (
     CLEAR,
@@ -45,21 +46,20 @@ SAYS = 5.0
 def demo(
     scene: Annotated[
         Literal["bay", "two-pandas"],
-        typer.Option(help="The paper's bay, or two Pandas at a table."),
+        Option(help="The paper's bay, or two Pandas at a table."),
     ] = "bay",
     response: Annotated[
         Literal["deflect", "slow", "stop"],
-        typer.Option(help="What arms do about what is near."),
+        Option(help="What arms do about what is near."),
     ] = "deflect",
     headless: Annotated[
-        bool, typer.Option(help="In the terminal, without the page in the browser.")
+        bool, Option(help="In the terminal, without the page in the browser.")
     ] = False,
     seconds: Annotated[
-        float | None,
-        typer.Option(min=0.1, help="How long; until interrupted if left out."),
+        float | None, Option(min=0.1, help="How long; until interrupted if left out.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the operator's whims.")] = 8,
-    page_port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
+    seed: Annotated[int, Option(help="Of the operator's whims.")] = 8,
+    page_port: Annotated[int, Option(help="Port of the page.")] = 8080,
     json: Json = False,
 ) -> None:
     """Guard two simulated arms that a careless operator drives.

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from armguard.cli.console import Json, out, print_json, say, say_progress
 from armguard.errors import OctreeError
@@ -15,10 +15,10 @@ from armguard.scene import bay_path, load_scene
 
 def octree(
     scene: Annotated[
-        Path | None, typer.Argument(help="Scene file; the bay if left out.")
+        Path | None, Argument(help="Scene file; the bay if left out.")
     ] = None,
     png: Annotated[
-        Path | None, typer.Option(help="Write a picture of the tree here.")
+        Path | None, Option(help="Write a picture of the tree here.")
     ] = None,
     json: Json = False,
 ) -> None:

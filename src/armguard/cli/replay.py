@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.table import Table
+from typer import Argument, Option
 
 from armguard.cli.console import (
     CLEAR,
@@ -25,12 +26,11 @@ SHOWN = 20
 
 def replay(
     recording: Annotated[
-        Path,
-        typer.Argument(help="A recording, a near miss, or a folder of them."),
+        Path, Argument(help="A recording, a near miss, or a folder of them.")
     ],
     settings: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--set",
             metavar="NAME=VALUE",
             help="Compare with other settings: guard.mode=speed, scene.buffer=0.01, "
@@ -38,11 +38,9 @@ def replay(
         ),
     ] = None,
     start: Annotated[
-        float, typer.Option("--from", help="Begin at this time of it [s].")
+        float, Option("--from", help="Begin at this time of it [s].")
     ] = 0.0,
-    end: Annotated[
-        float, typer.Option("--to", help="End at this time of it [s].")
-    ] = np.inf,
+    end: Annotated[float, Option("--to", help="End at this time of it [s].")] = np.inf,
     json: Json = False,
 ) -> None:
     """Judge every cycle of a recording again and compare the answers bit by bit.

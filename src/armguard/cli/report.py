@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from armguard.cli.console import CLEAR, Json, out, print_json, progress_bar, say
 from armguard.station.errors import StationError
@@ -11,26 +12,21 @@ from armguard.station.errors import StationError
 
 def report(
     recording: Annotated[
-        Path,
-        typer.Argument(help="A recording, a near miss, or a folder of recordings."),
+        Path, Argument(help="A recording, a near miss, or a folder of recordings.")
     ],
     page: Annotated[
         Path | None,
-        typer.Option(
-            "--out", help="The page; beside the recording if this is not given."
-        ),
+        Option("--out", help="The page; beside the recording if this is not given."),
     ] = None,
     clearance: Annotated[
-        float, typer.Option(help="A pair with less left than this is a near miss [m].")
+        float, Option(help="A pair with less left than this is a near miss [m].")
     ] = 0.0,
     slack: Annotated[
-        float, typer.Option(help="Less time than this until a stop is a near miss [s].")
+        float, Option(help="Less time than this until a stop is a near miss [s].")
     ] = 0.0,
     prove_seconds: Annotated[
         float,
-        typer.Option(
-            min=0.0, help="Time for proofs that are not kept on this machine [s]."
-        ),
+        Option(min=0.0, help="Time for proofs that are not kept on this machine [s]."),
     ] = 0.0,
     json: Json = False,
 ) -> None:

@@ -1,5 +1,6 @@
 """`armguard run`: judge a motion in a scene, report every event."""
 
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -7,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from numpy.typing import NDArray
+from typer import Option
 
 from armguard.cli.console import (
     STYLES,
@@ -22,6 +24,7 @@ from armguard.cli.console import (
     progress_bar,
     say,
     say_progress,
+    with_options,
 )
 from armguard.guard import EventLog, Level
 from armguard.guard.verdict import Counts
@@ -43,48 +46,53 @@ ALWAYS = (Level.CLEAR, Level.CAUTION, Level.STOP)
 SHOWN = 40
 
 
-def run(
-    scene: SceneFile,
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The command line."""
+
+    scene: SceneFile
     trajectory: Annotated[
         Path,
-        typer.Option(
+        Option(
             help="CSV with joint names, NPZ, YAML, a bag of ROS 1 or ROS 2, or a "
             "recording of ours."
         ),
-    ],
+    ]
     topic: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="Topic of a bag; give it once for each arm, as ROBOT=TOPIC where the "
             "joints' names do not name the robot."
         ),
-    ] = None,
+    ] = None
     step: Annotated[
         float,
-        typer.Option(
+        Option(
             help="Largest joint step between cycles [rad or m] for a motion without "
             "time: straight lines are walked in such steps."
         ),
-    ] = 0.01,
+    ] = 0.01
     hold_home: Annotated[
-        bool, typer.Option(help="Hold joints the motion does not have at home.")
-    ] = False,
-    robot: RobotOption = None,
+        bool, Option(help="Hold joints the motion does not have at home.")
+    ] = False
+    robot: RobotOption = None
     report: Annotated[
-        Path | None, typer.Option(help="Write the report with every event here.")
-    ] = None,
-    json: Json = False,
-) -> None:
+        Path | None, Option(help="Write the report with every event here.")
+    ] = None
+    json: Json = False
+
+
+@with_options(Options)
+def run(options: Options) -> None:
     """Judge a motion, cycle by cycle. Exit code 0 clear, 1 too close, 2 bad input."""
-    loaded = load_scene(scene, robot=robot, progress=say_progress)
-    motion = load_motion(trajectory, topic or ())
+    loaded = load_scene(options.scene, robot=options.robot, progress=say_progress)
+    motion = load_motion(options.trajectory, options.topic or ())
     fill = dict(zip(loaded.q_names, loaded.home.tolist(), strict=True))
-    q = motion.for_scene(loaded, fill if hold_home else None)
+    q = motion.for_scene(loaded, fill if options.hold_home else None)
     if motion.stamps is None and not motion.ends_only:
-        q = densify(q, step)
-    notes = motion_notes(motion, loaded)
+        q = densify(q, options.step)
     guard = Guard(loaded, progress=say)
-    notes += guard.tables.notes
+    notes = [*motion_notes(motion, loaded), *guard.tables.notes]
     log, figures = judged(guard, q, motion.stamps)
     between = None
     if not motion.ends_only and np.isfinite(q).all():
@@ -94,16 +102,16 @@ def run(
     if between is not None and not between.clear:
         code = max(code, TOO_CLOSE)
     answer = {
-        "scene": scene.name,
-        "trajectory": trajectory.name,
+        "scene": options.scene.name,
+        "trajectory": options.trajectory.name,
         "notes": notes,
         **figures,
         "exit_code": code,
         "between": None if between is None else between.to_dict(guard.q_names),
     }
-    if report is not None:
-        report.write_text(json_of(answer), encoding="utf-8")
-    if json:
+    if options.report is not None:
+        options.report.write_text(json_of(answer), encoding="utf-8")
+    if options.json:
         print_json(answer)
     else:
         if motion.ends_only:
@@ -113,8 +121,8 @@ def run(
         print_summary(answer, log)
         if between is not None:
             out.print(between.sentence)
-        if report is not None:
-            out.print(f"report written to {report}")
+        if options.report is not None:
+            out.print(f"report written to {options.report}")
     raise typer.Exit(code)
 
 
