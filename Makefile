@@ -34,8 +34,9 @@ lint: .venv/dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# The cycle and its parts beside peers; ARGS="filter", ARGS="service --seconds 60".
 bench: .venv/dev
-	$(BIN)/armguard bench all $(ARGS)
+	$(BIN)/python benchmarks/bench.py $(ARGS)
 
 # Long runs: not part of `make test`; results are written to docs/.
 campaign: .venv/dev

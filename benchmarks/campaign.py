@@ -13,12 +13,12 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from armguard.benchmark import run
-from armguard.benchmark.index import agree_on_random_states
 from armguard.cli.console import say
+from bench import run
 from episodes.kernels import told_of
 from episodes.records import keep, read
 from pages import rendered
+from speed.index import agree_on_random_states
 
 DOCS = Path(__file__).parents[1] / "docs"
 RESULTS = DOCS / "results.json"

@@ -20,12 +20,12 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
-from armguard.benchmark.machine import describe_machine
 from armguard.cli.console import say
 from armguard.station.frames import Kind, frame_of
 from armguard.station.ring import RingReader
 from armguard.station.simulated.stage import Stage
 from episodes.records import keep
+from timing import describe_machine
 
 RESULTS = Path(__file__).parents[1] / "docs" / "cue_times.json"
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")

@@ -16,14 +16,13 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from armguard.benchmark.filter import FREQUENCY, PERIOD, SPEED, crowded_scene
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.timing import percentiles, quiet
 from armguard.cli.console import say
 from armguard.respond import Guard
 from closed_loop.judge import Judge
 from episodes.records import keep
 from reach.peer import MinkPeer, is_installed
+from speed.filter import crowded_scene, driven
+from timing import describe_machine, percentiles, quiet
 
 RESULTS = Path(__file__).parents[1] / "docs" / "filter_peer.json"
 
@@ -57,10 +56,10 @@ def main() -> int:
         "machine": describe_machine(),
         "cycles": chosen.cycles,
         "near_pairs_median": float(np.median(near)),
-        "filter": percentiles(np.array(times, dtype=np.float64)),
+        "filter": percentiles(times),
     }
     if peers:
-        found["mink"] = percentiles(np.array(peers, dtype=np.float64))
+        found["mink"] = percentiles(peers)
         found["ratio"] = found["mink"]["median_us"] / found["filter"]["median_us"]
     keep(RESULTS, "filter", found, chosen.cycles)
     print(json.dumps(found, indent=1))
@@ -75,23 +74,16 @@ def measure(
     Returns:
         Times of the filter and of the peer [ns], and how many pairs were near.
     """
-    n = len(guard.q_names)
-    phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, n)
-    q, v = guard.home, np.zeros(n)
     times, peers, near = [], [], []
-    for k in range(cycles + WARM):
-        desired = SPEED * np.sin(2.0 * np.pi * FREQUENCY * k * PERIOD + phases)
-        begin = perf_counter_ns()
-        command = guard.filter(q, desired, k * PERIOD, velocity=v)
-        if k >= WARM:
-            times.append(perf_counter_ns() - begin)
-            near.append(len(command.verdict.near))
-        if peer is not None and k % SHARE == 0 and k >= WARM:
+    for k, cycle in enumerate(driven(guard, cycles + WARM)):
+        if k < WARM:
+            continue
+        times.append(cycle.taken)
+        near.append(len(cycle.command.verdict.near))
+        if peer is not None and k % SHARE == 0:
             begin = perf_counter_ns()
-            peer.velocity(q, desired)
+            peer.velocity(cycle.q, cycle.desired)
             peers.append(perf_counter_ns() - begin)
-        v = command.velocity
-        q = q + v * PERIOD
     return times, peers, near
 
 

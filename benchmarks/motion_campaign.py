@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from armguard.benchmark.machine import describe_machine
 from episodes.kernels import told_of
 from episodes.records import keep, read
 from motions.clocks import clock_figures
@@ -20,6 +19,7 @@ from motions.refused import refused_figures
 from motions.slower import slower_figures
 from motions.thin import thin_figures
 from pages import rendered
+from timing import describe_machine
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -91,7 +91,7 @@ def main() -> None:
             print(f"{one.identity} {outcome:9} {text_of(one)}")
         return
     from armguard import kernel, mutant_switch
-    from armguard.benchmark.machine import describe_machine
+    from timing import describe_machine
 
     if not kernel.PACKAGE.is_relative_to(BUILD):
         raise SystemExit(f"the package is imported from {kernel.PACKAGE}, not {BUILD}")

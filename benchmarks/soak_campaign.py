@@ -18,13 +18,13 @@ from time import process_time
 
 import numpy as np
 
-from armguard.benchmark.memory import resident_kib
-from armguard.benchmark.motion import sway
 from armguard.respond import Action, Guard
 from armguard.scene import bay_scene
 from episodes import records
 from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures
+from speed.memory import resident_kib
+from speed.scenes import sway
 
 HERE = Path(__file__).parent
 
@@ -57,7 +57,7 @@ class Soak:
     def __init__(self, mode: str) -> None:
         self.guard = Guard(bay_scene(mode), self_test=False)
         t = self.guard.tables
-        self.rows = sway(t.home, t.lower, t.upper, cycles=ROWS, period=PERIOD)
+        self.rows = sway(t, ROWS, PERIOD)
         self.cycles = 0
         self.resident = 0
         self.as_new = self.verdicts()

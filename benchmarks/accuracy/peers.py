@@ -15,9 +15,6 @@ import mujoco
 import numpy as np
 
 from accuracy.regimes import Pair
-from armguard.benchmark.peers.coal_pairs import coal_convex
-from armguard.benchmark.peers.frames import along_z, outward_faces
-from armguard.benchmark.peers.shapes import peer_geometry
 from armguard.geometry import (
     Box,
     Capsule,
@@ -27,6 +24,7 @@ from armguard.geometry import (
     Hull,
     Sphere,
 )
+from peers.shapes import along_z, coal_convex, outward_faces, peer_geometry
 
 GEOM = mujoco.mjtGeom
 

@@ -6,7 +6,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from armguard.benchmark.peers.pinocchio_coal import build_models, coal_shape
 from armguard.geometry.shapes import Box, Shape, Sphere
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, MeshFile
@@ -14,6 +13,7 @@ from armguard.scene import Scene, SceneTables
 from arrays import Floats
 from closed_loop.judge import STROKE
 from closed_loop.judge_model import own_elements
+from peers.pinocchio_coal import build_models, coal_shape
 
 
 class ExactWorld:

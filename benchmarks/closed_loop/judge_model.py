@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from armguard.benchmark.peers.mujoco_margin import as_text, quaternion
 from armguard.geometry.shapes import Box, Shape, ShapeKind, Sphere
 from armguard.robot.kinematics import kinematic_table
 from armguard.robot.meshes import load_triangles
@@ -15,6 +14,7 @@ from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import link_frame
 from arrays import Floats
+from peers.mujoco_margin import as_text, quaternion
 
 # Distance up to which the model reports pairs [m].
 SIGHT = 0.06

@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from armguard.benchmark.peers.mujoco_margin import as_text
 from armguard.robot.kinematics import REVOLUTE, KinematicTable, kinematic_table
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene import Scene
@@ -25,6 +24,7 @@ from arrays import Floats, Ints
 from closed_loop.judge_model import placed
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import UNKNOWN, joined
+from peers.mujoco_margin import as_text
 
 # Friction of a joint: Coulomb, and viscous at top speed, in shares of its torque [-].
 COULOMB = 0.02

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from armguard.benchmark.fixtures import bay_among_boxes
 from armguard.geometry import Box, Capsule, Pose, Sphere
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, two_pandas_scene
@@ -13,6 +12,7 @@ from armguard.scene.settings import IndexSettings, ResponseSettings
 from golden.drive import Drive, Input, Play
 from golden.gripping import GRIPPING
 from golden.wire import WIRE
+from speed.scenes import bay_among_boxes
 
 Change = Callable[[Drive], None]
 

@@ -11,7 +11,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from armguard.benchmark.peers.mujoco_margin import as_text
 from armguard.errors import ArmguardError
 from armguard.geometry import Pose
 from armguard.respond import Action, Command, Guard
@@ -31,6 +30,7 @@ from gripping.pick_and_place import (
 )
 from gripping.plant import Plant
 from gripping.workplace import PERIOD, STOPPING, Solid, Tool, Workplace, box, cluttered
+from peers.mujoco_margin import as_text
 
 # Where it stands: its base is beside the table [m].
 BASE = (-0.6, 0.0, 0.0)

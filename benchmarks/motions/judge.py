@@ -10,10 +10,10 @@ import coal
 import mujoco
 import numpy as np
 
-from armguard.benchmark.peers.mujoco_margin import mjcf
 from armguard.scene import SceneTables
 from arrays import Floats
 from closed_loop.judge import extent
+from peers.mujoco_margin import model_of
 
 
 class Judge:
@@ -31,7 +31,7 @@ class Judge:
     """
 
     def __init__(self, tables: SceneTables) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf(tables))
+        self.model = model_of(tables)
         self.data = mujoco.MjData(self.model)
         moving = np.flatnonzero(tables.joint_kind != 0)
         joints = [self.model.joint(f"j{b}") for b in moving]

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from armguard.benchmark import print_result, run
-from armguard.benchmark.cycle import near_of
-from armguard.benchmark.memory import drift
-from armguard.benchmark.peers import available_peers, checked_pairs
-from armguard.benchmark.timing import percentiles
 from armguard.errors import UnknownNameError
 from armguard.respond import Guard
 from armguard.scene import bay_scene, bay_task
+from bench import print_result, run
+from peers import available_peers, checked_pairs
+from speed.cycle import near_of
+from speed.memory import drift
+from timing import percentiles
 
 
 def test_the_cycle_benchmark_has_the_promised_shape():

@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from armguard.benchmark.service import ServiceBench, bench_service
-from armguard.benchmark.service_arms import Arms
-from armguard.benchmark.service_figures import from_buckets, lateness, print_service
-from armguard.benchmark.service_processes import (
-    BenchmarkError,
-    kept,
-    line_of,
-    running,
-)
 from armguard.station.service.counters import BUCKETS, bucket_of
+from speed.service import ServiceBench, bench_service
+from speed.service_figures import from_buckets, lateness, print_service
+from speed.service_loops import Arms
+from speed.service_processes import BenchmarkError, kept, line_of, running
 
 FIGURES = {"median_us", "p99_us", "p999_us", "max_us"}
 
@@ -95,18 +90,18 @@ def test_memory_that_grows_is_not_flat():
     assert not kept(leaks)["flat"]
 
 
-def test_a_process_that_dies_is_told_with_its_last_words(tmp_path):
+def test_the_error_about_a_dead_process_has_its_last_line(tmp_path):
     words = ("armguard", "serve", "no-such-scene", "--port", "0")
     with pytest.raises(BenchmarkError, match="no-such-scene"):
         with running(*words, log=tmp_path / "log") as process:
             line_of(process, 60.0)
 
 
-def test_arms_do_what_they_are_told_as_fast_as_they_can():
+def test_arms_follow_commands_as_fast_as_they_can():
     arms = Arms()
     start = arms.q.copy()
     arms.measure(0.0)
-    arms._told[:] = 0.4
+    arms.command[:] = 0.4
     for k in range(1, 101):
         arms.measure(k * 1e-3)
     # 50 ms to speed up, 50 ms at full speed.

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 from approach import ball_guard
 from armguard.cli import main
 from armguard.cli.app import app
-from armguard.cli.console import STYLES, exit_code, jsonable
-from armguard.cli.summary import event_line, print_summary, summary
+from armguard.cli.console import STYLES, event_line, exit_code, jsonable
+from armguard.cli.run import print_summary, summary
 from armguard.guard import EventLog, Level
 from armguard.scene.bay import FOLDER, bay_path
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armguard.benchmark.peers.pinocchio_coal import AllDistances
 from armguard.scene.compile import compile_scene
 from closed_loop.exact_world import ExactWorld
 from closed_loop.judge import Judge
@@ -13,6 +12,7 @@ from closed_loop.judge_model import SIGHT
 from closed_loop.scenes import build_scene
 from closed_loop.settings import SUBSTEP, setting_of
 from closed_loop.watch import AS_WELL, Watch, places
+from peers.pinocchio_coal import AllDistances
 
 FIRST = np.array([0, 7, 14])
 AWAY = np.array([0.0, 0.0, 50.0])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from armguard.benchmark.filter import crowded_guard
 from armguard.motion.pair_proof import GAIN, LITTLE
 from driven import ball_guard, two_arms, wall_guard
+from speed.filter import crowded_guard
 
 SCENES = {
     "ball": ball_guard,

@@ -4,13 +4,13 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.benchmark.filter import crowded_guard
 from armguard.guard.contact_times import contact_time, lever_time, time_to_contact
 from armguard.guard.layout import NEAR_COUNT, TIME_TO_CONTACT
 from armguard.guard.near_pairs import row_place
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from sliding import at_gap, let_go, slides
+from speed.filter import crowded_guard
 
 CYCLES = 200
 

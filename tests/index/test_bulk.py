@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from armguard.benchmark.fixtures import boxes_world
 from armguard.geometry import Box, Pose, ShapeKind
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.pairs import measure
@@ -15,6 +14,7 @@ from armguard.index.octree import insert_all
 from armguard.index.octree_bulk import box_meets_cell
 from armguard.index.octree_cell import cell_at, grown_gap
 from armguard.index.octree_state import empty_state
+from speed.scenes import boxes_world
 from worlds import move, random_world
 
 SPHERE, BOX = int(ShapeKind.SPHERE), int(ShapeKind.BOX)

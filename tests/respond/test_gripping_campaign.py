@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from armguard.benchmark.peers.coal_pairs import coal_pair
 from armguard.geometry import Box, Cylinder, Pose
 from armguard.respond import Guard
 from armguard.scene import Scene
@@ -29,6 +28,7 @@ from gripping.unintended import (
 )
 from gripping.workplace import Workplace, box, cylinder, gaps
 from gripping_campaign import CAMPAIGN
+from peers.shapes import coal_pair
 
 
 def test_a_sample_of_things_that_are_picked_and_placed():

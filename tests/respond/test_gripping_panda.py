@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from armguard.benchmark.peers.coal_pairs import coal_pair
 from armguard.geometry import Box, Cylinder, Pose
 from armguard.scene import Gripper, Scene
 from grippers import PERIOD, guard_of
+from peers.shapes import coal_pair
 
 HAND = "arm/panda_hand"
 FINGERS = ("arm/panda_leftfinger", "arm/panda_rightfinger")

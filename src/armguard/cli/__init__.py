@@ -1,4 +1,4 @@
-"""The command line: `armguard demo | check | run | octree | bench`."""
+"""The command line: `armguard demo`, `check`, `run`, `serve` and others."""
 
 from armguard.entry import run_program
 

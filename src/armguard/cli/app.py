@@ -2,7 +2,6 @@
 
 import typer
 
-from armguard.cli.bench import bench
 from armguard.cli.chaos import chaos
 from armguard.cli.check import check
 from armguard.cli.demo import demo
@@ -23,19 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    demo,
-    check,
-    run,
-    serve,
-    keys,
-    view,
-    replay,
-    report,
-    chaos,
-    octree,
-    bench,
-):
+for command in (demo, check, run, serve, keys, view, replay, report, chaos, octree):
     app.command()(command)
 
 

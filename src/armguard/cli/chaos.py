@@ -1,13 +1,24 @@
 """`armguard chaos`: every fault played against a running guard."""
 
+from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
+from typer import Option
 
-from armguard.cli.console import CLEAR, JsonOption, out, print_json, say
+from armguard.cli.console import (
+    CLEAR,
+    Json,
+    Late,
+    Rate,
+    SceneName,
+    out,
+    plain_table,
+    print_json,
+    say,
+)
 from armguard.errors import SceneError, did_you_mean
 from armguard.station.faults.fault import Fault, Outcome
 from armguard.station.faults.play import play
@@ -15,30 +26,28 @@ from armguard.station.faults.playground import Playground
 from armguard.station.faults.table import FAULTS
 from armguard.station.service.scenes import open_scene
 
-# Something was observed that is not declared.
+STYLES = {"PASS": "blue", "FAIL": "bold white on magenta", "SKIP": "dim"}
+
+# Exit code if an observation is not as declared.
 NOT_AS_DECLARED = 1
 
 
 def chaos(
-    scene: Annotated[
-        str, typer.Argument(help="Scene file, or a bundled scene: bay, two-pandas.")
-    ] = "bay",
+    scene: SceneName = "bay",
     only: Annotated[
         list[str] | None,
-        typer.Option(help="Play faults whose names hold this; may be given again."),
+        Option(help="Play faults whose names hold this; may be given again."),
     ] = None,
-    rate: Annotated[float, typer.Option(help="Cycles a second [Hz].")] = 250.0,
-    late: Annotated[
-        float, typer.Option(help="How much later than its period a cycle may come [s].")
-    ] = 0.012,
+    rate: Rate = 250.0,
+    late: Late = 0.012,
     slack: Annotated[
         float,
-        typer.Option(
+        Option(
             help="What this machine may add to every declared time by having other "
             "things to do [s]."
         ),
     ] = 0.15,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Play every fault against a guard of simulated arms: declared beside observed.
 
@@ -61,9 +70,8 @@ def chaos(
             outcomes.append(play(ground, fault))
     code = CLEAR if all(each.passed for each in outcomes) else NOT_AS_DECLARED
     if json:
-        print_json(
-            {"scene": scene, "faults": list(map(row_of, outcomes)), "exit_code": code}
-        )
+        rows = list(map(row_of, outcomes))
+        print_json({"scene": scene, "faults": rows, "exit_code": code})
     else:
         print_outcomes(outcomes)
     raise typer.Exit(code)
@@ -77,16 +85,12 @@ def chosen(only: list[str] | None) -> list[Fault]:
     """
     if not only:
         return list(FAULTS)
-    names = [f"{fault.group}, {fault.name}" for fault in FAULTS]
+    faults = {f"{fault.group}, {fault.name}": fault for fault in FAULTS}
     for word in only:
-        if not any(word in name for name in names):
+        if not any(word in name for name in faults):
             near = did_you_mean(word, [fault.name for fault in FAULTS])
             raise SceneError(f"no fault's name holds '{word}'; {near}")
-    return [
-        fault
-        for fault, name in zip(FAULTS, names, strict=True)
-        if any(word in name for word in only)
-    ]
+    return [f for name, f in faults.items() if any(word in name for word in only)]
 
 
 def declared(fault: Fault) -> str:
@@ -122,9 +126,7 @@ def row_of(outcome: Outcome) -> dict[str, Any]:
 
 def print_outcomes(outcomes: list[Outcome]) -> None:
     """Print the table, and what it comes to."""
-    table = Table(box=None, pad_edge=False)
-    for title in ("", "fault", "declared", "observed"):
-        table.add_column(title, overflow="fold")
+    table = plain_table("", "fault", "declared", "observed")
     group = ""
     for outcome in outcomes:
         fault = outcome.fault
@@ -132,15 +134,12 @@ def print_outcomes(outcomes: list[Outcome]) -> None:
             group = fault.group
             table.add_row("", f"[bold]{group}[/bold]", "", "")
         word = status(outcome)
-        style = {"PASS": "blue", "FAIL": "bold white on magenta", "SKIP": "dim"}[word]
         seen = outcome.skipped or outcome.observed
         if outcome.tries > 1:
             seen += f" (try {outcome.tries}: this machine was late by itself)"
-        table.add_row(f"[{style}]{word}[/]", fault.name, declared(fault), seen)
+        table.add_row(f"[{STYLES[word]}]{word}[/]", fault.name, declared(fault), seen)
     out.print(table)
-    counts = [sum(status(o) == word for o in outcomes) for word in ("PASS", "FAIL")]
-    skipped = len(outcomes) - sum(counts)
-    out.print(
-        f"{counts[0]} of {len(outcomes)} as declared, {counts[1]} not"
-        + (f", {skipped} not played" if skipped else "")
-    )
+    count = Counter(map(status, outcomes))
+    skipped = f", {count['SKIP']} not played" if count["SKIP"] else ""
+    total = f"{count['PASS']} of {len(outcomes)} as declared, {count['FAIL']} not"
+    out.print(total + skipped)

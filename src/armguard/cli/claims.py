@@ -1,10 +1,10 @@
-"""What `armguard check --prove` says of pairs that are claimed to need no check."""
+"""Claims in `armguard check --prove`: pairs said to need no check, and their proofs."""
 
 from collections import Counter
 from collections.abc import Mapping
 
 from armguard.cli.console import out, progress_bar
-from armguard.cli.findings import Finding
+from armguard.cli.findings import Finding, Status
 from armguard.prove import Budget, RowAudit, audit_scene
 from armguard.prove.audit import STATUSES, claims
 from armguard.scene.scene import Scene
@@ -27,7 +27,7 @@ def prove_claims(scene: Scene, seconds: float) -> list[RowAudit]:
 
 
 def claim_findings(audits: list[RowAudit]) -> list[Finding]:
-    """The count of claims by what proofs make of them, and those that need a look."""
+    """The count of claims by the results of proofs, and those that need a look."""
     count = Counter(audit.status for audit in audits)
     summary = ", ".join(f"{status} {count[status]}" for status in STATUSES)
     sound = count["proved"] == len(audits)
@@ -45,43 +45,33 @@ def claim_findings(audits: list[RowAudit]) -> list[Finding]:
 def finding(audit: RowAudit) -> Finding:
     """One line about a claim that is not proved."""
     proof = audit.proof
-    pair = f"{audit.robot}/{proof.link_a} and {proof.link_b} ('{audit.reason}')"
+    depth = f"{max(-proof.least, 0.0) * 1e3:.1f} mm deep"
     if audit.status == "contradicted":
         seen = audit.contradiction or {}
-        what = (
-            f"touch, {depth(proof.least)}"
-            if seen == proof.touching
-            else f"are {proof.greatest * 1e3:.1f} mm apart"
-        )
-        return Finding(
-            "claim",
-            "FAIL",
-            f"{pair} {what} at {positions(seen)}",
+        apart = f"are {proof.greatest * 1e3:.1f} mm apart"
+        what = f"touch, {depth}" if seen == proof.touching else apart
+        sentence = f"{what} at {positions(seen)}"
+        remedy = (
             "take the row out, so that the pair is checked; or give the joints limits "
-            "that keep it apart",
+            "that keep it apart"
         )
-    if audit.status == "sometimes":
-        return Finding(
-            "claim",
-            "WARN",
-            f"{pair} touch in some configurations, {depth(proof.least)} at "
-            f"{positions(proof.nearest)}, and not in others; the guard does not look",
-            "take the row out, or leave it knowingly",
+    elif audit.status == "sometimes":
+        sentence = (
+            f"touch in some configurations, {depth} at {positions(proof.nearest)}, and "
+            "not in others; the guard does not look"
         )
-    return Finding(
-        "claim",
-        "WARN",
-        f"{pair} are not decided: the distance is proven to stay above "
-        f"{proof.bound * 1e3:.1f} mm, the least found is {proof.least * 1e3:.1f} mm, "
-        f"{100.0 * proof.share_left:.2g}% of the joint box is left after "
-        f"{proof.boxes} boxes",
-        "give it more time with --prove-seconds",
-    )
-
-
-def depth(least: float) -> str:
-    """How deep two links overlap, in words."""
-    return f"{max(-least, 0.0) * 1e3:.1f} mm deep"
+        remedy = "take the row out, or leave it knowingly"
+    else:
+        sentence = (
+            "are not decided: the distance is proven to stay above "
+            f"{proof.bound * 1e3:.1f} mm, the least found is {proof.least * 1e3:.1f} "
+            f"mm, {100.0 * proof.share_left:.2g}% of the joint box is left after "
+            f"{proof.boxes} boxes"
+        )
+        remedy = "give it more time with --prove-seconds"
+    pair = f"{audit.robot}/{proof.link_a} and {proof.link_b} ('{audit.reason}')"
+    status: Status = "FAIL" if audit.status == "contradicted" else "WARN"
+    return Finding("claim", status, f"{pair} {sentence}", remedy)
 
 
 def positions(q: Mapping[str, float]) -> str:

@@ -4,24 +4,24 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from enum import StrEnum
 from importlib.util import find_spec
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.live import Live
 from rich.text import Text
+from typer import Option
 
 from armguard.cli.console import (
     CLEAR,
     STYLES,
     TOO_CLOSE,
-    JsonOption,
+    Json,
+    event_line,
     out,
     print_json,
     say,
 )
-from armguard.cli.summary import event_line
 from armguard.guard import Level
 from armguard.scene import compile_scene
 from armguard.station.frames import Kind, frame_of
@@ -43,38 +43,24 @@ STALE = 0.1
 SAYS = 5.0
 
 
-class Bundled(StrEnum):
-    """Scenes that come with the package."""
-
-    BAY = "bay"
-    TWO_PANDAS = "two-pandas"
-
-
-class Response(StrEnum):
-    """What robots do about what is near."""
-
-    DEFLECT = "deflect"
-    SLOW = "slow"
-    STOP = "stop"
-
-
 def demo(
     scene: Annotated[
-        Bundled, typer.Option(help="The paper's bay, or two Pandas at a table.")
-    ] = Bundled.BAY,
+        Literal["bay", "two-pandas"],
+        Option(help="The paper's bay, or two Pandas at a table."),
+    ] = "bay",
     response: Annotated[
-        Response, typer.Option(help="What arms do about what is near.")
-    ] = Response.DEFLECT,
+        Literal["deflect", "slow", "stop"],
+        Option(help="What arms do about what is near."),
+    ] = "deflect",
     headless: Annotated[
-        bool, typer.Option(help="In the terminal, without the page in the browser.")
+        bool, Option(help="In the terminal, without the page in the browser.")
     ] = False,
     seconds: Annotated[
-        float | None,
-        typer.Option(min=0.1, help="How long; until interrupted if left out."),
+        float | None, Option(min=0.1, help="How long; until interrupted if left out.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the operator's whims.")] = 8,
-    page_port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
-    json: bool = JsonOption,
+    seed: Annotated[int, Option(help="Of the operator's whims.")] = 8,
+    page_port: Annotated[int, Option(help="Port of the page.")] = 8080,
+    json: Json = False,
 ) -> None:
     """Guard two simulated arms that a careless operator drives.
 
@@ -83,7 +69,7 @@ def demo(
     """
     say(f"starting a guard, simulated arms and an operator in '{scene}' ...")
     patience = ("--late", str(LATE), "--stale", str(STALE))
-    options = ("--response", str(response), *patience, "--no-self-test")
+    options = ("--response", response, *patience, "--no-self-test")
     with interrupted() as ended, Stage(scene, *options) as stage:
         stage.start_service()
         tables = compile_scene(
@@ -96,7 +82,7 @@ def demo(
             show_page(stage, page_port)
         tally = Tally(tables)
         watch(stage, tally, seconds, ended, quiet=json)
-    answer: dict[str, Any] = {"scene": str(scene), **tally.summary()}
+    answer: dict[str, Any] = {"scene": scene, **tally.summary()}
     answer["exit_code"] = CLEAR if answer["touched"] is None else TOO_CLOSE
     if json:
         print_json(answer)
@@ -107,10 +93,10 @@ def demo(
 
 
 def waiting(ended: threading.Event) -> Callable[[float], None]:
-    """Says now and then what is being waited for; stops waiting when it is over.
+    """Reports the waiting from time to time, and ends it at an interrupt.
 
     Args:
-        ended: Set when somebody interrupts.
+        ended: Set at an interrupt.
     """
     last = 0.0
 
@@ -136,7 +122,7 @@ def watch(
     *,
     quiet: bool,
 ) -> None:
-    """Follow what the guard writes, until time is up or somebody interrupts.
+    """Follow the frames of the guard, until time is up or an interrupt.
 
     Time counts from the first cycle.
 
@@ -185,7 +171,7 @@ def status(so_far: float, tally: Tally) -> Text:
 
 
 def show_page(stage: Stage, port: int) -> None:
-    """Start the page, and print what it says; without it the demo goes on."""
+    """Start the page, and print its lines; without it the demo goes on."""
     if find_spec("viser") is None:
         say("no page: it needs viser, pip install 'armguard[view]'")
         return
@@ -204,7 +190,7 @@ def show_page(stage: Stage, port: int) -> None:
 
 
 def page_lives(stage: Stage) -> bool:
-    """Whether the page is there; when it has ended that is said once."""
+    """Whether the page is there; its end is reported once."""
     if stage.crew.lives("view"):
         return True
     code = stage.crew["view"].returncode

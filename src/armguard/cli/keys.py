@@ -3,21 +3,21 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from armguard.cli.console import say
 from armguard.errors import ArmguardError
 
 
 def keys(
-    file: Annotated[Path, typer.Argument(help="File to write, readable by you alone.")],
+    file: Annotated[Path, Argument(help="File to write, readable by you alone.")],
     source: Annotated[
         Path | None,
-        typer.Option("--from", help="Copy keys from this file; else they are new."),
+        Option("--from", help="Copy keys from this file; else they are new."),
     ] = None,
     role: Annotated[
         list[str] | None,
-        typer.Option(help="Only this role: observe, sense, command or administer."),
+        Option(help="Only this role: observe, sense, command or administer."),
     ] = None,
 ) -> None:
     """Write a key for each role, for `serve --key-file` and its clients.

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from armguard.cli.console import JsonOption, out, print_json, say, say_progress
+from armguard.cli.console import Json, out, print_json, say, say_progress
 from armguard.errors import OctreeError
 from armguard.index import Octree
 from armguard.index.picture import draw_octree
@@ -15,12 +15,12 @@ from armguard.scene import bay_path, load_scene
 
 def octree(
     scene: Annotated[
-        Path | None, typer.Argument(help="Scene file; the bay if left out.")
+        Path | None, Argument(help="Scene file; the bay if left out.")
     ] = None,
     png: Annotated[
-        Path | None, typer.Option(help="Write a picture of the tree here.")
+        Path | None, Option(help="Write a picture of the tree here.")
     ] = None,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
     """Show the N-objects octree of a scene at home, audited."""
     path = bay_path() if scene is None else scene

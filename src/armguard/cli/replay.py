@@ -7,11 +7,12 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.table import Table
+from typer import Argument, Option
 
 from armguard.cli.console import (
     CLEAR,
     TOO_CLOSE,
-    JsonOption,
+    Json,
     out,
     print_json,
     progress_bar,
@@ -25,12 +26,11 @@ SHOWN = 20
 
 def replay(
     recording: Annotated[
-        Path,
-        typer.Argument(help="A recording, a near miss, or a folder of them."),
+        Path, Argument(help="A recording, a near miss, or a folder of them.")
     ],
     settings: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--set",
             metavar="NAME=VALUE",
             help="Compare with other settings: guard.mode=speed, scene.buffer=0.01, "
@@ -38,12 +38,10 @@ def replay(
         ),
     ] = None,
     start: Annotated[
-        float, typer.Option("--from", help="Begin at this time of it [s].")
+        float, Option("--from", help="Begin at this time of it [s].")
     ] = 0.0,
-    end: Annotated[
-        float, typer.Option("--to", help="End at this time of it [s].")
-    ] = np.inf,
-    json: bool = JsonOption,
+    end: Annotated[float, Option("--to", help="End at this time of it [s].")] = np.inf,
+    json: Json = False,
 ) -> None:
     """Judge every cycle of a recording again and compare the answers bit by bit.
 
@@ -76,12 +74,9 @@ def replayed(path: Path, start: float, end: float) -> tuple[dict[str, Any], int]
     recording = open_recording(path)
     with progress_bar("judging", recording.cycle_count) as advance:
         found = judge_again(recording, start=start, end=end, progress=advance)
-    answer = {
-        **asdict(found),
-        "identical": found.identical,
-        "sentence": found.sentence,
-    }
-    return answer, CLEAR if found.identical else TOO_CLOSE
+    same = found.identical
+    answer = {**asdict(found), "identical": same, "sentence": found.sentence}
+    return answer, CLEAR if same else TOO_CLOSE
 
 
 def compared(
@@ -115,8 +110,8 @@ def by_name(settings: list[str]) -> dict[str, str]:
 
 def print_comparison(answer: dict[str, Any]) -> None:
     """A comparison for people."""
-    told = ", ".join(f"{name}={value}" for name, value in answer["settings"].items())
-    table = Table(title=f"{answer['cycles']:,} cycles, recorded and with {told}")
+    given = ", ".join(f"{name}={value}" for name, value in answer["settings"].items())
+    table = Table(title=f"{answer['cycles']:,} cycles, recorded and with {given}")
     for column in ("", "recorded", "changed"):
         table.add_column(column, justify="left" if not column else "right")
     sides = answer["recorded"], answer["changed"]
@@ -127,8 +122,8 @@ def print_comparison(answer: dict[str, Any]) -> None:
     table.add_row("stops", *(str(len(side["stops"])) for side in sides))
     table.add_row("slowed", *(str(side["slows"]) for side in sides))
     for name in ("least_clearance", "least_distance"):
-        row = [millimetres(side[name]) for side in sides]
-        table.add_row(name.replace("_", " "), *row)
+        lengths = (millimetres(side[name]) for side in sides)
+        table.add_row(name.replace("_", " "), *lengths)
     out.print(table)
     for title, key in (
         ("stops that would not have been ordered then", "stops_gone"),
@@ -144,11 +139,10 @@ def print_comparison(answer: dict[str, Any]) -> None:
     if first is None:
         out.print("no level and no command would have been different")
     else:
-        cycle, time, what = first["cycle"], first["time"], first["what"]
-        out.print(f"first difference: cycle {cycle:,} at {time:.3f} s: {what}")
-    told_otherwise = answer["cycles_told_otherwise"]
-    if told_otherwise:
-        out.print(f"told something else in {told_otherwise:,} cycles")
+        at = f"cycle {first['cycle']:,} at {first['time']:.3f} s"
+        out.print(f"first difference: {at}: {first['what']}")
+    if others := answer["cycles_told_otherwise"]:
+        out.print(f"other commands in {others:,} cycles")
     for refused in answer["refused"]:
         out.print(f"would have been refused: {refused}")
     say(answer["caveat"])

@@ -4,39 +4,33 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from armguard.cli.console import CLEAR, JsonOption, out, print_json, progress_bar, say
+from armguard.cli.console import CLEAR, Json, out, print_json, progress_bar, say
 from armguard.station.errors import StationError
 
 
 def report(
     recording: Annotated[
-        Path,
-        typer.Argument(help="A recording, a near miss, or a folder of recordings."),
+        Path, Argument(help="A recording, a near miss, or a folder of recordings.")
     ],
     page: Annotated[
         Path | None,
-        typer.Option(
-            "--out", help="The page; beside the recording if this is not given."
-        ),
+        Option("--out", help="The page; beside the recording if this is not given."),
     ] = None,
     clearance: Annotated[
-        float,
-        typer.Option(help="A pair with less left than this is a near miss [m]."),
+        float, Option(help="A pair with less left than this is a near miss [m].")
     ] = 0.0,
     slack: Annotated[
-        float,
-        typer.Option(help="Less time than this until a stop is a near miss [s]."),
+        float, Option(help="Less time than this until a stop is a near miss [s].")
     ] = 0.0,
     prove_seconds: Annotated[
         float,
-        typer.Option(
-            min=0.0, help="Time for proofs that are not kept on this machine [s]."
-        ),
+        Option(min=0.0, help="Time for proofs that are not kept on this machine [s]."),
     ] = 0.0,
-    json: bool = JsonOption,
+    json: Json = False,
 ) -> None:
-    """Tell a recording on one page that needs no network. Exit code 0, 2 bad input.
+    """Report a recording on one page that needs no network. Exit code 0, 2 bad input.
 
     With --json the findings are printed, and a page is written only with --out.
     """
@@ -59,7 +53,8 @@ def report(
             progress=advance,
         )
     if page is None and not json:
-        page = page_beside(recording)
+        folder = recording.is_dir()
+        page = recording / "report.html" if folder else recording.with_suffix(".html")
     if page is not None:
         write_page(findings, page)
     if json:
@@ -68,14 +63,7 @@ def report(
         for problem in findings.problems:
             say(f"note: {problem}")
         out.print(summary(findings), markup=False)
-        if told := advice(findings):
-            out.print(told, markup=False)
+        if sentence := advice(findings):
+            out.print(sentence, markup=False)
         out.print(f"page written to {page}", markup=False)
     raise typer.Exit(CLEAR)
-
-
-def page_beside(recording: Path) -> Path:
-    """Where the page of a recording goes if nobody says."""
-    if recording.is_dir():
-        return recording / "report.html"
-    return recording.with_suffix(".html")

@@ -2,149 +2,139 @@
 
 import logging
 import signal
-import sys
+from dataclasses import dataclass, fields
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
-import typer
+from typer import Option
 
-from armguard.cli.console import say, say_progress
+from armguard.cli.console import Late, Rate, SceneName, say, say_progress, with_options
+from armguard.respond.compiling import compile_ahead
+from armguard.station.service import Service, ServiceSettings
+from armguard.station.service.complaints import PatientHandler
+from armguard.station.service.scenes import checked_mode, checked_response, open_scene
+from armguard.station.wire import read_keys
+
+USUAL = ServiceSettings()
 
 
-def serve(
-    scene: Annotated[
-        str, typer.Argument(help="Scene file, or a bundled scene: bay, two-pandas.")
-    ],
-    port: Annotated[
-        int, typer.Option(help="UDP port; 0 for one that is free.")
-    ] = 47800,
-    bind: Annotated[
-        str, typer.Option(help="Address; all but loopback need --key-file.")
-    ] = "127.0.0.1",
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The command line; `ServiceSettings` has the options of the same names."""
+
+    scene: SceneName
+    port: Annotated[int, Option(help="UDP port; 0 for one that is free.")] = USUAL.port
+    bind: Annotated[str, Option(help="Address; all but loopback need --key-file.")] = (
+        USUAL.bind
+    )
     key_file: Annotated[
         Path | None,
-        typer.Option(help="File with the key of each role; new keys if left out."),
-    ] = None,
-    rate: Annotated[float, typer.Option(help="Cycles a second [Hz].")] = 250.0,
-    late: Annotated[
-        float, typer.Option(help="How much later than its period a cycle may come [s].")
-    ] = 0.004,
+        Option(help="File with the key of each role; new keys if left out."),
+    ] = None
+    rate: Rate = USUAL.rate
+    late: Late = USUAL.late
     wish_watchdog: Annotated[
         float,
-        typer.Option(
+        Option(
             help="How long a wish counts [s]; longer than a round trip to the operator."
         ),
-    ] = 0.1,
+    ] = USUAL.wish_watchdog
     stale: Annotated[
         float | None,
-        typer.Option(help="How old states may be; as the scene says if left out [s]."),
-    ] = None,
+        Option(help="How old states may be; as the scene says if left out [s]."),
+    ] = None
     mode: Annotated[
-        str | None, typer.Option(help="How distances are made: path or speed.")
-    ] = None,
+        str | None, Option(help="How distances are made: path or speed.")
+    ] = None
     response: Annotated[
-        str | None,
-        typer.Option(help="What robots do: stop, slow, deflect or field."),
-    ] = None,
+        str | None, Option(help="What robots do: stop, slow, deflect or field.")
+    ] = None
     ring: Annotated[
-        Path | None, typer.Option(help="File of the ring; in memory if left out.")
-    ] = None,
-    record: Annotated[
-        Path | None, typer.Option(help="Folder to record everything into.")
-    ] = None,
-    metrics: Annotated[
-        int | None, typer.Option(help="Port to serve metrics for Prometheus on.")
-    ] = None,
-    zenoh: Annotated[bool, typer.Option(help="Also speak Zenoh.")] = False,
-    view: Annotated[bool, typer.Option(help="Also open the live view.")] = False,
-    realtime: Annotated[
-        bool, typer.Option(help="Ask for real-time scheduling.")
-    ] = False,
-    lock_memory: Annotated[
-        bool, typer.Option(help="Ask for memory that is never swapped out.")
-    ] = False,
-    cpu: Annotated[int | None, typer.Option(help="Processor to stay on.")] = None,
-    spin: Annotated[
-        float,
-        typer.Option(help="Stay awake for so long before a state is expected [s]."),
-    ] = 0.0,
-    stopped: Annotated[
-        bool, typer.Option(help="Keep robots stopped until they are engaged.")
-    ] = False,
-    self_test: Annotated[
-        bool, typer.Option(help="Let the guard test itself first.")
-    ] = True,
-) -> None:
-    """Guard a scene for controllers and a commander, until told to end.
-
-    The first line on standard output tells where it listens.
-    """
-    from armguard.respond.compiling import compile_ahead
-    from armguard.station.service import Service, ServiceSettings
-    from armguard.station.service.complaints import PatientHandler
-    from armguard.station.service.scenes import (
-        checked_mode,
-        checked_response,
-        open_scene,
+        Path | None, Option(help="File of the ring; in memory if left out.")
+    ] = None
+    record: Annotated[Path | None, Option(help="Folder to record everything into.")] = (
+        None
     )
-    from armguard.station.wire import read_keys
+    metrics: Annotated[
+        int | None, Option(help="Port to serve metrics for Prometheus on.")
+    ] = None
+    zenoh: Annotated[bool, Option(help="Also speak Zenoh.")] = False
+    view: Annotated[bool, Option(help="Also open the live view.")] = False
+    realtime: Annotated[bool, Option(help="Ask for real-time scheduling.")] = False
+    lock_memory: Annotated[
+        bool, Option(help="Ask for memory that is never swapped out.")
+    ] = False
+    cpu: Annotated[int | None, Option(help="Processor to stay on.")] = None
+    spin: Annotated[
+        float, Option(help="Stay awake for so long before a state is expected [s].")
+    ] = USUAL.spin
+    stopped: Annotated[
+        bool, Option(help="Keep robots stopped until they are engaged.")
+    ] = False
+    self_test: Annotated[bool, Option(help="Let the guard test itself first.")] = True
 
+    def settings(self) -> ServiceSettings:
+        """Settings of the service.
+
+        Raises:
+            KeyFileError: The key file cannot be used.
+            ServiceError: A setting is out of its bounds.
+        """
+        shared = {field.name for field in fields(self)} & {
+            field.name for field in fields(ServiceSettings)
+        }
+        return ServiceSettings(
+            **{name: getattr(self, name) for name in shared},
+            keys={} if self.key_file is None else read_keys(self.key_file),
+            companions=self.companions(),
+        )
+
+    def companions(self) -> dict[str, tuple[str, ...]]:
+        """Processes to start beside the service, by name, with their arguments."""
+        keyed = () if self.key_file is None else ("--key-file", str(self.key_file))
+        found: dict[str, tuple[str, ...]] = {}
+        if self.record is not None:
+            found["record"] = ("--folder", str(self.record))
+        if self.metrics is not None:
+            found["metrics"] = ("--port", str(self.metrics))
+        if self.zenoh:
+            found["zenoh"] = ("--companion", *keyed)
+        if self.view:
+            found["view"] = keyed
+        return found
+
+
+@with_options(Options)
+def serve(options: Options) -> None:
+    """Guard a scene for controllers and a commander, until it is ended.
+
+    The first line on standard output says where it listens.
+    """
     patient = PatientHandler()
     logging.basicConfig(level=logging.INFO, handlers=[patient])
-    companions: dict[str, tuple[str, ...]] = {}
-    keyed = () if key_file is None else ("--key-file", str(key_file))
-    if record is not None:
-        companions["record"] = ("--folder", str(record))
-    if metrics is not None:
-        companions["metrics"] = ("--port", str(metrics))
-    if zenoh:
-        companions["zenoh"] = ("--companion", *keyed)
-    if view:
-        companions["view"] = keyed
-    settings = ServiceSettings(
-        bind=bind,
-        port=port,
-        keys={} if key_file is None else read_keys(key_file),
-        rate=rate,
-        late=late,
-        stale=stale,
-        wish_watchdog=wish_watchdog,
-        ring=ring,
-        self_test=self_test,
-        realtime=realtime,
-        lock_memory=lock_memory,
-        cpu=cpu,
-        spin=spin,
-        stopped=stopped,
-        companions=companions,
-    )
+    settings = options.settings()
     # The default action ends the program at once. A handler of Python would run only
     # after the compiler has returned, minutes later.
     for ending in (signal.SIGTERM, signal.SIGINT):
         signal.signal(ending, signal.SIG_DFL)
-    opened, file = open_scene(
-        scene,
+    scene, file = open_scene(
+        options.scene,
         period=settings.period,
-        late=late,
-        stale=stale,
-        mode=checked_mode(mode),
-        response=checked_response(response),
+        late=settings.late,
+        stale=settings.stale,
+        mode=checked_mode(options.mode),
+        response=checked_response(options.response),
         progress=say_progress,
     )
-    modes = {robot.mode for robot in opened.robots.values()}
+    modes = {robot.mode for robot in scene.robots.values()}
     compile_ahead(say, guarded=modes != {"fixed"})
-    asked: list[int] = []
-
-    def end(number: int, frame: FrameType | None) -> None:
-        asked.append(number)
-
-    signal.signal(signal.SIGTERM, end)
-    signal.signal(signal.SIGINT, end)
-    service = Service(opened, settings, file=file)
+    received: list[int] = []
+    for ending in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(ending, lambda number, _: received.append(number))
+    service = Service(scene, settings, file=file)
     for note in service.notes:
         say(f"note: {note}")
-    sys.stdout.write(f"listening on {bind}:{service.port}, ring {service.ring.path}\n")
-    sys.stdout.flush()
-    service.run(until=lambda: bool(asked))
+    where = f"{settings.bind}:{service.port}, ring {service.ring.path}"
+    print(f"listening on {where}", flush=True)
+    service.run(until=lambda: bool(received))
     patient.finish()

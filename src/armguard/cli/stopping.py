@@ -1,35 +1,19 @@
-"""What `armguard check` says of stopping: how far links go on, and who says so."""
+"""Stopping in `armguard check`: how far links go on, and the source of each figure."""
 
+import re
 from dataclasses import fields
 
 from armguard.cli.console import out
 from armguard.cli.findings import Finding
 from armguard.robot.stopping import ASSUMPTION, StoppingFigures, stop_distances
 from armguard.scene.scene import Scene, SceneRobot
+from armguard.scene.schema import meanings
 
-# What is no figure of `StoppingFigures`, but belongs to them.
+# Fields of `StoppingFigures` that are no figure, but belong to them.
 BESIDE = ("tables", "sources", "joints")
 
-UNITS = {
-    "velocity": "rad/s, m/s",
-    "acceleration": "rad/s², m/s²",
-    "deceleration": "rad/s², m/s²",
-    "deceleration_most": "rad/s², m/s²",
-    "ramp": "s",
-    "settle": "rad, m",
-    "settle_time": "s",
-    "brake_delay": "s",
-    "brake_deceleration": "rad/s², m/s²",
-    "position_error": "rad, m",
-    "velocity_error": "rad/s, m/s",
-    "tracking_error": "rad/s, m/s",
-    "sensing": "s",
-    "command": "s",
-    "stale": "s",
-    "model_error": "m",
-    "base_error": "m",
-    "base_turn": "rad",
-}
+# The end of a meaning: "... [rad or m]".
+UNIT = re.compile(r"\[([^]]+)\]\.?$")
 
 
 def stop_table(scene: Scene) -> list[dict[str, object]]:
@@ -58,66 +42,72 @@ def stop_table(scene: Scene) -> list[dict[str, object]]:
 
 def figure_table(scene: Scene) -> list[dict[str, object]]:
     """Each figure of each robot that has some, with where it is from."""
-    rows: list[dict[str, object]] = []
-    for name, robot in scene.robots.items():
-        if robot.stopping is not None:
-            rows += [{"robot": name, **row} for row in figures_of(robot.stopping)]
-    return rows
+    return [
+        {"robot": name, **row}
+        for name, robot in scene.robots.items()
+        if robot.stopping is not None
+        for row in figures_of(robot.stopping)
+    ]
 
 
 def figures_of(figures: StoppingFigures) -> list[dict[str, object]]:
     """Figures of one robot: name, value or values by joint, unit, source."""
     rows: list[dict[str, object]] = []
-    for field in fields(figures):
-        if field.name in BESIDE:
-            continue
-        value = getattr(figures, field.name)
+    meaning = meanings(StoppingFigures)
+    for name in names_of_figures():
+        value, unit = getattr(figures, name), UNIT.search(meaning[name])
+        if hasattr(value, "tolist"):
+            value = dict(zip(figures.joints, value.tolist(), strict=True))
         rows.append(
             {
-                "figure": field.name,
-                "value": dict(zip(figures.joints, value.tolist(), strict=True))
-                if hasattr(value, "tolist")
-                else value,
-                "unit": UNITS[field.name],
-                "source": source_of(figures, field.name),
+                "figure": name,
+                "value": value,
+                "unit": unit and unit[1].replace(" or ", ", "),
+                "source": source_of(figures, name),
             }
         )
-    rows += [
-        {
-            "figure": f"table of {joint}",
-            "value": [
-                list(row)
-                for row in zip(table.speeds, table.times, table.travels, strict=True)
-            ],
-            "unit": "rad/s, s, rad or m/s, s, m",
-            "source": source_of(figures, "tables"),
-        }
-        for joint, table in figures.tables.items()
-    ]
+    for joint, table in figures.tables.items():
+        columns = zip(table.speeds, table.times, table.travels, strict=True)
+        rows.append(
+            {
+                "figure": f"table of {joint}",
+                "value": list(map(list, columns)),
+                "unit": "rad/s, s, rad or m/s, s, m",
+                "source": source_of(figures, "tables"),
+            }
+        )
     return rows
 
 
+def names_of_figures() -> list[str]:
+    """Names of the figures, in their order."""
+    names = (field.name for field in fields(StoppingFigures))
+    return [name for name in names if name not in BESIDE]
+
+
 def source_of(figures: StoppingFigures, key: str) -> str:
-    """Where a figure is from; "declared" if its user said it."""
+    """Where a figure is from; "declared" if its user declared it."""
     return figures.sources.get(key) or "declared"
 
 
 def stopping_findings(scene: Scene) -> list[Finding]:
-    """One line a robot: what its distances rest on."""
+    """One line a robot: the basis of its distances."""
     return [stopping_finding(robot, scene) for robot in scene.robots.values()]
 
 
 def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
-    """What the distances of one robot rest on; a WARN if on assumptions."""
+    """The basis of one robot's distances; a WARN if on assumptions."""
     who = f"robot '{robot.name}', mode {robot.mode}"
     figures = robot.stopping
     if robot.mode == "fixed":
         first = next(iter(robot.fits))
         buffer = scene.buffer_of(f"{robot.name}/{first}") * 1e3
-        told = "its stopping figures are told, not used" if figures else (
-            "it has no stopping figures"
-        )  # fmt: skip
-        sentence = f"{who}: {buffer:.2f} mm at every speed; {told}"
+        declared = (
+            "its stopping figures are declared, not used"
+            if figures
+            else "it has no stopping figures"
+        )
+        sentence = f"{who}: {buffer:.2f} mm at every speed; {declared}"
         if all(other.mode == "fixed" for other in scene.robots.values()):
             return Finding("stopping", "PASS", sentence)
         return Finding(
@@ -129,12 +119,8 @@ def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
         )
     if figures is None:
         return Finding("stopping", "FAIL", f"{who}: it has no stopping figures")
-    assumed = [
-        field.name
-        for field in fields(figures)
-        if ASSUMPTION.strip() in source_of(figures, field.name)
-        and field.name not in BESIDE
-    ]
+    sources = {name: source_of(figures, name) for name in names_of_figures()}
+    assumed = [name for name, source in sources.items() if ASSUMPTION.strip() in source]
     if not assumed:
         return Finding("stopping", "PASS", f"{who}: every figure has a source")
     return Finding(
@@ -167,16 +153,16 @@ def show_stops(scene: Scene) -> None:
             f"{s['distance_mm']:>6.0f} mm{s['time_ms']:>4.0f} ms" for s in own
         )
         out.print(f"  {link:30}{cells}", markup=False, soft_wrap=True)
-    told: dict[str, list[dict[str, object]]] = {}
+    shown: dict[str, list[dict[str, object]]] = {}
     for name, robot in scene.robots.items():
         if robot.stopping is None:
             continue
         rows = figures_of(robot.stopping)
-        like = next((other for other, known in told.items() if known == rows), None)
+        like = next((other for other, known in shown.items() if known == rows), None)
         if like is not None:
             out.print(f"\nfigures of robot '{name}': as of '{like}'", markup=False)
             continue
-        told[name] = rows
+        shown[name] = rows
         out.print(f"\nfigures of robot '{name}', and where each is from:", markup=False)
         for row in rows:
             value = f"{short(row['value'])} {row['unit']}"

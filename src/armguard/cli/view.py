@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from armguard.cli.console import say
 from armguard.station.errors import StationError
@@ -13,14 +13,14 @@ from armguard.station.errors import StationError
 def view(
     recording: Annotated[
         Path | None,
-        typer.Argument(help="A recording to play; the running service if left out."),
+        Argument(help="A recording to play; the running service if left out."),
     ] = None,
-    port: Annotated[int, typer.Option(help="Port of the service.")] = 47800,
+    port: Annotated[int, Option(help="Port of the service.")] = 47800,
     page_port: Annotated[
-        int, typer.Option(help="Port of the page; 0 for one that is free.")
+        int, Option(help="Port of the page; 0 for one that is free.")
     ] = 8080,
     key_file: Annotated[
-        Path | None, typer.Option(help="File with the service's keys.")
+        Path | None, Option(help="File with the service's keys.")
     ] = None,
 ) -> None:
     """Show a running service in the browser and drive through it, or play a recording.

@@ -89,7 +89,6 @@ class Tally:
     def summary(self) -> dict[str, Any]:
         """The same as one JSON object."""
         total = max(self.cycles, 1)
-        times = np.array(self._times or [0.0]) * 1e6
         return {
             "cycles": self.cycles,
             "levels": {level.name: n for level, n in self.log.levels.items()},
@@ -104,11 +103,7 @@ class Tally:
             },
             "least_distance": self.least,
             "touched": self.touched,
-            "cycle_time_us": {
-                "median": float(np.median(times)),
-                "p99": float(np.percentile(times, 99)),
-                "max": float(times.max()),
-            },
+            "cycle_time_us": cycle_times(self._times or [0.0]),
             "events": [event.to_dict() for event in self.log.events],
         }
 
@@ -132,6 +127,20 @@ class Tally:
                 self.touched = pair.a, pair.b
 
 
+def cycle_times(seconds: Sequence[float]) -> dict[str, float]:
+    """Median, 99th percentile and maximum of durations [us]."""
+    figures = np.percentile(seconds, [50, 99, 100]) * 1e6
+    return dict(zip(("median", "p99", "max"), figures.tolist(), strict=True))
+
+
+def cycle_time_sentence(times: dict[str, float]) -> str:
+    """Durations of cycles in words."""
+    return (
+        f"cycle time median {times['median']:.1f} µs, p99 {times['p99']:.1f} µs, "
+        f"max {times['max']:.1f} µs"
+    )
+
+
 def in_words(summary: dict[str, Any]) -> Sequence[str]:
     """A summary as lines for people."""
     total = max(summary["cycles"], 1)
@@ -145,7 +154,6 @@ def in_words(summary: dict[str, Any]) -> Sequence[str]:
     why = ", ".join(
         f"{e['robot']} {e['count']} × {e['reason']}" for e in summary["stops"]
     )
-    times = summary["cycle_time_us"]
     near = "nothing came near"
     if np.isfinite(summary["least_distance"]):
         near = f"nearest approach {summary['least_distance'] * 1e3:.1f} mm"
@@ -155,8 +163,7 @@ def in_words(summary: dict[str, Any]) -> Sequence[str]:
         + (f" ({why})" if stops else "")
         + f"; otherwise than asked in {100.0 * summary['deflected']:.1f} %",
         f"in motion: {moving}; {near}",
-        f"cycle time median {times['median']:.1f} µs, p99 {times['p99']:.1f} µs, "
-        f"max {times['max']:.1f} µs",
+        cycle_time_sentence(summary["cycle_time_us"]),
         "nothing touched"
         if summary["touched"] is None
         else "TOUCHED: {} and {}".format(*summary["touched"]),

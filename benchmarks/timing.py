@@ -1,15 +1,23 @@
-"""Timing of calls: one core, warmed up, collector off, percentiles."""
+"""Timing of calls: one core, warmed up, collector off; the machine they ran on."""
 
 import gc
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from platform import machine, python_version
 from time import perf_counter_ns
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from arrays import Floats
+
+# Takes a sentence before each part that takes a while.
+Progress = Callable[[str], None]
+
+PACKAGES = ("armguard", "numba", "numpy", "pin", "coal", "mujoco")
 
 
 @contextmanager
@@ -26,14 +34,14 @@ def quiet() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def percentiles(nanoseconds: Floats) -> dict[str, float]:
+def percentiles(nanoseconds: Floats | Sequence[float]) -> dict[str, float]:
     """Median and tail in microseconds."""
-    p50, p99, p999 = np.percentile(nanoseconds, [50, 99, 99.9]) / 1e3
+    p50, p99, p999, most = np.percentile(nanoseconds, [50, 99, 99.9, 100]) / 1e3
     return {
         "median_us": float(p50),
         "p99_us": float(p99),
         "p999_us": float(p999),
-        "max_us": float(nanoseconds.max() / 1e3),
+        "max_us": float(most),
     }
 
 
@@ -72,3 +80,30 @@ def time_in_turns(
                 call(block[0])
                 parts[k].append(time_calls(call, block))
     return [np.concatenate(part).reshape(passes, len(rows)) for part in parts]
+
+
+def describe_machine() -> dict[str, object]:
+    """Processor, cores, and versions of the packages."""
+    return {
+        "cpu": cpu_name(),
+        "cores": os.cpu_count(),
+        "architecture": machine(),
+        "python": python_version(),
+        "versions": {name: version_of(name) for name in PACKAGES},
+    }
+
+
+def cpu_name() -> str:
+    """Name of the processor, or its architecture where the system has no name."""
+    info = Path("/proc/cpuinfo")
+    text = info.read_text(encoding="utf-8") if info.is_file() else ""
+    named = re.search(r"^model name\s*:\s*(.*)$", text, re.MULTILINE)
+    return named.group(1).strip() if named else machine()
+
+
+def version_of(package: str) -> str | None:
+    """Version of a package, None if it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

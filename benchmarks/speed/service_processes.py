@@ -1,38 +1,42 @@
 """The processes that take part in the service's benchmark, and what they cost."""
 
-import json
 import select
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import psutil
 
 from armguard.errors import ArmguardError
 
-# How long a process has to say its first word; kernels may have to be compiled [s].
+# Time until a process must write its first line; kernels may be compiled [s].
 START = 600.0
 
-# How long it gets to end [s].
+# Time in which it must end [s].
 END = 5.0
 
-# How often memory and descriptors are looked at [s].
+# Period at which memory and descriptors are read [s].
 LOOK = 1.0
 
 
 class BenchmarkError(ArmguardError, RuntimeError):
-    """A process of the benchmark did not do what it was started for."""
+    """A process of the benchmark has ended, or says nothing."""
+
+
+Process = subprocess.Popen[str]
+Result = TypeVar("Result")
 
 
 @contextmanager
-def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
+def running(*words: str, log: Path) -> Iterator[Process]:
     """A Python module as a process; it is ended afterwards.
 
     Args:
@@ -40,7 +44,7 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
         log: Where its standard error goes.
 
     Raises:
-        BenchmarkError: As raised while it ran, with its own last words if it has died.
+        BenchmarkError: As raised while it ran; with its last line if it has died.
     """
     with log.open("w", encoding="utf-8") as errors:
         process = subprocess.Popen(
@@ -57,7 +61,6 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
         said = log.read_text(encoding="utf-8", errors="replace").strip()
         if process.poll() is None or not said:
             raise
-        # Who has died knows best of what.
         raise BenchmarkError(f"{error}; {said.splitlines()[-1]}") from error
     finally:
         # One that is paused cannot end.
@@ -71,74 +74,26 @@ def running(*words: str, log: Path) -> Iterator[subprocess.Popen[str]]:
             process.communicate()
 
 
-def line_of(
-    process: subprocess.Popen[str],
-    timeout: float,
-    meanwhile: Callable[[], None] = lambda: None,
-) -> str:
+def line_of(process: Process, timeout: float) -> str:
     """The next line a process writes.
 
     Args:
         process: The process.
         timeout: How long to wait [s].
-        meanwhile: Called every second.
 
     Raises:
         BenchmarkError: It has ended, or says nothing.
     """
     assert process.stdout is not None
-    end = time.monotonic() + timeout
-    while time.monotonic() < end:
-        ready, _, _ = select.select([process.stdout], [], [], LOOK)
-        if ready:
-            line = process.stdout.readline()
-            if line:
-                return line
-            break
-        meanwhile()
+    ready, _, _ = select.select([process.stdout], [], [], timeout)
+    if ready and (line := process.stdout.readline()):
+        return line
     raise BenchmarkError(f"process {process.args!r} said nothing: {process.poll()}")
 
 
 @dataclass
-class Loops:
-    """The process of `service_loops`.
-
-    Attributes:
-        process: The process.
-        folder: Where it leaves its arrays.
-        meanwhile: Called every second while it works.
-    """
-
-    process: subprocess.Popen[str]
-    folder: Path
-    meanwhile: Callable[[], None] = lambda: None
-
-    def ask(
-        self, what: str, rate: float = 0.0, seconds: float = 0.0, port: int = 0
-    ) -> dict[str, Any]:
-        """Have it be something for a while, and what it found."""
-        assert self.process.stdin is not None
-        file = self.folder / "arrays.npz"
-        file.unlink(missing_ok=True)
-        asked = {
-            "what": what,
-            "rate": rate,
-            "seconds": seconds,
-            "port": port,
-            "file": str(file),
-        }
-        self.process.stdin.write(json.dumps(asked) + "\n")
-        line = line_of(self.process, START + 2.0 * seconds, self.meanwhile)
-        found: dict[str, Any] = json.loads(line)
-        if file.exists():
-            with np.load(file) as arrays:
-                found.update({name: arrays[name] for name in arrays.files})
-        return found
-
-
-@dataclass
 class Watch:
-    """Memory and open files of processes over time, and how busy the machine is.
+    """Memory and open files of processes over time.
 
     Attributes:
         rows: By process, of each look: time [s], resident memory [KiB], descriptors.
@@ -150,12 +105,12 @@ class Watch:
     _last: float = 0.0
 
     def add(self, name: str, pid: int) -> None:
-        """Look at a process from now on."""
+        """Watch a process from now on."""
         self._all[name] = psutil.Process(pid)
         self.rows[name] = []
 
     def add_children(self, pid: int) -> None:
-        """Look at the companions of a process from now on."""
+        """Watch the children of a process from now on."""
         for child in psutil.Process(pid).children(recursive=True):
             with suppress(psutil.Error):
                 words = child.cmdline()
@@ -175,21 +130,44 @@ class Watch:
                 self.rows[name].append(row)
 
     def processor_seconds(self) -> float:
-        """Processor time that those that are looked at have used [s]."""
-        used = 0.0
-        for process in self._all.values():
-            with suppress(psutil.Error):
-                times = process.cpu_times()
-                used += times.user + times.system
-        return used
+        """Processor time of the watched processes [s]."""
+        return sum(seconds_of(process) for process in self._all.values())
 
     def summary(self) -> dict[str, Any]:
         """What each process holds, how that changes, and whether it is flat."""
         return {name: kept(rows) for name, rows in self.rows.items() if len(rows) > 3}
 
 
-# Memory that is flat may differ by this share between the second and the last quarter
-# of the time, and by no less than this much is meant anyhow [KiB].
+@dataclass
+class Loops:
+    """The process of the client and the bare loops.
+
+    Attributes:
+        process: The process.
+        meanwhile: Called every second while it works.
+    """
+
+    process: ProcessPoolExecutor
+    meanwhile: Callable[[], None]
+
+    def ask(self, work: Callable[..., Result], *arguments: Any) -> Result:
+        """Do some work in the process; its result."""
+        result = self.process.submit(work, *arguments)
+        while wait([result], LOOK).not_done:
+            self.meanwhile()
+        return result.result()
+
+
+def seconds_of(process: psutil.Process) -> float:
+    """Processor time that a process has used; 0 if it has ended [s]."""
+    with suppress(psutil.Error):
+        times = process.cpu_times()
+        return float(times.user + times.system)
+    return 0.0
+
+
+# Memory is flat if its growth from the second to the last quarter of the time is at
+# most this share, or this much [KiB].
 FLAT, LEAST = 0.005, 1024.0
 
 

@@ -1,23 +1,17 @@
 """`bench gripping`: what contracts, the models of a gripper and transactions cost."""
 
-from collections.abc import Callable
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.timing import percentiles, quiet
 from armguard.geometry import Box, Cylinder, Pose
 from armguard.respond import Guard
 from armguard.scene import Grasp, Gripper, Scene
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from speed.scenes import PERIOD
+from timing import Progress, percentiles, quiet
 
 CYCLES = 4_000
-PERIOD = 1e-3
 
 # Cycles between two changes of the model: the first is the one that changes it [-].
 CYCLES_OF_MODEL = 10
@@ -25,35 +19,26 @@ CYCLES_OF_MODEL = 10
 # How far below the hand the cup's middle is, between the fingers [m].
 BELOW_HAND = 0.14
 
+# Whether the Panda has a gripper, and whether the cup is between its fingers.
+CASES = {
+    "far_without_gripper": (False, False),
+    "far": (True, False),
+    "under_contract": (True, True),
+}
 
-def bench_gripping(cycles: int | None, progress: Progress) -> dict[str, Any]:
-    """Durations of `Guard.filter` of a Panda at rest, by what its gripper is about.
 
-    Args:
-        cycles: Cycles to measure of each kind.
-        progress: Called with a sentence before each part.
-    """
-    count = CYCLES if cycles is None else cycles
-    answer: dict[str, Any] = {
-        "name": "gripping",
-        "machine": describe_machine(),
-        "cycles": count,
-    }
-    for name, gripper, near in (
-        ("far_without_gripper", False, False),
-        ("far", True, False),
-        ("under_contract", True, True),
-    ):
-        progress(f"measuring {count} filtered cycles: {name}")
+def bench(cycles: int, progress: Progress) -> dict[str, Any]:
+    """Durations of `Guard.filter` of a Panda at rest, by what its gripper is about."""
+    answer: dict[str, Any] = {"cycles": cycles}
+    for name, (gripper, near) in CASES.items():
+        progress(f"measuring {cycles} filtered cycles: {name}")
         guard = Guard(cup_scene(gripper, near), self_test=False, progress=progress)
         with quiet():
-            answer[name] = percentiles(resting(guard, count))
-        if name == "under_contract":
-            answer["contracts"] = len(guard.contracts)
+            answer[name] = percentiles(resting(guard, cycles))
+    answer["contracts"] = len(guard.contracts)
     progress("changing the model, and who holds the cup")
     with quiet():
-        answer.update(swaps(count))
-        answer.update(transactions(guard, max(count // 20, 5)))
+        answer |= swaps(cycles) | transactions(guard, max(cycles // 20, 5))
     return answer
 
 
@@ -70,7 +55,7 @@ def cup_scene(gripper: bool, near: bool) -> Scene:
     scene.add(
         Box(half_extents=(0.6, 1.0, 0.025)), name="table", pose=Pose(xyz=(0.7, 0, -0.1))
     )
-    # Beneath the hand as it stands at home, 2.5 mm from each finger.
+    # Beneath the hand at home, 2.5 mm from each finger.
     height = 0.59 - BELOW_HAND if near else -0.02
     scene.add(
         Cylinder(radius=0.025, height=0.1),
@@ -81,40 +66,38 @@ def cup_scene(gripper: bool, near: bool) -> Scene:
     return scene
 
 
-def resting(guard: Guard, count: int, start: float = 0.0) -> Floats:
-    """Durations of cycles in which nothing is asked for, shape (count,) [ns]."""
+def resting(guard: Guard, count: int, start: float = 0.0) -> list[int]:
+    """Durations of cycles in which no motion is desired [ns]."""
     still = np.zeros(len(guard.q_names))
-    taken = np.zeros(count)
+    taken = []
     for k in range(count):
         begin = perf_counter_ns()
         guard.filter(guard.home, still, start + k * PERIOD, velocity=still)
-        taken[k] = perf_counter_ns() - begin
+        taken.append(perf_counter_ns() - begin)
     return taken
 
 
 def swaps(count: int) -> dict[str, Any]:
     """Durations of cycles that change the model, and of those that do not."""
     guard = Guard(cup_scene(True, False), self_test=False)
-    swap: list[float] = []
-    other: list[float] = []
+    swap: list[int] = []
+    other: list[int] = []
     for k in range(max(count // CYCLES_OF_MODEL, 2)):
         guard.swap_model("arm", ("detailed", "coarse")[k % 2])
-        taken = resting(guard, CYCLES_OF_MODEL, k * CYCLES_OF_MODEL * PERIOD)
-        swap.append(taken[0])
-        other.extend(taken[2:])
-    return {
-        "with_swap": percentiles(np.array(swap)),
-        "without_swap": percentiles(np.array(other)),
-    }
+        first, _, *rest = resting(guard, CYCLES_OF_MODEL, k * CYCLES_OF_MODEL * PERIOD)
+        swap.append(first)
+        other += rest
+    return {"with_swap": percentiles(swap), "without_swap": percentiles(other)}
 
 
 def transactions(guard: Guard, count: int) -> dict[str, Any]:
     """Durations of `grasp` and `release`."""
-    grasped, released = np.zeros(count), np.zeros(count)
+    times = np.zeros((count, 3))
     for k in range(count):
         begin = perf_counter_ns()
         guard.grasp("arm", "cup")
         middle = perf_counter_ns()
         guard.release("arm", "cup")
-        grasped[k], released[k] = middle - begin, perf_counter_ns() - middle
+        times[k] = begin, middle, perf_counter_ns()
+    grasped, released = np.diff(times).T
     return {"grasp": percentiles(grasped), "release": percentiles(released)}

@@ -9,12 +9,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from armguard.address import pointer
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.peers.coal_pairs import CoalPair, coal_pair
-from armguard.benchmark.timing import quiet
 from armguard.geometry import (
     Box,
     Capsule,
@@ -31,12 +28,12 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import ROW_WIDTH, shape_row
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from arrays import Floats
+from peers.shapes import CoalPair, coal_pair
+from timing import Progress, quiet
 
 # Pairs of each kind, and calls of each of them that are timed together.
-PAIRS = 200
+CYCLES = 200
 REPEATS = 100
 
 # Times the whole is measured, each in a process of its own: the least of them has met
@@ -47,17 +44,17 @@ PASSES = 4
 # apart, near and overlapping, as a guard meets them [m].
 SPREAD = 0.6
 
-SHAPE_NAMES = (
-    "sphere",
-    "capsule",
-    "box",
-    "triangle",
-    "cylinder",
-    "cone",
-    "ellipsoid",
-    "half-space",
-    "hull",
-)
+SHAPES: dict[str, type[Shape]] = {
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "box": Box,
+    "triangle": Triangle,
+    "cylinder": Cylinder,
+    "cone": Cone,
+    "ellipsoid": Ellipsoid,
+    "half-space": HalfSpace,
+    "hull": Hull,
+}
 
 # A call's overhead is what Coal takes for this pair, less what we take for it: its
 # formula is the same few operations for both.
@@ -66,61 +63,59 @@ SHORTEST = ("sphere", "sphere")
 # Every other pair that both libraries measure.
 KINDS = tuple(
     pair
-    for pair in combinations_with_replacement(SHAPE_NAMES, 2)
+    for pair in combinations_with_replacement(SHAPES, 2)
     if pair not in (SHORTEST, ("half-space", "half-space"))
 )
 
 
-def bench_distance(cycles: int | None, progress: Progress) -> dict[str, Any]:
+def bench(cycles: int, progress: Progress) -> dict[str, Any]:
     """Time of a signed distance with witness points, pair by pair.
 
     Ours is timed in compiled code. Coal is timed from Python, its functor made before;
     the overhead of a call, measured beside every pair, is taken off.
-
-    Args:
-        cycles: Pairs of each kind.
-        progress: Called with a sentence before each kind.
     """
-    count = PAIRS if cycles is None else cycles
     passes: list[Floats] = []
     for number in range(PASSES):
         progress(f"pass {number + 1} of {PASSES}: {len(KINDS)} pairs of kinds")
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            passes += process.map(time_pairs, range(len(KINDS)), [count] * len(KINDS))
-    rows = []
-    overheads = []
-    for k, names in enumerate(KINDS):
-        ours, theirs, overhead, distances = np.min(passes[k :: len(KINDS)], axis=0)
-        coal = np.maximum(theirs - overhead, 1.0)
-        overheads.append(overhead)
-        apart = distances > 0.0
-        rows.append(
-            {
-                "pair": f"{names[0]}-{names[1]}",
-                "ours_ns": float(np.median(ours)),
-                "ours_p99_ns": float(np.percentile(ours, 99)),
-                "coal_ns": float(np.median(coal)),
-                "coal_p99_ns": float(np.percentile(coal, 99)),
-                "ratio": float(np.median(coal / ours)),
-                "ratio_apart": float(np.median((coal / ours)[apart])),
-                "ratio_overlapping": float(np.median((coal / ours)[~apart])),
-                "overlapping": float(np.mean(~apart)),
-            }
-        )
-    median = {key: float(np.median([r[f"{key}_ns"] for r in rows])) for key in NAMES}
+            passes += process.map(time_pairs, range(len(KINDS)), [cycles] * len(KINDS))
+    least = [np.min(passes[k :: len(KINDS)], axis=0) for k in range(len(KINDS))]
+    rows = [row_of(names, *found) for names, found in zip(KINDS, least, strict=True)]
+    median = {
+        name: float(np.median([row[f"{name}_ns"] for row in rows]))
+        for name in ("ours", "coal")
+    }
     return {
-        "name": "distance",
-        "machine": describe_machine(),
         "ours": {"median_us": median["ours"] / 1e3},
         "peers": {"coal": {"median_us": median["coal"] / 1e3}},
         "ratio": {"coal": float(np.median([r["ratio"] for r in rows]))},
-        "call_overhead_taken_off_ns": float(np.median(overheads)),
-        "pairs_of_a_kind": count,
+        "call_overhead_taken_off_ns": float(np.median([found[2] for found in least])),
+        "pairs_of_a_kind": cycles,
         "by_pair": rows,
     }
 
 
-NAMES = ("ours", "coal")
+def row_of(
+    names: tuple[str, str],
+    ours: Floats,
+    theirs: Floats,
+    overhead: Floats,
+    distances: Floats,
+) -> dict[str, Any]:
+    """Times of the pairs of two kinds; of Coal's the overhead is taken off."""
+    coal = np.maximum(theirs - overhead, 1.0)
+    ratio, apart = coal / ours, distances > 0.0
+    return {
+        "pair": "-".join(names),
+        "ours_ns": float(np.median(ours)),
+        "ours_p99_ns": float(np.percentile(ours, 99)),
+        "coal_ns": float(np.median(coal)),
+        "coal_p99_ns": float(np.percentile(coal, 99)),
+        "ratio": float(np.median(ratio)),
+        "ratio_apart": float(np.median(ratio[apart])),
+        "ratio_overlapping": float(np.median(ratio[~apart])),
+        "overlapping": float(np.mean(~apart)),
+    }
 
 
 def time_pairs(kind: int, count: int) -> Floats:
@@ -176,7 +171,7 @@ def call_often(peer: CoalPair) -> None:
 def repeat(kind_a: int, a: int, kind_b: int, b: int, count: int, out: int) -> float:
     """Measure a pair again and again; the sum keeps the compiler from skipping it.
 
-    Rows are handed over as the cycle does it, by their addresses.
+    Rows are given by their addresses, as in a cycle.
     """
     row_a = numba.carray(pointer(a), (ROW_WIDTH,), np.float64)
     row_b = numba.carray(pointer(b), (ROW_WIDTH,), np.float64)
@@ -194,32 +189,18 @@ def sample(name: str, rng: np.random.Generator) -> Shape:
         points = rng.normal(size=(64, 3))
         points *= 0.15 / np.linalg.norm(points, axis=1)[:, None]
         return Hull(points=points * rng.uniform(0.5, 1.5, 3))
-    makers: dict[str, type[Shape]] = {
-        "sphere": Sphere,
-        "capsule": Capsule,
-        "box": Box,
-        "triangle": Triangle,
-        "cylinder": Cylinder,
-        "ellipsoid": Ellipsoid,
-        "half-space": HalfSpace,
-    }
     if name == "cone":
         # Pointed: Coal has no truncated ones.
         radius, height = rng.uniform(0.05, 0.2, 2)
         return Cone(radius=radius, height=height)
-    shape: Shape = makers[name].example(rng, 0.2)
+    shape: Shape = SHAPES[name].example(rng, 0.2)
     return shape
 
 
 def random_frame(rng: np.random.Generator) -> Floats:
     """A random frame, shape (4, 4)."""
     q = rng.normal(size=4)
-    w, x, y, z = q / np.linalg.norm(q)
     T = np.eye(4)
-    T[:3, :3] = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    )
+    T[:3, :3] = Rotation.from_quat(q, scalar_first=True).as_matrix()
     T[:3, 3] = rng.uniform(-SPREAD / 2, SPREAD / 2, 3)
     return T

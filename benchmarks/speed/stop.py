@@ -1,31 +1,26 @@
 """`bench stop`: what the prediction of stops costs, by mode, in the bay."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.motion import sway
-from armguard.benchmark.timing import percentiles, quiet, time_in_turns
 from armguard.guard import Level, Verdict
+from armguard.guard.verdict import Counts
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from armguard.scene.settings import MODES
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from arrays import Floats
+from speed.scenes import PERIOD, sway
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 2000
-PERIOD = 1e-3
 
 
 class Run:
     """A guard that is driven through a motion, again and again.
 
-    Where it orders a stop, and where the motion begins anew, it is reset: a recorded
-    motion does not obey.
+    It is reset after a stop that it ordered, and where the motion begins anew: a
+    recorded motion does not stop.
 
     Args:
         guard: The guard.
@@ -41,52 +36,39 @@ class Run:
         self.last, self.time = -2, 0.0
         self.times: list[float] = []
 
-    def ready(self, row: Floats) -> tuple[Floats, float]:
-        """Velocity and stamp of the next cycle."""
+    def cycle(self, row: Floats) -> Verdict:
+        """One cycle; its duration is kept [ns]."""
         k = self.places[row.tobytes()]
         if self.paced and k != self.last + 1:
             # A guard starts with robots at rest.
             self.guard.reset()
-            self.time += PERIOD
-            still = np.zeros_like(row)
-            self.guard.step(row, self.time, velocity=still, now=self.time)
+            self.step(row, np.zeros_like(row))
         self.last = k
-        self.time += PERIOD
-        return self.velocity[k], self.time
-
-    def cycle(self, row: Floats) -> Verdict:
-        """One cycle, and how long it took [ns]."""
-        velocity, time = self.ready(row)
-        if self.paced:
-            verdict = self.guard.step(row, time, velocity=velocity, now=time)
-        else:
-            verdict = self.guard.step(row)
+        verdict = self.step(row, self.velocity[k])
         self.times.append(verdict.cycle_time * 1e9)
         return verdict
 
+    def step(self, row: Floats, velocity: Floats) -> Verdict:
+        """The next period of the guard."""
+        self.time += PERIOD
+        if not self.paced:
+            return self.guard.step(row)
+        return self.guard.step(row, self.time, velocity=velocity, now=self.time)
 
-def bench_stop(cycles: int | None, progress: Progress) -> dict[str, Any]:
-    """Durations of `Guard.step` in each mode over the same motion.
 
-    Args:
-        cycles: Cycles to measure.
-        progress: Called with a sentence before each part.
-    """
-    count = CYCLES if cycles is None else cycles
+def bench(cycles: int, progress: Progress) -> dict[str, Any]:
+    """Durations of `Guard.step` in each mode over the same motion."""
     guards = {mode: Guard(bay_scene(mode), progress=progress) for mode in MODES}
-    tables = guards["fixed"].tables
-    q = sway(tables.home, tables.lower, tables.upper, cycles=count, period=PERIOD)
+    q = sway(guards["fixed"].tables, cycles)
     runs = {mode: Run(guard, q, mode != "fixed") for mode, guard in guards.items()}
-    progress(f"measuring {count} cycles in each of {len(runs)} modes")
+    progress(f"measuring {cycles} cycles in each of {len(runs)} modes")
     with quiet():
-        # The turns share the machine's moods; what counts is what a cycle took itself.
+        # The turns share the machine's disturbances; the cycle's own time counts.
         time_in_turns([run.cycle for run in runs.values()], q)
-    times = {mode: percentiles(np.array(run.times)) for mode, run in runs.items()}
+    times = {mode: percentiles(run.times) for mode, run in runs.items()}
     return {
-        "name": "stop",
-        "machine": describe_machine(),
         "scene": "bay",
-        "cycles": count,
+        "cycles": cycles,
         "modes": {mode: {**times[mode], **judged(runs[mode], q)} for mode in times},
         "path_over_fixed": times["path"]["median_us"] / times["fixed"]["median_us"],
         "hard": hard_cycles(guards["path"], progress),
@@ -95,24 +77,31 @@ def bench_stop(cycles: int | None, progress: Progress) -> dict[str, Any]:
 
 def judged(run: Run, q: Floats) -> dict[str, float]:
     """What the cycles of a run had to do."""
-    spans, tested, stops = [], [], 0
+    counts, stops = [], 0
     for row in q:
         verdict = run.cycle(row)
-        spans.append(verdict.counts.spans_tested)
-        tested.append(verdict.counts.pairs_tested)
+        counts.append(verdict.counts)
         if run.paced and verdict.level >= Level.STOP:
             stops += 1
             run.last = -2
     return {
-        "pairs_tested_mean": float(np.mean(tested)),
-        "spans_tested_mean": float(np.mean(spans)),
-        "spans_tested_max": float(max(spans)),
+        "pairs_tested_mean": float(np.mean([c.pairs_tested for c in counts])),
+        **spans_tested(counts),
         "stops": float(stops),
     }
 
 
+def spans_tested(counts: list[Counts]) -> dict[str, float]:
+    """Mean and greatest number of spans that a cycle tested."""
+    spans = [c.spans_tested for c in counts]
+    return {
+        "spans_tested_mean": float(np.mean(spans)),
+        "spans_tested_max": float(max(spans)),
+    }
+
+
 def hard_cycles(guard: Guard, progress: Progress) -> dict[str, float]:
-    """Cycles nobody would drive through: random poses and speeds, most of them stops.
+    """Cycles of random poses and speeds, most of them stops.
 
     Returns:
         Percentiles of their durations, and the spans they tested.
@@ -120,7 +109,7 @@ def hard_cycles(guard: Guard, progress: Progress) -> dict[str, float]:
     rng = np.random.default_rng(0)
     low, high = guard.tables.lower, guard.tables.upper
     progress("measuring 2000 random states at full speed")
-    times, spans = [], []
+    times, counts = [], []
     for k in range(2000):
         q = np.clip(guard.home + rng.uniform(-0.8, 0.8, len(low)), low, high)
         v = rng.uniform(-1.25, 1.25, len(low))
@@ -128,9 +117,5 @@ def hard_cycles(guard: Guard, progress: Progress) -> dict[str, float]:
         guard.step(q, k - PERIOD, velocity=0.0 * v, now=k - PERIOD)
         verdict = guard.step(q, k, velocity=v, now=k)
         times.append(verdict.cycle_time * 1e9)
-        spans.append(verdict.counts.spans_tested)
-    return {
-        **percentiles(np.array(times)),
-        "spans_tested_mean": float(np.mean(spans)),
-        "spans_tested_max": float(max(spans)),
-    }
+        counts.append(verdict.counts)
+    return {**percentiles(times), **spans_tested(counts)}

@@ -1,36 +1,29 @@
 """`bench index`: the paper's findings about its octree, measured again."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armguard.benchmark.fixtures import crowded_bay
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.motion import only_last, sway
-from armguard.benchmark.timing import percentiles, quiet, time_in_turns
 from armguard.guard import Reason
+from armguard.guard.verdict import Counts
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from arrays import Floats
+from speed.scenes import crowded_bay, only_last, sway
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 2000
-PERIOD = 1e-3
 PAPER_PERIOD = 30e-3
 CAPACITIES = tuple(range(1, 21))
 SIZES = (35, 50, 75, 100, 200, 2_000, 20_000)
 
 
-def bench_index(cycles: int | None, progress: Progress) -> dict[str, Any]:
+def bench(cycles: int, progress: Progress) -> dict[str, Any]:
     """Time and work against N, links moving, and the number of primitives."""
-    count = CYCLES if cycles is None else cycles
     guard = Guard(bay_scene(), progress=progress)
-    fast = motion_for(guard, count, PERIOD)
-    slow = motion_for(guard, count, PAPER_PERIOD)
+    fast = sway(guard.tables, cycles)
+    slow = sway(guard.tables, cycles, PAPER_PERIOD)
     progress("time against N")
     by_capacity = against_capacity(fast)
     progress("time against links moving")
@@ -43,21 +36,16 @@ def bench_index(cycles: int | None, progress: Progress) -> dict[str, Any]:
     sizes = []
     for size in SIZES:
         progress(f"octree and brute force at {size} primitives")
-        sizes.append(against_brute_force(size, fast[: min(count, 500)]))
+        sizes.append(against_brute_force(size, fast[:500]))
     n5 = by_capacity[CAPACITIES.index(5)]
-    middle = [
-        row["median_us"] for row in by_capacity if 4 <= row["leaf_capacity"] <= 12
-    ]
-    octree = next(row for row in sizes if row["primitives"] == SIZES[0])
+    middle = [r["median_us"] for r in by_capacity if 4 <= r["leaf_capacity"] <= 12]
     progress("random states, octree against brute force")
-    random_states = agree_on_random_states(5 * count, progress)
+    random_states = agree_on_random_states(5 * cycles, progress)
     return {
-        "name": "index",
-        "machine": describe_machine(),
-        "ours": octree["octree"],
-        "peers": {"brute_force": octree["brute_force"]},
-        "ratio": {"brute_force": octree["ratio"]},
-        "cycles": count,
+        "ours": sizes[0]["octree"],
+        "peers": {"brute_force": sizes[0]["brute_force"]},
+        "ratio": {"brute_force": sizes[0]["ratio"]},
+        "cycles": cycles,
         "time_against_N": by_capacity,
         "time_against_links_moving": by_links,
         "changes_of_leaf": changes,
@@ -74,13 +62,7 @@ def bench_index(cycles: int | None, progress: Progress) -> dict[str, Any]:
     }
 
 
-def motion_for(guard: Guard, count: int, period: float) -> Floats:
-    """All joints swinging."""
-    t = guard.tables
-    return sway(t.home, t.lower, t.upper, cycles=count, period=period)
-
-
-def scene_with(scene: Scene, **settings: Any) -> Guard:
+def guard_with(scene: Scene, **settings: Any) -> Guard:
     """A guard of a scene with other settings of its index."""
     scene.index = replace(scene.index, **settings)
     return Guard(scene)
@@ -88,7 +70,7 @@ def scene_with(scene: Scene, **settings: Any) -> Guard:
 
 def against_capacity(q: Floats) -> list[dict[str, Any]]:
     """Time and counts for each N, all measured in turns."""
-    guards = [scene_with(bay_scene(), leaf_capacity=n) for n in CAPACITIES]
+    guards = [guard_with(bay_scene(), leaf_capacity=n) for n in CAPACITIES]
     with quiet():
         times = time_in_turns([guard.step for guard in guards], q)
     rows = []
@@ -96,14 +78,13 @@ def against_capacity(q: Floats) -> list[dict[str, Any]]:
         guard.reset()
         counts = [guard.step(row).counts for row in q]
         checkable = guard.tables.checkable_pairs
-        tested = float(np.mean([c.pairs_tested for c in counts]))
-        shared = tested + float(np.mean([c.pairs_filtered for c in counts]))
-        statistics = guard.index.statistics()
+        tested = mean_of(counts, "pairs_tested")
+        shared = tested + mean_of(counts, "pairs_filtered")
         rows.append(
             {
                 "leaf_capacity": n,
                 **percentiles(t),
-                "nodes": statistics["nodes"],
+                "nodes": guard.index.statistics()["nodes"],
                 "pairs_tested": tested,
                 "pairs_sharing_a_leaf": shared,
                 "share_measured": tested / checkable,
@@ -114,7 +95,12 @@ def against_capacity(q: Floats) -> list[dict[str, Any]]:
     return rows
 
 
-def link_cycles(counts: list[Any]) -> float:
+def mean_of(counts: list[Counts], name: str) -> float:
+    """Mean of one of the counts of cycles."""
+    return float(np.mean([getattr(c, name) for c in counts]))
+
+
+def link_cycles(counts: list[Counts]) -> float:
     """Share of moved links that changed a leaf."""
     moved = sum(c.links_checked for c in counts)
     return sum(c.links_changed_leaf for c in counts) / moved if moved else 0.0
@@ -133,7 +119,7 @@ def against_links(guard: Guard, q: Floats) -> list[dict[str, Any]]:
                 "links_moving": moving,
                 **percentiles(times),
                 "links_checked": int(np.median([c.links_checked for c in counts])),
-                "pairs_tested": float(np.mean([c.pairs_tested for c in counts])),
+                "pairs_tested": mean_of(counts, "pairs_tested"),
             }
         )
     return rows
@@ -143,12 +129,11 @@ def changes_of_leaf(guard: Guard, q: Floats) -> dict[str, float]:
     """How often a step changes the tree."""
     guard.step(q[0])
     counts = [guard.step(row).counts for row in q[1:]]
-    touched = [c.leaves_entered + c.leaves_left + c.splits + c.merges for c in counts]
+    moves = np.array([c.leaves_entered + c.leaves_left for c in counts])
+    changes = np.array([c.splits + c.merges for c in counts])
     return {
-        "cycles": float(np.mean([t > 0 for t in touched])),
-        "cycles_that_split_or_merge": float(
-            np.mean([c.splits + c.merges > 0 for c in counts])
-        ),
+        "cycles": float(np.mean(moves + changes > 0)),
+        "cycles_that_split_or_merge": float(np.mean(changes > 0)),
         "link_cycles": link_cycles(counts),
     }
 
@@ -156,13 +141,10 @@ def changes_of_leaf(guard: Guard, q: Floats) -> dict[str, float]:
 def against_brute_force(size: int, q: Floats) -> dict[str, Any]:
     """The same scene with both kinds of index, in turns."""
     scene = crowded_bay(size)
-    octree = scene_with(
-        scene, kind="octree", cube=None if size > SIZES[0] else scene.index.cube
-    )
-    brute = scene_with(scene, kind="brute_force")
-    same = all(
-        octree.step(row).tobytes() == brute.step(row).tobytes() for row in q[::10]
-    )
+    cube = None if size > SIZES[0] else scene.index.cube
+    octree = guard_with(scene, kind="octree", cube=cube)
+    brute = guard_with(scene, kind="brute_force")
+    same = all(octree.step(x).tobytes() == brute.step(x).tobytes() for x in q[::10])
     with quiet():
         # Brute force takes seconds a pass where it does not matter any more.
         passes = 5 if size <= 200 else 1
@@ -176,9 +158,7 @@ def against_brute_force(size: int, q: Floats) -> dict[str, Any]:
         "brute_force": theirs,
         "ratio": theirs["median_us"] / ours["median_us"],
         "same_verdicts": same,
-        "nodes": statistics["nodes"],
-        "max_depth": statistics["max_depth"],
-        "bytes": statistics["bytes"],
+        **{key: statistics[key] for key in ("nodes", "max_depth", "bytes")},
     }
 
 
@@ -190,7 +170,7 @@ def agree_on_random_states(count: int, progress: Progress) -> dict[str, int]:
     """
     rng = np.random.default_rng(20)
     octree = Guard(bay_scene())
-    brute = scene_with(bay_scene(), kind="brute_force")
+    brute = guard_with(bay_scene(), kind="brute_force")
     t = octree.tables
     different = too_close = 0
     q = t.home.copy()

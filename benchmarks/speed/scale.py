@@ -8,10 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.benchmark.fixtures import bay_among_boxes, boxes_world
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.motion import sway
-from armguard.benchmark.timing import percentiles, quiet, time_in_turns
 from armguard.geometry.bounds import row_bounds
 from armguard.index import Octree, World
 from armguard.index.octree_query import octree_candidates
@@ -21,14 +17,12 @@ from armguard.kernel import kernel
 from armguard.respond import Guard
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import compile_scene
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Longs = NDArray[np.int64]
-Progress = Callable[[str], None]
+from arrays import Floats, Ints
+from peers import NOT_INSTALLED
+from speed.scenes import bay_among_boxes, boxes_world, sway
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 500
-PERIOD = 1e-3
 SIZES = (35, 200, 2_000, 20_000, 200_000, 1_000_000)
 
 # Beyond this many primitives brute force is not run: a cycle takes milliseconds.
@@ -44,8 +38,8 @@ MOVERS = 1000
 MOVER_STEP = 1e-3
 
 
-def bench_scale(
-    cycles: int | None, progress: Progress, sizes: tuple[int, ...] = SIZES
+def bench(
+    cycles: int, progress: Progress, sizes: tuple[int, ...] = SIZES
 ) -> dict[str, Any]:
     """Time of a cycle, of a build, and bytes, against the number of primitives.
 
@@ -54,10 +48,8 @@ def bench_scale(
         progress: Called with a sentence before each part.
         sizes: Numbers of primitives, ascending; ratios are to the first.
     """
-    count = CYCLES if cycles is None else cycles
     small = Guard(bay_among_boxes(sizes[0]), progress=progress)
-    t = small.tables
-    q = sway(t.home, t.lower, t.upper, cycles=count, period=PERIOD)
+    q = sway(small.tables, cycles)
     rows: list[dict[str, Any]] = []
     too_slow: str | None = None
     for size in sizes:
@@ -69,14 +61,12 @@ def bench_scale(
     progress(f"{MOVERS} moving boxes")
     last = rows[-1]
     return {
-        "name": "scale",
-        "machine": describe_machine(),
-        "cycles": count,
+        "cycles": cycles,
         "ours": last["ours"],
         "peers": last["peers"],
         "ratio": last["ratio"],
         "against_primitives": rows,
-        "moving": [against_movers(count, boxes) for boxes in (0, sizes[-1])],
+        "moving": [against_movers(cycles, boxes) for boxes in (0, sizes[-1])],
         "row_4": {
             "primitives": last["primitives"],
             "cycle_over_first_size": last["over_first_size"],
@@ -99,37 +89,19 @@ def at_size(
         too_slow: Why the peer is not built, None if it is.
     """
     progress(f"building {size} primitives")
-    start = perf_counter()
-    scene = bay_among_boxes(size)
-    scene_s = perf_counter() - start
-    start = perf_counter()
-    tables = compile_scene(scene)
-    tables_s = perf_counter() - start
-    start = perf_counter()
-    guard = Guard(scene)
-    guard_s = perf_counter() - start
+    scene, scene_s = timed(lambda: bay_among_boxes(size))
+    tables, tables_s = timed(lambda: compile_scene(scene))
+    guard, guard_s = timed(lambda: Guard(scene))
     index = guard.index
     assert isinstance(index, Octree)
     with quiet():
-        index_s = min(index_build_s(tables, index.world) for _ in range(3))
-    contestants: dict[str, Any] = {}
-    peers: dict[str, dict[str, Any]] = {}
-    if size <= BRUTE_FORCE_LIMIT:
-        contestants["brute_force"] = brute_force(scene).step
-        peers["brute_force"] = {}
-    else:
-        reason = f"not run above {BRUTE_FORCE_LIMIT} primitives"
-        peers["brute_force"] = {"left_out": reason}
+        builds = [timed(lambda: octree_of(tables, index.world)) for _ in range(3)]
     progress(f"building the peer of {size} primitives")
-    peers[COAL] = {"left_out": too_slow}
-    if too_slow is None:
-        peer, peers[COAL] = coal_manager(tables)
-        if peer is not None:
-            contestants[COAL] = peer.step
+    contestants, peers = peers_of(size, scene, tables, too_slow)
     progress(f"measuring {len(q)} cycles at {size} primitives")
     with quiet():
-        # Two alike in turns: whoever comes after a peer finds cold caches, which at a
-        # few microseconds a cycle is half of the time.
+        # Two alike in turns: a guard that runs after a peer finds cold caches, which at
+        # a few microseconds a cycle is half of the time.
         small_times, our_times = time_in_turns([small.step, guard.step], q)
         times = time_in_turns(list(contestants.values()), q)
     ours = percentiles(our_times)
@@ -144,7 +116,7 @@ def at_size(
         "scene_s": scene_s,
         "tables_s": tables_s,
         "guard_s": guard_s,
-        "index_build_s": index_s,
+        "index_build_s": min(seconds for _, seconds in builds),
         "bytes_per_primitive": byte_count / size,
         "tree_bytes_per_primitive": index.nbytes / size,
         "nodes": statistics["nodes"],
@@ -157,16 +129,21 @@ def at_size(
     }
 
 
-def index_build_s(tables: SceneTables, world: World) -> float:
-    """Time to build the octree of a world [s]."""
+def timed(make: Callable[[], Any]) -> tuple[Any, float]:
+    """What a call makes, and how long it takes [s]."""
     start = perf_counter()
-    Octree(
+    made = make()
+    return made, perf_counter() - start
+
+
+def octree_of(tables: SceneTables, world: World) -> Octree:
+    """The octree of a world, as a guard of these tables builds it."""
+    return Octree(
         world,
         leaf_capacity=tables.index.leaf_capacity,
         max_depth=tables.index.max_depth,
         cube=(tables.cube_centre, tables.cube_edge),
     )
-    return perf_counter() - start
 
 
 def brute_force(scene: Scene) -> Guard:
@@ -179,90 +156,37 @@ def brute_force(scene: Scene) -> Guard:
         scene.index = chosen
 
 
-def coal_manager(tables: SceneTables) -> tuple[Any, dict[str, Any]]:
-    """Coal's manager of the same primitives if it is installed, and what is known."""
-    try:
-        start = perf_counter()
-        peer = CoalManager(tables)
-    except ImportError:
-        return None, {"left_out": "not installed; pip install 'armguard[bench]'"}
-    return peer, {"build_s": perf_counter() - start}
-
-
-class CoalManager:
-    """Coal's `DynamicAABBTreeCollisionManager`, built once over what stands.
-
-    A cycle is Pinocchio's kinematics, new transforms of the objects that move, and
-    every pair of a moving and a standing object within the margin. Pairs of two moving
-    objects are left out, and so are the scene's rules: that is less than a guard does.
-
-    Args:
-        tables: The scene.
-    """
-
-    def __init__(self, tables: SceneTables) -> None:
-        import coal
-        import pinocchio as pin
-
-        from armguard.benchmark.peers.pinocchio_coal import build_models, coal_shape
-
-        first = tables.moving_count
-        self.margin = tables.margin
-        # The objects that stand need no place in Pinocchio's model.
-        moving = replace(
-            tables,
-            kinds=tables.kinds[:first],
-            bodies=tables.bodies[:first],
-            local_rows=tables.local_rows[:first],
-            moving_count=0,
-        )
-        self.model, self.geometry = build_models(moving)
-        self.data = self.model.createData()
-        self.placements = self.geometry.createData()
-        self.place = pin.updateGeometryPlacements
-        self.transform = coal.Transform3s
-        shapes = [thing.geometry for thing in self.geometry.geometryObjects]
-        self.moving = [coal.CollisionObject(shape) for shape in shapes]
-        self.standing = []
-        for kind, row in zip(
-            tables.kinds[first:].tolist(), tables.local_rows[first:], strict=True
-        ):
-            shape, at = coal_shape(kind, row)
-            self.standing.append(
-                coal.CollisionObject(shape, at.rotation, at.translation)
-            )
-        self.manager = coal.DynamicAABBTreeCollisionManager()
-        self.manager.registerObjects(self.standing)
-        self.manager.setup()
-        self.callback = coal.CollisionCallBackDefault()
-        request = coal.CollisionRequest()
-        request.security_margin = tables.margin
-        request.num_max_contacts = 4096
-        self.callback.data.request = request
-
-    def step(self, q: Floats) -> int:
-        """Number of contacts within the margin."""
-        self.place(self.model, self.data, self.geometry, self.placements, q)
-        found = 0
-        for thing, at in zip(self.moving, self.placements.oMg, strict=True):
-            thing.setTransform(self.transform(at.rotation, at.translation))
-            thing.computeAABB()
-            # The manager compares boxes, which leave the margin out.
-            thing.getAABB().expand(self.margin)
-            self.manager.collide(thing, self.callback)
-            found += self.callback.data.result.numContacts()
-        return found
+def peers_of(
+    size: int, scene: Scene, tables: SceneTables, too_slow: str | None
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """Steps of the peers by name, and what is known of each: how long it was built."""
+    contestants: dict[str, Any] = {}
+    reason = f"not run above {BRUTE_FORCE_LIMIT} primitives"
+    peers: dict[str, dict[str, Any]] = {"brute_force": {"left_out": reason}}
+    if size <= BRUTE_FORCE_LIMIT:
+        contestants["brute_force"] = brute_force(scene).step
+        peers["brute_force"] = {}
+    peers[COAL] = {"left_out": too_slow}
+    if too_slow is None:
+        try:
+            from peers.pinocchio_coal import CoalManager
+        except ImportError:
+            peers[COAL] = {"left_out": NOT_INSTALLED}
+        else:
+            peer, seconds = timed(lambda: CoalManager(tables))
+            contestants[COAL], peers[COAL] = peer.step, {"build_s": seconds}
+    return contestants, peers
 
 
 def against_movers(cycles: int, boxes: int) -> dict[str, Any]:
-    """A cycle of an index in which a thousand boxes move among others that stand.
+    """A cycle of an index in which a thousand boxes move among fixed ones.
 
     Every box takes a step, its leaves are brought up to date, and its candidates are
     collected; nothing is measured.
 
     Args:
         cycles: Cycles to measure.
-        boxes: Boxes that stand.
+        boxes: Fixed boxes.
     """
     world = boxes_world(MOVERS, boxes, growth=0.05)
     octree = Octree(world)
@@ -296,9 +220,9 @@ def follow_all(
     steps: Floats,
     world: World,
     state: OctreeState,
-    seen: Longs,
+    seen: Ints,
     token: int,
-    out: Ints,
+    out: NDArray[np.int32],
 ) -> int:
     """Move the first boxes of a world and look up their candidates.
 

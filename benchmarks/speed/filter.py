@@ -1,58 +1,46 @@
-"""`bench filter`: what it costs to have commands filtered, in a crowded bay."""
+"""`bench filter`: what a filtered command costs, in a crowded bay."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from time import perf_counter_ns
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.timing import percentiles, quiet
 from armguard.geometry import Pose, Sphere
 from armguard.respond import Guard
+from armguard.respond.command import Command
 from armguard.scene import Scene, bay_scene
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+from arrays import Floats
+from speed.scenes import PERIOD
+from timing import Progress, percentiles, quiet
 
 CYCLES = 20_000
-PERIOD = 1e-3
 
-# Small balls put close to both arms, so that so many pairs are near [-].
+# Small balls near both arms, so that many pairs are near [-].
 BALLS = 34
 RADIUS = 0.01
 
-# Between which distances from what is nearest a ball is put [m].
+# Least and greatest distance of a ball from the nearest link [m].
 SHELL = (0.009, 0.024)
 
-# Amplitude and frequency of what the operators ask for [rad/s], [Hz].
+# Amplitude and frequency of the desired velocities [rad/s], [Hz].
 SPEED = 0.15
 FREQUENCY = 0.7
 
 
-def bench_filter(cycles: int | None, progress: Progress) -> dict[str, Any]:
+def bench(cycles: int, progress: Progress) -> dict[str, Any]:
     """Durations of `Guard.filter` with both arms moving among balls.
 
-    The same wishes go through a bay without balls, and the same states through `step`.
-
-    Args:
-        cycles: Cycles to measure.
-        progress: Called with a sentence before each part.
+    The same desired velocities go through a bay without balls, and the same states
+    through `step`.
     """
-    count = CYCLES if cycles is None else cycles
     progress("putting balls around the arms")
-    crowded = crowded_guard(progress)
-    clear = Guard(bay_scene("path"))
-    answer: dict[str, Any] = {
-        "name": "filter",
-        "machine": describe_machine(),
-        "cycles": count,
-    }
-    for name, guard in (("crowded", crowded), ("bay", clear)):
-        progress(f"measuring {count} filtered cycles: {name}")
+    guards = {"crowded": crowded_guard(progress), "bay": Guard(bay_scene("path"))}
+    answer: dict[str, Any] = {"cycles": cycles}
+    for name, guard in guards.items():
+        progress(f"measuring {cycles} filtered cycles: {name}")
         with quiet():
-            answer[name] = filtered(guard, count)
+            answer[name] = filtered(guard, cycles)
     return answer
 
 
@@ -62,7 +50,7 @@ def crowded_guard(progress: Progress) -> Guard:
 
 
 def crowded_scene(progress: Progress) -> Scene:
-    """The bay with balls close to the arms where they stand at home."""
+    """The bay with balls close to the arms at home."""
     rng = np.random.default_rng(1)
     scene = with_balls(bay_scene("path"), {})
     guard = Guard(scene, self_test=False, progress=progress)
@@ -75,11 +63,8 @@ def crowded_scene(progress: Progress) -> Scene:
         while name not in places:
             p = centres[rng.integers(len(centres))] + rng.normal(0.0, 0.08, 3)
             guard.place(name, Pose(xyz=tuple(p)))
-            gaps = [
-                pair.distance
-                for pair in guard.judge_at_rest(guard.home).near
-                if pair.b == name
-            ]
+            near = guard.judge_at_rest(guard.home).near
+            gaps = [pair.distance for pair in near if pair.b == name]
             if gaps and SHELL[0] < min(gaps) < SHELL[1]:
                 places[name] = p
         guard.place(name, Pose(xyz=tuple(places[name])))
@@ -100,34 +85,56 @@ def with_balls(scene: Scene, places: dict[str, Floats]) -> Scene:
     return scene
 
 
-def filtered(guard: Guard, count: int) -> dict[str, Any]:
-    """Drive both arms to and fro through the filter; they do as they are told."""
+class Cycle(NamedTuple):
+    """A filtered cycle.
+
+    Attributes:
+        q: Positions [rad].
+        desired: Desired velocities [rad/s].
+        command: The filter's answer.
+        taken: Duration of the call [ns].
+    """
+
+    q: Floats
+    desired: Floats
+    command: Command
+    taken: int
+
+
+def driven(guard: Guard, count: int) -> Iterator[Cycle]:
+    """Drive both arms to and fro through the filter; they follow its commands."""
     n = len(guard.q_names)
     phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, n)
     q, v = guard.home, np.zeros(n)
-    times, near, stops, programs = [], [], 0, 0
-    steps = []
-    guard.reset()
     for k in range(count):
-        wish = SPEED * np.sin(2.0 * np.pi * FREQUENCY * k * PERIOD + phases)
+        desired = SPEED * np.sin(2.0 * np.pi * FREQUENCY * k * PERIOD + phases)
         begin = perf_counter_ns()
-        command = guard.filter(q, wish, k * PERIOD, velocity=v)
-        times.append(perf_counter_ns() - begin)
-        near.append(len(command.verdict.near))
-        stops += command.action > 0
-        programs += bool((np.abs(command.velocity - wish) > 1e-9).any())
+        command = guard.filter(q, desired, k * PERIOD, velocity=v)
+        yield Cycle(q, desired, command, perf_counter_ns() - begin)
         v = command.velocity
         q = q + v * PERIOD
+
+
+def filtered(guard: Guard, count: int) -> dict[str, Any]:
+    """Durations of filtered cycles, what they had to do, and those of `step`."""
+    times, steps, near, stops, changed = [], [], [], 0, 0
+    guard.reset()
+    for cycle in driven(guard, count):
+        v = cycle.command.velocity
+        times.append(cycle.taken)
+        near.append(len(cycle.command.verdict.near))
+        stops += cycle.command.action > 0
+        changed += bool((np.abs(v - cycle.desired) > 1e-9).any())
+    q = cycle.q + v * PERIOD
     for k in range(count // 10):
         begin = perf_counter_ns()
         guard.step(q, (count + k) * PERIOD, velocity=v)
         steps.append(perf_counter_ns() - begin)
-    warm = count // 20
     return {
-        **percentiles(np.array(times[warm:], dtype=np.float64)),
+        **percentiles(times[count // 20 :]),
         "near_pairs_median": float(np.median(near)),
         "near_pairs_max": float(max(near)),
-        "share_changed": programs / count,
+        "share_changed": changed / count,
         "cycles_stopped": stops,
         "step_median_us": float(np.median(steps)) / 1e3,
     }

@@ -4,60 +4,51 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numba.core.runtime import _nrt_python, rtsys
 
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.motion import sway
-from armguard.benchmark.timing import percentiles, time_calls
 from armguard.respond import Guard
 from armguard.scene import bay_scene
-
-Progress = Callable[[str], None]
+from speed.scenes import sway
+from timing import Progress, percentiles, time_calls
 
 CYCLES = 1_000_000
-PERIOD = 1e-3
 
 FIRST_VERDICT = (
     "import armguard as ag; g = ag.Guard(ag.bay_scene()); g.step(g.home).level"
 )
 
 
-def bench_memory(cycles: int | None, progress: Progress) -> dict[str, Any]:
+def bench(cycles: int, progress: Progress) -> dict[str, Any]:
     """Memory over many cycles, verdicts after them, float32 beside it, start times."""
-    count = CYCLES if cycles is None else cycles
     guard = Guard(bay_scene(), progress=progress)
-    t = guard.tables
-    q = sway(t.home, t.lower, t.upper, cycles=20_000, period=PERIOD)
+    q = sway(guard.tables, 20_000)
     fresh = Guard(bay_scene())
     probes = q[::997]
     times = time_calls(guard.step, q)
     _nrt_python.memsys_enable_stats()
     before = rtsys.get_allocation_stats()
     resident = [resident_kib()]
-    progress(f"{count} cycles")
-    for k in range(count):
+    progress(f"{cycles} cycles")
+    for k in range(cycles):
         guard.step(q[k % len(q)])
-        if k % max(count // 10, 1) == 0:
+        if k % max(cycles // 10, 1) == 0:
             resident.append(resident_kib())
-            progress(f"cycle {k} of {count}, {resident[-1]} KiB resident")
+            progress(f"cycle {k} of {cycles}, {resident[-1]} KiB resident")
     after = rtsys.get_allocation_stats()
     identical = all(
         guard.step(row).tobytes() == fresh.step(row).tobytes() for row in probes
     )
     progress("start times, in processes of their own")
     return {
-        "name": "memory",
-        "machine": describe_machine(),
         "ours": percentiles(times),
         "peers": {},
         "ratio": {},
-        "cycles": count,
-        "kernel_allocations": after.alloc - before.alloc - count * handed_over(guard),
+        "cycles": cycles,
+        "kernel_allocations": after.alloc - before.alloc - cycles * handed_over(guard),
         "resident_kib": resident,
         "resident_growth_kib": resident[-1] - resident[1],
         "verdicts_identical_to_a_fresh_guard": identical,
@@ -102,19 +93,17 @@ def drift(steps: int = 100_000) -> dict[str, float]:
 
 def starts() -> dict[str, float]:
     """Time to import, to the first verdict, and to the first one ever [s]."""
-    answer = {
-        "import": timed("import armguard", {}),
-        "warm_first_verdict": timed(FIRST_VERDICT, {}),
-    }
     with tempfile.TemporaryDirectory() as folder:
-        answer["first_ever_verdict"] = timed(FIRST_VERDICT, {"ARMGUARD_CACHE": folder})
-    return answer
+        return {
+            "import": timed("import armguard"),
+            "warm_first_verdict": timed(FIRST_VERDICT),
+            "first_ever_verdict": timed(FIRST_VERDICT, ARMGUARD_CACHE=folder),
+        }
 
 
-def timed(program: str, environment: dict[str, str]) -> float:
+def timed(program: str, **environment: str) -> float:
     """Duration of a program in a fresh interpreter [s]."""
     start = perf_counter()
-    subprocess.run(
-        [sys.executable, "-c", program], check=True, env={**os.environ, **environment}
-    )
+    words = [sys.executable, "-c", program]
+    subprocess.run(words, check=True, env={**os.environ, **environment})
     return perf_counter() - start

@@ -1,17 +1,18 @@
-"""The bay with many more fixtures around it."""
+"""The bay with many more fixtures around it, and smooth motion through it."""
 
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.geometry import Box, Capsule, Pose, ShapeKind
 from armguard.geometry.pose import rotation_from_rpy
 from armguard.geometry.shapes import ROW_WIDTH
 from armguard.index import World
-from armguard.scene import Scene, bay_scene
+from armguard.scene import Scene, SceneTables, bay_scene
+from arrays import Floats
 
-Floats = NDArray[np.float64]
+# Time from one cycle to the next [s].
+PERIOD = 1e-3
 
 BAY_PRIMITIVES = 35
 
@@ -20,7 +21,7 @@ BAY_PRIMITIVES = 35
 SHELL = (3.0, 40.0)
 HALF_EDGES = (0.005, 0.1)
 
-# Fixtures stand in a shell around the bay's cube, so that the arms move among as many
+# Fixtures are in a shell around the bay's cube, so that the arms move among as many
 # neighbours as before while the world grows [m].
 INNER, OUTER = 1.15, 3.0
 
@@ -28,7 +29,7 @@ INNER, OUTER = 1.15, 3.0
 def crowded_bay(primitives: int, seed: int = 0) -> Scene:
     """The bay with fixtures added until it has so many primitives.
 
-    A tenth of the added fixtures stand inside the arms' reach but clear of both arms
+    A tenth of the added fixtures are inside the arms' reach but clear of both arms
     at home, the rest farther out.
 
     Args:
@@ -47,19 +48,14 @@ def crowded_bay(primitives: int, seed: int = 0) -> Scene:
                 break
             if not inside and away > INNER + 0.2:
                 break
-        size = rng.uniform(0.005, 0.02, 3)
-        roll, pitch, yaw = rng.uniform(-np.pi, np.pi, 3)
+        size = rng.uniform(0.005, 0.02, 3).tolist()
+        turn = rng.uniform(-np.pi, np.pi, 3).tolist()
         shape = (
-            Box(half_extents=(float(size[0]), float(size[1]), float(size[2])))
+            Box(half_extents=tuple(size))
             if k % 2
-            else Capsule(
-                start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 0.05), radius=float(size[0])
-            )
+            else Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 0.05), radius=size[0])
         )
-        pose = Pose(
-            xyz=(float(x), float(y), float(z + 1.28)),
-            rpy=(float(roll), float(pitch), float(yaw)),
-        )
+        pose = Pose(xyz=(float(x), float(y), float(z + 1.28)), rpy=tuple(turn))
         scene.add(shape, name=f"fixture{k}", pose=pose)
     return scene
 
@@ -79,15 +75,10 @@ def bay_among_boxes(primitives: int, seed: int = 0) -> Scene:
     # The cube of the bay's file does not hold the shell.
     if primitives > BAY_PRIMITIVES:
         scene.index = replace(scene.index, cube=None)
-    centres, halves, turns = shell_boxes(primitives - BAY_PRIMITIVES, seed)
-    for k, (x, h, r) in enumerate(
-        zip(centres.tolist(), halves.tolist(), turns.tolist(), strict=True)
-    ):
-        scene.add(
-            Box(half_extents=(h[0], h[1], h[2])),
-            name=f"box{k}",
-            pose=Pose(xyz=(x[0], x[1], x[2]), rpy=(r[0], r[1], r[2])),
-        )
+    boxes = np.stack(shell_boxes(primitives - BAY_PRIMITIVES, seed), axis=1).tolist()
+    for k, (centre, half, turn) in enumerate(boxes):
+        pose = Pose(xyz=tuple(centre), rpy=tuple(turn))
+        scene.add(Box(half_extents=tuple(half)), name=f"box{k}", pose=pose)
     return scene
 
 
@@ -109,11 +100,11 @@ def shell_boxes(count: int, seed: int) -> tuple[Floats, Floats, Floats]:
 
 
 def boxes_world(movers: int, boxes: int, growth: float, seed: int = 0) -> World:
-    """Moving boxes among standing ones, for an index alone.
+    """Moving boxes among fixed ones, for an index alone.
 
     Args:
         movers: Boxes that move; they come first, within 2 m of the origin.
-        boxes: Boxes that stand in the shell.
+        boxes: Fixed boxes in the shell.
         growth: Of those that move [m].
         seed: Of places, sizes and turns.
     """
@@ -132,3 +123,43 @@ def boxes_world(movers: int, boxes: int, growth: float, seed: int = 0) -> World:
         owners=np.arange(count, dtype=np.int32),
         growth=np.where(np.arange(count) < movers, growth, 0.0),
     )
+
+
+def sway(tables: SceneTables, cycles: int, period: float = PERIOD) -> Floats:
+    """Every joint swings about home at its own pace, within its limits.
+
+    Args:
+        tables: Of the scene.
+        cycles: Rows.
+        period: Time between rows [s].
+
+    Returns:
+        Configurations, shape (cycles, n) [rad].
+    """
+    n = len(tables.home)
+    t = np.arange(cycles)[:, None] * period
+    pace = 0.25 + 0.05 * (np.arange(n) * 7 % 11)
+    phase = np.arange(n) * 0.9
+    q = tables.home + 0.35 * (np.sin(pace * t + phase) - np.sin(phase))
+    return np.ascontiguousarray(np.clip(q, tables.lower, tables.upper))
+
+
+def only_last(q: Floats, home: Floats, moving: int, arms: int) -> Floats:
+    """The same motion with all but the last joints held at home.
+
+    Args:
+        q: Configurations, shape (k, n); the arms' joints one arm after the other.
+        home: Where the others are held.
+        moving: Links that move: the last of the first arm, then more of it, then the
+            last of the second, and so on.
+        arms: Number of arms.
+    """
+    held = np.tile(home, (len(q), 1))
+    per_arm = q.shape[1] // arms
+    left = moving
+    for arm in range(arms):
+        count = min(left, per_arm)
+        end = (arm + 1) * per_arm
+        held[:, end - count : end] = q[:, end - count : end]
+        left -= count
+    return held

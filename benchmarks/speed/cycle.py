@@ -1,45 +1,30 @@
 """`bench cycle`: a cycle in the bay, all links moving, beside its peers."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from armguard.benchmark.machine import describe_machine
-from armguard.benchmark.motion import sway
-from armguard.benchmark.peers import Pairs, Peer, available_peers
-from armguard.benchmark.timing import percentiles, quiet, time_in_turns
 from armguard.respond import Guard
-from armguard.scene import bay_scene
-
-Progress = Callable[[str], None]
+from armguard.scene import bay_scene, bay_task
+from peers import Pairs, Peer, available_peers
+from speed.scenes import sway
+from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 2000
-PERIOD = 1e-3
 
 # Configurations on which the peers are asked for their near pairs.
 AGREEMENT = 200
 
 
-def bench_cycle(cycles: int | None, progress: Progress) -> dict[str, Any]:
-    """Durations of `Guard.step` and of its peers over the same motion.
-
-    Args:
-        cycles: Cycles to measure.
-        progress: Called with a sentence before each part.
-    """
-    count = CYCLES if cycles is None else cycles
+def bench(cycles: int, progress: Progress) -> dict[str, Any]:
+    """Durations of `Guard.step` and of its peers over the same motion."""
     guard = Guard(bay_scene(), progress=progress)
     tables = guard.tables
-    q = sway(tables.home, tables.lower, tables.upper, cycles=count, period=PERIOD)
-    peers: list[Peer] = []
-    absent: list[str] = []
-    for found in available_peers(tables):
-        if isinstance(found, str):
-            absent.append(found)
-        else:
-            peers.append(found)
-    progress(f"measuring {count} cycles beside {len(peers)} peers")
+    q = sway(tables, cycles)
+    found = list(available_peers(tables))
+    absent = [sentence for sentence in found if isinstance(sentence, str)]
+    peers = [peer for peer in found if not isinstance(peer, str)]
+    progress(f"measuring {cycles} cycles beside {len(peers)} peers")
     with quiet():
         times = time_in_turns([guard.step, *(peer.step for peer in peers)], q)
         read = time_in_turns([lambda row: read_all(guard, row)], q)[0]
@@ -47,14 +32,11 @@ def bench_cycle(cycles: int | None, progress: Progress) -> dict[str, Any]:
     # The least of the passes for each configuration: work, without the machine's noise.
     undisturbed = percentiles(times[0].min(axis=0))
     results = {p.name: percentiles(t) for p, t in zip(peers, times[1:], strict=True)}
-    verdicts = [guard.step(row) for row in q]
-    tested = [v.counts.pairs_tested for v in verdicts]
+    counts = [guard.step(row).counts for row in q]
     return {
-        "name": "cycle",
-        "machine": describe_machine(),
         "scene": "bay",
-        "cycles": count,
-        "links_moving": int(np.median([v.counts.bodies_moved for v in verdicts])),
+        "cycles": cycles,
+        "links_moving": int(np.median([c.bodies_moved for c in counts])),
         "ours": ours,
         "ours_with_report_read": percentiles(read),
         "ours_undisturbed": undisturbed,
@@ -63,14 +45,18 @@ def bench_cycle(cycles: int | None, progress: Progress) -> dict[str, Any]:
             name: result["median_us"] / ours["median_us"]
             for name, result in results.items()
         },
-        "p999_over_median": ours["p999_us"] / ours["median_us"],
-        "p999_over_median_undisturbed": undisturbed["p999_us"]
-        / undisturbed["median_us"],
+        "p999_over_median": tail_over_median(ours),
+        "p999_over_median_undisturbed": tail_over_median(undisturbed),
         "pairs_checkable": tables.checkable_pairs,
-        "pairs_tested_mean": float(np.mean(tested)),
+        "pairs_tested_mean": float(np.mean([c.pairs_tested for c in counts])),
         "agreement": agreement(guard, peers, q),
         "not_installed": absent,
     }
+
+
+def tail_over_median(times: dict[str, float]) -> float:
+    """How much longer than the median the slowest cycle in a thousand takes [-]."""
+    return times["p999_us"] / times["median_us"]
 
 
 def read_all(guard: Guard, row: Any) -> object:
@@ -90,10 +76,8 @@ def near_of(guard: Guard, row: Any) -> Pairs:
 def agreement(guard: Guard, peers: list[Peer], q: Any) -> dict[str, Any]:
     """On how many configurations each peer finds the same near pairs as the guard.
 
-    The motion stays clear of most things, so the tasks' approaches are added.
+    The motion stays clear of most obstacles, so the tasks' approaches are added.
     """
-    from armguard.scene import bay_task
-
     task = bay_task(2000)
     order = [task.names.index(name) for name in guard.q_names]
     rows = np.concatenate(
@@ -105,10 +89,10 @@ def agreement(guard: Guard, peers: list[Peer], q: Any) -> dict[str, Any]:
         "with_near_pairs": sum(map(bool, ours)),
     }
     for peer in peers:
-        theirs = [peer.near_pairs(row) for row in rows]
+        both = [(a, peer.near_pairs(row)) for a, row in zip(ours, rows, strict=True)]
         answer[peer.name] = {
-            "same": sum(a == b for a, b in zip(ours, theirs, strict=True)),
-            "only_ours": sum(len(a - b) for a, b in zip(ours, theirs, strict=True)),
-            "only_theirs": sum(len(b - a) for a, b in zip(ours, theirs, strict=True)),
+            "same": sum(a == b for a, b in both),
+            "only_ours": sum(len(a - b) for a, b in both),
+            "only_theirs": sum(len(b - a) for a, b in both),
         }
     return answer
