@@ -20,6 +20,8 @@ WEIGHTS = {
     "respond/": 0.7,
     "index/": 0.7,
     "guard/proofs.py": 2.5,
+    "guard/needs.py": 2.5,
+    "guard/relief.py": 2.5,
     "guard/stops.py": 2.0,
     "guard/observe.py": 2.5,
     "guard/commands.py": 2.0,

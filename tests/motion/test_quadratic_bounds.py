@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.motion.gap_bound import (
+from armguard.motion.joint_rows import (
     ALONG,
     GRADIENT,
     GROWTH,

@@ -23,17 +23,8 @@ from armguard.geometry import (
     Sphere,
 )
 from armguard.geometry.shapes import shape_row
-from armguard.motion.gap_bound import (
-    GROWTH,
-    TO,
-    TURN,
-    WIDEN,
-    joint_ranges,
-    joint_rows,
-    line_ranges,
-    most_way,
-    side_reach,
-)
+from armguard.motion.gap_bound import line_ranges, most_way, side_reach
+from armguard.motion.joint_rows import GROWTH, TO, TURN, WIDEN, joint_ranges, joint_rows
 from armguard.motion.prepare import motion_of
 from armguard.motion.state import LEVER_ROW, Motion
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE

@@ -13,7 +13,8 @@ from armguard.geometry import Pose, Sphere
 from armguard.guard import Level, Reason
 from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
-from armguard.guard.proofs import SINK, is_driven_nearer, prove_pair, relief_of
+from armguard.guard.proofs import prove_pair
+from armguard.guard.relief import SINK, is_driven_nearer, relief_of
 from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING
 from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import PROVEN, UNPROVEN

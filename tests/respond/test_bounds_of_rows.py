@@ -17,7 +17,7 @@ from armguard.guard.pair_row import pair_row
 from armguard.guard.workspace import FIRST_ROW, open_workspace
 from armguard.motion.state import BUDGET
 from armguard.respond import Guard
-from armguard.respond.program import part_of
+from armguard.respond.constraints import part_of
 from armguard.respond.state import (
     BY_CONTRIBUTION,
     BY_PRIORITY,

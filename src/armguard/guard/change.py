@@ -23,7 +23,7 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import decide, row_place
-from armguard.guard.proofs import object_speed
+from armguard.guard.needs import object_speed
 from armguard.guard.watch import (
     BACKWARDS,
     COMMANDED,

@@ -19,14 +19,8 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.near_pairs import row_place
-from armguard.guard.proofs import (
-    closing_speed,
-    coarse,
-    describe_pair,
-    object_speed,
-    robot_of,
-    standing_need,
-)
+from armguard.guard.needs import closing_speed, object_speed, robot_of, standing_need
+from armguard.guard.proofs import coarse, describe_pair
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel

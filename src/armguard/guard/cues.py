@@ -27,8 +27,9 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Level
 from armguard.guard.near_pairs import row_place
+from armguard.guard.needs import LOOK_AHEAD, robot_of
 from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import LOOK_AHEAD, NEAR_CUE, robot_of
+from armguard.guard.proofs import NEAR_CUE
 from armguard.guard.watch import SLOW_TIME, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel

@@ -10,13 +10,8 @@ from math import inf
 from armguard.guard.contracts import prove
 from armguard.guard.layout import BUFFER, CLEARANCE, ENVELOPE, PROOF, TIME_LEFT, WITNESS
 from armguard.guard.levels import Reason
-from armguard.guard.proofs import (
-    OF_WITNESS,
-    closing_speed,
-    coarse,
-    rate_along_normal,
-    robot_of,
-)
+from armguard.guard.needs import closing_speed, rate_along_normal, robot_of
+from armguard.guard.proofs import OF_WITNESS, coarse
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel

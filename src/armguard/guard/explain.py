@@ -30,13 +30,8 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.near_pairs import row_place
-from armguard.guard.proofs import (
-    OF_EXACT,
-    OF_PRIMITIVES,
-    object_speed,
-    robot_of,
-    standing_need,
-)
+from armguard.guard.needs import object_speed, robot_of, standing_need
+from armguard.guard.proofs import OF_EXACT, OF_PRIMITIVES
 from armguard.guard.refine import refine_pair
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace

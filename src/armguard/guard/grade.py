@@ -23,7 +23,7 @@ from armguard.guard.layout import (
 )
 from armguard.guard.levels import Level, Reason
 from armguard.guard.near_pairs import row_place
-from armguard.guard.proofs import LOOK_AHEAD
+from armguard.guard.needs import LOOK_AHEAD
 from armguard.guard.watch import (
     BRAKING,
     FORCED,

@@ -18,7 +18,7 @@ from armguard.guard.grips import (
 )
 from armguard.guard.memory import TOKEN
 from armguard.guard.near_pairs import boxes_apart
-from armguard.guard.proofs import look_distance
+from armguard.guard.needs import look_distance
 from armguard.guard.watch import FEW, Watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,

@@ -26,14 +26,14 @@ from armguard.guard.near_pairs import (
     open_row,
     row_place,
 )
-from armguard.guard.planes import is_apart, remember_plane
-from armguard.guard.proofs import (
+from armguard.guard.needs import (
     LOOK_AHEAD,
     look_distance,
     object_speed,
     standing_need,
     time_since,
 )
+from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import (

@@ -6,20 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import dot
 from armguard.guard.layout import (
     ENVELOPE,
     WITNESS,
 )
-from armguard.guard.observe import now_of
-from armguard.guard.pair_row import pair_row
+from armguard.guard.needs import (
+    LOOK_AHEAD,
+    closing_speed,
+    object_speed,
+    own_sum,
+    rate_along_normal,
+    robot_of,
+    standing_need,
+)
+from armguard.guard.relief import relief_of
 from armguard.guard.watch import (
     BRAKING,
-    COMMANDED,
     LOST,
-    NOW_TIME,
     RECOVERING,
-    RUNNING,
     SLOW_TIME,
     Watch,
 )
@@ -30,7 +34,6 @@ from armguard.kernel import kernel
 from armguard.motion.figures import (
     SPEED,
 )
-from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import (
     LITTLE,
     WHOLE_PATH,
@@ -50,21 +53,14 @@ from armguard.motion.pair_state import (
 from armguard.motion.state import (
     BUDGET,
     LOOKED,
-    NEXT,
     SEGMENT,
     SETTLED,
-    STILL,
     TESTS,
     Motion,
 )
 
 Floats = NDArray[np.float64]
 
-# What the bounds of the path of an arm that leaves what is too near may add to it [m].
-SINK = 1e-3
-
-# Slack in time is told this much farther than where the arm is slowed [-].
-LOOK_AHEAD = 2.0
 
 # A pair that has less than this left beyond what it needs is near [m].
 NEAR_CUE = 0.02
@@ -77,118 +73,6 @@ PLENTY = 5e-3
 OF_WITNESS = 0.0
 OF_PRIMITIVES = 1.0
 OF_EXACT = 2.0
-
-
-@kernel
-def robot_of(i: int, v: Watch) -> int:
-    """Robot a primitive rides on, -1 for none."""
-    return int(v.robot_of[i]) if i < v.robot_of.shape[0] else -1
-
-
-@kernel
-def own_sum(i: int, body: int, first: int, sizes: Floats, m: Motion) -> float:
-    """Sum of sizes times levers over a primitive's joints from one of them on."""
-    total = 0.0
-    for k in range(first, m.length[body]):
-        total += sizes[m.joints[body, k]] * m.levers[i, k]
-    return total
-
-
-@kernel
-def closing_speed(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Bound on how fast two primitives can approach as they are moving now [m/s]."""
-    if j >= m.rate.shape[0]:
-        return float(m.rate[i] + object_speed(j, v))
-    first = shared_joints(w.bodies[i], w.bodies[j], m)
-    if first == 0:
-        return float(m.rate[i] + m.rate[j])
-    return float(
-        own_sum(i, w.bodies[i], first, m.speed, m)
-        + own_sum(j, w.bodies[j], first, m.speed, m)
-    )
-
-
-@kernel
-def rate_along_normal(
-    i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
-) -> float:
-    """How fast a pair may be closing now, by its witness points and normal [m/s].
-
-    Unlike the levers this knows directions: what moves past closes nothing.
-    """
-    out = w.out
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
-    moving = m.rate.shape[0]
-    body_j = w.bodies[j] if j < moving else -1
-    first = shared_joints(w.bodies[i], body_j, m)
-    total = 0.0
-    for side in range(2):
-        k, body = (i, w.bodies[i]) if side == 0 else (j, body_j)
-        if k >= moving:
-            total += object_speed(k, v)
-            continue
-        point = (
-            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
-        )  # fmt: skip
-        for c in range(first, m.length[body]):
-            b = m.joints[body, c]
-            q = m.q_index[b]
-            if m.clock[m.robot_of_joint[q], STILL] != 0.0:
-                continue
-            g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
-            if side == 1:
-                g = -g
-            total += max(g * m.v_low[q], g * m.v_high[q])
-    return total
-
-
-@kernel
-def object_speed(j: int, v: Watch) -> float:
-    """Greatest speed of a primitive that no robot moves [m/s]."""
-    return float(v.top_speed[j]) if j < v.top_speed.shape[0] else 0.0
-
-
-@kernel
-def standing_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Distance a pair must keep whatever its robots do [m].
-
-    Its buffer, the errors of the model, and an object's way since it was seen.
-    """
-    need = w.buffers[w.groups[i], w.groups[j]] + v.model[i]
-    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    if robot_j >= 0:
-        need += v.model[j]
-        if robot_i != robot_j:
-            need += v.base[i] + v.base[j]
-        return float(need)
-    need += v.base[i]
-    speed = object_speed(j, v)
-    if speed > 0.0 and m.span[SEGMENT] == 0.0:
-        need += speed * time_since(v.seen_at[j], v, m)
-    return float(need)
-
-
-@kernel
-def time_since(seen: float, v: Watch, m: Motion) -> float:
-    """Longest time since an object was seen [s].
-
-    Where nobody tells the time of the cycle it is later than the newest stamp by no
-    more than a measurement may be old.
-    """
-    age = now_of(v) - seen
-    if v.given[NOW_TIME] != v.given[NOW_TIME]:
-        oldest = 0.0
-        for r in range(m.robot_figures.shape[0]):
-            oldest = max(oldest, m.robot_figures[r].sensing)
-        age += oldest
-    return float(max(age, 0.0))
-
-
-@kernel
-def look_distance(i: int, v: Watch, m: Motion) -> float:
-    """Beyond this distance nothing about a primitive is to be told [m]."""
-    return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.pace[SLOW_TIME])
 
 
 @kernel(separate=True)
@@ -344,134 +228,6 @@ def is_plenty(
     if not spare >= NEAR_CUE:
         return False
     return bool(spare >= time * rate_along_normal(i, j, place, w, v, m))
-
-
-@kernel
-def relief_of(
-    i: int,
-    j: int,
-    place: int,
-    spare: float,
-    floor: float,
-    w: Workspace,
-    v: Watch,
-    m: Motion,
-) -> float:
-    """What is taken off a pair's need while a robot leaves what is too near [m].
-
-    A pair that would be too near at rest as well, or is by so little not that its
-    robots cannot be let go, need not be farther than it is, as long as what the robot
-    is told surely opens it. What the bounds of its path may add to that is bounded too,
-    by where the recovery began, and by how far an object can have come by itself since.
-    The pair's other side must not be one that is driven nearer.
-
-    Args:
-        i: Lower primitive.
-        j: Higher primitive.
-        place: Where the pair's row starts.
-        spare: Distance beyond what the pair needs besides joints [m].
-        floor: What of that need is no error, but asked for [m].
-        w: The workspace.
-        w: Workspace.
-        v: Watch; the deficits of resting robots are noted.
-        m: Motion.
-    """
-    if m.span[SEGMENT] != 0.0:
-        return 0.0
-    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    measured = spare
-    spare -= m.blur[i]
-    if robot_j >= 0:
-        spare -= m.blur[j]
-    if not spare < SINK:
-        return 0.0
-    for side in range(2):
-        r = robot_i if side == 0 else robot_j
-        if r >= 0:
-            v.deficit[r] = max(v.deficit[r], -spare)
-    most = 0.0
-    for side in range(2):
-        r = robot_i if side == 0 else robot_j
-        if r < 0:
-            continue
-        if v.phase[r] == RUNNING and is_driven_nearer(r, i, j, place, w):
-            return 0.0
-        if v.phase[r] == RECOVERING:
-            v.relieved[r] = 1
-            if not surely_opens(r, i, j, place, w):
-                return 0.0
-            # What comes by itself was counted until then when the recovery began.
-            later = max(now_of(v) + m.span[SETTLED] - v.relief_until[r], 0.0)
-            most = max(most, v.relief[r] + SINK + object_speed(j, v) * later)
-    relief = min(SINK - spare, most)
-    if relief > floor and measured + floor >= error_along(i, j, place, w, v, m):
-        # What surely does not touch has to stay so.
-        relief = floor
-    return float(relief)
-
-
-@kernel
-def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """What errors of joint positions take off a pair's distance, to first order [m].
-
-    No more than `blur`, which is the sum of the ways of both sides in any direction.
-    """
-    pair_row(i, j, place, v.row, w, m)
-    total = 0.0
-    for q in range(v.row.shape[0]):
-        total += abs(v.row[q]) * m.joint_figures[q].position_error
-    return total
-
-
-@kernel(separate=True)
-def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
-    """Whether what a robot is told opens a pair, wherever in its error each joint is.
-
-    The other robot's errors count as well if it is driven.
-
-    Args:
-        r: The robot.
-        i: Lower primitive.
-        j: Higher primitive.
-        place: Where the pair's row starts.
-        w: The workspace.
-    """
-    v, m = w.watch, w.motion
-    if v.given[COMMANDED] == 0.0:
-        return False
-    pair_row(i, j, place, v.row, w, m)
-    closing = 0.0
-    for q in range(v.row.shape[0]):
-        own = int(m.robot_of_joint[q])
-        if own == r:
-            closing += v.row[q] * v.wanted[q]
-        if own == r or v.phase[own] == RUNNING:
-            closing += abs(v.row[q]) * m.joint_figures[q].tracking_error
-    return closing < 0.0
-
-
-@kernel(separate=True)
-def is_driven_nearer(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
-    """Whether anything a robot is or was told, and may do yet, closes a pair.
-
-    Args:
-        r: The robot.
-        i: Lower primitive.
-        j: Higher primitive.
-        place: Where the pair's row starts.
-        w: The workspace.
-    """
-    v, m = w.watch, w.motion
-    if v.given[COMMANDED] == 0.0:
-        return True
-    pair_row(i, j, place, v.row, w, m)
-    first = m.robot_figures[r].first_joint
-    for q in range(first, first + m.robot_figures[r].joint_count):
-        low = min(v.under_way[q, 0], v.wanted[q])
-        high = max(v.under_way[q, 1], v.wanted[q])
-        if max(v.row[q] * low, v.row[q] * high) > 0.0:
-            return True
-    return False
 
 
 @kernel

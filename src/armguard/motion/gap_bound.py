@@ -25,8 +25,19 @@ from numpy.typing import NDArray
 from armguard.address import pointer
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes.kind import ShapeKind
-from armguard.geometry.vec3 import Vec3, add, cross, dot, sub
+from armguard.geometry.vec3 import Vec3, add, dot
 from armguard.kernel import kernel
+from armguard.motion.joint_rows import (
+    GROWTH,
+    TO,
+    TURN,
+    TURNED,
+    WIDEN,
+    Ends,
+    joint_ranges,
+    joint_rows,
+    point_reach,
+)
 from armguard.motion.pair_state import Pair, levers_of
 from armguard.motion.state import NODES, WHOLE, Motion
 from armguard.robot.kinematics import PRISMATIC
@@ -35,8 +46,6 @@ from armguard.table import Matrix
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-# What round-off may make of a unit normal's coordinate: a micrometre per 10⁹ m [-].
-TURNED = 1e-15
 
 SPHERE = int(ShapeKind.SPHERE)
 CAPSULE = int(ShapeKind.CAPSULE)
@@ -47,208 +56,6 @@ CONE = int(ShapeKind.CONE)
 ELLIPSOID = int(ShapeKind.ELLIPSOID)
 HULL = int(ShapeKind.HULL)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
-
-# Places in a row that tells how a joint moves points, see LEVER_ROW: g(p) is
-# slope·p + level, and its Δ is `FROM ± TO`. Over a span of time all joints are at the
-# same place u of their lines, and both ends of these are looked at: from the middle to
-# an end Δ changes by TURN, and TO by WIDEN; GROWTH is the most of that.
-SLOPE = 0  # n x axis, 3 numbers; 0 for a sliding joint
-LEVEL = 3
-FROM = 4
-TO = 5
-AXIS = 6  # 3 numbers
-ORIGIN = 9  # 3 numbers
-TURNS = 12  # 1 for a turning joint, 0 for a sliding one
-GRADIENT = 13  # g of the vertex that is looked at
-ALONG = 14  # the same where the joints are on their line
-OPEN = 15  # 1 while the end of its range is not yet decided
-TURN = 16
-WIDEN = 17
-GROWTH = 18
-CURVED = 19  # how ALONG changes from the middle of the line to its end
-RANGE = 20  # TO where it is looked at
-HESSIAN = 21  # h by each joint of the chain
-
-# Reach at both ends of a line, or twice the same.
-Ends = tuple[float, float]
-
-
-@kernel
-def joint_rows(
-    n: Vec3,
-    chain: Ints,
-    first: int,
-    count: int,
-    axes: Floats,
-    origin: int,
-    joint_kind: Ints,
-    rows: Floats,
-) -> None:
-    """Write how each joint of a chain moves points along n; not yet how far it goes.
-
-    Args:
-        n: Unit direction.
-        chain: Bodies of the chain, shape (depth,).
-        first: First of them that counts.
-        count: Length of the chain.
-        axes: Axes in the world, shape (k, 6).
-        origin: The row of `axes` that is body 0's.
-        joint_kind: Joint kinds, shape (b,).
-        rows: Overwritten but for the Δ, shape (depth, LEVER_ROW + depth).
-    """
-    for k in range(first, count):
-        b = chain[k]
-        row, axis = rows[k], axes[origin + b]
-        direction = (axis[0], axis[1], axis[2])
-        for x in range(3):
-            row[AXIS + x] = axis[x]
-            row[ORIGIN + x] = axis[x + 3]
-        if joint_kind[b] == PRISMATIC:
-            row[0] = row[1] = row[2] = row[TURNS] = 0.0
-            row[LEVEL] = dot(n, direction)
-        else:
-            slope = cross(n, direction)
-            row[0], row[1], row[2] = slope
-            row[LEVEL] = -dot(slope, (axis[3], axis[4], axis[5]))
-            row[TURNS] = 1.0
-
-
-@kernel
-def joint_ranges(
-    chain: Ints, first: int, count: int, middle: Floats, width: Floats, rows: Floats
-) -> None:
-    """Write a range of Δ of each joint of a chain, of its own.
-
-    Args:
-        chain: Bodies of the chain, shape (depth,).
-        first: First of them that counts.
-        count: Length of the chain.
-        middle: Middle of the Δ of each body's joint, shape (b,).
-        width: How far Δ may be off that, shape (b,).
-        rows: Rows of `joint_rows`.
-    """
-    for k in range(first, count):
-        b = chain[k]
-        rows[k, FROM], rows[k, TO] = middle[b], width[b]
-
-
-@kernel
-def point_reach(
-    n: Vec3, p: Vec3, line: bool, first: int, count: int, rows: Floats
-) -> Ends:
-    """`n·p` and how far it can grow, to the second order, at both ends of a line [m].
-
-    Args:
-        n: Direction; 0 for the growth alone.
-        p: A vertex of the core, in the world [m].
-        line: Whether the joints are on a line.
-        first: First joint of the chain that counts.
-        count: Length of the chain.
-        rows: Written by `joint_rows`, with ranges.
-    """
-    differentiate(p, first, count, rows)
-    if line:
-        return line_ends(dot(n, p), first, count, rows)
-    way = bend = 0.0
-    for k in range(first, count):
-        own = rows[k]
-        turned = 0.0
-        for j in range(first, count):
-            turned += own[HESSIAN + j] * rows[j, FROM]
-        way += own[GRADIENT] * own[FROM]
-        bend += 0.5 * own[FROM] * turned
-        own[ALONG], own[RANGE] = own[GRADIENT] + turned, own[TO]
-    reach = dot(n, p) + way + bend + widest(first, count, rows)
-    return (reach, reach)
-
-
-@kernel
-def line_ends(still: float, first: int, count: int, rows: Floats) -> Ends:
-    """The same at each end of the joints' line, and how much more in between."""
-    way = bend = grown = 0.0
-    for k in range(first, count):
-        own = rows[k]
-        curved = mixed = 0.0
-        for j in range(first, count):
-            h = own[HESSIAN + j]
-            curved += h * rows[j, TURN]
-            mixed += abs(h) * rows[j, GROWTH]
-        way += own[GRADIENT] * own[TURN]
-        bend += 0.5 * own[TURN] * curved
-        grown += (abs(own[TURN]) + 0.5 * own[GROWTH]) * mixed
-        own[CURVED] = curved
-    # Between the two ends of a line the way is above both by no more than it bows.
-    reach = still + bend + max(-bend, 0.0) + grown
-    return (
-        reach - way + line_end(-1.0, first, count, rows),
-        reach + way + line_end(1.0, first, count, rows),
-    )
-
-
-@kernel
-def line_end(sign: float, first: int, count: int, rows: Floats) -> float:
-    """What the ranges of the joints add at one end of their line."""
-    for k in range(first, count):
-        own = rows[k]
-        own[ALONG] = own[GRADIENT] + sign * own[CURVED]
-        own[RANGE] = own[TO] + sign * own[WIDEN]
-    return widest(first, count, rows)
-
-
-@kernel
-def differentiate(p: Vec3, first: int, count: int, rows: Floats) -> None:
-    """Write the first and second derivatives of n·p by the joints."""
-    for k in range(first, count):
-        own = rows[k]
-        slope = (own[SLOPE], own[SLOPE + 1], own[SLOPE + 2])
-        own[GRADIENT] = dot(slope, p) + own[LEVEL]
-        move = (own[AXIS], own[AXIS + 1], own[AXIS + 2])
-        if own[TURNS] != 0.0:
-            origin = (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2])
-            move = cross(move, sub(p, origin))
-        for j in range(first, k + 1):
-            other = rows[j]
-            h = dot((other[SLOPE], other[SLOPE + 1], other[SLOPE + 2]), move)
-            own[HESSIAN + j] = h
-            other[HESSIAN + k] = h
-
-
-@kernel
-def widest(first: int, count: int, rows: Floats) -> float:
-    """Greatest `Σ g Δ + ½ Σ Σ h Δ Δ` for Δ within plus and minus the widths.
-
-    Where g outweighs all that h can change of it, the greatest value is at that end of
-    the joint's range, whatever the others do, and the others are left with what it
-    makes of them. Of what remains every part is taken at its largest.
-    """
-    total = 0.0
-    for k in range(first, count):
-        rows[k, OPEN] = 1.0
-    for _ in range(2):
-        for k in range(first, count):
-            own = rows[k]
-            if own[OPEN] == 0.0:
-                continue
-            doubt = 0.0
-            for j in range(first, count):
-                doubt += abs(own[HESSIAN + j]) * rows[j, RANGE] * rows[j, OPEN]
-            g = own[ALONG]
-            if not abs(g) >= doubt:
-                continue
-            move = own[RANGE] if g >= 0.0 else -own[RANGE]
-            own[OPEN] = 0.0
-            total += g * move + 0.5 * own[HESSIAN + k] * move * move
-            for j in range(first, count):
-                rows[j, ALONG] += own[HESSIAN + j] * move
-    for k in range(first, count):
-        own = rows[k]
-        if own[OPEN] == 0.0:
-            continue
-        doubt = 0.0
-        for j in range(first, count):
-            doubt += abs(own[HESSIAN + j]) * rows[j, RANGE] * rows[j, OPEN]
-        total += own[RANGE] * (abs(own[ALONG]) + 0.5 * doubt)
-    return total
 
 
 @kernel(inline=False)

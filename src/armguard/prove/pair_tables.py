@@ -17,7 +17,7 @@ from armguard.geometry.shapes import (
     shape_row,
 )
 from armguard.motion.chains import anchor
-from armguard.motion.gap_bound import HESSIAN
+from armguard.motion.joint_rows import HESSIAN
 from armguard.prove.box_bound import BOUNDS, HOLD_POINTS, bound_boxes
 from armguard.robot.kinematics import FIXED, KinematicTable
 from armguard.robot.limits import joint_limits

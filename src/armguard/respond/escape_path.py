@@ -17,7 +17,7 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.guard.memory import TOKEN
 from armguard.guard.motion_pairs import asks_index
-from armguard.guard.proofs import robot_of, standing_need, time_since
+from armguard.guard.needs import robot_of, standing_need, time_since
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.index.octree_query import primitives_in_box

@@ -15,7 +15,7 @@ from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.near_pairs import row_place
-from armguard.guard.proofs import robot_of, time_since
+from armguard.guard.needs import robot_of, time_since
 from armguard.guard.watch import (
     RECOVERING,
     RESTING,

@@ -29,8 +29,8 @@ from armguard.geometry.vec3 import Vec3, norm
 from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
+from armguard.guard.needs import robot_of, standing_need
 from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import robot_of, standing_need
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel

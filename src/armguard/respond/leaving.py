@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
+from armguard.guard.needs import object_speed, robot_of, standing_need
 from armguard.guard.pair_row import pair_row
-from armguard.guard.proofs import SINK, object_speed, robot_of, standing_need
+from armguard.guard.relief import SINK
 from armguard.guard.watch import RESTING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel

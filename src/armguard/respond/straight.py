@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import norm
-from armguard.guard.contracts import GRANTED, allowed_speed, contract_of
+from armguard.guard.contact_speed import GRANTED, allowed_speed
+from armguard.guard.contracts import contract_of
 from armguard.guard.grips import (
     BODY,
     BY_INTENT,
@@ -26,7 +27,7 @@ from armguard.guard.grips import (
     STATE,
 )
 from armguard.guard.intent import TOWARDS, velocity_of
-from armguard.guard.proofs import robot_of
+from armguard.guard.needs import robot_of
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import INTENTS, Workspace
 from armguard.kernel import kernel

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from armguard.guard.levels import Level
-from armguard.guard.proofs import LOOK_AHEAD
+from armguard.guard.needs import LOOK_AHEAD
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.station import palette
 from armguard.station.blackbox.report.cycles import Floats, Series, distribution

@@ -1,0 +1,112 @@
+"""How fast the sides of a contract may close."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.vec3 import dot
+from armguard.guard.grips import (
+    CREEP,
+    GAIN,
+)
+from armguard.guard.layout import WITNESS
+from armguard.guard.needs import robot_of
+from armguard.guard.watch import COMMANDED, Watch
+from armguard.guard.workspace import (
+    Workspace,
+)
+from armguard.kernel import kernel
+from armguard.motion.nearest import joint_way
+from armguard.motion.pair_proof import shared_joints
+from armguard.motion.state import (
+    NEXT,
+    REACTION,
+    Motion,
+)
+
+Floats = NDArray[np.float64]
+
+# Share of what a contract bears that a response asks for: what is under way is as old
+# as the delays, and was told when the pair was farther apart [-].
+GRANTED = 0.8
+
+# Share of it that is told anew at most. What is under way goes on for a while, as it is
+# or as it misses what it is told, when the pair is nearer than it was [-].
+TOLD_ANEW = 0.95
+
+
+@kernel
+def closing_told(
+    i: int,
+    j: int,
+    plan_i: int,
+    plan_j: int,
+    place: int,
+    w: Workspace,
+    v: Watch,
+    m: Motion,
+) -> tuple[float, float]:
+    """How fast a pair is told to close, and until when a stop has taken effect.
+
+    Returns:
+        Along the pair's normal, at most [m/s]; and that time [s].
+    """
+    out, robots = w.out, m.robot_figures.shape[0]
+    at = place + WITNESS
+    n = (out[at + 7], out[at + 8], out[at + 9])
+    moving = m.rate.shape[0]
+    first = shared_joints(w.bodies[i], w.bodies[j], m)
+    closing = time = 0.0
+    for side in range(2):
+        k, plan = (i, plan_i) if side == 0 else (j, plan_j)
+        if k >= moving:
+            continue
+        r = robot_of(k, v)
+        if r >= 0:
+            time = max(time, m.clock[plan * robots + r, REACTION])
+        point = (
+            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
+        )  # fmt: skip
+        body = w.bodies[k]
+        for x in range(first, m.length[body]):
+            b = m.joints[body, x]
+            g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
+            closing += fastest(m.q_index[b], g if side == 0 else -g, plan, v, m)
+    return (closing, time)
+
+
+@kernel
+def speed_at(distance: float, c: Floats) -> float:
+    """Greatest closing speed that a contract bears at a distance [m/s]."""
+    return float(c[CREEP] + c[GAIN] * distance)
+
+
+@kernel
+def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
+    """Most that a joint may be told to add to a closing speed [m/s].
+
+    Args:
+        q: The joint.
+        g: How fast it closes the pair at unit speed.
+        plan: NEXT or NOW.
+        v: Watch.
+        m: Motion.
+    """
+    if v.given[COMMANDED] == 0.0:
+        return float(g * 0.5 * (m.v_low[q] + m.v_high[q]))
+    low, high = v.under_way[q, 0], v.under_way[q, 1]
+    if plan == NEXT:
+        low, high = min(low, v.wanted[q]), max(high, v.wanted[q])
+    return float(max(g * low, g * high))
+
+
+@kernel
+def allowed_speed(distance: float, time: float, c: Floats) -> float:
+    """Greatest closing speed at a distance that its contract bears until a stop works.
+
+    Args:
+        distance: That distance [m].
+        time: Until an order takes effect [s].
+        c: The contract.
+    """
+    most = speed_at(distance, c) / (1.0 + c[GAIN] * time)
+    return float(max(c[CREEP], most))

@@ -1,0 +1,146 @@
+"""What a pair must keep, and how fast its sides move."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.vec3 import dot
+from armguard.guard.layout import (
+    WITNESS,
+)
+from armguard.guard.observe import now_of
+from armguard.guard.watch import (
+    NOW_TIME,
+    SLOW_TIME,
+    Watch,
+)
+from armguard.guard.workspace import (
+    Workspace,
+)
+from armguard.kernel import kernel
+from armguard.motion.nearest import joint_way
+from armguard.motion.pair_proof import (
+    shared_joints,
+)
+from armguard.motion.state import (
+    NEXT,
+    SEGMENT,
+    STILL,
+    Motion,
+)
+
+Floats = NDArray[np.float64]
+
+# Slack in time is told this much farther than where the arm is slowed [-].
+LOOK_AHEAD = 2.0
+
+
+@kernel
+def robot_of(i: int, v: Watch) -> int:
+    """Robot a primitive rides on, -1 for none."""
+    return int(v.robot_of[i]) if i < v.robot_of.shape[0] else -1
+
+
+@kernel
+def own_sum(i: int, body: int, first: int, sizes: Floats, m: Motion) -> float:
+    """Sum of sizes times levers over a primitive's joints from one of them on."""
+    total = 0.0
+    for k in range(first, m.length[body]):
+        total += sizes[m.joints[body, k]] * m.levers[i, k]
+    return total
+
+
+@kernel
+def closing_speed(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
+    """Bound on how fast two primitives can approach as they are moving now [m/s]."""
+    if j >= m.rate.shape[0]:
+        return float(m.rate[i] + object_speed(j, v))
+    first = shared_joints(w.bodies[i], w.bodies[j], m)
+    if first == 0:
+        return float(m.rate[i] + m.rate[j])
+    return float(
+        own_sum(i, w.bodies[i], first, m.speed, m)
+        + own_sum(j, w.bodies[j], first, m.speed, m)
+    )
+
+
+@kernel
+def rate_along_normal(
+    i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
+) -> float:
+    """How fast a pair may be closing now, by its witness points and normal [m/s].
+
+    Unlike the levers this knows directions: what moves past closes nothing.
+    """
+    out = w.out
+    at = place + WITNESS
+    n = (out[at + 7], out[at + 8], out[at + 9])
+    moving = m.rate.shape[0]
+    body_j = w.bodies[j] if j < moving else -1
+    first = shared_joints(w.bodies[i], body_j, m)
+    total = 0.0
+    for side in range(2):
+        k, body = (i, w.bodies[i]) if side == 0 else (j, body_j)
+        if k >= moving:
+            total += object_speed(k, v)
+            continue
+        point = (
+            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
+        )  # fmt: skip
+        for c in range(first, m.length[body]):
+            b = m.joints[body, c]
+            q = m.q_index[b]
+            if m.clock[m.robot_of_joint[q], STILL] != 0.0:
+                continue
+            g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
+            if side == 1:
+                g = -g
+            total += max(g * m.v_low[q], g * m.v_high[q])
+    return total
+
+
+@kernel
+def object_speed(j: int, v: Watch) -> float:
+    """Greatest speed of a primitive that no robot moves [m/s]."""
+    return float(v.top_speed[j]) if j < v.top_speed.shape[0] else 0.0
+
+
+@kernel
+def standing_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
+    """Distance a pair must keep whatever its robots do [m].
+
+    Its buffer, the errors of the model, and an object's way since it was seen.
+    """
+    need = w.buffers[w.groups[i], w.groups[j]] + v.model[i]
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
+    if robot_j >= 0:
+        need += v.model[j]
+        if robot_i != robot_j:
+            need += v.base[i] + v.base[j]
+        return float(need)
+    need += v.base[i]
+    speed = object_speed(j, v)
+    if speed > 0.0 and m.span[SEGMENT] == 0.0:
+        need += speed * time_since(v.seen_at[j], v, m)
+    return float(need)
+
+
+@kernel
+def time_since(seen: float, v: Watch, m: Motion) -> float:
+    """Longest time since an object was seen [s].
+
+    Where nobody tells the time of the cycle it is later than the newest stamp by no
+    more than a measurement may be old.
+    """
+    age = now_of(v) - seen
+    if v.given[NOW_TIME] != v.given[NOW_TIME]:
+        oldest = 0.0
+        for r in range(m.robot_figures.shape[0]):
+            oldest = max(oldest, m.robot_figures[r].sensing)
+        age += oldest
+    return float(max(age, 0.0))
+
+
+@kernel
+def look_distance(i: int, v: Watch, m: Motion) -> float:
+    """Beyond this distance nothing about a primitive is to be told [m]."""
+    return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.pace[SLOW_TIME])
