@@ -81,6 +81,7 @@ def serve(
     The first line on standard output tells where it listens.
     """
     from armguard.respond.compiling import compile_ahead
+    from armguard.respond.guard import try_out
     from armguard.station.service import Service, ServiceSettings
     from armguard.station.service.complaints import PatientHandler
     from armguard.station.service.scenes import (
@@ -133,7 +134,7 @@ def serve(
         progress=say_progress,
     )
     modes = {robot.mode for robot in opened.robots.values()}
-    compile_ahead(say, guarded=modes != {"fixed"})
+    compile_ahead(say, modes != {"fixed"}, try_out)
     asked: list[int] = []
 
     def end(number: int, frame: FrameType | None) -> None:

@@ -4,21 +4,27 @@ Consecutive samples of a robot that is not there are fed to the guard, as its op
 loop would. Nothing of it is left in the guard.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, nan
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from armguard.errors import SelfTestError
-from armguard.guard.approach import Approach, find_approaches, has_stops
+from armguard.guard.approach import (
+    Approach,
+    GuardUnderTest,
+    find_approaches,
+    has_stops,
+)
+from armguard.guard.grips import Grips
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.guard.walk import Walk, late_cycle
-from armguard.guard.watch import SLOW_TIME_DEFAULT
+from armguard.guard.watch import SLOW_TIME_DEFAULT, Watch
 from armguard.guard.workspace import INTENTS
-
-if TYPE_CHECKING:
-    from armguard.guard.monitor import Monitor
 
 # Ways that are tried until one has room to get up to speed before it must stop.
 TRIES = 6
@@ -26,9 +32,6 @@ TRIES = 6
 # In a loop slower than this share of the time in which a robot is slowed, no cycle need
 # fall into that time [-].
 CYCLES_OF_SLOW = 4.0
-
-# A point of time at which objects that move are thought to be seen in all the test [s].
-SEEN = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,7 @@ class SelfTestReport:
     lines: tuple[SelfTestLine, ...]
 
 
-def self_test(guard: "Monitor") -> SelfTestReport:
+def self_test(guard: GuardUnderTest) -> SelfTestReport:
     """Lead a synthetic robot through every level, then give wrong inputs.
 
     Levels must rise in order to a stop that ends before contact; standstill must be
@@ -71,26 +74,44 @@ def self_test(guard: "Monitor") -> SelfTestReport:
     """
     if not has_stops(guard.tables):
         return SelfTestReport((SelfTestLine("SKIP", "no stops are predicted"),))
-    watch = guard._watch
+    with guard.set_aside():
+        return SelfTestReport((*approach_lines(guard), fault_line(guard)))
+
+
+@contextmanager
+def keep(
+    watch: Watch, grips: Grips, settings: NDArray[np.int32], reset: Callable[[], None]
+) -> Iterator[None]:
+    """Leave a guard as it is, whatever it is asked meanwhile.
+
+    Objects that move count as seen all the time, and nothing is read as an intent to
+    touch: what is led up to something does not mean to.
+    """
     before = {name: array.copy() for name, array in watch._asdict().items()}
-    # What is led up to something does not mean to touch it.
-    grips, intents = guard._grips, guard._settings[INTENTS]
-    contracts, may = grips.contracts.copy(), grips.may.copy()
-    guard._settings[INTENTS] = 0
-    if len(watch.seen_at):
-        watch.seen_at[watch.movers] = SEEN
+    contracts, may, intents = (
+        grips.contracts.copy(),
+        grips.may.copy(),
+        settings[INTENTS],
+    )
+    settings[INTENTS] = 0
+    see_movers(watch)
     try:
-        lines = (*approach_lines(guard), fault_line(guard))
+        yield
     finally:
-        guard.reset()
+        reset()
         for name, array in before.items():
             getattr(watch, name)[:] = array
         grips.contracts[:], grips.may[:] = contracts, may
-        guard._settings[INTENTS] = intents
-    return SelfTestReport(lines)
+        settings[INTENTS] = intents
 
 
-def approach_lines(guard: "Monitor") -> Iterator[SelfTestLine]:
+def see_movers(watch: Watch) -> None:
+    """Let objects that move count as seen all the time."""
+    if len(watch.seen_at):
+        watch.seen_at[watch.movers] = inf
+
+
+def approach_lines(guard: GuardUnderTest) -> Iterator[SelfTestLine]:
     """Approach something, first as a robot that obeys, then as one that does not."""
     for k, approach in enumerate(find_approaches(guard)):
         if k == TRIES:
@@ -125,7 +146,7 @@ def walked_up_to(walk: Walk) -> bool:
     raise SelfTestError(f"self-test: {walk.words} came too near, and no stop was given")
 
 
-def obeyed(guard: "Monitor", approach: Approach, walk: Walk) -> SelfTestLine:
+def obeyed(guard: GuardUnderTest, approach: Approach, walk: Walk) -> SelfTestLine:
     """Let the robot of a walk stop as declared.
 
     Raises:
@@ -156,7 +177,7 @@ def obeyed(guard: "Monitor", approach: Approach, walk: Walk) -> SelfTestLine:
     return SelfTestLine("PASS", f"levels: {walk.words}: {named(walk.levels)}")
 
 
-def ran_away(guard: "Monitor", approach: Approach) -> SelfTestLine:
+def ran_away(guard: GuardUnderTest, approach: Approach) -> SelfTestLine:
     """Let a robot go on as if nothing had been ordered.
 
     Raises:
@@ -180,7 +201,7 @@ def ran_away(guard: "Monitor", approach: Approach) -> SelfTestLine:
     )
 
 
-def fault_line(guard: "Monitor") -> SelfTestLine:
+def fault_line(guard: GuardUnderTest) -> SelfTestLine:
     """Give wrong inputs after two good cycles.
 
     Raises:

@@ -1,12 +1,6 @@
-"""Compile a part of the kernels into the cache.
+"""The two parts of the kernels that two processes compile into the cache."""
 
-python -m armguard.respond.compile_kernels [guarded]
-Started by a guard that finds nothing compiled, so that two processes share the work.
-"""
-
-import ctypes
-import signal
-import sys
+from collections.abc import Callable
 from typing import Any
 
 import numba
@@ -18,7 +12,6 @@ from armguard.geometry.shapes import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.index.small_tree import compile_octree
-from armguard.respond.guard import Guard
 from armguard.respond.whole_cycle import (
     begin_filtered_cycle,
     end_filtered_cycle,
@@ -30,8 +23,8 @@ from armguard.scene.scene import Scene
 from armguard.scene.settings import Mode
 from armguard.separate import link
 
-# Of prctl(2): the signal this process gets when its parent ends.
-PR_SET_PDEATHSIG = 1
+# Makes a guard of a scene, and calls what its cycles call.
+TryOut = Callable[[Scene], None]
 
 
 def one_joint() -> RobotModel:
@@ -62,17 +55,14 @@ def one_joint() -> RobotModel:
     )
 
 
-def compile_cycle(mode: Mode) -> None:
-    """Monitor the smallest scene for a cycle."""
+def compile_cycle(mode: Mode, try_out: TryOut) -> None:
+    """Guard the smallest scene for a cycle."""
     model = one_joint()
     scene = Scene(mode=mode)
     figures = stopping_figures(model, deceleration=4.0)
     scene.add_robot(model, name="rod", stopping=figures)
     scene.add(Sphere(radius=0.1), name="ball", pose=Pose(xyz=(0.0, 1.0, 0.0)))
-    guard = Guard(scene, self_test=False, compiling=True)
-    guard.step(guard.home, 0.0)
-    if mode != "fixed":
-        guard.check_path([guard.home, guard.home])
+    try_out(scene)
 
 
 def compile_filter(last_first: bool) -> None:
@@ -89,29 +79,18 @@ def compile_filter(last_first: bool) -> None:
         kernel.compile(arguments)
 
 
-def compile_here(guarded: bool) -> None:
+def compile_here(guarded: bool, try_out: TryOut) -> None:
     """The part of a guard that starts: distances, fixed buffers, half of the filter."""
     row, out = np.zeros(ROW_WIDTH), np.zeros(WITNESS_WIDTH)
     measure(int(ShapeKind.SPHERE), row, int(ShapeKind.SPHERE), row, out)
-    compile_cycle("fixed")
+    compile_cycle("fixed", try_out)
     if guarded:
         compile_filter(last_first=True)
 
 
-def compile_there(guarded: bool) -> None:
+def compile_there(guarded: bool, try_out: TryOut) -> None:
     """The part of the other process: the octree, half of the filter, paths."""
     compile_octree()
     if guarded:
         compile_filter(last_first=False)
-        compile_cycle("path")
-
-
-def end_with_parent() -> None:
-    """Have the kernel end this process when the one that started it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-if __name__ == "__main__":
-    end_with_parent()
-    compile_there("guarded" in sys.argv[1:])
+        compile_cycle("path", try_out)

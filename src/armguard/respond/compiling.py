@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import numba
 
 from armguard.kernel import KERNEL_CACHE
+from armguard.respond.compile_kernels import TryOut, compile_here, compile_there
 
 # Longest the other process is waited for [s]; without it this one compiles all.
 PATIENCE = 600.0
@@ -44,7 +45,9 @@ def only_compiler() -> Iterator[None]:
         yield
 
 
-def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None:
+def compile_ahead(
+    progress: Callable[[str], None] | None, guarded: bool, try_out: TryOut
+) -> None:
     """Compile here and in another process, unless all is kept.
 
     Numba compiles one kernel at a time. Two processes share the cache on disk: what the
@@ -55,6 +58,7 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
     Args:
         progress: Told before, since it takes a minute or more.
         guarded: Whether stops are to be predicted; their kernels take as long again.
+        try_out: Makes a guard of a scene, and calls what its cycles call.
     """
     if numba.config.DISABLE_JIT or is_compiled(guarded):
         return
@@ -63,33 +67,25 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
         progress(f"compiling kernels for this machine; first start only, {minutes}")
     with only_compiler():
         if not is_compiled(guarded):
-            compile_by_two(guarded)
+            compile_by_two(guarded, try_out)
             for ready in (READY, GUARDED_READY) if guarded else (READY,):
                 (KERNEL_CACHE / ready).touch()
 
 
-def compile_by_two(guarded: bool) -> None:
+def compile_by_two(guarded: bool, try_out: TryOut) -> None:
     """Compile all a guard needs: half of it in another process, if there is a core."""
-    # Imported here: it makes a guard itself.
-    from armguard.respond.compile_kernels import compile_here, compile_there
-
     if (os.cpu_count() or 1) < 2:
-        compile_there(guarded)
-        compile_here(guarded)
+        compile_there(guarded, try_out)
+        compile_here(guarded, try_out)
         return
     other = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "armguard.respond.compile_kernels",
-            *(["guarded"] if guarded else []),
-        ],
+        [sys.executable, "-m", "armguard.respond", *["guarded"] * guarded],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
     try:
-        compile_here(guarded)
+        compile_here(guarded, try_out)
         other.wait(timeout=PATIENCE)
     except subprocess.TimeoutExpired:
         pass

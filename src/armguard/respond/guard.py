@@ -120,7 +120,7 @@ class Guard(Monitor):
             self.filter(self.home, still, 0.0, velocity=still)
             self.reset()
             if self_test:
-                lines = (*self.self_test.lines, filter_line(self))
+                lines = (*self.self_test.lines, filter_line(self, self._watch))
                 self.self_test = SelfTestReport(lines)
 
     @property
@@ -433,7 +433,7 @@ class Guard(Monitor):
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """See `compile_ahead`."""
         if not self._compiling:
-            compile_ahead(progress, self._guarded)
+            compile_ahead(progress, self._guarded, try_out)
 
     def _filter(
         self,
@@ -598,6 +598,14 @@ class Guard(Monitor):
                 return None
             self._tools[name] = tool_of(self.tables, name)
         return self._tools[name]
+
+
+def try_out(scene: Scene) -> None:
+    """Guard a scene for a cycle, for kernels to be compiled."""
+    guard = Guard(scene, self_test=False, compiling=True)
+    guard.step(guard.home, 0.0)
+    if guard._guarded:
+        guard.check_path([guard.home, guard.home])
 
 
 def rows_of_twists(wanted: Sequence[tuple[Tool, Floats]]) -> Floats:

@@ -1,36 +1,55 @@
 """The filter's test of itself: an operator who pushes on is held off, and let out."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armguard.errors import SelfTestError
-from armguard.guard.approach import Approach, find_approaches
-from armguard.guard.self_test import SEEN, SelfTestLine, touches
+from armguard.guard.approach import Approach, GuardUnderTest, find_approaches
+from armguard.guard.self_test import SelfTestLine, see_movers, touches
 from armguard.guard.walk import GRACE, PATIENCE
-from armguard.respond.command import Action
+from armguard.guard.watch import Watch
+from armguard.respond.command import Action, Command
 from armguard.robot.stopping.distance import stop_travel
-
-if TYPE_CHECKING:
-    from armguard.respond.guard import Guard
 
 # Cycles in which a way out must have begun, beyond the time a stop takes.
 OUT_CYCLES = 100
 
 
-def filter_line(guard: "Guard") -> SelfTestLine:
+class FilterUnderTest(GuardUnderTest, Protocol):
+    """What the self-test of a filter calls besides, see `Guard`."""
+
+    def filter(
+        self,
+        q: ArrayLike,
+        v_desired: ArrayLike | Mapping[str, float],
+        stamp: float,
+        *,
+        velocity: ArrayLike | None,
+    ) -> Command:
+        """Filter a cycle."""
+
+    def engage(self, name: str) -> None:
+        """Give a robot back to its operator."""
+
+
+def filter_line(guard: FilterUnderTest, watch: Watch) -> SelfTestLine:
     """Push a synthetic robot at something through the filter, then lead it away.
 
     It must be told no more than can be proven, never touch, and be let out. The guard
     is reset afterwards.
 
+    Args:
+        guard: The guard.
+        watch: Its watch.
+
     Raises:
         SelfTestError: It is not.
     """
-    watch = guard._watch
     seen = watch.seen_at.copy()
-    if len(seen):
-        watch.seen_at[watch.movers] = SEEN
+    see_movers(watch)
     try:
         for approach in find_approaches(guard):
             return pushed(guard, approach)
@@ -41,7 +60,7 @@ def filter_line(guard: "Guard") -> SelfTestLine:
         watch.seen_at[:] = seen
 
 
-def pushed(guard: "Guard", approach: Approach) -> SelfTestLine:
+def pushed(guard: FilterUnderTest, approach: Approach) -> SelfTestLine:
     """One joint that is pushed at something, and then led away from it.
 
     Raises:
