@@ -18,7 +18,7 @@ from armguard.cli.console import (
 )
 from armguard.cli.summary import print_summary, summary
 from armguard.guard import EventLog
-from armguard.guard.verdict import Counts
+from armguard.guard.answer import Counts
 from armguard.respond import Guard
 from armguard.scene import load_scene
 from armguard.scene.trajectory import densify

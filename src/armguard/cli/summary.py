@@ -8,7 +8,7 @@ from rich.table import Table
 
 from armguard.cli.console import STYLES, exit_code, out
 from armguard.guard import Event, EventLog, Level
-from armguard.guard.verdict import Counts
+from armguard.guard.answer import Counts
 
 # Levels whose count is told where it is 0 too.
 ALWAYS_TOLD = (Level.CLEAR, Level.CAUTION, Level.STOP)

@@ -24,6 +24,7 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT, INDEXED, STATUS
 from armguard.scene.standing import Standing
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 Arrays = Mapping[str, NDArray[Any]]
@@ -64,7 +65,6 @@ TABLES_KEPT = (
 
 # What of each is kept, where most of it does not.
 KEPT: dict[str, frozenset[str]] = {
-    "tables": frozenset(TABLES_KEPT),
     "motion": frozenset(
         (
             "joints length shared levers blur push rate reach speed q v_low v_high "
@@ -94,6 +94,11 @@ def chosen(ledger: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
         for name, array in arrays.items()
         if (name in kept if kept is not None else name not in left_out)
     }
+
+
+def kept_of_tables(tables: SceneTables) -> dict[str, NDArray[Any]]:
+    """What of a scene's tables changes with who holds what, by 'ledger.name'."""
+    return {f"tables.{name}": getattr(tables, name) for name in TABLES_KEPT}
 
 
 def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:

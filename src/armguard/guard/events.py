@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from armguard.guard.levels import Level, Reason
-from armguard.guard.verdict import ABOUT_PAIRS, Verdict, finite
+from armguard.guard.sentences import ABOUT_PAIRS
+from armguard.guard.verdict import Verdict, finite
 
 # Reasons of a stop that was ordered in an earlier cycle.
 AFTERWARDS = (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN)

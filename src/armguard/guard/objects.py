@@ -1,5 +1,6 @@
 """Objects that come, go and stand elsewhere between two cycles; their sightings."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import inf, isfinite
 from typing import NamedTuple
@@ -7,16 +8,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import PoseError, SceneError
+from armguard.errors import PoseError, SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.shapes import Shape
 from armguard.geometry.shapes.kind import ShapeKind
+from armguard.guard.holding import Holding
 from armguard.guard.levels import SENTENCES, Reason
+from armguard.guard.watch import Watch
+from armguard.index import BruteForce, Octree
 from armguard.index.base import Index
 from armguard.index.small_tree import small_tree
 from armguard.scene.blocks import WITH_ADDRESS
 from armguard.scene.standing import Standing
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +58,180 @@ class Sighting(NamedTuple):
 
     stamp: float
     rows: Floats
+
+
+class Objects:
+    """The objects of a scene that are attached to nothing, placed or left out.
+
+    Attributes:
+        changed: Names of those that were placed or removed since the start.
+
+    Args:
+        tables: The scene.
+        watch: Watch; sightings are written.
+        index: The index, with the world.
+        holding: Who holds what.
+        world_changed: Has the loop measure every pair afresh.
+    """
+
+    def __init__(
+        self,
+        tables: SceneTables,
+        watch: Watch,
+        index: Octree | BruteForce,
+        holding: Holding,
+        world_changed: Callable[[], None],
+    ) -> None:
+        self.changed: set[str] = set()
+        self._tables = tables
+        self._watch = watch
+        self._index = index
+        self._holding = holding
+        self._world_changed = world_changed
+        self._standing = dict(tables.standing)
+        for thing in self._standing.values():
+            if not thing.present:
+                take_out(index, thing)
+                watch.seen_at[thing.places] = inf
+
+    def place(
+        self,
+        name: str,
+        pose: Pose | ArrayLike,
+        stamp: float | None = None,
+        *,
+        velocity: ArrayLike | None = None,
+        shape: Shape | None = None,
+    ) -> None:
+        """Put an object where it stands from now on, whether it was there or not.
+
+        For between two cycles: it takes microseconds for each primitive of the object,
+        and may take longer where the index has to grow.
+
+        Args:
+            name: An object of the scene that is attached to nothing.
+            pose: Its frame in the world, a `Pose` or a transform of shape (4, 4).
+            stamp: When it was seen there, on the clock of `step` [s]; needed for an
+                object that has a `top_speed`, which may be elsewhere since.
+            velocity: How fast it was seen to move, in the world, shape (3,) [m/s];
+                robots that evade look where it is going.
+            shape: Its shape from now on, of the kind it has: what was not foreseen can
+                be kept out of by a box that the scene holds ready, not present. Only
+                of an object that is one shape, no hull or mesh, and not graspable.
+
+        Raises:
+            UnknownNameError: There is no such object.
+            PoseError: The transform is not rigid, or a number is not finite.
+            SceneError: The object moves and there is no stamp, or it cannot have that
+                shape.
+            SightingError: An object with a `top_speed` was seen before it was seen
+                last, elsewhere at the same time, farther away than it can be, with a
+                velocity it cannot have, or nowhere (a pose that is none). It counts as
+                where it was seen before, and every cycle is a stop that names it until
+                a sighting is believed.
+            GraspError: A gripper holds it.
+
+        Example:
+            >>> from armguard import Guard, Pose, Sphere, bay_scene
+            >>> scene = bay_scene()
+            >>> cart = scene.add(Sphere(radius=0.05), name="cart", present=False)
+            >>> guard = Guard(scene)
+            >>> guard.place("cart", Pose(xyz=(0.0, 0.0, 1.0)))
+            >>> guard.remove("cart")
+        """
+        thing = self._named(name)
+        if shape is not None:
+            thing = reshaped(name, thing, shape)
+        speeds = self._watch.top_speed
+        moves = len(speeds) > 0 and speeds[thing.first] > 0.0
+        if not moves and velocity is not None:
+            raise SceneError(
+                f"object '{name}' has no top_speed; one that moves needs it"
+            )
+        if moves:
+            T = self._take_sighting(name, thing, pose, stamp, velocity)
+        else:
+            T = transform_of(pose)
+        if thing.body >= 0:
+            self._holding.check_free(name)
+            self._holding.put(name, T)
+        stand_at(self._index, thing, T)
+        self._standing[name] = thing
+        self.changed.add(name)
+        self._world_changed()
+
+    def remove(self, name: str) -> None:
+        """Leave an object out from now on; `place` brings it back.
+
+        Raises:
+            UnknownNameError: There is no such object.
+            GraspError: A gripper holds it.
+        """
+        thing = self._named(name)
+        self._holding.check_free(name)
+        take_out(self._index, thing)
+        self._watch.seen_at[thing.places] = inf
+        self._watch.doubt[thing.places] = Reason.OK
+        self._watch.sighted_at[thing.places] = -inf
+        self.changed.add(name)
+        self._world_changed()
+
+    def places_of(self, names: Iterable[str]) -> NDArray[np.int64]:
+        """What a robot moves, and the primitives of some objects, shape (k,)."""
+        things = [self._tables.standing[name] for name in names]
+        return np.concatenate(
+            [
+                np.arange(self._tables.moving_count),
+                *(np.arange(t.first, t.first + t.count) for t in things if t.body < 0),
+            ]
+        )
+
+    def _take_sighting(
+        self,
+        name: str,
+        thing: Standing,
+        pose: Pose | ArrayLike,
+        stamp: float | None,
+        velocity: ArrayLike | None,
+    ) -> Floats:
+        """Take over when an object was seen to be where; its frame, shape (4, 4).
+
+        Raises:
+            SceneError: There is no stamp.
+            SightingError: It cannot be true; the object is in doubt.
+        """
+        watch, world = self._watch, self._index.world
+        if stamp is None:
+            raise SceneError(f"object '{name}' moves: say when it was seen")
+        top = float(watch.top_speed[thing.first])
+        kinds = world.kinds[thing.places]
+        before = Sighting(
+            float(watch.sighted_at[thing.first]), world.rows[thing.places]
+        )
+        try:
+            T = frame_seen(name, pose)
+            speeds = velocity_seen(name, velocity, top)
+            now = Sighting(stamp, thing.rows(T))
+            check_sighting(name, thing, kinds, before, now, top)
+        except SightingError as error:
+            watch.doubt[thing.places] = Reason[error.reason]
+            raise
+        watch.object_velocity[thing.places] = speeds
+        watch.sighted_at[thing.places] = stamp
+        watch.doubt[thing.places] = Reason.OK
+        # It may be off by `error`: as if it had gone that far since it was seen.
+        watch.seen_at[thing.places] = stamp - thing.error / top
+        return T
+
+    def _named(self, name: str) -> Standing:
+        """The object of that name that is attached to nothing."""
+        known = self._standing
+        if name not in known:
+            raise UnknownNameError(
+                f"no object that stands still is named '{name}'; "
+                f"{did_you_mean(name, known)}"
+            )
+        return known[name]
 
 
 def transform_of(pose: Pose | ArrayLike) -> Floats:

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
 from armguard.guard import layout
+from armguard.guard.answer import stop_answer
 from armguard.guard.checkpoint import chosen
-from armguard.guard.checkpoint_bounds import Greatest, Rules
 from armguard.guard.given import (
     FLOAT64,
     NO_POSITIONS,
@@ -413,23 +413,6 @@ class Guard(Monitor):
             self._response.asked.fill(0.0)
             self._response.far.fill(0.0)
 
-    def _arrays_kept(self) -> dict[str, NDArray[Any]]:
-        """See `Monitor._arrays_kept`."""
-        kept = super()._arrays_kept()
-        if self._response is None:
-            return kept
-        return {
-            **kept,
-            **chosen("response", self._response._asdict()),
-            **chosen("lead", self._lead._asdict()),
-            **chosen("escape", self._escape._asdict()),
-        }
-
-    def _bounds(self) -> tuple[Rules, Greatest]:
-        """See `Monitor._bounds`."""
-        rules, greatest = super()._bounds()
-        return {**rules, **RESPONSE_BOUNDS}, {**greatest, **more_of(self.tables)}
-
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """See `compile_ahead`."""
         if not self._compiling:
@@ -508,7 +491,13 @@ class Guard(Monitor):
         # Why each is blocked, then its phase: at rest, so that it is not driven.
         numbers[4 * n : 4 * n + r] = Blocked.STOPPED
         numbers[4 * n + 2 * r : 4 * n + 3 * r] = np.nan
-        verdict = Verdict(self._crowded_answer(), self._names, stamp, 0.0, OTHER_THREAD)
+        verdict = Verdict(
+            stop_answer(self._names, Reason.WRONG_INPUT),
+            self._names,
+            stamp,
+            0.0,
+            OTHER_THREAD,
+        )
         return Command(numbers, self.tables.robots, verdict)
 
     def solve_programs(self, programs: int) -> int:
@@ -568,7 +557,12 @@ class Guard(Monitor):
             for part in self.tables.robots
         )
         self._response = response
-        self._kept.clear()
+        kept = {
+            **chosen("response", response._asdict()),
+            **chosen("lead", self._lead._asdict()),
+            **chosen("escape", self._escape._asdict()),
+        }
+        self._saving.add(kept, RESPONSE_BOUNDS, more_of(self.tables))
         return response
 
     def _check_robot(self, name: str | None) -> None:

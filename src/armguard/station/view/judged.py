@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 from armguard.guard import layout
+from armguard.guard.answer import Names
 from armguard.guard.levels import Level, Reason, level_of
-from armguard.guard.verdict import Names, Verdict
+from armguard.guard.verdict import Verdict
 from armguard.respond import Command
 from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame

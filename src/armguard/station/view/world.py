@@ -2,7 +2,7 @@
 
 import viser
 
-from armguard.guard.verdict import names_of
+from armguard.guard.answer import names_of
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.station.frames import Frame

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armguard.guard.answer import Names
 from armguard.guard.layout import CLEARANCE, FIRST, PROOF, SECOND, WITNESS
-from armguard.guard.verdict import Names
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
 from armguard.station.blackbox.report.cycles import Block
 from armguard.station.blackbox.report.timeline import least_in_each

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from armguard.guard.answer import Names, names_of
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Level, Reason
-from armguard.guard.verdict import Names, names_of
 from armguard.scene.compile import compile_scene
 from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.recording import Recording

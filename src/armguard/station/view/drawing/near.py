@@ -6,7 +6,8 @@ import numpy as np
 import viser
 
 from armguard.guard.levels import Level
-from armguard.guard.verdict import NearPair, Verdict
+from armguard.guard.near_pair import NearPair
+from armguard.guard.verdict import Verdict
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.scene.tables import SceneTables
 from armguard.station.palette import GREEN, LEVEL_COLOURS, LEVEL_WORDS, Rgb

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.answer import names_of
 from armguard.guard.levels import Level
-from armguard.guard.verdict import names_of
 from armguard.respond.command import Blocked
 from armguard.scene.tables import SceneTables
 from armguard.station.frames import Frame

@@ -1,0 +1,255 @@
+"""The answer of a cycle: its numbers by name, as `layout` places them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard import layout
+from armguard.guard.budget import Budget
+from armguard.guard.levels import Level, Reason
+from armguard.guard.near_pair import NearPair
+from armguard.motion.pair_state import ALLOWED, UNPROVEN
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+
+
+def record(*fields: str) -> np.dtype[np.void]:
+    """The type of a row of numbers by name; `name:3` are three of them."""
+    parts = [field.split(":") for field in fields]
+    return np.dtype([(name, np.float64, *map(int, size)) for name, *size in parts])
+
+
+ROBOT_ROW = record(
+    *"level phase scale age cause urgency time force:3 torque:3 tool:3 delay".split()
+)
+NEAR_ROW = record(
+    *"first second clearance buffer outer exact time_left time_to_contact".split(),
+    *"proof envelope distance point_a:3 point_b:3 normal:3".split(),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Names a verdict needs when it is read; shared by all verdicts of a guard.
+
+    Attributes:
+        joints: 'robot/joint' of each place of q.
+        lower: Least joint positions [rad or m].
+        upper: Greatest joint positions [rad or m].
+        bodies: Body of each primitive.
+        labels: Name of each primitive.
+        model_errors: Model error of each primitive [m].
+        exact_errors: Model error of the exact shapes of each primitive's link [m].
+        checkable_pairs: Pairs of primitives that are checked at all.
+        robots: Robots of the scene, if stops are predicted.
+        first_row: Where the rows of near pairs start.
+        disproved: 1 where a joint has broken a declared figure, shape (n,).
+        tables: The scene, for those who ask what a stop was for.
+    """
+
+    joints: Sequence[str]
+    lower: Floats
+    upper: Floats
+    bodies: Sequence[str]
+    labels: Sequence[str]
+    model_errors: Floats
+    exact_errors: Floats
+    checkable_pairs: int
+    robots: Sequence[str]
+    first_row: int
+    disproved: NDArray[np.int64]
+    tables: SceneTables | None = None
+
+
+def first_row_of(tables: SceneTables) -> int:
+    """Where the rows of near pairs start in the verdicts of a scene."""
+    if all(part.mode == "fixed" for part in tables.robots):
+        return layout.HEADER
+    return layout.HEADER + len(tables.robots) * layout.ROBOT_WIDTH + len(tables.q_names)
+
+
+def names_of(tables: SceneTables, disproved: NDArray[np.int64] | None = None) -> Names:
+    """Names for the verdicts of a scene.
+
+    Args:
+        tables: The scene; kept, so it must not change.
+        disproved: 1 where a joint has broken a declared figure, as long as the guard
+            lives, shape (n,); of none if it is left out.
+    """
+    guarded = any(part.mode != "fixed" for part in tables.robots)
+    robots = tuple(part.name for part in tables.robots) if guarded else ()
+    if disproved is None:
+        disproved = np.zeros(len(tables.q_names), dtype=np.int64)
+    return Names(
+        joints=tables.q_names,
+        lower=tables.lower,
+        upper=tables.upper,
+        bodies=tables.body_names,
+        labels=tables.labels,
+        model_errors=tables.model_errors,
+        exact_errors=tables.exact.errors,
+        checkable_pairs=tables.checkable_pairs,
+        robots=robots,
+        first_row=first_row_of(tables),
+        disproved=disproved,
+        tables=tables,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """What a cycle had to do.
+
+    Attributes:
+        pairs_tested: Pairs of primitives measured.
+        pairs_refined: Pairs of links whose exact shapes were measured because their
+            primitives would not keep their buffer.
+        pairs_kept: Near pairs whose two sides stood still and whose row was kept.
+        pairs_filtered: Pairs sharing a leaf whose bounding boxes are farther apart
+            than the margin.
+        pairs_apart: Pairs that a plane remembered from an earlier cycle still proves
+            to be beyond the margin.
+        pairs_skipped: Checked pairs that were not measured in this cycle.
+        spans_tested: Spans of the stop path tested for pairs that needed it.
+        bodies_moved: Bodies whose pose changed.
+        links_checked: Moved bodies whose leaves had to be looked after.
+        links_changed_leaf: Of these, the ones that entered or left a leaf.
+        leaves_entered: Leaves entered by primitives.
+        leaves_left: Leaves left by primitives.
+        splits: Leaves split.
+        merges: Nodes merged.
+    """
+
+    pairs_tested: int
+    pairs_refined: int
+    pairs_kept: int
+    pairs_filtered: int
+    pairs_apart: int
+    pairs_skipped: int
+    spans_tested: int
+    bodies_moved: int
+    links_checked: int
+    links_changed_leaf: int
+    leaves_entered: int
+    leaves_left: int
+    splits: int
+    merges: int
+
+
+# What is counted in a cycle, in the order of its places.
+COUNTED = (
+    "pairs_tested pairs_kept pairs_filtered bodies_moved links_checked "
+    "links_changed_leaf leaves_entered leaves_left splits merges pairs_refined "
+    "pairs_apart"
+).split()
+
+# Numbers of a near pair that have the same name in its row.
+AS_THEY_ARE = "distance buffer clearance envelope time_left time_to_contact".split()
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """An answer, read by name.
+
+    Attributes:
+        data: Its numbers.
+        names: Names of its scene.
+    """
+
+    data: Floats
+    names: Names
+
+    @property
+    def robots(self) -> NDArray[np.void]:
+        """Rows of all robots; none where every mode is "fixed"."""
+        end = layout.HEADER + len(self.names.robots) * layout.ROBOT_WIDTH
+        return self.data[layout.HEADER : end].view(ROBOT_ROW)
+
+    @property
+    def near(self) -> NDArray[np.void]:
+        """Rows of all near pairs."""
+        first, count = self.names.first_row, int(self.data[layout.NEAR_COUNT])
+        return self.data[first : first + count * layout.NEAR_WIDTH].view(NEAR_ROW)
+
+    @property
+    def nearest(self) -> int:
+        """Place of the near pair with the least clearance, -1 for none."""
+        return int(self.data[layout.NEAREST])
+
+    @property
+    def budget(self) -> Budget | None:
+        """What the nearest pair needs, split by cause; None if no pair is near."""
+        if not self.names.robots or self.nearest < 0:
+            return None
+        terms = self.data[layout.TERMS : layout.TERMS + layout.TERM_COUNT]
+        return Budget(*terms.tolist())
+
+    @property
+    def unbounded(self) -> tuple[str, ...]:
+        """Robots whose motion no proof bounds, see `Verdict.unbounded`."""
+        tables = self.names.tables
+        if tables is None or not self.names.robots:
+            return ()
+        return tuple(part.name for part in tables.robots if part.mode == "fixed")
+
+    @property
+    def counts(self) -> Counts:
+        """What the cycle had to do."""
+        d = self.data[layout.PAIRS_TESTED : layout.PAIRS_APART + 1].astype(int).tolist()
+        return Counts(
+            **dict(zip(COUNTED, d, strict=True)),
+            pairs_skipped=self.names.checkable_pairs - d[0],
+            spans_tested=int(self.data[layout.SPANS_TESTED]),
+        )
+
+    def pair(self, k: int) -> NearPair:
+        """A near pair."""
+        row, names = self.near[k], self.names
+        i, j = self.primitives(k)
+        exact = float(row["exact"])
+        refined = exact != np.inf and not exact <= row["outer"]
+        errors = names.exact_errors if refined else names.model_errors
+        numbers: dict[str, Any] = {name: float(row[name]) for name in AS_THEY_ARE}
+        return NearPair(
+            a=names.bodies[i],
+            b=names.bodies[j],
+            primitive_a=names.labels[i],
+            primitive_b=names.labels[j],
+            primitive_distance=float(row["outer"]),
+            exact_distance=None if exact == np.inf else exact,
+            point_a=row["point_a"].copy(),
+            point_b=row["point_b"].copy(),
+            normal=row["normal"].copy(),
+            **numbers,
+            model_error=float(errors[i] + errors[j]),
+            contract=int(row["proof"]) == ALLOWED,
+            unproven=int(row["proof"]) == UNPROVEN,
+        )
+
+    def primitives(self, k: int) -> tuple[int, int]:
+        """Primitives of both sides of a near pair."""
+        row = self.near[k]
+        return int(row["first"]), int(row["second"])
+
+    def robots_of(self, k: int) -> tuple[int, int]:
+        """Robots of both sides of a near pair, -1 for none."""
+        if self.names.tables is None:
+            return -1, -1
+        known = self.names.tables.robot_of_primitive
+        i, j = self.primitives(k)
+        return int(known[i]), int(known[j]) if j < len(known) else -1
+
+
+def stop_answer(names: Names, reason: Reason) -> Floats:
+    """An answer without near pairs, of a cycle that was not judged: all robots stop."""
+    data = np.zeros(names.first_row)
+    data[layout.REASON] = reason
+    data[[layout.JOINT, layout.NEAREST, layout.ROBOT]] = -1.0
+    robots = Answer(data, names).robots
+    robots["level"], robots["cause"] = Level.STOP, reason
+    robots["age"] = robots["time"] = np.inf
+    return data
