@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.near_pair import NearPair
+from armguard.guard.answer import NearPair
 from armguard.guard.verdict import Verdict
 
 Floats = NDArray[np.float64]

@@ -6,6 +6,7 @@ links' own primitives; the next cycle judges with all of the change.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from armguard.errors import GraspError, UnknownNameError, did_you_mean
 from armguard.guard import grips as at
@@ -16,6 +17,7 @@ from armguard.scene.hold_tables import GripperPart
 from armguard.scene.tables import SceneTables
 
 
+@dataclass(frozen=True, slots=True)
 class Grippers:
     """The grippers of a scene and their models.
 
@@ -23,45 +25,31 @@ class Grippers:
         tables: The scene.
         index: The index.
         grips: Contracts and grippers.
-        tables_changed: Has the loop take over who holds or may touch what.
-
-    Args:
-        tables: See above, from here to `grips`.
-        index: The index.
-        grips: Contracts and grippers.
         world_changed: Has the loop measure every pair afresh.
         tables_changed: Has it take over who holds or may touch what.
     """
 
-    def __init__(
-        self,
-        tables: SceneTables,
-        index: Octree | BruteForce,
-        grips: Grips,
-        world_changed: Callable[[], None],
-        tables_changed: Callable[[], None],
-    ) -> None:
-        self.tables = tables
-        self.index = index
-        self.grips = grips
-        self._world_changed = world_changed
-        self.tables_changed = tables_changed
-        self._numbers = {part.name: g for g, part in enumerate(tables.holds.grippers)}
+    tables: SceneTables
+    index: Octree | BruteForce
+    grips: Grips
+    world_changed: Callable[[], None]
+    tables_changed: Callable[[], None]
 
     def of(self, robot: str) -> tuple[int, GripperPart]:
         """Number and part of a robot's gripper."""
         robots = [part.name for part in self.tables.robots]
+        numbers = {part.name: g for g, part in enumerate(self.tables.holds.grippers)}
         if robot not in robots:
             raise UnknownNameError(
                 f"no robot is named '{robot}'; {did_you_mean(str(robot), robots)}"
             )
-        if robot not in self._numbers:
+        if robot not in numbers:
             raise GraspError(
                 f"robot '{robot}' has no gripper; give it `gripper: {{link: ..., "
                 "fingers: [...]}}` in the scene"
             )
         self.check_modes()
-        g = self._numbers[robot]
+        g = numbers[robot]
         return g, self.tables.holds.grippers[g]
 
     def check_modes(self) -> None:
@@ -101,14 +89,14 @@ class Grippers:
         """Let links' own primitives stand for every gripper, outside of the loop."""
         swapped = self.show_detailed()
         if swapped:
-            self._world_changed()
+            self.world_changed()
         try:
             yield
         finally:
             for g in swapped:
                 self.show_coarse(g)
             if swapped:
-                self._world_changed()
+                self.world_changed()
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
@@ -150,7 +138,7 @@ class Grippers:
             if own[at.COARSE_NOW]:
                 self.show_coarse(g)
         if len(self.grips.grippers):
-            self._world_changed()
+            self.world_changed()
 
     def is_there(self, i: int) -> bool:
         """Whether a primitive is in the index."""

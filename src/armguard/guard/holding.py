@@ -6,7 +6,7 @@ them. Each transaction writes all tables at once; the next cycle judges with the
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any
 
@@ -17,10 +17,10 @@ from armguard.errors import GraspError, UnknownNameError, did_you_mean
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import grips as at
 from armguard.guard.body_distance import body_distance
-from armguard.guard.contract import Contract
-from armguard.guard.contract_table import ROOM, ContractTable, gain_of
+from armguard.guard.contract import ROOM, Contract, ContractTable, gain_of
+from armguard.guard.grippers import Grippers
 from armguard.guard.riding import as_held, carry, set_down, speed_of
-from armguard.guard.watch import LAST_NOW
+from armguard.guard.watch import LAST_NOW, Watch
 from armguard.motion.state import Motion
 from armguard.scene.hold_tables import Graspable, GripperPart
 from armguard.scene.tables import SceneTables
@@ -35,44 +35,34 @@ BELOW = 0.5
 AT_REST = 3e-3
 
 
+@dataclass(slots=True)
 class Holding:
     """What is held, what stands free, and the contracts between bodies.
 
     Attributes:
-        grippers: The grippers of the scene.
-        table: The contracts.
-        holders: Robots that hold each object that is held; the first one carries it.
-
-    Args:
-        table: The contracts; the tables of the scene are written.
+        tables: The scene; what depends on who holds what is written.
+        watch: Watch.
         motion: Motion.
         T_world: Poses of all bodies, shape (b, 12).
+        grippers: The grippers.
+        table: The contracts.
         lines: Gives the ledger of the workspace.
+        holders: Robots that hold each object that is held; the first one carries it.
     """
 
-    def __init__(
-        self,
-        table: ContractTable,
-        motion: Motion,
-        T_world: Floats,
-        lines: Callable[[], Longs],
-    ) -> None:
-        self.table = table
-        self.grippers = table.grippers
-        self.tables = self.grippers.tables
-        self.watch = table.watch
-        self.motion = motion
-        self.T_world = T_world
-        self.grips = self.grippers.grips
-        self.holders: dict[str, list[str]] = {}
-        self._lines = lines
-        self._riding = self.tables, self.watch, motion, T_world
-        self._numbers = {name: o for o, name in enumerate(self.tables.holds.objects)}
+    tables: SceneTables
+    watch: Watch
+    motion: Motion
+    T_world: Floats
+    grippers: Grippers
+    table: ContractTable
+    lines: Callable[[], Longs]
+    holders: dict[str, list[str]] = field(default_factory=dict)
 
     def warm_up(self) -> None:
         """Compile or load what a transaction needs, where there can be one."""
-        if self.grips.objects.size:
-            body_distance(0, 0, 0, 0, self._lines(), np.zeros(WITNESS_WIDTH))
+        if self.grippers.grips.objects.size:
+            body_distance(0, 0, 0, 0, self.lines(), np.zeros(WITNESS_WIDTH))
 
     def grasp(self, robot: str, name: str) -> None:
         """Make an object part of a robot, now that its gripper has closed on it.
@@ -135,11 +125,11 @@ class Holding:
         self._check_slow(part, thing)
         self.table.forget_intent(g)
         self.holders[name] = [*holders, robot]
-        row = self.grips.objects[self._numbers[name]]
+        row = self.grippers.grips.objects[self._number(name)]
         row[at.SECOND if holders else at.HOLDER] = g
-        self.grips.grippers[g, at.HOLDS] += 1
+        self.grippers.grips.grippers[g, at.HOLDS] += 1
         if not holders:
-            carry(thing, part, *self._riding)
+            carry(thing, part, *self._riding())
         self._check_groups()
         if not holders:
             self._stand(thing)
@@ -154,17 +144,17 @@ class Holding:
             who = f"'{holders[0]}' does" if holders else "nobody does"
             raise GraspError(f"'{robot}' does not hold '{name}'; {who}")
         left = [other for other in holders if other != robot]
-        row = self.grips.objects[self._numbers[name]]
-        self.grips.grippers[g, at.HOLDS] -= 1
+        row = self.grippers.grips.objects[self._number(name)]
+        self.grippers.grips.grippers[g, at.HOLDS] -= 1
         row[at.HOLDER] = self.grippers.of(left[0])[0] if left else -1.0
         row[at.SECOND] = -1.0
         if left:
             self.holders[name] = left
-            carry(thing, self.grippers.of(left[0])[1], *self._riding)
+            carry(thing, self.grippers.of(left[0])[1], *self._riding())
         else:
             del self.holders[name]
             self.table.close(name, (at.STANDING, at.BESIDE))
-            set_down(thing, *self._riding)
+            set_down(thing, *self._riding())
         self._check_groups()
         self._let_go(part, thing)
         self.table.write_groups()
@@ -193,7 +183,7 @@ class Holding:
 
     def forget(self) -> None:
         """End contracts by intent, and let the detailed models stand for grippers."""
-        for g, own in enumerate(self.grips.grippers):
+        for g, own in enumerate(self.grippers.grips.grippers):
             self.table.forget_intent(g)
             own[at.SPENT_ON] = -1
         self.table.write_groups()
@@ -213,13 +203,21 @@ class Holding:
     def as_held(self, holders: Mapping[str, Sequence[str]]) -> dict[str, NDArray[Any]]:
         """What the tables say while these robots hold these objects, see `as_held`."""
         exempt = self._exempt(holders)
-        return as_held(holders, exempt, self.tables, self.motion, self.grips)
+        return as_held(holders, exempt, self.tables, self.motion, self.grippers.grips)
 
     def put(self, name: str, T: Floats) -> None:
         """Let a free object's body stand at T, shape (4, 4)."""
         body = self.tables.holds.objects[name].body
         self.tables.T_parent_joint[body] = T[:3].reshape(12)
         self.T_world[body] = T[:3].reshape(12)
+
+    def _riding(self) -> tuple[SceneTables, Watch, Motion, Floats]:
+        """What says that a body rides on another one."""
+        return self.tables, self.watch, self.motion, self.T_world
+
+    def _number(self, name: str) -> int:
+        """Place of an object among those that may be gripped."""
+        return [*self.tables.holds.objects].index(name)
 
     def _check_groups(self) -> None:
         """Write who is checked against whom now."""
@@ -321,7 +319,7 @@ class Holding:
             seen.add(other)
             if self._are_checked(thing.name, other):
                 where = tables.holds.places[other]
-                body_distance(first, end, *where, self._lines(), witness)
+                body_distance(first, end, *where, self.lines(), witness)
                 need = tables.buffers[thing.group, tables.holds.group_of[other]]
                 need += errors[first:end].max() + errors[slice(*where)].max()
                 if not witness[0] > max(need + AT_REST, thing.grasp.lift):
@@ -333,7 +331,7 @@ class Holding:
         nearest, witness = inf, np.zeros(WITNESS_WIDTH)
         for finger in part.fingers:
             where = holds.places[thing.name]
-            body_distance(*holds.places[finger], *where, self._lines(), witness)
+            body_distance(*holds.places[finger], *where, self.lines(), witness)
             nearest = min(nearest, float(witness[0]))
         if not nearest <= thing.grasp.touch:
             raise GraspError(

@@ -1,6 +1,6 @@
 """The guard: joint positions in, a verdict out, every cycle."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from threading import get_ident
@@ -10,19 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import (
-    HomeContactError,
-    SceneError,
-    UnknownNameError,
-    did_you_mean,
-)
+from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
 from armguard.guard.answer import Names, first_row_of, names_of, stop_answer
 from armguard.guard.checkpoint import chosen, kept_of_tables
+from armguard.guard.checkpoint_bounds import greatest_of
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
-from armguard.guard.contract import Contract
-from armguard.guard.contract_table import ContractTable
+from armguard.guard.contract import Contract, ContractTable
 from armguard.guard.cycle import run_cycle
 from armguard.guard.given import NO_POSITIONS, CycleInput, real_or_none
 from armguard.guard.grippers import Grippers
@@ -31,7 +26,6 @@ from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
-from armguard.guard.near_pair import NearPair
 from armguard.guard.objects import Objects, load_kernels
 from armguard.guard.pace import Pace
 from armguard.guard.parts import delegated
@@ -39,7 +33,7 @@ from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.saving import Saving
 from armguard.guard.segment import run_segment
-from armguard.guard.self_test import SelfTestLine, SelfTestReport, keep
+from armguard.guard.self_test import NOT_TESTED, check_home, keep
 from armguard.guard.self_test import self_test as run_self_test
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import (
@@ -82,8 +76,6 @@ Floats = NDArray[np.float64]
 # In place of a thread: two of them were in a cycle at once.
 SEVERAL = -1
 OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
-
-NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
 
 # Arrays of a workspace that are the scene's own.
 OF_SCENE = (
@@ -158,9 +150,7 @@ class Monitor:
             run_guarded_cycle(NO_POSITIONS, self._lines)
         load_kernels()
         self.home_verdict = self.judge_at_rest(self.tables.home)
-        contacts = tuple(p for p in self.home_verdict.near if not p.distance >= 0.0)
-        if contacts:
-            raise HomeContactError(home_sentence(contacts), contacts)
+        check_home(self.home_verdict)
         self.reset()
         self.self_test = run_self_test(self) if self_test else NOT_TESTED
 
@@ -440,10 +430,21 @@ class Monitor:
         self._grippers = Grippers(tables, self.index, self._grips, *changes)
         self._contracts = ContractTable(self._grippers, self._watch)
         self._holding = Holding(
-            self._contracts, self._motion, T_world, lambda: self._lines
+            tables,
+            self._watch,
+            self._motion,
+            T_world,
+            self._grippers,
+            self._contracts,
+            lambda: self._lines,
         )
         self._objects = Objects(
-            tables, self._watch, self.index, self._holding, self._world_changed
+            tables,
+            self._watch,
+            self.index,
+            self._holding,
+            self._world_changed,
+            dict(tables.standing),
         )
         self._grippers.show_detailed()
         self._expect_contracts()
@@ -487,6 +488,7 @@ class Monitor:
                 **chosen("grips", self._grips._asdict()),
                 **chosen("workspace", workspace._asdict()),
             },
+            greatest_of(tables),
             self._watch,
             self._memory,
             self._input,
@@ -536,16 +538,3 @@ def largest_standing_need(tables: SceneTables, watch: Watch) -> float:
     """More than any pair must keep for other reasons than motion [m]."""
     errors = watch.model + watch.base
     return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))
-
-
-def home_sentence(contacts: Sequence[NearPair]) -> str:
-    """What overlaps at home, and what to do about it."""
-    pairs = "; ".join(
-        f"{c.a} and {c.b} by {-c.distance * 1e3:.1f} mm" for c in contacts[:8]
-    )
-    more = f" and {len(contacts) - 8} more" if len(contacts) > 8 else ""
-    return (
-        f"at the home configuration these overlap: {pairs}{more}; give another "
-        "`home`, fit the links more closely (fit_target), or allow the pair with a "
-        "reason"
-    )

@@ -1,7 +1,7 @@
 """Objects that come, go and stand elsewhere between two cycles; their sightings."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -60,39 +60,33 @@ class Sighting(NamedTuple):
     rows: Floats
 
 
+@dataclass(slots=True)
 class Objects:
     """The objects of a scene that are attached to nothing, placed or left out.
 
     Attributes:
-        changed: Names of those that were placed or removed since the start.
-
-    Args:
         tables: The scene.
         watch: Watch; sightings are written.
         index: The index, with the world.
         holding: Who holds what.
         world_changed: Has the loop measure every pair afresh.
+        standing: The objects as they are, by name.
+        changed: Names of those that were placed or removed since the start.
     """
 
-    def __init__(
-        self,
-        tables: SceneTables,
-        watch: Watch,
-        index: Octree | BruteForce,
-        holding: Holding,
-        world_changed: Callable[[], None],
-    ) -> None:
-        self.changed: set[str] = set()
-        self._tables = tables
-        self._watch = watch
-        self._index = index
-        self._holding = holding
-        self._world_changed = world_changed
-        self._standing = dict(tables.standing)
-        for thing in self._standing.values():
+    tables: SceneTables
+    watch: Watch
+    index: Octree | BruteForce
+    holding: Holding
+    world_changed: Callable[[], None]
+    standing: dict[str, Standing]
+    changed: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        for thing in self.standing.values():
             if not thing.present:
-                take_out(index, thing)
-                watch.seen_at[thing.places] = inf
+                take_out(self.index, thing)
+                self.watch.seen_at[thing.places] = inf
 
     def place(
         self,
@@ -142,7 +136,7 @@ class Objects:
         thing = self._named(name)
         if shape is not None:
             thing = reshaped(name, thing, shape)
-        speeds = self._watch.top_speed
+        speeds = self.watch.top_speed
         moves = len(speeds) > 0 and speeds[thing.first] > 0.0
         if not moves and velocity is not None:
             raise SceneError(
@@ -153,12 +147,12 @@ class Objects:
         else:
             T = transform_of(pose)
         if thing.body >= 0:
-            self._holding.check_free(name)
-            self._holding.put(name, T)
-        stand_at(self._index, thing, T)
-        self._standing[name] = thing
+            self.holding.check_free(name)
+            self.holding.put(name, T)
+        stand_at(self.index, thing, T)
+        self.standing[name] = thing
         self.changed.add(name)
-        self._world_changed()
+        self.world_changed()
 
     def remove(self, name: str) -> None:
         """Leave an object out from now on; `place` brings it back.
@@ -168,20 +162,20 @@ class Objects:
             GraspError: A gripper holds it.
         """
         thing = self._named(name)
-        self._holding.check_free(name)
-        take_out(self._index, thing)
-        self._watch.seen_at[thing.places] = inf
-        self._watch.doubt[thing.places] = Reason.OK
-        self._watch.sighted_at[thing.places] = -inf
+        self.holding.check_free(name)
+        take_out(self.index, thing)
+        self.watch.seen_at[thing.places] = inf
+        self.watch.doubt[thing.places] = Reason.OK
+        self.watch.sighted_at[thing.places] = -inf
         self.changed.add(name)
-        self._world_changed()
+        self.world_changed()
 
     def places_of(self, names: Iterable[str]) -> NDArray[np.int64]:
         """What a robot moves, and the primitives of some objects, shape (k,)."""
-        things = [self._tables.standing[name] for name in names]
+        things = [self.tables.standing[name] for name in names]
         return np.concatenate(
             [
-                np.arange(self._tables.moving_count),
+                np.arange(self.tables.moving_count),
                 *(np.arange(t.first, t.first + t.count) for t in things if t.body < 0),
             ]
         )
@@ -200,7 +194,7 @@ class Objects:
             SceneError: There is no stamp.
             SightingError: It cannot be true; the object is in doubt.
         """
-        watch, world = self._watch, self._index.world
+        watch, world = self.watch, self.index.world
         if stamp is None:
             raise SceneError(f"object '{name}' moves: say when it was seen")
         top = float(watch.top_speed[thing.first])
@@ -225,7 +219,7 @@ class Objects:
 
     def _named(self, name: str) -> Standing:
         """The object of that name that is attached to nothing."""
-        known = self._standing
+        known = self.standing
         if name not in known:
             raise UnknownNameError(
                 f"no object that stands still is named '{name}'; "

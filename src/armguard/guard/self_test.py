@@ -12,7 +12,7 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import SelfTestError
+from armguard.errors import HomeContactError, SelfTestError
 from armguard.guard.approach import (
     Approach,
     GuardUnderTest,
@@ -56,6 +56,32 @@ class SelfTestReport:
     """
 
     lines: tuple[SelfTestLine, ...]
+
+
+NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
+
+
+def check_home(verdict: Verdict) -> None:
+    """Refuse a home configuration at which checked bodies overlap.
+
+    Args:
+        verdict: Verdict of the home configuration.
+
+    Raises:
+        HomeContactError: Some do.
+    """
+    contacts = tuple(p for p in verdict.near if not p.distance >= 0.0)
+    if contacts:
+        pairs = "; ".join(
+            f"{c.a} and {c.b} by {-c.distance * 1e3:.1f} mm" for c in contacts[:8]
+        )
+        more = f" and {len(contacts) - 8} more" if len(contacts) > 8 else ""
+        raise HomeContactError(
+            f"at the home configuration these overlap: {pairs}{more}; give another "
+            "`home`, fit the links more closely (fit_target), or allow the pair with a "
+            "reason",
+            contacts,
+        )
 
 
 def self_test(guard: GuardUnderTest) -> SelfTestReport:

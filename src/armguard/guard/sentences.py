@@ -98,7 +98,7 @@ def input_sentence(reason: Reason, answer: Answer, subject: str) -> str:
     sentence, value = SENTENCES[reason], float(answer.data[layout.VALUE])
     about = f"'{subject}': " if subject else ""
     tables = answer.names.tables
-    if reason is Reason.CYCLE_LATE and tables is not None and isfinite(value):
+    if reason is Reason.CYCLE_LATE and isfinite(value):
         return late_sentence(value, tables.period, tables.late)
     if reason in IN_MILLISECONDS:
         return f"{about}{sentence} ({value * 1e3:.1f} ms)"

@@ -7,14 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import Answer, Counts, Names
-from armguard.guard.budget import Budget
-from armguard.guard.cue import Cue
-from armguard.guard.lacks import lack_of
+from armguard.guard.answer import Answer, Counts, Names, NearPair
+from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
 from armguard.guard.levels import Level, Reason, level_of
-from armguard.guard.near_pair import NearPair
-from armguard.guard.nuisance import Nuisance, classify
-from armguard.guard.protective import ProtectiveDistance, protective_distance
+from armguard.guard.nuisance import Nuisance, classify, lack_of
 from armguard.guard.sentences import sentence_of, subject_of
 
 Floats = NDArray[np.float64]
@@ -33,6 +29,42 @@ class Slack:
 
     m: float
     s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cue:
+    """Cues of one robot, from the pairs that are near or about to be.
+
+    Attributes:
+        urgency: For light and sound: 0 if nothing is about to happen, 1 where the robot
+            does not follow its operator any more [-].
+        time_to_contact: Nothing of the robot can touch before that [s]; infinite if
+            nothing is near.
+        escape: Joint motion that leads away, a unit vector in the order of the robot's
+            joints, or zeros, shape (n,).
+        tool_escape: Where the tool's origin goes on it, world, shape (3,) [m/rad].
+        force: On the tool, away from what is near, for a haptic device; world, shape
+            (3,) [N].
+        torque: The same about the tool's origin, shape (3,) [N m].
+    """
+
+    urgency: float
+    time_to_contact: float
+    escape: Floats
+    tool_escape: Floats
+    force: Floats
+    torque: Floats
+
+    def to_dict(self) -> dict[str, object]:
+        """As plain numbers and lists."""
+        return {
+            "urgency": self.urgency,
+            "time_to_contact": self.time_to_contact,
+            "escape": self.escape.tolist(),
+            "tool_escape": self.tool_escape.tolist(),
+            "force": self.force.tolist(),
+            "torque": self.torque.tolist(),
+        }
 
 
 class Verdict:
@@ -160,7 +192,7 @@ class Verdict:
         None if its second side is no person, or no pair is near.
         """
         tables, nearest = self._names.tables, self.nearest
-        if tables is None or nearest is None or nearest.b not in tables.people:
+        if nearest is None or nearest.b not in tables.people:
             return None
         return self.protective_distance_of(nearest)
 
@@ -176,7 +208,7 @@ class Verdict:
         """
         answer = self._answer
         k, budget = answer.nearest, answer.budget
-        if k < 0 or budget is None or self._names.tables is None:
+        if k < 0 or budget is None:
             return None
         nearest = answer.pair(k)
         asked = (pair.primitive_a, pair.primitive_b)
@@ -192,7 +224,7 @@ class Verdict:
     def cues(self) -> dict[str, Cue]:
         """What to tell each robot's operator: eye, ear and hand."""
         tables, robots = self._names.tables, self._names.robots
-        if tables is None or not robots:
+        if not robots:
             return {}
         escape = self._names.first_row - len(tables.q_names)
         found = {}

@@ -8,7 +8,7 @@ import ctypes
 import signal
 import sys
 
-from armguard.respond.compile_kernels import compile_there
+from armguard.respond.compiling import compile_there
 from armguard.respond.guard import try_out
 
 # Of prctl(2): the signal this process gets when its parent ends.

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import viser
 
+from armguard.guard.answer import NearPair
 from armguard.guard.levels import Level
-from armguard.guard.near_pair import NearPair
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.scene.tables import SceneTables
