@@ -86,13 +86,14 @@ class CheckpointError(ArmguardError):
     """A checkpoint cannot be restored here."""
 
 
-def chosen(ledger: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
-    """Those arrays of a ledger that decide, by 'ledger.name'."""
-    kept, left_out = KEPT.get(ledger), LEFT_OUT.get(ledger, frozenset())
+def chosen(**ledgers: Any) -> dict[str, NDArray[Any]]:
+    """Those arrays of tables that decide, by 'ledger.name'."""
     return {
         f"{ledger}.{name}": array
-        for name, array in arrays.items()
-        if (name in kept if kept is not None else name not in left_out)
+        for ledger, table in ledgers.items()
+        for name, array in table._asdict().items()
+        if name in KEPT.get(ledger, table._fields)
+        and name not in LEFT_OUT.get(ledger, ())
     }
 
 

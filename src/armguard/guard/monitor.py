@@ -483,10 +483,12 @@ class Monitor:
         self._saving = Saving(
             {
                 **kept_of_tables(tables),
-                **chosen("watch", self._watch._asdict()),
-                **chosen("motion", self._motion._asdict()),
-                **chosen("grips", self._grips._asdict()),
-                **chosen("workspace", workspace._asdict()),
+                **chosen(
+                    watch=self._watch,
+                    motion=self._motion,
+                    grips=self._grips,
+                    workspace=workspace,
+                ),
             },
             greatest_of(tables),
             self._watch,
