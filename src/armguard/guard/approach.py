@@ -68,7 +68,7 @@ class GuardUnderTest(Protocol):
     def reset(self) -> None:
         """Forget all cycles."""
 
-    def set_aside(self) -> AbstractContextManager[None]:
+    def _set_aside(self) -> AbstractContextManager[None]:
         """Leave no trace of what is asked within."""
 
 

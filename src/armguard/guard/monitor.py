@@ -391,7 +391,7 @@ class Monitor:
         """Put all objects where they are for another guard, or leave them out."""
         self._saving.stand_as(other._saving)
 
-    def set_aside(self) -> AbstractContextManager[None]:
+    def _set_aside(self) -> AbstractContextManager[None]:
         """Leave everything as it is, whatever is asked within; for the self-test."""
         return keep(self._watch, self._grips, self._settings, self.reset)
 

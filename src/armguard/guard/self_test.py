@@ -100,7 +100,7 @@ def self_test(guard: GuardUnderTest) -> SelfTestReport:
     """
     if not has_stops(guard.tables):
         return SelfTestReport((SelfTestLine("SKIP", "no stops are predicted"),))
-    with guard.set_aside():
+    with guard._set_aside():
         return SelfTestReport((*approach_lines(guard), fault_line(guard)))
 
 
