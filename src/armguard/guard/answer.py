@@ -26,6 +26,11 @@ def record(*fields: str) -> np.dtype[np.void]:
 ROBOT_ROW = record(
     *"level phase scale age cause urgency time force:3 torque:3 tool:3 delay".split()
 )
+# Place of each number in a robot's row.
+ROBOT_PLACES = {
+    name: offset // 8 for name, (_, offset, *_) in (ROBOT_ROW.fields or {}).items()
+}
+
 NEAR_ROW = record(
     *"first second clearance buffer outer exact time_left time_to_contact".split(),
     *"proof envelope distance point_a:3 point_b:3 normal:3".split(),

@@ -2,12 +2,13 @@
 
 from dataclasses import asdict, dataclass
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import Answer, Counts, Names, NearPair
+from armguard.guard.answer import ROBOT_PLACES, Answer, Counts, Names, NearPair
 from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
 from armguard.guard.levels import Level, Reason, level_of
 from armguard.guard.nuisance import Nuisance, classify, lack_of
@@ -116,12 +117,13 @@ class Verdict:
     @property
     def level(self) -> Level:
         """What the arms should do: the highest of `levels`."""
-        return max((level_of(self.reason), *self.levels.values()))
+        return max((level_of(self.reason), *map(Level, self._numbers_of("level"))))
 
     @property
     def levels(self) -> dict[str, Level]:
         """What each robot should do; empty where every mode is "fixed"."""
-        return {name: Level(int(k)) for name, k in self._of_robots("level").items()}
+        levels = map(Level, self._numbers_of("level"))
+        return dict(zip(self._names.robots, levels, strict=True))
 
     @property
     def speed_scale(self) -> dict[str, float]:
@@ -164,7 +166,8 @@ class Verdict:
     @property
     def last_causes(self) -> dict[str, Reason]:
         """Why each robot was ordered to stop last; `OK` if it never was."""
-        return {name: Reason(int(k)) for name, k in self._of_robots("cause").items()}
+        causes = map(Reason, self._numbers_of("cause"))
+        return dict(zip(self._names.robots, causes, strict=True))
 
     @property
     def slack(self) -> Slack:
@@ -341,10 +344,16 @@ class Verdict:
         """Its numbers by name."""
         return Answer(self._data, self._names)
 
+    def _numbers_of(self, field: str) -> list[Any]:
+        """A number of each robot, in their order; none where every mode is "fixed"."""
+        first = layout.HEADER + ROBOT_PLACES[field]
+        end = layout.HEADER + len(self._names.robots) * layout.ROBOT_WIDTH
+        numbers: list[Any] = self._data[first : end : layout.ROBOT_WIDTH].tolist()
+        return numbers
+
     def _of_robots(self, field: str) -> dict[str, float]:
-        """A number of each robot; none where every mode is "fixed"."""
-        numbers: list[float] = self._answer.robots[field].tolist()
-        return dict(zip(self._names.robots, numbers, strict=True))
+        """The same by the robots' names."""
+        return dict(zip(self._names.robots, self._numbers_of(field), strict=True))
 
 
 def finite(value: object) -> object:

@@ -9,6 +9,7 @@ from armguard.guard.given import FLOAT64, described, is_mapping, kind_of, real_a
 from armguard.guard.levels import ORDERED, Reason
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
 from armguard.respond.tool import Tools
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
@@ -27,19 +28,19 @@ def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]
 
 
 def velocities_in(
-    value: ArrayLike | Mapping[str, float], names: Sequence[str]
+    value: ArrayLike | Mapping[str, float], shape: tuple[int, ...], tables: SceneTables
 ) -> tuple[Floats | None, str]:
     """Joint velocities that a kernel takes as they are, or why they are none."""
     if (
         type(value) is np.ndarray
         and value.dtype is FLOAT64
-        and value.shape == (len(names),)
+        and value.shape == shape
         and value.flags.carray
     ):
         return value, ""
     if is_mapping(value):
-        return named_vector("v_desired", value, names)
-    return as_vector("v_desired", value, len(names))
+        return named_vector("v_desired", value, tables.q_names)
+    return as_vector("v_desired", value, shape[0])
 
 
 def named_vector(

@@ -165,7 +165,7 @@ class Guard(Monitor):
         Raises:
             SceneError: The scene has a robot whose mode is "fixed"; in the first cycle.
         """
-        asked, fault = velocities_in(v_desired, self.q_names)
+        asked, fault = velocities_in(v_desired, self._input.shape, self.tables)
         return self._filter((q, stamp, velocity, now), VELOCITIES, asked, fault)
 
     def filter_positions(
