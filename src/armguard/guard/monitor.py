@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from threading import get_ident
 from time import perf_counter_ns
 from typing import Any
@@ -11,77 +10,36 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
-from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
-from armguard.guard.answer import Names, first_row_of, names_of, stop_answer
-from armguard.guard.checkpoint import chosen, kept_of_tables
-from armguard.guard.checkpoint_bounds import greatest_of
+from armguard.guard.answer import Names, stop_answer
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.contract import Contract, ContractTable
 from armguard.guard.cycle import run_cycle
-from armguard.guard.given import NO_POSITIONS, CycleInput, real_or_none
+from armguard.guard.given import NO_POSITIONS, real_or_none
 from armguard.guard.grippers import Grippers
-from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
-from armguard.guard.holding import Holding, snapshot
+from armguard.guard.holding import Holding
 from armguard.guard.levels import Reason
-from armguard.guard.memory import FORCE, MEMORY
+from armguard.guard.loop import Loop
+from armguard.guard.memory import FORCE
 from armguard.guard.objects import Objects, load_kernels
 from armguard.guard.pace import Pace
 from armguard.guard.parts import delegated
-from armguard.guard.planes import PLANE_COUNT
-from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.saving import Saving
 from armguard.guard.segment import run_segment
 from armguard.guard.self_test import NOT_TESTED, check_home, keep
 from armguard.guard.self_test import self_test as run_self_test
 from armguard.guard.verdict import Verdict
-from armguard.guard.watch import (
-    RUNNING,
-    Watch,
-    all_pairs,
-    standing_needs,
-    watch_of,
-)
-from armguard.guard.workspace import (
-    BRUTE_FORCE,
-    CONTRACTS,
-    FIRST_ROW,
-    GRIPS,
-    INDEX_KIND,
-    INTENTS,
-    MOTION,
-    MOVING_COUNT,
-    OCTREE,
-    PARTS,
-    SELF,
-    SETTINGS,
-    WATCH,
-    Workspace,
-)
-from armguard.guard.world_at_home import build_index, world_at_home
+from armguard.guard.watch import RUNNING, watch_of
 from armguard.kernel import check_cache
-from armguard.motion import motion_of
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
-from armguard.scene.tables import SceneTables
-from armguard.table import Ledger
-
-# Near pairs an answer has room for. More than this many at once is a reason to stop
-# (`Reason.CAPACITY`), not to count on.
-NEAR_CAPACITY = 4096
 
 Floats = NDArray[np.float64]
 
 # In place of a thread: two of them were in a cycle at once.
 SEVERAL = -1
 OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
-
-# Arrays of a workspace that are the scene's own.
-OF_SCENE = (
-    "lower upper parent joint_kind q_index gain T_parent_joint axis bodies local_rows "
-    "groups checked buffers"
-).split()
 
 # What `reset` leaves as it is: what the scene says, and where objects were seen.
 KEPT = (
@@ -90,7 +48,7 @@ KEPT = (
 ).split()
 
 
-class Monitor:
+class Monitor(Loop):
     """Watches a scene: each `step` judges one joint configuration.
 
     Everything slow happens here, before the loop: the scene is compiled to tables,
@@ -136,15 +94,13 @@ class Monitor:
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
         check_cache()
-        self.tables: SceneTables = compile_scene(scene)
-        self._memory = np.zeros(MEMORY, dtype=np.int64)
-        self._pace = Pace(self.tables.period, self.tables.late)
+        tables = compile_scene(scene)
+        self._pace = Pace(tables.period, tables.late)
         self._clock = clock
         self._thread = 0
-        self._budget = budget
-        self._guarded = any(part.mode != "fixed" for part in self.tables.robots)
+        self._guarded = any(part.mode != "fixed" for part in tables.robots)
         self._compile_ahead(progress)
-        self._prepare(self.tables)
+        super().__init__(tables, budget)
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.
             run_guarded_cycle(NO_POSITIONS, self._lines)
@@ -403,140 +359,6 @@ class Monitor:
         self._watch.phase.fill(RUNNING)
         self._watch.must.fill(0)
 
-    def _prepare(self, tables: SceneTables) -> None:
-        """Allocate everything the loop will ever need."""
-        count, bodies = len(tables.kinds), len(tables.parent)
-        capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
-        T_world = np.zeros((bodies, 12))
-        world = world_at_home(tables, T_world)
-        self._poses = T_world
-        self.index = build_index(tables, world)
-        self._memory[FORCE] = 1
-        first_row = first_row_of(tables)
-        self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
-        self._watch = watch_of(tables)
-        self._input = CycleInput(self._watch, (part.name for part in tables.robots))
-        self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
-        settings[FIRST_ROW] = first_row
-        self._motion = motion_of(tables, self._budget)
-        self._parts = Ledger(self._motion), Ledger(self._watch)
-        self._addresses = np.zeros(PARTS, dtype=np.int64)
-        for k, ledger in zip((MOTION, WATCH), self._parts, strict=True):
-            self._addresses[k] = ledger.lines.ctypes.data
-        self._grips = grips_of(tables)
-        self._grips_ledger = Ledger(self._grips)
-        self._addresses[GRIPS] = self._grips_ledger.lines.ctypes.data
-        changes = self._world_changed, self._take_over_tables
-        self._grippers = Grippers(tables, self.index, self._grips, *changes)
-        self._contracts = ContractTable(self._grippers, self._watch)
-        self._holding = Holding(
-            tables,
-            self._watch,
-            self._motion,
-            T_world,
-            self._grippers,
-            self._contracts,
-            lambda: self._lines,
-        )
-        self._objects = Objects(
-            tables,
-            self._watch,
-            self.index,
-            self._holding,
-            self._world_changed,
-            dict(tables.standing),
-        )
-        self._grippers.show_detailed()
-        self._expect_contracts()
-        settings[MOVING_COUNT] = tables.moving_count
-        brute_force = tables.index.kind == "brute_force"
-        settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
-        workspace = Workspace(
-            **{name: getattr(tables, name) for name in OF_SCENE},
-            margin=np.array([tables.margin]),
-            settings=settings,
-            T_next=np.zeros((bodies, 12)),
-            T_world=T_world,
-            body_moved=np.zeros(bodies, dtype=np.uint8),
-            moved=np.zeros(count, dtype=np.uint8),
-            candidates=np.zeros(count, dtype=np.int32),
-            seen=np.zeros(count, dtype=np.int64),
-            kept=np.zeros((capacity, layout.NEAR_WIDTH)),
-            memory=self._memory,
-            out=self._out,
-            exact_of=tables.exact.of_primitive,
-            exact_kinds=tables.exact.kinds,
-            exact_rows=tables.exact.rows,
-            memo=np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
-            memo_rows=np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
-            planes=np.zeros(PLANE_COUNT, dtype=np.int64),
-            normals=np.zeros((PLANE_COUNT, 3)),
-            look=np.array([largest_standing_need(tables, self._watch)]),
-            look_box=np.zeros(6),
-            parts=self._addresses,
-            world=world,
-            octree=self.index.state,
-        )
-        self._open_ledger(workspace)
-        self._holding.warm_up()
-        self._names = names_of(snapshot(tables), self._watch.disproved)
-        self._saving = Saving(
-            {
-                **kept_of_tables(tables),
-                **chosen(
-                    watch=self._watch,
-                    motion=self._motion,
-                    grips=self._grips,
-                    workspace=workspace,
-                ),
-            },
-            greatest_of(tables),
-            self._watch,
-            self._memory,
-            self._input,
-            self._holding,
-            self._objects,
-        )
-
-    def _expect_contracts(self) -> None:
-        """Have the loop look at contracts where there may be any, and only there."""
-        may_be = len(self._grips.grippers) > 0 or self._grips.may.any()
-        self._settings[CONTRACTS] = self._settings[INTENTS] = may_be
-
-    def _take_over_tables(self) -> None:
-        """Judge by tables in which who rides on whom, or may touch whom, is new."""
-        tables = self.tables
-        pairs = all_pairs(tables)
-        watch = self._watch
-        needs = standing_needs(pairs, watch.model, watch.base, tables)
-        self._watch = watch._replace(pairs=pairs, pair_need=needs)
-        self._holding.watch = self._watch
-        for name, table in (("pairs", pairs), ("pair_need", needs)):
-            self._parts[1].put(Watch._fields.index(name), table)
-        self._workspace.look[0] = largest_standing_need(tables, self._watch)
-        self._names = replace(self._names, tables=snapshot(tables))
-        self._expect_contracts()
-        self._world_changed()
-
-    def _world_changed(self) -> None:
-        """Take over an index that was built anew; measure every pair afresh."""
-        if self._workspace.octree is not self.index.state:
-            self._open_ledger(self._workspace._replace(octree=self.index.state))
-        self._memory[FORCE] = 1
-
-    def _open_ledger(self, workspace: Workspace) -> None:
-        """Tell the loop where everything lies."""
-        self._workspace = workspace
-        self._ledger = Ledger(workspace)
-        self._lines = self._ledger.lines
-        self._addresses[SELF] = self._lines.ctypes.data
-
     def _leave_others(self) -> int:
         """What marks the guard when a cycle ends that was not alone in it."""
         return 0 if self._thread == SEVERAL else SEVERAL
-
-
-def largest_standing_need(tables: SceneTables, watch: Watch) -> float:
-    """More than any pair must keep for other reasons than motion [m]."""
-    errors = watch.model + watch.base
-    return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))
