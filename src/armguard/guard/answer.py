@@ -115,7 +115,7 @@ class NearPair:
 
     @property
     def distance_sentence(self) -> str:
-        """Who is how far from whom."""
+        """How far the two are apart."""
         return f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm"
 
     @property

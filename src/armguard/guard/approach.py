@@ -83,7 +83,7 @@ class Approach:
         far: Where it may start with more room, for a robot that does not stop.
         direction: 1 or -1.
         speed: Speed it gets [rad/s or m/s].
-        shows_lag: Whether it is so fast that a stop that lags is told from settling.
+        shows_lag: Whether it is so fast that a stop that lags differs from settling.
     """
 
     robot: RobotPart

@@ -79,12 +79,12 @@ class Budget:
             ("path", self.path),
         ]
         values = whole_tenths([value for _, value in terms])
-        told = [
+        words = [
             f"{name} {value:.1f}"
             for (name, _), value in zip(terms, values, strict=True)
             if value
         ]
-        parts = " + ".join(told).replace("+ path -", "- path ")
+        parts = " + ".join(words).replace("+ path -", "- path ")
         return f"needs {sum(values):.1f} mm = {parts or '0'}"
 
 

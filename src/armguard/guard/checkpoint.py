@@ -2,8 +2,8 @@
 
 What decides anything is kept with its very bits. What a cycle writes before it reads,
 what the scene says, and what leads to memory of a process is left out: the first two
-the other guard has, the last one is its own. The index is a function of where things
-are, so it is built anew.
+the other guard has, the last one is its own. The index is a function of where
+all is, so it is built anew.
 
 A checkpoint may come from anywhere, so it is checked before any of it is taken over;
 see `checkpoint_bounds`.
@@ -31,7 +31,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 MAGIC = b"AGSTATE1"
 
-# Sizes of what stands before the arrays [bytes].
+# Sizes of what comes before the arrays [bytes].
 DIGEST = 16
 LENGTH = 8
 
@@ -158,7 +158,7 @@ def arrays_in(data: bytes, like: Arrays) -> dict[str, NDArray[Any]]:
     return found
 
 
-def whereabouts(
+def placement_of(
     index: Octree | BruteForce, places: NDArray[np.int64]
 ) -> dict[str, NDArray[Any]]:
     """Where primitives are, and what has grown with those that came.
@@ -195,7 +195,7 @@ def stand(
     Args:
         index: The index; its world is written.
         places: The primitives, shape (k,).
-        rows: See `whereabouts`, from here to `cube`.
+        rows: See `placement_of`, from here to `cube`.
         there: Whether they are there.
         cube: Root cube and greatest depth.
     """
@@ -214,13 +214,13 @@ def stand(
     index.state = index._build(present)
 
 
-def put_back(index: Octree | BruteForce, thing: Standing, local_rows: Floats) -> None:
+def put_back(index: Octree | BruteForce, item: Standing, local_rows: Floats) -> None:
     """Put an object back where its scene has it, in the world if not in the tree."""
-    own = slice(thing.first, thing.first + thing.count)
-    if thing.body < 0:
+    own = slice(item.first, item.first + item.count)
+    if item.body < 0:
         index.world.rows[own] = local_rows[own]
     for i in range(own.start, own.stop):
         row_bounds(
             int(index.world.kinds[i]), index.world.rows[i], 0.0, index.world.boxes[i]
         )
-    index.state.residency[own, STATUS] = INDEXED if thing.present else ABSENT
+    index.state.residency[own, STATUS] = INDEXED if item.present else ABSENT

@@ -65,8 +65,8 @@ class Contract:
         a: One body: 'robot/link' or an object's name.
         b: The other.
         kind: "held": they are not checked, since a gripper holds the object; "intent":
-            fingers approach what they are meant to grip; "standing": a held object
-            stands on or beside what carries it, or is put down there; "beside": they
+            fingers approach what they are to grip; "standing": a held object
+            rests on or beside what carries it, or is put down there; "beside": they
             are nearer than they may be and must not come nearer; "let go": fingers
             round what was released; "asked": somebody called `allow`.
         depth: How far they may overlap; negative for a distance they must keep [m].

@@ -1,4 +1,4 @@
-"""The grippers of a scene: which model stands for each, and how tables change at once.
+"""The grippers of a scene: which model represents each, and how tables change at once.
 
 What a gripper holds and what may touch what is changed between two cycles, by the
 links' own primitives; the next cycle judges with all of the change.

@@ -37,7 +37,7 @@ AT_REST = 3e-3
 
 @dataclass(slots=True)
 class Holding:
-    """What is held, what stands free, and the contracts between bodies.
+    """What is held, what is free, and the contracts between bodies.
 
     Attributes:
         tables: The scene; what depends on who holds what is written.
@@ -68,7 +68,7 @@ class Holding:
         """Make an object part of a robot, now that its gripper has closed on it.
 
         One transaction between two cycles: the object rides on the gripper and is
-        checked as the robot's links are. What it stands on it may touch until it has
+        checked as the robot's links are. What it rests on it may touch until it has
         lifted clear, and where it is put down again. A second robot may grasp what the
         first one holds; it carries it from when the first one releases it.
 
@@ -88,7 +88,7 @@ class Holding:
     def release(self, robot: str, name: str) -> None:
         """Leave an object where it is, now that the robot's gripper has opened.
 
-        One transaction: it stands free, or rides on the other robot that holds it, and
+        One transaction: it is free, or rides on the other robot that holds it, and
         every pair is checked again. What is nearer to it than it may be may leave.
 
         Args:
@@ -105,7 +105,7 @@ class Holding:
     def _grasp(self, robot: str, name: str) -> None:
         """Make an object part of a robot."""
         g, part = self.grippers.of(robot)
-        thing = self._object(name)
+        item = self._object(name)
         holders = self.holders.get(name, [])
         if robot in holders:
             raise GraspError(f"'{robot}' holds '{name}' already")
@@ -121,24 +121,24 @@ class Holding:
             )
         if not self._is_there(name):
             raise GraspError(f"'{name}' is not there; `place` it first")
-        self._check_touch(part, thing)
-        self._check_slow(part, thing)
+        self._check_touch(part, item)
+        self._check_slow(part, item)
         self.table.forget_intent(g)
         self.holders[name] = [*holders, robot]
         row = self.grippers.grips.objects[self._number(name)]
         row[at.SECOND if holders else at.HOLDER] = g
         self.grippers.grips.grippers[g, at.HOLDS] += 1
         if not holders:
-            carry(thing, part, *self._riding())
+            carry(item, part, *self._riding())
         self._check_groups()
         if not holders:
-            self._stand(thing)
+            self._stand(item)
         self.table.write_groups()
 
     def _release(self, robot: str, name: str) -> None:
         """Leave an object where it is."""
         g, part = self.grippers.of(robot)
-        thing = self._object(name)
+        item = self._object(name)
         holders = self.holders.get(name, [])
         if robot not in holders:
             who = f"'{holders[0]}' does" if holders else "nobody does"
@@ -150,13 +150,13 @@ class Holding:
         row[at.SECOND] = -1.0
         if left:
             self.holders[name] = left
-            carry(thing, self.grippers.of(left[0])[1], *self._riding())
+            carry(item, self.grippers.of(left[0])[1], *self._riding())
         else:
             del self.holders[name]
             self.table.close(name, (at.STANDING, at.BESIDE))
-            set_down(thing, *self._riding())
+            set_down(item, *self._riding())
         self._check_groups()
-        self._let_go(part, thing)
+        self._let_go(part, item)
         self.table.write_groups()
 
     @property
@@ -220,7 +220,7 @@ class Holding:
         return [*self.tables.holds.objects].index(name)
 
     def _check_groups(self) -> None:
-        """Write who is checked against whom now."""
+        """Write which groups are checked now."""
         exempt = self._exempt(self.holders)
         self.tables.checked[:] = self.tables.holds.checked(self.holders, exempt)
 
@@ -252,15 +252,15 @@ class Holding:
         ]
         return list(dict.fromkeys([*rigid, *part.members]))
 
-    def _stand(self, thing: Graspable) -> None:
-        """Allow an object that was gripped to be as near to things as it is.
+    def _stand(self, item: Graspable) -> None:
+        """Allow an object that was gripped to be as near to others as it is.
 
-        What it stands on it may touch until it has lifted clear, and when it is put
+        What it rests on it may touch until it has lifted clear, and when it is put
         down there again; to all else it must not come nearer.
         """
-        grasp = thing.grasp
-        near = dict(self._neighbours(thing))
-        supports = thing.rests_on
+        grasp = item.grasp
+        near = dict(self._neighbours(item))
+        supports = item.rests_on
         if supports is None:
             supports = tuple(
                 other
@@ -268,9 +268,9 @@ class Holding:
                 if witness[0] <= grasp.touch and -witness[9] >= BELOW
             )
         for other in supports:
-            if not self._are_checked(thing.name, other):
+            if not self._are_checked(item.name, other):
                 continue
-            row = self.table.row(thing.name, other, at.STANDING)
+            row = self.table.row(item.name, other, at.STANDING)
             if row is None:
                 continue
             distance = near[other][0] if other in near else inf
@@ -278,37 +278,37 @@ class Holding:
             row[at.CREEP], row[at.GAIN] = grasp.creep, gain_of(grasp)
             row[at.NEAR], row[at.SPEED] = grasp.near, grasp.intent_speed
             row[at.REARM] = row[at.LIFT] = grasp.lift
-            stands = distance <= grasp.lift
-            row[at.STATE] = at.IN_FORCE if stands else at.DORMANT
+            rests = distance <= grasp.lift
+            row[at.STATE] = at.IN_FORCE if rests else at.DORMANT
         for other, witness in near.items():
             if other not in supports:
-                self.table.keep_apart(thing.name, other, float(witness[0]), grasp)
+                self.table.keep_apart(item.name, other, float(witness[0]), grasp)
 
-    def _let_go(self, part: GripperPart, thing: Graspable) -> None:
+    def _let_go(self, part: GripperPart, item: Graspable) -> None:
         """Let a gripper leave what it released, and come no nearer."""
-        mates, grasp = set(self._mates(part)), thing.grasp
-        for other, witness in self._neighbours(thing):
+        mates, grasp = set(self._mates(part)), item.grasp
+        for other, witness in self._neighbours(item):
             if other not in mates:
                 continue
-            row = self.table.keep_apart(thing.name, other, float(witness[0]), grasp)
+            row = self.table.keep_apart(item.name, other, float(witness[0]), grasp)
             if row is None:
                 continue
             row[at.KIND] = at.LET_GO
             if other in part.fingers:
                 row[at.DEPTH] = max(grasp.depth, row[at.DEPTH])
 
-    def _neighbours(self, thing: Graspable) -> Iterator[tuple[str, Floats]]:
+    def _neighbours(self, item: Graspable) -> Iterator[tuple[str, Floats]]:
         """Bodies that are nearer to an object than they may be, with their witness.
 
         Only those it is checked against.
         """
         tables, boxes, watch = self.tables, self.grippers.index.world.boxes, self.watch
-        first, end = tables.holds.places[thing.name]
+        first, end = tables.holds.places[item.name]
         own = boxes[first:end]
         low, high = own[:, :3].min(axis=0), own[:, 3:].max(axis=0)
         errors = np.pad(watch.model + watch.base, (0, len(boxes) - len(watch.model)))
-        most = float(tables.buffers[thing.group].max() + 2.0 * errors.max()) + AT_REST
-        most = max(most, thing.grasp.lift)
+        most = float(tables.buffers[item.group].max() + 2.0 * errors.max()) + AT_REST
+        most = max(most, item.grasp.lift)
         near = (boxes[:, :3] <= high + most) & (boxes[:, 3:] >= low - most)
         seen: set[str] = set()
         witness = np.zeros(WITNESS_WIDTH)
@@ -317,36 +317,36 @@ class Holding:
             if other in seen or not self._is_there(other):
                 continue
             seen.add(other)
-            if self._are_checked(thing.name, other):
+            if self._are_checked(item.name, other):
                 where = tables.holds.places[other]
                 body_distance(first, end, *where, self.lines(), witness)
-                need = tables.buffers[thing.group, tables.holds.group_of[other]]
+                need = tables.buffers[item.group, tables.holds.group_of[other]]
                 need += errors[first:end].max() + errors[slice(*where)].max()
-                if not witness[0] > max(need + AT_REST, thing.grasp.lift):
+                if not witness[0] > max(need + AT_REST, item.grasp.lift):
                     yield other, witness.copy()
 
-    def _check_touch(self, part: GripperPart, thing: Graspable) -> None:
+    def _check_touch(self, part: GripperPart, item: Graspable) -> None:
         """A finger touches what is to be gripped."""
         holds = self.tables.holds
         nearest, witness = inf, np.zeros(WITNESS_WIDTH)
         for finger in part.fingers:
-            where = holds.places[thing.name]
+            where = holds.places[item.name]
             body_distance(*holds.places[finger], *where, self.lines(), witness)
             nearest = min(nearest, float(witness[0]))
-        if not nearest <= thing.grasp.touch:
+        if not nearest <= item.grasp.touch:
             raise GraspError(
-                f"'{part.name}' does not touch '{thing.name}': its nearest finger is "
+                f"'{part.name}' does not touch '{item.name}': its nearest finger is "
                 f"{nearest * 1e3:.1f} mm away; it must be within "
-                f"{thing.grasp.touch * 1e3:.1f} mm"
+                f"{item.grasp.touch * 1e3:.1f} mm"
             )
 
-    def _check_slow(self, part: GripperPart, thing: Graspable) -> None:
+    def _check_slow(self, part: GripperPart, item: Graspable) -> None:
         """A gripper is slow enough for what it grips to be part of it at once."""
-        speed = speed_of(thing, part, self.motion, self.T_world)
-        if not speed <= thing.grasp.intent_speed:
+        speed = speed_of(item, part, self.motion, self.T_world)
+        if not speed <= item.grasp.intent_speed:
             raise GraspError(
-                f"'{part.name}' moves '{thing.name}' at {speed:.3f} m/s; to grasp it "
-                f"it must be no faster than {thing.grasp.intent_speed} m/s"
+                f"'{part.name}' moves '{item.name}' at {speed:.3f} m/s; to grasp it "
+                f"it must be no faster than {item.grasp.intent_speed} m/s"
             )
 
     def _are_checked(self, a: str, b: str) -> bool:

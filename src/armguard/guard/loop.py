@@ -1,8 +1,10 @@
 """What a loop needs, allocated before it: its tables, and the parts that write them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
@@ -73,9 +75,8 @@ class Loop:
         self.tables = tables
         self._budget = budget
         self._memory = np.zeros(MEMORY, dtype=np.int64)
-        count, bodies = len(tables.kinds), len(tables.parent)
         capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
-        T_world = np.zeros((bodies, 12))
+        T_world = np.zeros((len(tables.parent), 12))
         world = world_at_home(tables, T_world)
         self._poses = T_world
         self.index = build_index(tables, world)
@@ -120,27 +121,12 @@ class Loop:
         brute_force = tables.index.kind == "brute_force"
         settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
         workspace = Workspace(
-            **{name: getattr(tables, name) for name in OF_SCENE},
-            margin=np.array([tables.margin]),
+            **scratch_of(tables, capacity),
             settings=settings,
-            T_next=np.zeros((bodies, 12)),
             T_world=T_world,
-            body_moved=np.zeros(bodies, dtype=np.uint8),
-            moved=np.zeros(count, dtype=np.uint8),
-            candidates=np.zeros(count, dtype=np.int32),
-            seen=np.zeros(count, dtype=np.int64),
-            kept=np.zeros((capacity, layout.NEAR_WIDTH)),
             memory=self._memory,
             out=self._out,
-            exact_of=tables.exact.of_primitive,
-            exact_kinds=tables.exact.kinds,
-            exact_rows=tables.exact.rows,
-            memo=np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
-            memo_rows=np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
-            planes=np.zeros(PLANE_COUNT, dtype=np.int64),
-            normals=np.zeros((PLANE_COUNT, 3)),
             look=np.array([largest_standing_need(tables, self._watch)]),
-            look_box=np.zeros(6),
             parts=self._addresses,
             world=world,
             octree=self.index.state,
@@ -172,7 +158,7 @@ class Loop:
         self._settings[CONTRACTS] = self._settings[INTENTS] = may_be
 
     def _take_over_tables(self) -> None:
-        """Judge by tables in which who rides on whom, or may touch whom, is new."""
+        """Judge by tables in which what rides on what, or may touch it, is new."""
         tables = self.tables
         pairs = all_pairs(tables)
         watch = self._watch
@@ -198,6 +184,34 @@ class Loop:
         self._ledger = Ledger(workspace)
         self._lines = self._ledger.lines
         self._addresses[SELF] = self._lines.ctypes.data
+
+
+def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
+    """Arrays of a workspace that are the scene's own, or scratch, by name.
+
+    Args:
+        tables: The scene.
+        capacity: Near pairs there is room for.
+    """
+    count, bodies = len(tables.kinds), len(tables.parent)
+    return {
+        **{name: getattr(tables, name) for name in OF_SCENE},
+        "margin": np.array([tables.margin]),
+        "exact_of": tables.exact.of_primitive,
+        "exact_kinds": tables.exact.kinds,
+        "exact_rows": tables.exact.rows,
+        "T_next": np.zeros((bodies, 12)),
+        "body_moved": np.zeros(bodies, dtype=np.uint8),
+        "moved": np.zeros(count, dtype=np.uint8),
+        "candidates": np.zeros(count, dtype=np.int32),
+        "seen": np.zeros(count, dtype=np.int64),
+        "kept": np.zeros((capacity, layout.NEAR_WIDTH)),
+        "memo": np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
+        "memo_rows": np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
+        "planes": np.zeros(PLANE_COUNT, dtype=np.int64),
+        "normals": np.zeros((PLANE_COUNT, 3)),
+        "look_box": np.zeros(6),
+    }
 
 
 def largest_standing_need(tables: SceneTables, watch: Watch) -> float:

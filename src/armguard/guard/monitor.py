@@ -185,15 +185,15 @@ class Monitor(Loop):
             The verdict; a snapshot that later cycles do not change.
         """
         start = self._clock()
-        told: Any = stamp if now is None else now
-        if type(told) is not float:
-            told = real_or_none(told)
+        time: Any = stamp if now is None else now
+        if type(time) is not float:
+            time = real_or_none(time)
         thread = get_ident()
         if self._thread and self._thread != thread:
             return Verdict(
                 stop_answer(self._names, Reason.WRONG_INPUT),
                 self._names,
-                told,
+                time,
                 0.0,
                 OTHER_THREAD,
             )
@@ -218,7 +218,7 @@ class Monitor(Loop):
         if not alone:
             data, fault = stop_answer(self._names, Reason.WRONG_INPUT), OTHER_THREAD
         elapsed = (self._clock() - start) * 1e-9
-        return Verdict(data, self._names, told, elapsed, fault)
+        return Verdict(data, self._names, time, elapsed, fault)
 
     def judge_at_rest(self, q: ArrayLike) -> Verdict:
         """Judge a configuration as if nothing moved in it. Never raises.
@@ -352,7 +352,7 @@ class Monitor(Loop):
         return keep(self._watch, self._grips, self._settings, self.reset)
 
     def forget_stops(self) -> None:
-        """Let robots that were stopped go on, as if nobody had been told to stop.
+        """Let robots that were stopped go on, as if no stop had been ordered.
 
         For a guard that is asked about a motion that does not obey it.
         """

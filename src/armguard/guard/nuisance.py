@@ -2,7 +2,7 @@
 
 What is slowed or stopped lacks a length: the *deficit*. Each cause is a length too, and
 has made the stop if it is at least the deficit. Several may; the first of this order
-is told, since what comes first is mended with less:
+is named, since what comes first is mended with less:
 
 1. `FIGURES`: a stop or a brake was not what was declared.
 2. `ORDERED`: a person, a program or the service ordered the stop.

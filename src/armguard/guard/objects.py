@@ -83,10 +83,10 @@ class Objects:
     changed: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        for thing in self.standing.values():
-            if not thing.present:
-                take_out(self.index, thing)
-                self.watch.seen_at[thing.places] = inf
+        for item in self.standing.values():
+            if not item.present:
+                take_out(self.index, item)
+                self.watch.seen_at[item.places] = inf
 
     def place(
         self,
@@ -97,7 +97,7 @@ class Objects:
         velocity: ArrayLike | None = None,
         shape: Shape | None = None,
     ) -> None:
-        """Put an object where it stands from now on, whether it was there or not.
+        """Put an object where it is from now on, whether it was there or not.
 
         For between two cycles: it takes microseconds for each primitive of the object,
         and may take longer where the index has to grow.
@@ -133,24 +133,24 @@ class Objects:
             >>> guard.place("cart", Pose(xyz=(0.0, 0.0, 1.0)))
             >>> guard.remove("cart")
         """
-        thing = self._named(name)
+        item = self._named(name)
         if shape is not None:
-            thing = reshaped(name, thing, shape)
+            item = reshaped(name, item, shape)
         speeds = self.watch.top_speed
-        moves = len(speeds) > 0 and speeds[thing.first] > 0.0
+        moves = len(speeds) > 0 and speeds[item.first] > 0.0
         if not moves and velocity is not None:
             raise SceneError(
                 f"object '{name}' has no top_speed; one that moves needs it"
             )
         if moves:
-            T = self._take_sighting(name, thing, pose, stamp, velocity)
+            T = self._take_sighting(name, item, pose, stamp, velocity)
         else:
             T = transform_of(pose)
-        if thing.body >= 0:
+        if item.body >= 0:
             self.holding.check_free(name)
             self.holding.put(name, T)
-        stand_at(self.index, thing, T)
-        self.standing[name] = thing
+        stand_at(self.index, item, T)
+        self.standing[name] = item
         self.changed.add(name)
         self.world_changed()
 
@@ -161,29 +161,29 @@ class Objects:
             UnknownNameError: There is no such object.
             GraspError: A gripper holds it.
         """
-        thing = self._named(name)
+        item = self._named(name)
         self.holding.check_free(name)
-        take_out(self.index, thing)
-        self.watch.seen_at[thing.places] = inf
-        self.watch.doubt[thing.places] = Reason.OK
-        self.watch.sighted_at[thing.places] = -inf
+        take_out(self.index, item)
+        self.watch.seen_at[item.places] = inf
+        self.watch.doubt[item.places] = Reason.OK
+        self.watch.sighted_at[item.places] = -inf
         self.changed.add(name)
         self.world_changed()
 
     def places_of(self, names: Iterable[str]) -> NDArray[np.int64]:
         """What a robot moves, and the primitives of some objects, shape (k,)."""
-        things = [self.tables.standing[name] for name in names]
+        items = [self.tables.standing[name] for name in names]
         return np.concatenate(
             [
                 np.arange(self.tables.moving_count),
-                *(np.arange(t.first, t.first + t.count) for t in things if t.body < 0),
+                *(np.arange(t.first, t.first + t.count) for t in items if t.body < 0),
             ]
         )
 
     def _take_sighting(
         self,
         name: str,
-        thing: Standing,
+        item: Standing,
         pose: Pose | ArrayLike,
         stamp: float | None,
         velocity: ArrayLike | None,
@@ -197,24 +197,22 @@ class Objects:
         watch, world = self.watch, self.index.world
         if stamp is None:
             raise SceneError(f"object '{name}' moves: say when it was seen")
-        top = float(watch.top_speed[thing.first])
-        kinds = world.kinds[thing.places]
-        before = Sighting(
-            float(watch.sighted_at[thing.first]), world.rows[thing.places]
-        )
+        top = float(watch.top_speed[item.first])
+        kinds = world.kinds[item.places]
+        before = Sighting(float(watch.sighted_at[item.first]), world.rows[item.places])
         try:
             T = frame_seen(name, pose)
             speeds = velocity_seen(name, velocity, top)
-            now = Sighting(stamp, thing.rows(T))
-            check_sighting(name, thing, kinds, before, now, top)
+            now = Sighting(stamp, item.rows(T))
+            check_sighting(name, item, kinds, before, now, top)
         except SightingError as error:
-            watch.doubt[thing.places] = Reason[error.reason]
+            watch.doubt[item.places] = Reason[error.reason]
             raise
-        watch.object_velocity[thing.places] = speeds
-        watch.sighted_at[thing.places] = stamp
-        watch.doubt[thing.places] = Reason.OK
+        watch.object_velocity[item.places] = speeds
+        watch.sighted_at[item.places] = stamp
+        watch.doubt[item.places] = Reason.OK
         # It may be off by `error`: as if it had gone that far since it was seen.
-        watch.seen_at[thing.places] = stamp - thing.error / top
+        watch.seen_at[item.places] = stamp - item.error / top
         return T
 
     def _named(self, name: str) -> Standing:
@@ -273,7 +271,7 @@ def velocity_seen(name: str, velocity: ArrayLike | None, top: float) -> Floats:
 
 def check_sighting(
     name: str,
-    thing: Standing,
+    item: Standing,
     kinds: NDArray[np.int32],
     before: Sighting,
     now: Sighting,
@@ -283,7 +281,7 @@ def check_sighting(
 
     Args:
         name: The object's name.
-        thing: The object.
+        item: The object.
         kinds: Kinds of its primitives, shape (k,).
         before: The last believed sighting; its stamp is -inf if there was none.
         now: The new one.
@@ -304,7 +302,7 @@ def check_sighting(
     if time == 0.0 and way > GRAIN:
         says = f"both at {now.stamp:.6f} s, {way:.3f} m apart"
         raise refused(name, Reason.OBJECT_REPEATED, says)
-    if not way <= top * (time + STAMP_GRAIN) + 2.0 * thing.error + GRAIN:
+    if not way <= top * (time + STAMP_GRAIN) + 2.0 * item.error + GRAIN:
         says = f"{way:.3f} m in {time:.3f} s; its top_speed is {top} m/s"
         raise refused(name, Reason.OBJECT_JUMPED, says)
 
@@ -350,45 +348,45 @@ def load_kernels() -> None:
     tree.insert(0)
 
 
-def stand_at(index: Index, thing: Standing, T: Floats) -> None:
-    """Put the primitives of an object where its frame stands at T.
+def stand_at(index: Index, item: Standing, T: Floats) -> None:
+    """Put the primitives of an object where its frame is at T.
 
     Args:
         index: The index; its world is written.
-        thing: The object, in it or not.
+        item: The object, in it or not.
         T: Its frame in the world, shape (4, 4).
     """
     world = index.world
-    rows = thing.rows(T)
-    take_out(index, thing)
-    for k in range(thing.count):
-        i = thing.first + k
+    rows = item.rows(T)
+    take_out(index, item)
+    for k in range(item.count):
+        i = item.first + k
         world.rows[i] = rows[k]
         row_bounds(int(world.kinds[i]), world.rows[i], 0.0, world.boxes[i])
         index.insert(i)
 
 
-def take_out(index: Index, thing: Standing) -> None:
+def take_out(index: Index, item: Standing) -> None:
     """Leave the primitives of an object out of the index."""
-    for i in range(thing.first, thing.first + thing.count):
+    for i in range(item.first, item.first + item.count):
         index.remove(i)
 
 
-def reshaped(name: str, thing: Standing, shape: Shape) -> Standing:
+def reshaped(name: str, item: Standing, shape: Shape) -> Standing:
     """The object with another shape of its kind.
 
     Raises:
         SceneError: It is not one shape of that kind, or has one that cannot change.
     """
     said = f"object '{name}' cannot change its shape"
-    if len(thing.shapes) != 1 or thing.surfaces:
+    if len(item.shapes) != 1 or item.surfaces:
         raise SceneError(f"{said}: it is not one shape")
-    if thing.body >= 0:
+    if item.body >= 0:
         raise SceneError(f"{said}: it may be gripped")
-    old = thing.shapes[0]
+    old = item.shapes[0]
     was, becomes = old.shape.kind, shape.kind
     if was is not becomes or was in WITH_ADDRESS:
         raise SceneError(
             f"{said}: it is a {was.name.lower()}, to become a {becomes.name.lower()}"
         )
-    return replace(thing, shapes=(replace(old, shape=shape),))
+    return replace(item, shapes=(replace(old, shape=shape),))

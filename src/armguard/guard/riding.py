@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 def carry(
-    thing: Graspable,
+    item: Graspable,
     part: GripperPart,
     tables: SceneTables,
     watch: Watch,
@@ -29,7 +29,7 @@ def carry(
     T_world: Floats,
 ) -> None:
     """Hang an object's body on a gripper's, with all its joints above it."""
-    body, carrier = thing.body, part.body
+    body, carrier = item.body, part.body
     T = np.linalg.inv(as_matrix(T_world[carrier])) @ as_matrix(T_world[body])
     tables.parent[body] = carrier
     tables.T_parent_joint[body] = T[:3].reshape(12)
@@ -50,8 +50,8 @@ def carry(
         tables.q_index,
         *true_limits(tables),
     )
-    first, end = tables.holds.places[thing.name]
-    rows = tables.standing[thing.name].rows(T)
+    first, end = tables.holds.places[item.name]
+    rows = tables.standing[item.name].rows(T)
     errors, pushes = (
         np.abs(tables.gain[chain, 0])
         * motion.joint_figures[tables.q_index[chain], column]
@@ -76,20 +76,20 @@ def carry(
 
 
 def set_down(
-    thing: Graspable,
+    item: Graspable,
     tables: SceneTables,
     watch: Watch,
     motion: Motion,
     T_world: Floats,
 ) -> None:
     """Let an object's body stand in the world where it is."""
-    body = thing.body
+    body = item.body
     tables.parent[body] = -1
     tables.T_parent_joint[body] = T_world[body]
     motion.joints[body] = -1
     motion.length[body] = 0
     motion.shared[body] = motion.shared[:, body] = 0
-    own = slice(*tables.holds.places[thing.name])
+    own = slice(*tables.holds.places[item.name])
     motion.levers[own] = 0.0
     motion.blur[own] = motion.push[own] = motion.rate[own] = 0.0
     motion.reach[:, own] = 0.0
@@ -116,9 +116,9 @@ def reach_of(body: int, tables: SceneTables) -> float:
     return radius
 
 
-def speed_of(thing: Graspable, part: GripperPart, m: Motion, T_world: Floats) -> float:
+def speed_of(item: Graspable, part: GripperPart, m: Motion, T_world: Floats) -> float:
     """How fast a gripper moves an object that it is about to hold [m/s]."""
-    p = T_world[thing.body, [3, 7, 11]]
+    p = T_world[item.body, [3, 7, 11]]
     chain = m.joints[part.body, : m.length[part.body]]
     q, axes, origins = m.q_index[chain], m.axes[chain, :3], m.axes[chain, 3:]
     slides = m.joint_kind[chain, None] == PRISMATIC
@@ -154,9 +154,9 @@ def as_held(
     grippers[:, at.HOLDS] = 0
     carrier = np.arange(len(parent))
     free = []
-    for o, (name, thing) in enumerate(holds.objects.items()):
+    for o, (name, item) in enumerate(holds.objects.items()):
         numbers = [numbers_of[robot] for robot in holders.get(name, ())]
-        body, own = thing.body, slice(*holds.places[name])
+        body, own = item.body, slice(*holds.places[name])
         grippers[numbers, at.HOLDS] += 1
         objects[o, [at.HOLDER, at.SECOND]] = [*numbers, -1, -1][:2]
         if numbers:

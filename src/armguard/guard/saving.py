@@ -11,10 +11,10 @@ from armguard.guard.checkpoint import (
     arrays_in,
     layout_of,
     pack,
+    placement_of,
     put_back,
     stand,
     unpack,
-    whereabouts,
 )
 from armguard.guard.checkpoint_bounds import (
     BOUNDS,
@@ -23,8 +23,8 @@ from armguard.guard.checkpoint_bounds import (
     check_about,
     check_bounds,
     check_contracts,
+    check_placement,
     check_poses,
-    check_whereabouts,
 )
 from armguard.guard.given import CycleInput
 from armguard.guard.holding import Holding
@@ -80,7 +80,7 @@ class Saving:
             "changed": changed,
             "holders": self.holding.holders,
         }
-        where = whereabouts(self.objects.index, self.objects.places_of(changed))
+        where = placement_of(self.objects.index, self.objects.places_of(changed))
         return pack(self._layout_kept(), about, {**self.arrays, **where})
 
     def restore(self, data: bytes) -> None:
@@ -105,14 +105,14 @@ class Saving:
             )
         last_stamp, changed, holders = check_about(about, tables)
         places = self.objects.places_of(changed)
-        where = whereabouts(index, places)
+        where = placement_of(index, places)
         found = arrays_in(numbers, {**self.arrays, **where})
         known = {**self.arrays, **self.holding.as_held(holders)}
         check_bounds(found, known, self.rules, self.greatest)
         check_poses("workspace.T_world", found["workspace.T_world"])
         check_poses("tables.T_parent_joint", found["tables.T_parent_joint"])
         check_contracts(found["grips.contracts"], tables)
-        check_whereabouts(found, places, holders, index, tables)
+        check_placement(found, places, holders, index, tables)
         for name, array in self.arrays.items():
             array[...] = found[name]
         self.given.last_stamp = last_stamp
@@ -147,7 +147,7 @@ class Saving:
         objects = self.objects
         objects.changed |= other.objects.changed
         places = objects.places_of(sorted(objects.changed))
-        stand(self.objects.index, places, **whereabouts(other.objects.index, places))
+        stand(self.objects.index, places, **placement_of(other.objects.index, places))
         for name in ("seen_at", "object_velocity", "doubt", "sighted_at"):
             getattr(self.watch, name)[:] = getattr(other.watch, name)
         self.holding.grippers.tables_changed()

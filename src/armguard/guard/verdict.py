@@ -76,8 +76,8 @@ class Verdict:
 
     Attributes:
         stamp: The stamp the cycle was given [s], or None.
-        cycle_time: Duration of the cycle [s]; the only thing in a verdict that is
-            not a function of the inputs.
+        cycle_time: Duration of the cycle [s]; all else in a verdict is a
+            function of the inputs.
     """
 
     __slots__ = ("_data", "_fault", "_names", "cycle_time", "stamp")

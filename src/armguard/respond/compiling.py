@@ -157,10 +157,10 @@ def compile_filter(last_first: bool) -> None:
     """Compile the filtered cycle and all that it calls, see `link`."""
     link(run_filtered_cycle, last_first)
     lines, numbers = numba.int64[::1], numba.float64[::1]
-    wish = (numbers, numba.int64, numbers, lines, lines)
+    given = (numbers, numba.int64, numbers, lines, lines)
     entries: tuple[tuple[Any, tuple[Any, ...]], ...] = (
-        (run_filtered_cycle, wish),
-        (begin_filtered_cycle, wish),
+        (run_filtered_cycle, given),
+        (begin_filtered_cycle, given),
         (end_filtered_cycle, (numbers, numba.int64, lines, lines)),
     )
     for kernel, arguments in entries:

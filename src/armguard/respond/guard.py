@@ -65,7 +65,7 @@ Given = tuple[ArrayLike, float | Mapping[str, float], ArrayLike | None, float | 
 
 
 class Guard(Monitor):
-    """Watches a scene, and keeps what is told to its robots safe.
+    """Watches a scene, and keeps what its robots are commanded safe.
 
     Each `step` judges one joint configuration, and somebody else obeys the verdict.
     Each `filter` does the same and gives back what to tell the robots: what their
@@ -89,8 +89,8 @@ class Guard(Monitor):
         >>> import numpy as np
         >>> from armguard import Guard, bay_scene
         >>> guard = Guard(bay_scene("path"))
-        >>> wish = np.full(len(guard.q_names), 0.005)
-        >>> guard.filter(guard.home, wish, stamp=0.0, velocity=0.0 * wish).action
+        >>> desired = np.full(len(guard.q_names), 0.005)
+        >>> guard.filter(guard.home, desired, stamp=0.0, velocity=0.0 * desired).action
         <Action.FOLLOW: 0>
     """
 
@@ -258,7 +258,7 @@ class Guard(Monitor):
         return self._guidance.ordered
 
     def reset(self) -> None:
-        """See `Monitor.reset`; what was told, and goals, are forgotten as well."""
+        """See `Monitor.reset`; commands and goals are forgotten as well."""
         super().reset()
         if (response := self._response) is not None:
             response.spare_of.fill(NEVER)
@@ -280,13 +280,12 @@ class Guard(Monitor):
         """One cycle: judge, respond, prove, tell."""
         start = self._clock()
         response = self._response or self._prepare_filter()
-        _, stamp, _, now = given
-        told: Any = stamp if now is None else now
-        if type(told) is not float:
-            told = real_or_none(told)
+        time: Any = given[1] if given[3] is None else given[3]
+        if type(time) is not float:
+            time = real_or_none(time)
         thread = get_ident()
         if self._thread and self._thread != thread:
-            return self._crowded_command(response, told)
+            return self._crowded_command(response, time)
         self._thread = thread
         try:
             data, fault = self._filtered(response, given, form, asked)
@@ -295,9 +294,9 @@ class Guard(Monitor):
             alone = self._thread == thread
             self._thread = 0 if alone else self._leave_others()
         if not alone:
-            return self._crowded_command(response, told)
+            return self._crowded_command(response, time)
         elapsed = (self._clock() - start) * 1e-9
-        verdict = Verdict(data, self._names, told, elapsed, fault or refused)
+        verdict = Verdict(data, self._names, time, elapsed, fault or refused)
         return Command(numbers, self.tables.robots, verdict)
 
     def _filtered(
@@ -305,12 +304,12 @@ class Guard(Monitor):
     ) -> tuple[Floats, str]:
         """The numbers of the verdict, and what was wrong with the input in words."""
         array, fault = self._input.take(*given)
-        wish = NO_POSITIONS if asked is None else asked
+        desired = NO_POSITIONS if asked is None else asked
         lines = self._response_lines, self._lines
         if response.solver[FUNCTION]:
-            used = run_filtered_cycle(array, form, wish, *lines)
+            used = run_filtered_cycle(array, form, desired, *lines)
         else:
-            unsolved = begin_filtered_cycle(array, form, wish, *lines)
+            unsolved = begin_filtered_cycle(array, form, desired, *lines)
             if unsolved > 0:
                 unsolved = self.solve_programs(unsolved)
             used = end_filtered_cycle(array, unsolved, *lines)

@@ -38,8 +38,8 @@ class FilterUnderTest(GuardUnderTest, Protocol):
 def filter_line(guard: FilterUnderTest, watch: Watch) -> SelfTestLine:
     """Push a synthetic robot at something through the filter, then lead it away.
 
-    It must be told no more than can be proven, never touch, and be let out. The guard
-    is reset afterwards.
+    It must be commanded no more than can be proven, never touch, and be let out. The
+    guard is reset afterwards.
 
     Args:
         guard: The guard.
@@ -74,12 +74,12 @@ def pushed(guard: FilterUnderTest, approach: Approach) -> SelfTestLine:
     )
     q, v = guard.home, np.zeros(len(guard.q_names))
     q[approach.joint] = approach.start
-    wish = np.zeros_like(v)
-    wish[approach.joint] = approach.direction * approach.speed
+    desired = np.zeros_like(v)
+    desired[approach.joint] = approach.direction * approach.speed
     time, fastest = 0.0, 0.0
     cycles = PATIENCE * (stop.travel / approach.speed + stop.time + GRACE)
     for _ in range(int(cycles / tables.period) + OUT_CYCLES):
-        command = guard.filter(q, wish, time, velocity=v)
+        command = guard.filter(q, desired, time, velocity=v)
         if touches(command.verdict):
             raise SelfTestError(
                 f"self-test: joint '{name}' was pushed through the filter until it "
@@ -96,11 +96,11 @@ def pushed(guard: FilterUnderTest, approach: Approach) -> SelfTestLine:
         )
     guard.engage(robot)
     for k in range(int(stop.time / tables.period) + OUT_CYCLES):
-        command = guard.filter(q, -wish, time, velocity=v)
+        command = guard.filter(q, -desired, time, velocity=v)
         v = command.velocity
         q = q + v * tables.period
         time += tables.period
-        if command.actions[robot] is Action.FOLLOW and float(wish @ v) < 0.0:
+        if command.actions[robot] is Action.FOLLOW and float(desired @ v) < 0.0:
             after = 1e3 * (k + 1) * tables.period
             return SelfTestLine(
                 "PASS",

@@ -126,7 +126,7 @@ class RecordedGuard:
             about: What else to tell, ready for JSON.
         """
         archive = archive_of(scene)
-        told = {
+        text = {
             **about,
             "note": "scene",
             "archive": hash_of(archive),
@@ -135,8 +135,8 @@ class RecordedGuard:
             "period": self.guard.tables.period,
             "budget": self.guard.budget,
         }
-        self._scene = told, archive
-        self.tell(Kind.NOTE, told, archive)
+        self._scene = text, archive
+        self.tell(Kind.NOTE, text, archive)
 
     def checkpoint(self) -> None:
         """Write down all that the guard remembers, so that a replay may begin here.
@@ -165,7 +165,7 @@ class RecordedGuard:
 
         Args:
             length: Words of its frame before its text.
-            fill: Fills them in; told the time on the monotonic and the wall clock [s].
+            fill: Fills them in, given the time on the monotonic and the wall clock [s].
             text: The frame's text.
         """
         row = self._ring.reserve(length + words(len(text)))
@@ -267,7 +267,7 @@ def by_robot(stamp: object, robots: Sequence[str]) -> list[object]:
 
 
 def by_name(values: Mapping[str, float], names: Sequence[str]) -> Floats:
-    """Velocities told by name as a vector; NaN where one is of no joint."""
+    """Velocities by name as a vector; NaN where one is of no joint."""
     if any(name not in names for name in values):
         return np.full(len(names), np.nan)
     return np.array([as_number(values.get(name, 0.0)) for name in names])
