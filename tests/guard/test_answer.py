@@ -41,7 +41,7 @@ def test_counts_are_in_the_order_of_the_layout():
         name = place.lower()
         assert getattr(counts, name) == numbers[getattr(layout, place)], name
     assert len(COUNTED) == layout.PAIRS_APART + 1 - layout.PAIRS_TESTED
-    assert counts.pairs_skipped == names.checkable_pairs - counts.pairs_tested
+    assert counts.pairs_skipped == names.tables.checkable_pairs - counts.pairs_tested
 
 
 def test_a_cycle_that_was_not_judged_stops_every_robot():

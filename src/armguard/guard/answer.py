@@ -48,6 +48,11 @@ IN_WORDS = (
 ).split()
 
 
+def listed(value: object) -> object:
+    """A value in which a list stands for an array."""
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
 @dataclass(frozen=True, slots=True)
 class NearPair:
     """Two primitives within the reporting margin.
@@ -162,10 +167,7 @@ class NearPair:
 
     def to_dict(self) -> dict[str, object]:
         """The pair as plain numbers, lists and strings."""
-        values = {name: getattr(self, name) for name in IN_WORDS}
-        return {
-            k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()
-        }
+        return {name: listed(getattr(self, name)) for name in IN_WORDS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,32 +175,16 @@ class Names:
     """Names a verdict needs when it is read; shared by all verdicts of a guard.
 
     Attributes:
-        joints: 'robot/joint' of each place of q.
-        lower: Least joint positions [rad or m].
-        upper: Greatest joint positions [rad or m].
-        bodies: Body of each primitive.
-        labels: Name of each primitive.
-        model_errors: Model error of each primitive [m].
-        exact_errors: Model error of the exact shapes of each primitive's link [m].
-        checkable_pairs: Pairs of primitives that are checked at all.
+        tables: The scene.
         robots: Robots of the scene, if stops are predicted.
         first_row: Where the rows of near pairs start.
         disproved: 1 where a joint has broken a declared figure, shape (n,).
-        tables: The scene.
     """
 
-    joints: Sequence[str]
-    lower: Floats
-    upper: Floats
-    bodies: Sequence[str]
-    labels: Sequence[str]
-    model_errors: Floats
-    exact_errors: Floats
-    checkable_pairs: int
+    tables: SceneTables
     robots: Sequence[str]
     first_row: int
     disproved: NDArray[np.int64]
-    tables: SceneTables
 
 
 def first_row_of(tables: SceneTables) -> int:
@@ -220,20 +206,7 @@ def names_of(tables: SceneTables, disproved: NDArray[np.int64] | None = None) ->
     robots = tuple(part.name for part in tables.robots) if guarded else ()
     if disproved is None:
         disproved = np.zeros(len(tables.q_names), dtype=np.int64)
-    return Names(
-        joints=tables.q_names,
-        lower=tables.lower,
-        upper=tables.upper,
-        bodies=tables.body_names,
-        labels=tables.labels,
-        model_errors=tables.model_errors,
-        exact_errors=tables.exact.errors,
-        checkable_pairs=tables.checkable_pairs,
-        robots=robots,
-        first_row=first_row_of(tables),
-        disproved=disproved,
-        tables=tables,
-    )
+    return Names(tables, robots, first_row_of(tables), disproved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,23 +311,23 @@ class Answer:
         d = self.data[layout.PAIRS_TESTED : layout.PAIRS_APART + 1].astype(int).tolist()
         return Counts(
             **dict(zip(COUNTED, d, strict=True)),
-            pairs_skipped=self.names.checkable_pairs - d[0],
+            pairs_skipped=self.names.tables.checkable_pairs - d[0],
             spans_tested=int(self.data[layout.SPANS_TESTED]),
         )
 
     def pair(self, k: int) -> NearPair:
         """A near pair."""
-        row, names = self.near[k], self.names
+        row, tables = self.near[k], self.names.tables
         i, j = self.primitives(k)
         exact = float(row["exact"])
         refined = exact != np.inf and not exact <= row["outer"]
-        errors = names.exact_errors if refined else names.model_errors
+        errors = tables.exact.errors if refined else tables.model_errors
         numbers: dict[str, Any] = {name: float(row[name]) for name in AS_THEY_ARE}
         return NearPair(
-            a=names.bodies[i],
-            b=names.bodies[j],
-            primitive_a=names.labels[i],
-            primitive_b=names.labels[j],
+            a=tables.body_names[i],
+            b=tables.body_names[j],
+            primitive_a=tables.labels[i],
+            primitive_b=tables.labels[j],
             primitive_distance=float(row["outer"]),
             exact_distance=None if exact == np.inf else exact,
             point_a=row["point_a"].copy(),

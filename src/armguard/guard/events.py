@@ -1,6 +1,6 @@
 """Events: spans of cycles in which one pair, or one fault, decided the level."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from armguard.guard.levels import Level, Reason
 from armguard.guard.sentences import ABOUT_PAIRS
@@ -44,17 +44,9 @@ class Event:
     def to_dict(self) -> dict[str, object]:
         """The event as plain numbers and strings, ready for JSON."""
         answer = {
-            "first": self.first,
-            "last": self.last,
+            **asdict(self),
             "level": self.level.name,
             "reason": self.reason.name,
-            "a": self.a,
-            "b": self.b,
-            "least_clearance": self.least_clearance,
-            "distance": self.distance,
-            "at": self.at,
-            "stamp": self.stamp,
-            "why": self.why,
         }
         return {key: finite(value) for key, value in answer.items()}
 

@@ -233,7 +233,7 @@ def envelope_of(k: int, pair: NearPair, reason: Reason, answer: Answer) -> float
     # The proof asks the exact shapes too, where a link has some.
     has_exact = tables.exact.of_primitive[:, 1] > 0
     return sum(
-        float((names.exact_errors if has_exact[i] else names.model_errors)[i])
+        float((tables.exact.errors if has_exact[i] else tables.model_errors)[i])
         for i in answer.primitives(k)
     )
 

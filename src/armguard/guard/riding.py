@@ -33,23 +33,11 @@ def carry(
     T = np.linalg.inv(as_matrix(T_world[carrier])) @ as_matrix(T_world[body])
     tables.parent[body] = carrier
     tables.T_parent_joint[body] = T[:3].reshape(12)
-    motion.joints[body], motion.length[body] = (
-        motion.joints[carrier],
-        motion.length[carrier],
-    )
-    motion.shared[body], motion.shared[:, body] = (
-        motion.shared[carrier],
-        motion.shared[:, carrier],
-    )
+    for own in (motion.joints, motion.length, motion.shared, motion.shared.T):
+        own[body] = own[carrier]
     motion.shared[body, body] = motion.shared[carrier, carrier]
     chain = motion.joints[carrier, : motion.length[carrier]].tolist()
-    ways = strokes(
-        chain,
-        tables.joint_kind,
-        tables.gain,
-        tables.q_index,
-        *true_limits(tables),
-    )
+    ways = strokes_of(chain, tables)
     first, end = tables.holds.places[item.name]
     rows = tables.standing[item.name].rows(T)
     errors, pushes = (
@@ -103,17 +91,16 @@ def reach_of(body: int, tables: SceneTables) -> float:
     radius = 0.0
     while tables.parent[body] >= 0:
         if tables.joint_kind[body] != FIXED:
-            way = strokes(
-                [body],
-                tables.joint_kind,
-                tables.gain,
-                tables.q_index,
-                *true_limits(tables),
-            )
-            radius += way[0]
+            radius += strokes_of([body], tables)[0]
         radius += float(np.linalg.norm(tables.T_parent_joint[body, [3, 7, 11]]))
         body = int(tables.parent[body])
     return radius
+
+
+def strokes_of(chain: Sequence[int], tables: SceneTables) -> list[float]:
+    """How far the joints of some bodies may go, see `strokes`."""
+    limits = true_limits(tables)
+    return strokes(chain, tables.joint_kind, tables.gain, tables.q_index, *limits)
 
 
 def speed_of(item: Graspable, part: GripperPart, m: Motion, T_world: Floats) -> float:

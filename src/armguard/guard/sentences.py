@@ -63,11 +63,11 @@ def subject_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
     names = answer.names
     joint, r = int(answer.data[layout.JOINT]), int(answer.data[layout.ROBOT])
     if joint >= 0:
-        return names.joints[joint]
+        return names.tables.q_names[joint]
     if reason in LAGS and disproved:
         return disproved[0]
     if reason in OF_OBJECTS:
-        return names.bodies[int(answer.data[layout.VALUE])]
+        return names.tables.body_names[int(answer.data[layout.VALUE])]
     known = 0 <= r < len(names.robots)
     return names.robots[r] if known and reason not in OF_ALL else ""
 
@@ -109,7 +109,7 @@ def joint_sentence(reason: Reason, answer: Answer) -> str:
     """A reason about a joint."""
     k, value = int(answer.data[layout.JOINT]), float(answer.data[layout.VALUE])
     names, sentence = answer.names, SENTENCES[reason]
-    joint = f"joint '{names.joints[k]}'"
+    joint = f"joint '{names.tables.q_names[k]}'"
     if reason in AT_SPEED:
         return f"{joint} at {value:.2f} a second: {sentence}"
     if reason is Reason.DRIVE_LAGS:
@@ -122,5 +122,5 @@ def joint_sentence(reason: Reason, answer: Answer) -> str:
         return f"{joint} is at {value}; it must be finite"
     return (
         f"{joint} is at {value:.4f}; its limits are "
-        f"[{names.lower[k]:.4f}, {names.upper[k]:.4f}]"
+        f"[{names.tables.lower[k]:.4f}, {names.tables.upper[k]:.4f}]"
     )

@@ -1,6 +1,6 @@
 """What a cycle says: a snapshot that costs nothing until it is read."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from math import inf, isfinite
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import ROBOT_PLACES, Answer, Counts, Names, NearPair
+from armguard.guard.answer import ROBOT_PLACES, Answer, Counts, Names, NearPair, listed
 from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
 from armguard.guard.levels import Level, Reason, level_of
 from armguard.guard.nuisance import Nuisance, classify, lack_of
@@ -58,14 +58,7 @@ class Cue:
 
     def to_dict(self) -> dict[str, object]:
         """As plain numbers and lists."""
-        return {
-            "urgency": self.urgency,
-            "time_to_contact": self.time_to_contact,
-            "escape": self.escape.tolist(),
-            "tool_escape": self.tool_escape.tolist(),
-            "force": self.force.tolist(),
-            "torque": self.torque.tolist(),
-        }
+        return {f.name: listed(getattr(self, f.name)) for f in fields(self)}
 
 
 class Verdict:
@@ -249,7 +242,7 @@ class Verdict:
         return tuple(
             name
             for name, broken in zip(
-                self._names.joints, self._names.disproved, strict=True
+                self._names.tables.q_names, self._names.disproved, strict=True
             )
             if broken
         )
@@ -275,7 +268,7 @@ class Verdict:
     def joint(self) -> str | None:
         """The joint a fault is about, None if it is about none."""
         k = int(self._data[layout.JOINT])
-        return None if k < 0 else self._names.joints[k]
+        return None if k < 0 else self._names.tables.q_names[k]
 
     @property
     def subject(self) -> str:
