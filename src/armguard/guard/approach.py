@@ -1,17 +1,12 @@
 """Where in a scene one joint can be led towards something it must keep away from."""
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import product
 from math import inf, isfinite, pi, sqrt
-from typing import Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
+from armguard.guard.loop import Loop
 from armguard.guard.settling import HARDEST, SWING_SPEED
-from armguard.guard.verdict import Verdict
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.robot.stopping.distance import stop_travel
 from armguard.robot.stopping.figures import StoppingFigures
@@ -42,34 +37,6 @@ ABOVE_SWING = 1.5
 
 # Share of its top speed a joint is led at, at most [-].
 OF_TOP = 0.9
-
-
-class GuardUnderTest(Protocol):
-    """What a self-test calls of a guard, see `Monitor`."""
-
-    tables: SceneTables
-
-    @property
-    def home(self) -> NDArray[np.float64]:
-        """Home configuration."""
-
-    @property
-    def q_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-
-    def judge_at_rest(self, q: ArrayLike) -> Verdict:
-        """Judge a configuration."""
-
-    def step(
-        self, q: ArrayLike, stamp: float, *, velocity: ArrayLike | None
-    ) -> Verdict:
-        """Judge a cycle."""
-
-    def reset(self) -> None:
-        """Forget all cycles."""
-
-    def _set_aside(self) -> AbstractContextManager[None]:
-        """Leave no trace of what is asked within."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +73,7 @@ class Approach:
         return self.joint - self.robot.first_joint
 
 
-def find_approaches(guard: GuardUnderTest) -> Iterator[Approach]:
+def find_approaches(guard: Loop) -> Iterator[Approach]:
     """Ways that end nearer to something than its buffer, with room to get there."""
     tables = guard.tables
     if not is_clear(guard, 0, float(tables.home[0])):
@@ -144,7 +111,7 @@ def test_speed(figures: StoppingFigures, place: int) -> tuple[float, bool]:
     return speed, speed > ABOVE_SWING * settling + 2.0 * error
 
 
-def free_end(guard: GuardUnderTest, joint: int, side: int) -> tuple[float, bool]:
+def free_end(guard: Loop, joint: int, side: int) -> tuple[float, bool]:
     """How far a joint can go from home, and whether something binds there.
 
     Returns:
@@ -172,7 +139,7 @@ def free_end(guard: GuardUnderTest, joint: int, side: int) -> tuple[float, bool]
     return clear, True
 
 
-def is_clear(guard: GuardUnderTest, joint: int, position: float) -> bool:
+def is_clear(guard: Loop, joint: int, position: float) -> bool:
     """Whether every pair keeps its buffer with one joint off home."""
     q = guard.home
     q[joint] = position

@@ -1,26 +1,33 @@
-"""What a loop needs, allocated before it: its tables, and the parts that write them."""
+"""The cycle, joint positions in and a verdict out, and the tables it needs."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from threading import get_ident
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
-from armguard.guard.answer import first_row_of, names_of
+from armguard.guard.answer import first_row_of, names_of, stop_answer
 from armguard.guard.checkpoint import chosen, kept_of_tables
 from armguard.guard.checkpoint_bounds import greatest_of
 from armguard.guard.contract import ContractTable
-from armguard.guard.given import CycleInput
+from armguard.guard.cycle import run_cycle
+from armguard.guard.given import CycleInput, real_or_none
 from armguard.guard.grippers import Grippers
 from armguard.guard.grips import grips_of
+from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
+from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.objects import Objects
+from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.saving import Saving
+from armguard.guard.verdict import Verdict
 from armguard.guard.watch import (
     Watch,
     all_pairs,
@@ -58,9 +65,19 @@ OF_SCENE = (
     "groups checked buffers"
 ).split()
 
+# In place of a thread: two of them were in a cycle at once.
+SEVERAL = -1
+OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
+
+# What `reset` leaves as it is: what the scene says, and where objects were seen.
+KEPT = (
+    "pace model base top_speed seen_at object_velocity doubt object_stale robot_of "
+    "movers pairs pair_need"
+).split()
+
 
 class Loop:
-    """The tables of a loop, and what changes them between two cycles.
+    """The cycles of a guard, their tables, and what changes these in between.
 
     Attributes:
         tables: The compiled scene.
@@ -69,11 +86,18 @@ class Loop:
     Args:
         tables: The compiled scene.
         budget: Spans of a stop path a cycle may test for all pairs together.
+        clock: Clock in nanoseconds that measures `Verdict.cycle_time`.
     """
 
-    def __init__(self, tables: SceneTables, budget: int) -> None:
+    def __init__(
+        self, tables: SceneTables, budget: int, clock: Callable[[], int]
+    ) -> None:
         self.tables = tables
         self._budget = budget
+        self._clock = clock
+        self._guarded = any(part.mode != "fixed" for part in tables.robots)
+        self._pace = Pace(tables.period, tables.late)
+        self._thread = 0
         self._memory = np.zeros(MEMORY, dtype=np.int64)
         capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
         T_world = np.zeros((len(tables.parent), 12))
@@ -151,6 +175,135 @@ class Loop:
             self._holding,
             self._objects,
         )
+
+    @property
+    def q_names(self) -> tuple[str, ...]:
+        """'robot/joint' of each place of q."""
+        return self.tables.q_names
+
+    @property
+    def home(self) -> NDArray[np.float64]:
+        """Home configuration, a copy, shape (n,) [rad or m]."""
+        return self.tables.home.copy()
+
+    def step(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float] | None = None,
+        *,
+        velocity: ArrayLike | None = None,
+        now: float | None = None,
+    ) -> Verdict:
+        """Judge the joint positions of a cycle. Never raises.
+
+        A guard is for one thread at a time: a cycle that finds another one under way is
+        a stop (`Reason.WRONG_INPUT`).
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
+            stamp: When they were measured [s], for all robots or by robot name; on
+                any clock, the same for all. Where every robot's mode is "fixed" it may
+                be left out.
+            velocity: Joint velocities that were measured with them, shape (n,)
+                [rad/s or m/s]; if left out they are estimated from the stamps.
+            now: Time of this cycle on the same clock [s]; if left out the newest
+                stamp, and measurements count as late as they may be.
+
+        Returns:
+            The verdict; a snapshot that later cycles do not change.
+        """
+        start = self._clock()
+        time: Any = stamp if now is None else now
+        if type(time) is not float:
+            time = real_or_none(time)
+        thread = get_ident()
+        if self._thread and self._thread != thread:
+            return Verdict(
+                stop_answer(self._names, Reason.WRONG_INPUT),
+                self._names,
+                time,
+                0.0,
+                OTHER_THREAD,
+            )
+        self._thread = thread
+        try:
+            if self._guarded:
+                data, fault = self._judge(q, stamp, velocity, now)
+                self._pace.note(data)
+            else:
+                fault = "" if stamp is None else self._input.judge_stamp(stamp)
+                if fault:
+                    data = stop_answer(self._names, Reason.TIME_BACKWARDS)
+                else:
+                    array, fault = self._input.positions(q)
+                    if fault:
+                        data = stop_answer(self._names, Reason.WRONG_INPUT)
+                    else:
+                        data = self._out[: run_cycle(array, self._lines)].copy()
+        finally:
+            alone = self._thread == thread
+            self._thread = 0 if alone else self._leave_others()
+        if not alone:
+            data, fault = stop_answer(self._names, Reason.WRONG_INPUT), OTHER_THREAD
+        elapsed = (self._clock() - start) * 1e-9
+        return Verdict(data, self._names, time, elapsed, fault)
+
+    def judge_at_rest(self, q: ArrayLike) -> Verdict:
+        """Judge a configuration as if nothing moved in it. Never raises.
+
+        For poses that are only thought of: whether each pair keeps its buffer there.
+        What is remembered of the loop does not change, and no stop is ordered.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
+        """
+        start = self._clock()
+        array, fault = self._input.positions(q)
+        if fault:
+            data = stop_answer(self._names, Reason.WRONG_INPUT)
+        else:
+            with self._grippers.detailed():
+                used = run_cycle(array, self._lines)
+                data = self._out[:used].copy()
+        return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
+
+    def _judge(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float] | None,
+        velocity: ArrayLike | None,
+        now: float | None,
+    ) -> tuple[NDArray[np.float64], str]:
+        """The numbers of a cycle that predicts stops, and what was wrong in words."""
+        array, fault = self._input.take(q, stamp, velocity, now)
+        used = run_guarded_cycle(array, self._lines)
+        data = self._out[:used].copy()
+        if fault:
+            data[layout.REASON] = Reason.WRONG_INPUT
+            data[layout.JOINT] = -1.0
+        return data, fault
+
+    def reset(self) -> None:
+        """Forget the last cycle, the last stamps, ordered stops and broken figures.
+
+        Robots count as at rest. What is held is held, and contracts somebody asked for
+        stay in force; those by intent are over. Where every mode is "fixed" the next
+        verdict is the same either way; only the work is done anew.
+        """
+        self._memory[FORCE] = 1
+        self._input.last_stamp = -np.inf
+        for name, fresh in watch_of(self.tables)._asdict().items():
+            if name not in KEPT:
+                getattr(self._watch, name)[:] = fresh
+        self._motion.v_low[:] = self._motion.v_high[:] = 0.0
+        self._motion.clock.fill(0.0)
+        if len(self.tables.holds.grippers):
+            self._holding.forget()
+            self._world_changed()
+
+    def _leave_others(self) -> int:
+        """What marks the guard when a cycle ends that was not alone in it."""
+        return 0 if self._thread == SEVERAL else SEVERAL
 
     def _expect_contracts(self) -> None:
         """Have the loop look at contracts where there may be any, and only there."""

@@ -1,51 +1,33 @@
 """The guard: joint positions in, a verdict out, every cycle."""
 
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
-from threading import get_ident
 from time import perf_counter_ns
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
-from armguard.guard import layout
-from armguard.guard.answer import Names, stop_answer
+from armguard.guard.answer import Names
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.contract import Contract, ContractTable
-from armguard.guard.cycle import run_cycle
-from armguard.guard.given import NO_POSITIONS, real_or_none
+from armguard.guard.given import NO_POSITIONS
 from armguard.guard.grippers import Grippers
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding
-from armguard.guard.levels import Reason
 from armguard.guard.loop import Loop
-from armguard.guard.memory import FORCE
 from armguard.guard.objects import Objects, load_kernels
-from armguard.guard.pace import Pace
 from armguard.guard.parts import delegated
 from armguard.guard.saving import Saving
 from armguard.guard.segment import run_segment
-from armguard.guard.self_test import NOT_TESTED, check_home, keep
+from armguard.guard.self_test import NOT_TESTED, check_home
 from armguard.guard.self_test import self_test as run_self_test
 from armguard.guard.verdict import Verdict
-from armguard.guard.watch import RUNNING, watch_of
+from armguard.guard.watch import RUNNING
 from armguard.kernel import check_cache
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
-
-# In place of a thread: two of them were in a cycle at once.
-SEVERAL = -1
-OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
-
-# What `reset` leaves as it is: what the scene says, and where objects were seen.
-KEPT = (
-    "pace model base top_speed seen_at object_velocity doubt object_stale robot_of "
-    "movers pairs pair_need"
-).split()
 
 
 class Monitor(Loop):
@@ -95,12 +77,9 @@ class Monitor(Loop):
     ) -> None:
         check_cache()
         tables = compile_scene(scene)
-        self._pace = Pace(tables.period, tables.late)
-        self._clock = clock
-        self._thread = 0
         self._guarded = any(part.mode != "fixed" for part in tables.robots)
         self._compile_ahead(progress)
-        super().__init__(tables, budget)
+        super().__init__(tables, budget, clock)
         if self._guarded:
             # Compiles or loads the cycle; positions that are none change nothing.
             run_guarded_cycle(NO_POSITIONS, self._lines)
@@ -119,11 +98,6 @@ class Monitor(Loop):
         return self._budget
 
     @property
-    def q_names(self) -> tuple[str, ...]:
-        """'robot/joint' of each place of q."""
-        return self.tables.q_names
-
-    @property
     def names(self) -> Names:
         """What its verdicts read names from, for who keeps their numbers himself."""
         return self._names
@@ -135,11 +109,6 @@ class Monitor(Loop):
         The upper three rows of their transforms. The guard's own array: only to look.
         """
         return self._poses
-
-    @property
-    def home(self) -> NDArray[np.float64]:
-        """Home configuration, a copy, shape (n,) [rad or m]."""
-        return self.tables.home.copy()
 
     def q(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
         """Joint vector from positions by name, shape (n,).
@@ -157,103 +126,6 @@ class Monitor(Loop):
                 "positions are missing for " + ", ".join(f"'{m}'" for m in missing)
             )
         return np.array([positions[name] for name in self.q_names], dtype=np.float64)
-
-    def step(
-        self,
-        q: ArrayLike,
-        stamp: float | Mapping[str, float] | None = None,
-        *,
-        velocity: ArrayLike | None = None,
-        now: float | None = None,
-    ) -> Verdict:
-        """Judge the joint positions of a cycle. Never raises.
-
-        A guard is for one thread at a time: a cycle that finds another one under way is
-        a stop (`Reason.WRONG_INPUT`).
-
-        Args:
-            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
-            stamp: When they were measured [s], for all robots or by robot name; on
-                any clock, the same for all. Where every robot's mode is "fixed" it may
-                be left out.
-            velocity: Joint velocities that were measured with them, shape (n,)
-                [rad/s or m/s]; if left out they are estimated from the stamps.
-            now: Time of this cycle on the same clock [s]; if left out the newest
-                stamp, and measurements count as late as they may be.
-
-        Returns:
-            The verdict; a snapshot that later cycles do not change.
-        """
-        start = self._clock()
-        time: Any = stamp if now is None else now
-        if type(time) is not float:
-            time = real_or_none(time)
-        thread = get_ident()
-        if self._thread and self._thread != thread:
-            return Verdict(
-                stop_answer(self._names, Reason.WRONG_INPUT),
-                self._names,
-                time,
-                0.0,
-                OTHER_THREAD,
-            )
-        self._thread = thread
-        try:
-            if self._guarded:
-                data, fault = self._judge(q, stamp, velocity, now)
-                self._pace.note(data)
-            else:
-                fault = "" if stamp is None else self._input.judge_stamp(stamp)
-                if fault:
-                    data = stop_answer(self._names, Reason.TIME_BACKWARDS)
-                else:
-                    array, fault = self._input.positions(q)
-                    if fault:
-                        data = stop_answer(self._names, Reason.WRONG_INPUT)
-                    else:
-                        data = self._out[: run_cycle(array, self._lines)].copy()
-        finally:
-            alone = self._thread == thread
-            self._thread = 0 if alone else self._leave_others()
-        if not alone:
-            data, fault = stop_answer(self._names, Reason.WRONG_INPUT), OTHER_THREAD
-        elapsed = (self._clock() - start) * 1e-9
-        return Verdict(data, self._names, time, elapsed, fault)
-
-    def judge_at_rest(self, q: ArrayLike) -> Verdict:
-        """Judge a configuration as if nothing moved in it. Never raises.
-
-        For poses that are only thought of: whether each pair keeps its buffer there.
-        What is remembered of the loop does not change, and no stop is ordered.
-
-        Args:
-            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
-        """
-        start = self._clock()
-        array, fault = self._input.positions(q)
-        if fault:
-            data = stop_answer(self._names, Reason.WRONG_INPUT)
-        else:
-            with self._grippers.detailed():
-                used = run_cycle(array, self._lines)
-                data = self._out[:used].copy()
-        return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
-
-    def _judge(
-        self,
-        q: ArrayLike,
-        stamp: float | Mapping[str, float] | None,
-        velocity: ArrayLike | None,
-        now: float | None,
-    ) -> tuple[NDArray[np.float64], str]:
-        """The numbers of a cycle that predicts stops, and what was wrong in words."""
-        array, fault = self._input.take(q, stamp, velocity, now)
-        used = run_guarded_cycle(array, self._lines)
-        data = self._out[:used].copy()
-        if fault:
-            data[layout.REASON] = Reason.WRONG_INPUT
-            data[layout.JOINT] = -1.0
-        return data, fault
 
     place = delegated("_objects", Objects.place)
     remove = delegated("_objects", Objects.remove)
@@ -314,24 +186,6 @@ class Monitor(Loop):
             )
         return Verdict(self._out[:used].copy(), self._names, None, 0.0)
 
-    def reset(self) -> None:
-        """Forget the last cycle, the last stamps, ordered stops and broken figures.
-
-        Robots count as at rest. What is held is held, and contracts somebody asked for
-        stay in force; those by intent are over. Where every mode is "fixed" the next
-        verdict is the same either way; only the work is done anew.
-        """
-        self._memory[FORCE] = 1
-        self._input.last_stamp = -np.inf
-        for name, fresh in watch_of(self.tables)._asdict().items():
-            if name not in KEPT:
-                getattr(self._watch, name)[:] = fresh
-        self._motion.v_low[:] = self._motion.v_high[:] = 0.0
-        self._motion.clock.fill(0.0)
-        if len(self.tables.holds.grippers):
-            self._holding.forget()
-            self._world_changed()
-
     def take_over(self, other: "Monitor") -> None:
         """Remember what another guard remembers; where objects are is no part of it.
 
@@ -347,10 +201,6 @@ class Monitor(Loop):
         """Put all objects where they are for another guard, or leave them out."""
         self._saving.stand_as(other._saving)
 
-    def _set_aside(self) -> AbstractContextManager[None]:
-        """Leave everything as it is, whatever is asked within; for the self-test."""
-        return keep(self._watch, self._grips, self._settings, self.reset)
-
     def forget_stops(self) -> None:
         """Let robots that were stopped go on, as if no stop had been ordered.
 
@@ -358,7 +208,3 @@ class Monitor(Loop):
         """
         self._watch.phase.fill(RUNNING)
         self._watch.must.fill(0)
-
-    def _leave_others(self) -> int:
-        """What marks the guard when a cycle ends that was not alone in it."""
-        return 0 if self._thread == SEVERAL else SEVERAL

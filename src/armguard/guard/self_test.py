@@ -4,23 +4,19 @@ Consecutive samples of a robot that is not there are fed to the guard, as its op
 loop would. Nothing of it is left in the guard.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, nan
 
-import numpy as np
-from numpy.typing import NDArray
-
 from armguard.errors import HomeContactError, SelfTestError
 from armguard.guard.approach import (
     Approach,
-    GuardUnderTest,
     find_approaches,
     has_stops,
 )
-from armguard.guard.grips import Grips
 from armguard.guard.levels import Level, Reason
+from armguard.guard.loop import Loop
 from armguard.guard.verdict import Verdict
 from armguard.guard.walk import Walk, late_cycle
 from armguard.guard.watch import SLOW_TIME_DEFAULT, Watch
@@ -84,7 +80,7 @@ def check_home(verdict: Verdict) -> None:
         )
 
 
-def self_test(guard: GuardUnderTest) -> SelfTestReport:
+def self_test(guard: Loop) -> SelfTestReport:
     """Lead a synthetic robot through every level, then give wrong inputs.
 
     Levels must rise in order to a stop that ends before contact; standstill must be
@@ -100,19 +96,18 @@ def self_test(guard: GuardUnderTest) -> SelfTestReport:
     """
     if not has_stops(guard.tables):
         return SelfTestReport((SelfTestLine("SKIP", "no stops are predicted"),))
-    with guard._set_aside():
+    with untouched(guard):
         return SelfTestReport((*approach_lines(guard), fault_line(guard)))
 
 
 @contextmanager
-def keep(
-    watch: Watch, grips: Grips, settings: NDArray[np.int32], reset: Callable[[], None]
-) -> Iterator[None]:
+def untouched(guard: Loop) -> Iterator[None]:
     """Leave a guard as it is, whatever it is asked meanwhile.
 
     Objects that move count as seen all the time, and nothing is read as an intent to
     touch: what is led up to something does not mean to.
     """
+    watch, grips, settings = guard._watch, guard._grips, guard._settings
     before = {name: array.copy() for name, array in watch._asdict().items()}
     contracts, may, intents = (
         grips.contracts.copy(),
@@ -124,7 +119,7 @@ def keep(
     try:
         yield
     finally:
-        reset()
+        guard.reset()
         for name, array in before.items():
             getattr(watch, name)[:] = array
         grips.contracts[:], grips.may[:] = contracts, may
@@ -137,7 +132,7 @@ def see_movers(watch: Watch) -> None:
         watch.seen_at[watch.movers] = inf
 
 
-def approach_lines(guard: GuardUnderTest) -> Iterator[SelfTestLine]:
+def approach_lines(guard: Loop) -> Iterator[SelfTestLine]:
     """Approach something, first as a robot that obeys, then as one that does not."""
     for k, approach in enumerate(find_approaches(guard)):
         if k == TRIES:
@@ -172,7 +167,7 @@ def walked_up_to(walk: Walk) -> bool:
     raise SelfTestError(f"self-test: {walk.words} came too near, and no stop was given")
 
 
-def obeyed(guard: GuardUnderTest, approach: Approach, walk: Walk) -> SelfTestLine:
+def obeyed(guard: Loop, approach: Approach, walk: Walk) -> SelfTestLine:
     """Let the robot of a walk stop as declared.
 
     Raises:
@@ -203,7 +198,7 @@ def obeyed(guard: GuardUnderTest, approach: Approach, walk: Walk) -> SelfTestLin
     return SelfTestLine("PASS", f"levels: {walk.words}: {named(walk.levels)}")
 
 
-def ran_away(guard: GuardUnderTest, approach: Approach) -> SelfTestLine:
+def ran_away(guard: Loop, approach: Approach) -> SelfTestLine:
     """Let a robot go on as if nothing had been ordered.
 
     Raises:
@@ -227,7 +222,7 @@ def ran_away(guard: GuardUnderTest, approach: Approach) -> SelfTestLine:
     )
 
 
-def fault_line(guard: GuardUnderTest) -> SelfTestLine:
+def fault_line(guard: Loop) -> SelfTestLine:
     """Give wrong inputs after two good cycles.
 
     Raises:

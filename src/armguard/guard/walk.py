@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from armguard.guard.approach import RISE, Approach, GuardUnderTest
+from armguard.guard.approach import RISE, Approach
 from armguard.guard.levels import Level
+from armguard.guard.loop import Loop
 from armguard.guard.stops import REST_CYCLES
 from armguard.guard.verdict import Verdict
 from armguard.robot.stopping.distance import brake_way, stop_travel
@@ -42,7 +43,7 @@ class Walk:
         speed: Speed of the last sample [rad/s or m/s].
     """
 
-    def __init__(self, guard: GuardUnderTest, approach: Approach) -> None:
+    def __init__(self, guard: Loop, approach: Approach) -> None:
         guard.reset()
         self.levels: list[Level] = []
         self.level = Level.CLEAR

@@ -16,7 +16,8 @@ from armguard.guard.given import (
     real_or_none,
 )
 from armguard.guard.levels import Reason
-from armguard.guard.monitor import OTHER_THREAD, Monitor
+from armguard.guard.loop import OTHER_THREAD
+from armguard.guard.monitor import Monitor
 from armguard.guard.parts import delegated
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
@@ -112,15 +113,14 @@ class Guard(Monitor):
         tables = self.tables
         self._tools = Tools(tables)
         self._guidance = Guidance(tables, self._watch, self._tools, self.check_path)
-        modes = {part.mode for part in tables.robots}
-        if "fixed" not in modes and not compiling:
+        if not compiling and all(part.mode != "fixed" for part in tables.robots):
             # Compiles or loads what a filtered cycle needs, before the loop.
             still = np.zeros(len(self.q_names))
             self.filter(self.home, still, 0.0, velocity=still)
             self.reset()
             if self_test:
-                lines = (*self.self_test.lines, filter_line(self, self._watch))
-                self.self_test = SelfTestReport(lines)
+                line = filter_line(self, self.filter, self.engage)
+                self.self_test = SelfTestReport((*self.self_test.lines, line))
 
     @property
     def ledgers(self) -> tuple[Longs, Longs]:
@@ -192,8 +192,8 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        goal, fault = as_vector("q_desired", q_desired, self._input.shape[0])
-        return self._filter((q, stamp, velocity, now), POSITIONS, goal, fault)
+        goal = as_vector("q_desired", q_desired, self._input.shape[0])
+        return self._filter((q, stamp, velocity, now), POSITIONS, *goal)
 
     def filter_twists(
         self,

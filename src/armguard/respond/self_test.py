@@ -1,41 +1,25 @@
 """The filter's test of itself: an operator who pushes on is held off, and let out."""
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from armguard.errors import SelfTestError
-from armguard.guard.approach import Approach, GuardUnderTest, find_approaches
+from armguard.guard.approach import Approach, find_approaches
+from armguard.guard.loop import Loop
 from armguard.guard.self_test import SelfTestLine, see_movers, touches
 from armguard.guard.walk import GRACE, PATIENCE
-from armguard.guard.watch import Watch
 from armguard.respond.command import Action, Command
 from armguard.robot.stopping.distance import stop_travel
+
+Filter = Callable[..., Command]
+Engage = Callable[[str], None]
 
 # Cycles in which a way out must have begun, beyond the time a stop takes.
 OUT_CYCLES = 100
 
 
-class FilterUnderTest(GuardUnderTest, Protocol):
-    """What the self-test of a filter calls besides, see `Guard`."""
-
-    def filter(
-        self,
-        q: ArrayLike,
-        v_desired: ArrayLike | Mapping[str, float],
-        stamp: float,
-        *,
-        velocity: ArrayLike | None,
-    ) -> Command:
-        """Filter a cycle."""
-
-    def engage(self, name: str) -> None:
-        """Give a robot back to its operator."""
-
-
-def filter_line(guard: FilterUnderTest, watch: Watch) -> SelfTestLine:
+def filter_line(guard: Loop, filter: Filter, engage: Engage) -> SelfTestLine:
     """Push a synthetic robot at something through the filter, then lead it away.
 
     It must be commanded no more than can be proven, never touch, and be let out. The
@@ -43,16 +27,18 @@ def filter_line(guard: FilterUnderTest, watch: Watch) -> SelfTestLine:
 
     Args:
         guard: The guard.
-        watch: Its watch.
+        filter: See `Guard.filter`.
+        engage: See `Guard.engage`.
 
     Raises:
         SelfTestError: It is not.
     """
+    watch = guard._watch
     seen = watch.seen_at.copy()
     see_movers(watch)
     try:
         for approach in find_approaches(guard):
-            return pushed(guard, approach)
+            return pushed(guard, filter, engage, approach)
         why = "no pair can be approached from home"
         return SelfTestLine("SKIP", f"filter: {why}")
     finally:
@@ -60,7 +46,9 @@ def filter_line(guard: FilterUnderTest, watch: Watch) -> SelfTestLine:
         watch.seen_at[:] = seen
 
 
-def pushed(guard: FilterUnderTest, approach: Approach) -> SelfTestLine:
+def pushed(
+    guard: Loop, filter: Filter, engage: Engage, approach: Approach
+) -> SelfTestLine:
     """One joint that is pushed at something, and then led away from it.
 
     Raises:
@@ -79,7 +67,7 @@ def pushed(guard: FilterUnderTest, approach: Approach) -> SelfTestLine:
     time, fastest = 0.0, 0.0
     cycles = PATIENCE * (stop.travel / approach.speed + stop.time + GRACE)
     for _ in range(int(cycles / tables.period) + OUT_CYCLES):
-        command = guard.filter(q, desired, time, velocity=v)
+        command = filter(q, desired, time, velocity=v)
         if touches(command.verdict):
             raise SelfTestError(
                 f"self-test: joint '{name}' was pushed through the filter until it "
@@ -94,9 +82,9 @@ def pushed(guard: FilterUnderTest, approach: Approach) -> SelfTestLine:
             f"self-test: joint '{name}' was pushed through the filter, and was told to "
             f"stay from the beginning: {command.verdict.why}"
         )
-    guard.engage(robot)
+    engage(robot)
     for k in range(int(stop.time / tables.period) + OUT_CYCLES):
-        command = guard.filter(q, -desired, time, velocity=v)
+        command = filter(q, -desired, time, velocity=v)
         v = command.velocity
         q = q + v * tables.period
         time += tables.period
