@@ -305,14 +305,14 @@ class Guard(Monitor):
         """The numbers of the verdict, and what was wrong with the input in words."""
         array, fault = self._input.take(*given)
         desired = NO_POSITIONS if asked is None else asked
-        lines = self._response_lines, self._lines
+        answers, lines = self._response_lines, self._lines
         if response.solver[FUNCTION]:
-            used = run_filtered_cycle(array, form, desired, *lines)
+            used = run_filtered_cycle(array, form, desired, answers, lines)
         else:
-            unsolved = begin_filtered_cycle(array, form, desired, *lines)
+            unsolved = begin_filtered_cycle(array, form, desired, answers, lines)
             if unsolved > 0:
                 unsolved = self.solve_programs(unsolved)
-            used = end_filtered_cycle(array, unsolved, *lines)
+            used = end_filtered_cycle(array, unsolved, answers, lines)
         data = self._out[:used].copy()
         self._pace.note(data)
         if fault:
