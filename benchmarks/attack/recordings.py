@@ -226,7 +226,7 @@ def changed_checkpoint(data, guard, rng):
     mutant = bytearray(data)
     if rng.random() < 0.01:
         # All that was placed is as large as can be, and in one place.
-        where = guard._places_of(sorted(guard._changed))
+        where = guard._objects.places_of(sorted(guard._objects.changed))
         rows = len(data) - 7 * 8 - len(where) - 16 * 8 * len(where)
         for k in range(guard.tables.moving_count, len(where)):
             half = struct.pack("<d", 10.0 ** rng.uniform(0.0, 9.0))
@@ -234,7 +234,7 @@ def changed_checkpoint(data, guard, rng):
         return bytes(mutant)
     words = (len(data) - start) // 8
     count = (1, 2, 5, 30, words // 5)[rng.integers(5)]
-    sizes = [array.nbytes for array in guard._remembered()[0].values()]
+    sizes = [array.nbytes for array in guard._saving.arrays.values()]
     ends = np.cumsum([start, *sizes])
     for _ in range(count):
         # Small arrays hold what decides: each is as likely as a large one.

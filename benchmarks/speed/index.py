@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from armguard.guard import Reason
-from armguard.guard.verdict import Counts
+from armguard.guard.answer import Counts
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene
 from arrays import Floats

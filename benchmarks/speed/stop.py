@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from armguard.guard import Level, Verdict
-from armguard.guard.verdict import Counts
+from armguard.guard.answer import Counts
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from armguard.scene.settings import MODES

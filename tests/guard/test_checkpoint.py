@@ -351,7 +351,7 @@ def places_of(guard, data):
     """Where each array of a checkpoint begins, by name."""
     _, _, numbers = unpack(data)
     at, found = len(data) - len(numbers), {}
-    for name, array in guard._remembered()[0].items():
+    for name, array in guard._saving.arrays.items():
         found[name] = at
         at += array.nbytes
     return {**found, "rows": at}
@@ -359,8 +359,8 @@ def places_of(guard, data):
 
 def test_every_whole_number_of_a_checkpoint_has_a_rule():
     guard = gripping_guard()
-    rules, greatest = guard._bounds()
-    for name, array in guard._remembered()[0].items():
+    rules, greatest = guard._saving.rules, guard._saving.greatest
+    for name, array in guard._saving.arrays.items():
         if array.dtype.kind == "f":
             continue
         columns = set()
@@ -368,7 +368,7 @@ def test_every_whole_number_of_a_checkpoint_has_a_rule():
             all_of_them = range(array.shape[-1])
             columns |= set(all_of_them if rule.columns is None else rule.columns)
         assert columns == set(range(array.shape[-1])), name
-    assert set(rules) <= set(guard._remembered()[0])
+    assert set(rules) <= set(guard._saving.arrays)
     for rule in (rule for some in rules.values() for rule in some):
         assert not isinstance(getattr(rule, "most", 0), str) or rule.most in greatest
 
@@ -377,10 +377,10 @@ def test_every_whole_number_of_a_checkpoint_has_a_rule():
 def test_a_number_that_is_no_place_is_refused_wherever_it_stands(value):
     guard = gripping_guard()
     good = guard.checkpoint()
-    rules, _ = guard._bounds()
+    rules = guard._saving.rules
     starts = places_of(guard, good)
     refused = 0
-    for name, array in guard._remembered()[0].items():
+    for name, array in guard._saving.arrays.items():
         if name not in rules or not array.size or array.dtype.kind == "u":
             continue
         columns = {c for rule in rules[name] for c in rule.columns or [0]}

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from armguard import Box, Guard, Pose, Reason, Sphere, bay_scene
-from armguard.guard.verdict import Verdict, names_of
+from armguard.guard.answer import names_of
+from armguard.guard.verdict import Verdict
 from armguard.respond import Command
 from armguard.station.blackbox.replay import do
 from armguard.station.calls import Place, Remove

@@ -27,7 +27,7 @@ from armguard.cli.console import (
     with_options,
 )
 from armguard.guard import EventLog, Level
-from armguard.guard.verdict import Counts
+from armguard.guard.answer import Counts
 from armguard.respond import Guard
 from armguard.scene import load_scene
 from armguard.scene.trajectory import densify

@@ -10,6 +10,7 @@ from typer import Option
 
 from armguard.cli.console import Late, Rate, SceneName, say, say_progress, with_options
 from armguard.respond.compiling import compile_ahead
+from armguard.respond.guard import try_out
 from armguard.station.service import Service, ServiceSettings
 from armguard.station.service.complaints import PatientHandler
 from armguard.station.service.scenes import checked_mode, checked_response, open_scene
@@ -127,7 +128,7 @@ def serve(options: Options) -> None:
         progress=say_progress,
     )
     modes = {robot.mode for robot in scene.robots.values()}
-    compile_ahead(say, guarded=modes != {"fixed"})
+    compile_ahead(say, modes != {"fixed"}, try_out)
     received: list[int] = []
     for ending in (signal.SIGTERM, signal.SIGINT):
         signal.signal(ending, lambda number, _: received.append(number))

@@ -1,13 +1,14 @@
 """Decide: the cycle from joint angles to verdict."""
 
+from armguard.guard.answer import Counts, NearPair
+from armguard.guard.budget import ProtectiveDistance
 from armguard.guard.contract import Contract, Region
 from armguard.guard.events import Event, EventLog
 from armguard.guard.levels import SENTENCES, Level, Reason, level_of
 from armguard.guard.monitor import Monitor
 from armguard.guard.nuisance import Cause, Nuisance
-from armguard.guard.protective import ProtectiveDistance
 from armguard.guard.self_test import SelfTestLine, SelfTestReport, self_test
-from armguard.guard.verdict import Counts, NearPair, Verdict
+from armguard.guard.verdict import Verdict
 
 __all__ = [
     "SENTENCES",

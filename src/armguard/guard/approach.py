@@ -4,16 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from math import inf, isfinite, pi, sqrt
-from typing import TYPE_CHECKING
 
+from armguard.guard.loop import Loop
 from armguard.guard.settling import HARDEST, SWING_SPEED
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.robot.stopping.distance import stop_travel
 from armguard.robot.stopping.figures import StoppingFigures
 from armguard.scene.tables import RobotPart, SceneTables
-
-if TYPE_CHECKING:
-    from armguard.guard.monitor import Monitor
 
 # Positions tried from home to each limit, and halvings of the step that binds.
 STEPS = 8
@@ -53,7 +50,7 @@ class Approach:
         far: Where it may start with more room, for a robot that does not stop.
         direction: 1 or -1.
         speed: Speed it gets [rad/s or m/s].
-        shows_lag: Whether it is so fast that a stop that lags is told from settling.
+        shows_lag: Whether it is so fast that a stop that lags differs from settling.
     """
 
     robot: RobotPart
@@ -76,7 +73,7 @@ class Approach:
         return self.joint - self.robot.first_joint
 
 
-def find_approaches(guard: "Monitor") -> Iterator[Approach]:
+def find_approaches(guard: Loop) -> Iterator[Approach]:
     """Ways that end nearer to something than its buffer, with room to get there."""
     tables = guard.tables
     if not is_clear(guard, 0, float(tables.home[0])):
@@ -114,7 +111,7 @@ def test_speed(figures: StoppingFigures, place: int) -> tuple[float, bool]:
     return speed, speed > ABOVE_SWING * settling + 2.0 * error
 
 
-def free_end(guard: "Monitor", joint: int, side: int) -> tuple[float, bool]:
+def free_end(guard: Loop, joint: int, side: int) -> tuple[float, bool]:
     """How far a joint can go from home, and whether something binds there.
 
     Returns:
@@ -142,7 +139,7 @@ def free_end(guard: "Monitor", joint: int, side: int) -> tuple[float, bool]:
     return clear, True
 
 
-def is_clear(guard: "Monitor", joint: int, position: float) -> bool:
+def is_clear(guard: Loop, joint: int, position: float) -> bool:
     """Whether every pair keeps its buffer with one joint off home."""
     q = guard.home
     q[joint] = position

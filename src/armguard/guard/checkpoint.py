@@ -2,8 +2,8 @@
 
 What decides anything is kept with its very bits. What a cycle writes before it reads,
 what the scene says, and what leads to memory of a process is left out: the first two
-the other guard has, the last one is its own. The index is a function of where things
-are, so it is built anew.
+the other guard has, the last one is its own. The index is a function of where
+all is, so it is built anew.
 
 A checkpoint may come from anywhere, so it is checked before any of it is taken over;
 see `checkpoint_bounds`.
@@ -24,13 +24,14 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT, INDEXED, STATUS
 from armguard.scene.standing import Standing
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 Arrays = Mapping[str, NDArray[Any]]
 
 MAGIC = b"AGSTATE1"
 
-# Sizes of what stands before the arrays [bytes].
+# Sizes of what comes before the arrays [bytes].
 DIGEST = 16
 LENGTH = 8
 
@@ -64,7 +65,6 @@ TABLES_KEPT = (
 
 # What of each is kept, where most of it does not.
 KEPT: dict[str, frozenset[str]] = {
-    "tables": frozenset(TABLES_KEPT),
     "motion": frozenset(
         (
             "joints length shared levers blur push rate reach speed q v_low v_high "
@@ -86,14 +86,20 @@ class CheckpointError(ArmguardError):
     """A checkpoint cannot be restored here."""
 
 
-def chosen(ledger: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
-    """Those arrays of a ledger that decide, by 'ledger.name'."""
-    kept, left_out = KEPT.get(ledger), LEFT_OUT.get(ledger, frozenset())
+def chosen(**ledgers: Any) -> dict[str, NDArray[Any]]:
+    """Those arrays of tables that decide, by 'ledger.name'."""
     return {
         f"{ledger}.{name}": array
-        for name, array in arrays.items()
-        if (name in kept if kept is not None else name not in left_out)
+        for ledger, table in ledgers.items()
+        for name, array in table._asdict().items()
+        if name in KEPT.get(ledger, table._fields)
+        and name not in LEFT_OUT.get(ledger, ())
     }
+
+
+def kept_of_tables(tables: SceneTables) -> dict[str, NDArray[Any]]:
+    """What of a scene's tables changes with who holds what, by 'ledger.name'."""
+    return {f"tables.{name}": getattr(tables, name) for name in TABLES_KEPT}
 
 
 def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
@@ -152,7 +158,7 @@ def arrays_in(data: bytes, like: Arrays) -> dict[str, NDArray[Any]]:
     return found
 
 
-def whereabouts(
+def placement_of(
     index: Octree | BruteForce, places: NDArray[np.int64]
 ) -> dict[str, NDArray[Any]]:
     """Where primitives are, and what has grown with those that came.
@@ -189,7 +195,7 @@ def stand(
     Args:
         index: The index; its world is written.
         places: The primitives, shape (k,).
-        rows: See `whereabouts`, from here to `cube`.
+        rows: See `placement_of`, from here to `cube`.
         there: Whether they are there.
         cube: Root cube and greatest depth.
     """
@@ -208,13 +214,13 @@ def stand(
     index.state = index._build(present)
 
 
-def put_back(index: Octree | BruteForce, thing: Standing, local_rows: Floats) -> None:
+def put_back(index: Octree | BruteForce, item: Standing, local_rows: Floats) -> None:
     """Put an object back where its scene has it, in the world if not in the tree."""
-    own = slice(thing.first, thing.first + thing.count)
-    if thing.body < 0:
+    own = slice(item.first, item.first + item.count)
+    if item.body < 0:
         index.world.rows[own] = local_rows[own]
     for i in range(own.start, own.stop):
         row_bounds(
             int(index.world.kinds[i]), index.world.rows[i], 0.0, index.world.boxes[i]
         )
-    index.state.residency[own, STATUS] = INDEXED if thing.present else ABSENT
+    index.state.residency[own, STATUS] = INDEXED if item.present else ABSENT

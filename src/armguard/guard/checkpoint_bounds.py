@@ -263,7 +263,7 @@ def check_about(
     return stamp, changed, holders
 
 
-def check_whereabouts(
+def check_placement(
     found: Arrays,
     places: NDArray[np.int64],
     holders: Mapping[str, Sequence[str]],
@@ -273,7 +273,7 @@ def check_whereabouts(
     """Refuse primitives that are not where their bodies are, or of sizes not theirs.
 
     Args:
-        found: Arrays of the checkpoint, with those of `whereabouts`.
+        found: Arrays of the checkpoint, with those of `placement_of`.
         places: The primitives these are about.
         holders: Who holds what.
         index: The index of the guard.
@@ -287,8 +287,8 @@ def check_whereabouts(
     there[places] = found["there"]
     moving = tables.moving_count
     free = np.zeros(len(there), dtype=np.bool_)
-    for thing in tables.standing.values():
-        own = slice(thing.first, thing.first + thing.count)
+    for item in tables.standing.values():
+        own = slice(item.first, item.first + item.count)
         free[own] = True
         if there[own].any() and not there[own].all():
             raise CheckpointError("in a checkpoint a part of an object is there alone")
@@ -315,15 +315,15 @@ def check_whereabouts(
         )
     row = np.zeros(ROW_WIDTH)
     poses = found["workspace.T_world"]
-    for place, told in zip(places.tolist(), rows, strict=True):
+    for place, stored in zip(places.tolist(), rows, strict=True):
         kind = int(tables.kinds[place])
         leads = np.array(ADDRESSES.get(ShapeKind(kind), ()), dtype=np.int64)
         if place < moving:
             place_row(kind, tables.local_rows[place], poses[tables.bodies[place]], row)
             row[leads] = 0.0
-            placed = (np.abs(row - told) <= PLACED).all()
+            placed = (np.abs(row - stored) <= PLACED).all()
         else:
-            placed = is_row(kind, told, leads)
+            placed = is_row(kind, stored, leads)
         if not placed:
             raise CheckpointError(
                 f"a checkpoint has '{tables.labels[place]}' where it cannot be, or of "

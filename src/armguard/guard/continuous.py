@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.verdict import NearPair, Verdict
+from armguard.guard.answer import NearPair
+from armguard.guard.verdict import Verdict
 
 Floats = NDArray[np.float64]
 

@@ -1,14 +1,27 @@
-"""A contract as it is told: who may touch whom, how, and until when."""
+"""Contracts: what two bodies are allowed beyond what every pair is."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
+from numpy.typing import NDArray
 
-from armguard.errors import GraspError
+from armguard.errors import GraspError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
 from armguard.guard import grips as at
-from armguard.guard.grips import Floats
+from armguard.guard.grippers import Grippers
+from armguard.guard.watch import LAST_NOW, Watch
+from armguard.scene.gripping import Grasp
+
+Floats = NDArray[np.float64]
+
+# What is not said of a contract that a call asks for.
+GRASP = Grasp()
+
+# How much nearer than they are two bodies may come that are too near already: what an
+# arm may miss its way by [m].
+ROOM = 2e-3
 
 # What the kinds of contracts are called.
 KINDS = {
@@ -52,8 +65,8 @@ class Contract:
         a: One body: 'robot/link' or an object's name.
         b: The other.
         kind: "held": they are not checked, since a gripper holds the object; "intent":
-            fingers approach what they are meant to grip; "standing": a held object
-            stands on or beside what carries it, or is put down there; "beside": they
+            fingers approach what they are to grip; "standing": a held object
+            rests on or beside what carries it, or is put down there; "beside": they
             are nearer than they may be and must not come nearer; "let go": fingers
             round what was released; "asked": somebody called `allow`.
         depth: How far they may overlap; negative for a distance they must keep [m].
@@ -92,3 +105,182 @@ def contract_of_row(row: Floats, a: str, b: str) -> Contract:
         ending=bool(row[at.STATE] in (at.ENDING, at.EXPIRED)),
         region=bool(row[at.REGION] != at.NOWHERE),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class ContractTable:
+    """The contracts between bodies.
+
+    Attributes:
+        grippers: The grippers of the scene.
+        watch: Watch.
+    """
+
+    grippers: Grippers
+    watch: Watch
+
+    def allow(
+        self,
+        a: str,
+        b: str,
+        *,
+        region: Region | None = None,
+        depth: float = 0.002,
+        speed: float = 0.02,
+        until: float | None = None,
+    ) -> None:
+        """Allow two bodies to touch for a while: a contract.
+
+        One that is in force between them is replaced.
+
+        Args:
+            a: 'robot/link' or an object, held or not.
+            b: The other body.
+            region: Where they may touch; anywhere if None.
+            depth: How far they may overlap [m].
+            speed: Greatest closing speed at contact [m/s].
+            until: When it expires, on the clock of `step` [s]; 30 s from now if None.
+
+        Raises:
+            UnknownNameError: A body or the frame of the region does not exist.
+            GraspError: It is one body, nobody checks the pair, a number cannot be true,
+                or there is no room for another contract.
+        """
+        holds = self.grippers.tables.holds
+        for name in (a, b):
+            if name not in holds.places:
+                raise UnknownNameError(
+                    f"no body is named '{name}'; "
+                    f"{did_you_mean(str(name), holds.places)}"
+                )
+        if a == b:
+            raise GraspError(f"'{a}' is allowed to touch itself; name two bodies")
+        if not (np.isfinite(depth) and depth >= 0.0):
+            raise GraspError(
+                f"'{a}' may touch '{b}': depth is {depth} m; it must be finite and >= 0"
+            )
+        if not (np.isfinite(speed) and speed > 0.0):
+            raise GraspError(
+                f"'{a}' may touch '{b}': speed is {speed} m/s; it must be finite and "
+                "> 0"
+            )
+        now = float(self.watch.last[LAST_NOW])
+        until = now + GRASP.expiry if until is None else until
+        if not (np.isfinite(until) and until > now):
+            raise GraspError(
+                f"'{a}' may touch '{b}' until {until} s; give a time on the clock of "
+                f"the stamps that is later than the last cycle's, {now} s"
+            )
+        if not holds.rules[holds.group_of[a], holds.group_of[b]]:
+            raise GraspError(
+                f"'{a}' and '{b}' are not checked against each other; a contract "
+                "would change nothing"
+            )
+        self.grippers.check_modes()
+        frame = None if region is None else self._frame(region)
+        steady = max(GRASP.intent_speed, speed)
+        with self.grippers.transaction():
+            row = self.row(a, b, at.ASKED)
+            if row is None:
+                raise GraspError(
+                    f"{at.SPARE_CONTRACTS} contracts are in force, and there is no "
+                    f"room for one of '{a}' and '{b}'; let some expire"
+                )
+            row[at.DEPTH], row[at.CREEP] = depth, speed
+            row[at.GAIN] = (steady - speed) / GRASP.near
+            row[at.UNTIL] = until
+            if region is not None and frame is not None:
+                row[at.REGION], T = frame
+                row[at.HALF : at.HALF + 3] = region.half_extents
+                row[at.T_REGION : at.GRIPPER] = T[:3].reshape(12)
+            row[at.STATE] = at.IN_FORCE
+            self.write_groups()
+
+    def in_force(self) -> Iterator[Contract]:
+        """Every contract that is in force."""
+        names = self.grippers.tables.body_names
+        for row in self.grippers.grips.contracts:
+            if row[at.STATE] not in (at.NONE, at.DORMANT):
+                a, b = names[int(row[at.FIRST_A])], names[int(row[at.FIRST_B])]
+                yield contract_of_row(row, a, b)
+
+    def row(self, a: str, b: str, kind: int) -> Floats | None:
+        """A contract between two bodies, in place of one of its kind they have.
+
+        None if there is no room: then the pair is allowed nothing.
+        """
+        rows, holds = self.grippers.grips.contracts, self.grippers.tables.holds
+        spare = len(rows) - at.SPARE_CONTRACTS
+        key = [kind, *holds.places[a], *holds.places[b]]
+        free = -1
+        for k in range(len(rows) - 1, spare - 1, -1):
+            if rows[k, at.STATE] == at.NONE:
+                free = k
+            elif rows[k, at.KIND : at.END_B + 1].tolist() == key:
+                free = k
+                break
+        if free < 0:
+            return None
+        row: Floats = rows[free]
+        row[:] = 0.0
+        row[at.KIND : at.END_B + 1] = key
+        row[at.GROUP_A], row[at.GROUP_B] = holds.group_of[a], holds.group_of[b]
+        row[at.UNTIL] = row[at.REARM] = inf
+        row[at.REGION], row[at.GRIPPER] = at.NOWHERE, -1.0
+        return row
+
+    def keep_apart(
+        self, name: str, other: str, distance: float, grasp: Grasp
+    ) -> Floats | None:
+        """Let two bodies be as near as they are until they are far enough apart."""
+        row = self.row(name, other, at.BESIDE)
+        if row is None:
+            return None
+        row[at.DEPTH] = ROOM - distance
+        row[at.CREEP], row[at.GAIN] = grasp.creep, gain_of(grasp)
+        row[at.STATE] = at.ENDING
+        return row
+
+    def close(self, name: str, kinds: tuple[int, ...]) -> None:
+        """End contracts of an object that is let go."""
+        first, _ = self.grippers.tables.holds.places[name]
+        for row in self.grippers.grips.contracts:
+            if row[at.KIND] in kinds and row[at.FIRST_A] == first:
+                row[at.STATE] = at.NONE
+
+    def forget_intent(self, g: int) -> None:
+        """End a gripper's contracts by intent."""
+        own = self.grippers.grips.grippers[g]
+        own[at.MEANT] = -1
+        count = own[at.END_FINGER] - own[at.FIRST_FINGER]
+        self.grippers.grips.contracts[own[at.SLOT] :][:count, at.STATE] = at.NONE
+
+    def write_groups(self) -> None:
+        """Write between which groups there are contracts."""
+        may, rows = self.grippers.grips.may, self.grippers.grips.contracts
+        rows = rows[rows[:, at.STATE] != at.NONE]
+        a, b = rows[:, [at.GROUP_A, at.GROUP_B]].T.astype(np.int64)
+        may[:] = 0
+        may[a, b] = may[b, a] = 1
+
+    def _frame(self, region: Region) -> tuple[int, Floats]:
+        """Body a region moves with, and its frame there."""
+        body, T = at.WORLD, region.pose.matrix()
+        tables = self.grippers.tables
+        if region.frame in tables.holds.objects:
+            body = tables.holds.objects[str(region.frame)].body
+        elif region.frame is not None:
+            if region.frame not in tables.links:
+                known = (*tables.links, *tables.holds.objects)
+                raise UnknownNameError(
+                    f"no frame is named '{region.frame}'; "
+                    f"{did_you_mean(region.frame, known)}"
+                )
+            frame = tables.links[region.frame]
+            body, T = frame.body, frame.T_body_link @ T
+        return body, T
+
+
+def gain_of(grasp: Grasp) -> float:
+    """How much the speed of an approach may rise with the distance [1/s]."""
+    return (grasp.intent_speed - grasp.creep) / grasp.near

@@ -1,9 +1,10 @@
 """Events: spans of cycles in which one pair, or one fault, decided the level."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from armguard.guard.levels import Level, Reason
-from armguard.guard.verdict import ABOUT_PAIRS, Verdict, finite
+from armguard.guard.sentences import ABOUT_PAIRS
+from armguard.guard.verdict import Verdict, finite
 
 # Reasons of a stop that was ordered in an earlier cycle.
 AFTERWARDS = (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN)
@@ -43,17 +44,9 @@ class Event:
     def to_dict(self) -> dict[str, object]:
         """The event as plain numbers and strings, ready for JSON."""
         answer = {
-            "first": self.first,
-            "last": self.last,
+            **asdict(self),
             "level": self.level.name,
             "reason": self.reason.name,
-            "a": self.a,
-            "b": self.b,
-            "least_clearance": self.least_clearance,
-            "distance": self.distance,
-            "at": self.at,
-            "stamp": self.stamp,
-            "why": self.why,
         }
         return {key: finite(value) for key, value in answer.items()}
 

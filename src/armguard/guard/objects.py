@@ -1,22 +1,27 @@
 """Objects that come, go and stand elsewhere between two cycles; their sightings."""
 
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import PoseError, SceneError
+from armguard.errors import PoseError, SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.shapes import Shape
 from armguard.geometry.shapes.kind import ShapeKind
+from armguard.guard.holding import Holding
 from armguard.guard.levels import SENTENCES, Reason
+from armguard.guard.watch import Watch
+from armguard.index import BruteForce, Octree
 from armguard.index.base import Index
 from armguard.index.small_tree import small_tree
 from armguard.scene.blocks import WITH_ADDRESS
 from armguard.scene.standing import Standing
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +58,172 @@ class Sighting(NamedTuple):
 
     stamp: float
     rows: Floats
+
+
+@dataclass(slots=True)
+class Objects:
+    """The objects of a scene that are attached to nothing, placed or left out.
+
+    Attributes:
+        tables: The scene.
+        watch: Watch; sightings are written.
+        index: The index, with the world.
+        holding: Who holds what.
+        world_changed: Has the loop measure every pair afresh.
+        standing: The objects as they are, by name.
+        changed: Names of those that were placed or removed since the start.
+    """
+
+    tables: SceneTables
+    watch: Watch
+    index: Octree | BruteForce
+    holding: Holding
+    world_changed: Callable[[], None]
+    standing: dict[str, Standing]
+    changed: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        for item in self.standing.values():
+            if not item.present:
+                take_out(self.index, item)
+                self.watch.seen_at[item.places] = inf
+
+    def place(
+        self,
+        name: str,
+        pose: Pose | ArrayLike,
+        stamp: float | None = None,
+        *,
+        velocity: ArrayLike | None = None,
+        shape: Shape | None = None,
+    ) -> None:
+        """Put an object where it is from now on, whether it was there or not.
+
+        For between two cycles: it takes microseconds for each primitive of the object,
+        and may take longer where the index has to grow.
+
+        Args:
+            name: An object of the scene that is attached to nothing.
+            pose: Its frame in the world, a `Pose` or a transform of shape (4, 4).
+            stamp: When it was seen there, on the clock of `step` [s]; needed for an
+                object that has a `top_speed`, which may be elsewhere since.
+            velocity: How fast it was seen to move, in the world, shape (3,) [m/s];
+                robots that evade look where it is going.
+            shape: Its shape from now on, of the kind it has: what was not foreseen can
+                be kept out of by a box that the scene holds ready, not present. Only
+                of an object that is one shape, no hull or mesh, and not graspable.
+
+        Raises:
+            UnknownNameError: There is no such object.
+            PoseError: The transform is not rigid, or a number is not finite.
+            SceneError: The object moves and there is no stamp, or it cannot have that
+                shape.
+            SightingError: An object with a `top_speed` was seen before it was seen
+                last, elsewhere at the same time, farther away than it can be, with a
+                velocity it cannot have, or nowhere (a pose that is none). It counts as
+                where it was seen before, and every cycle is a stop that names it until
+                a sighting is believed.
+            GraspError: A gripper holds it.
+
+        Example:
+            >>> from armguard import Guard, Pose, Sphere, bay_scene
+            >>> scene = bay_scene()
+            >>> cart = scene.add(Sphere(radius=0.05), name="cart", present=False)
+            >>> guard = Guard(scene)
+            >>> guard.place("cart", Pose(xyz=(0.0, 0.0, 1.0)))
+            >>> guard.remove("cart")
+        """
+        item = self._named(name)
+        if shape is not None:
+            item = reshaped(name, item, shape)
+        speeds = self.watch.top_speed
+        moves = len(speeds) > 0 and speeds[item.first] > 0.0
+        if not moves and velocity is not None:
+            raise SceneError(
+                f"object '{name}' has no top_speed; one that moves needs it"
+            )
+        if moves:
+            T = self._take_sighting(name, item, pose, stamp, velocity)
+        else:
+            T = transform_of(pose)
+        if item.body >= 0:
+            self.holding.check_free(name)
+            self.holding.put(name, T)
+        stand_at(self.index, item, T)
+        self.standing[name] = item
+        self.changed.add(name)
+        self.world_changed()
+
+    def remove(self, name: str) -> None:
+        """Leave an object out from now on; `place` brings it back.
+
+        Raises:
+            UnknownNameError: There is no such object.
+            GraspError: A gripper holds it.
+        """
+        item = self._named(name)
+        self.holding.check_free(name)
+        take_out(self.index, item)
+        self.watch.seen_at[item.places] = inf
+        self.watch.doubt[item.places] = Reason.OK
+        self.watch.sighted_at[item.places] = -inf
+        self.changed.add(name)
+        self.world_changed()
+
+    def places_of(self, names: Iterable[str]) -> NDArray[np.int64]:
+        """What a robot moves, and the primitives of some objects, shape (k,)."""
+        items = [self.tables.standing[name] for name in names]
+        return np.concatenate(
+            [
+                np.arange(self.tables.moving_count),
+                *(np.arange(t.first, t.first + t.count) for t in items if t.body < 0),
+            ]
+        )
+
+    def _take_sighting(
+        self,
+        name: str,
+        item: Standing,
+        pose: Pose | ArrayLike,
+        stamp: float | None,
+        velocity: ArrayLike | None,
+    ) -> Floats:
+        """Take over when an object was seen to be where; its frame, shape (4, 4).
+
+        Raises:
+            SceneError: There is no stamp.
+            SightingError: It cannot be true; the object is in doubt.
+        """
+        watch, world = self.watch, self.index.world
+        if stamp is None:
+            raise SceneError(f"object '{name}' moves: say when it was seen")
+        top = float(watch.top_speed[item.first])
+        kinds = world.kinds[item.places]
+        before = Sighting(float(watch.sighted_at[item.first]), world.rows[item.places])
+        try:
+            T = frame_seen(name, pose)
+            speeds = velocity_seen(name, velocity, top)
+            now = Sighting(stamp, item.rows(T))
+            check_sighting(name, item, kinds, before, now, top)
+        except SightingError as error:
+            watch.doubt[item.places] = Reason[error.reason]
+            raise
+        watch.object_velocity[item.places] = speeds
+        watch.sighted_at[item.places] = stamp
+        watch.doubt[item.places] = Reason.OK
+        # It may be off by `error`: as if it had gone that far since it was seen.
+        watch.seen_at[item.places] = stamp - item.error / top
+        return T
+
+    def _named(self, name: str) -> Standing:
+        """The object of that name that is attached to nothing."""
+        known = self.standing
+        if name not in known:
+            raise UnknownNameError(
+                f"no object that stands still is named '{name}'; "
+                f"{did_you_mean(name, known)}"
+            )
+        return known[name]
 
 
 def transform_of(pose: Pose | ArrayLike) -> Floats:
@@ -100,7 +271,7 @@ def velocity_seen(name: str, velocity: ArrayLike | None, top: float) -> Floats:
 
 def check_sighting(
     name: str,
-    thing: Standing,
+    item: Standing,
     kinds: NDArray[np.int32],
     before: Sighting,
     now: Sighting,
@@ -110,7 +281,7 @@ def check_sighting(
 
     Args:
         name: The object's name.
-        thing: The object.
+        item: The object.
         kinds: Kinds of its primitives, shape (k,).
         before: The last believed sighting; its stamp is -inf if there was none.
         now: The new one.
@@ -131,7 +302,7 @@ def check_sighting(
     if time == 0.0 and way > GRAIN:
         says = f"both at {now.stamp:.6f} s, {way:.3f} m apart"
         raise refused(name, Reason.OBJECT_REPEATED, says)
-    if not way <= top * (time + STAMP_GRAIN) + 2.0 * thing.error + GRAIN:
+    if not way <= top * (time + STAMP_GRAIN) + 2.0 * item.error + GRAIN:
         says = f"{way:.3f} m in {time:.3f} s; its top_speed is {top} m/s"
         raise refused(name, Reason.OBJECT_JUMPED, says)
 
@@ -177,45 +348,45 @@ def load_kernels() -> None:
     tree.insert(0)
 
 
-def stand_at(index: Index, thing: Standing, T: Floats) -> None:
-    """Put the primitives of an object where its frame stands at T.
+def stand_at(index: Index, item: Standing, T: Floats) -> None:
+    """Put the primitives of an object where its frame is at T.
 
     Args:
         index: The index; its world is written.
-        thing: The object, in it or not.
+        item: The object, in it or not.
         T: Its frame in the world, shape (4, 4).
     """
     world = index.world
-    rows = thing.rows(T)
-    take_out(index, thing)
-    for k in range(thing.count):
-        i = thing.first + k
+    rows = item.rows(T)
+    take_out(index, item)
+    for k in range(item.count):
+        i = item.first + k
         world.rows[i] = rows[k]
         row_bounds(int(world.kinds[i]), world.rows[i], 0.0, world.boxes[i])
         index.insert(i)
 
 
-def take_out(index: Index, thing: Standing) -> None:
+def take_out(index: Index, item: Standing) -> None:
     """Leave the primitives of an object out of the index."""
-    for i in range(thing.first, thing.first + thing.count):
+    for i in range(item.first, item.first + item.count):
         index.remove(i)
 
 
-def reshaped(name: str, thing: Standing, shape: Shape) -> Standing:
+def reshaped(name: str, item: Standing, shape: Shape) -> Standing:
     """The object with another shape of its kind.
 
     Raises:
         SceneError: It is not one shape of that kind, or has one that cannot change.
     """
     said = f"object '{name}' cannot change its shape"
-    if len(thing.shapes) != 1 or thing.surfaces:
+    if len(item.shapes) != 1 or item.surfaces:
         raise SceneError(f"{said}: it is not one shape")
-    if thing.body >= 0:
+    if item.body >= 0:
         raise SceneError(f"{said}: it may be gripped")
-    old = thing.shapes[0]
+    old = item.shapes[0]
     was, becomes = old.shape.kind, shape.kind
     if was is not becomes or was in WITH_ADDRESS:
         raise SceneError(
             f"{said}: it is a {was.name.lower()}, to become a {becomes.name.lower()}"
         )
-    return replace(thing, shapes=(replace(old, shape=shape),))
+    return replace(item, shapes=(replace(old, shape=shape),))

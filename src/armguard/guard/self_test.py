@@ -5,20 +5,22 @@ loop would. Nothing of it is left in the guard.
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, nan
-from typing import TYPE_CHECKING
 
-from armguard.errors import SelfTestError
-from armguard.guard.approach import Approach, find_approaches, has_stops
+from armguard.errors import HomeContactError, SelfTestError
+from armguard.guard.approach import (
+    Approach,
+    find_approaches,
+    has_stops,
+)
 from armguard.guard.levels import Level, Reason
+from armguard.guard.loop import Loop
 from armguard.guard.verdict import Verdict
 from armguard.guard.walk import Walk, late_cycle
-from armguard.guard.watch import SLOW_TIME_DEFAULT
+from armguard.guard.watch import SLOW_TIME_DEFAULT, Watch
 from armguard.guard.workspace import INTENTS
-
-if TYPE_CHECKING:
-    from armguard.guard.monitor import Monitor
 
 # Ways that are tried until one has room to get up to speed before it must stop.
 TRIES = 6
@@ -26,9 +28,6 @@ TRIES = 6
 # In a loop slower than this share of the time in which a robot is slowed, no cycle need
 # fall into that time [-].
 CYCLES_OF_SLOW = 4.0
-
-# A point of time at which objects that move are thought to be seen in all the test [s].
-SEEN = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +54,33 @@ class SelfTestReport:
     lines: tuple[SelfTestLine, ...]
 
 
-def self_test(guard: "Monitor") -> SelfTestReport:
+NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
+
+
+def check_home(verdict: Verdict) -> None:
+    """Refuse a home configuration at which checked bodies overlap.
+
+    Args:
+        verdict: Verdict of the home configuration.
+
+    Raises:
+        HomeContactError: Some do.
+    """
+    contacts = tuple(p for p in verdict.near if not p.distance >= 0.0)
+    if contacts:
+        pairs = "; ".join(
+            f"{c.a} and {c.b} by {-c.distance * 1e3:.1f} mm" for c in contacts[:8]
+        )
+        more = f" and {len(contacts) - 8} more" if len(contacts) > 8 else ""
+        raise HomeContactError(
+            f"at the home configuration these overlap: {pairs}{more}; give another "
+            "`home`, fit the links more closely (fit_target), or allow the pair with a "
+            "reason",
+            contacts,
+        )
+
+
+def self_test(guard: Loop) -> SelfTestReport:
     """Lead a synthetic robot through every level, then give wrong inputs.
 
     Levels must rise in order to a stop that ends before contact; standstill must be
@@ -71,26 +96,43 @@ def self_test(guard: "Monitor") -> SelfTestReport:
     """
     if not has_stops(guard.tables):
         return SelfTestReport((SelfTestLine("SKIP", "no stops are predicted"),))
-    watch = guard._watch
+    with untouched(guard):
+        return SelfTestReport((*approach_lines(guard), fault_line(guard)))
+
+
+@contextmanager
+def untouched(guard: Loop) -> Iterator[None]:
+    """Leave a guard as it is, whatever it is asked meanwhile.
+
+    Objects that move count as seen all the time, and nothing is read as an intent to
+    touch: what is led up to something does not mean to.
+    """
+    watch, grips, settings = guard._watch, guard._grips, guard._settings
     before = {name: array.copy() for name, array in watch._asdict().items()}
-    # What is led up to something does not mean to touch it.
-    grips, intents = guard._grips, guard._settings[INTENTS]
-    contracts, may = grips.contracts.copy(), grips.may.copy()
-    guard._settings[INTENTS] = 0
-    if len(watch.seen_at):
-        watch.seen_at[watch.movers] = SEEN
+    contracts, may, intents = (
+        grips.contracts.copy(),
+        grips.may.copy(),
+        settings[INTENTS],
+    )
+    settings[INTENTS] = 0
+    see_movers(watch)
     try:
-        lines = (*approach_lines(guard), fault_line(guard))
+        yield
     finally:
         guard.reset()
         for name, array in before.items():
             getattr(watch, name)[:] = array
         grips.contracts[:], grips.may[:] = contracts, may
-        guard._settings[INTENTS] = intents
-    return SelfTestReport(lines)
+        settings[INTENTS] = intents
 
 
-def approach_lines(guard: "Monitor") -> Iterator[SelfTestLine]:
+def see_movers(watch: Watch) -> None:
+    """Let objects that move count as seen all the time."""
+    if len(watch.seen_at):
+        watch.seen_at[watch.movers] = inf
+
+
+def approach_lines(guard: Loop) -> Iterator[SelfTestLine]:
     """Approach something, first as a robot that obeys, then as one that does not."""
     for k, approach in enumerate(find_approaches(guard)):
         if k == TRIES:
@@ -125,7 +167,7 @@ def walked_up_to(walk: Walk) -> bool:
     raise SelfTestError(f"self-test: {walk.words} came too near, and no stop was given")
 
 
-def obeyed(guard: "Monitor", approach: Approach, walk: Walk) -> SelfTestLine:
+def obeyed(guard: Loop, approach: Approach, walk: Walk) -> SelfTestLine:
     """Let the robot of a walk stop as declared.
 
     Raises:
@@ -156,7 +198,7 @@ def obeyed(guard: "Monitor", approach: Approach, walk: Walk) -> SelfTestLine:
     return SelfTestLine("PASS", f"levels: {walk.words}: {named(walk.levels)}")
 
 
-def ran_away(guard: "Monitor", approach: Approach) -> SelfTestLine:
+def ran_away(guard: Loop, approach: Approach) -> SelfTestLine:
     """Let a robot go on as if nothing had been ordered.
 
     Raises:
@@ -180,7 +222,7 @@ def ran_away(guard: "Monitor", approach: Approach) -> SelfTestLine:
     )
 
 
-def fault_line(guard: "Monitor") -> SelfTestLine:
+def fault_line(guard: Loop) -> SelfTestLine:
     """Give wrong inputs after two good cycles.
 
     Raises:

@@ -1,19 +1,16 @@
 """A robot that is not there: consecutive samples of one joint's approach."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armguard.guard.approach import RISE, Approach
 from armguard.guard.levels import Level
+from armguard.guard.loop import Loop
 from armguard.guard.stops import REST_CYCLES
 from armguard.guard.verdict import Verdict
 from armguard.robot.stopping.distance import brake_way, stop_travel
 from armguard.scene.tables import SceneTables
-
-if TYPE_CHECKING:
-    from armguard.guard.monitor import Monitor
 
 # Time allowed beyond what the figures say [s], and how many times that itself [-].
 GRACE = 0.1
@@ -46,7 +43,7 @@ class Walk:
         speed: Speed of the last sample [rad/s or m/s].
     """
 
-    def __init__(self, guard: "Monitor", approach: Approach) -> None:
+    def __init__(self, guard: Loop, approach: Approach) -> None:
         guard.reset()
         self.levels: list[Level] = []
         self.level = Level.CLEAR

@@ -3,10 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from armguard.guard.given import described, kind_of, real_array
+from armguard.guard.given import FLOAT64, described, is_mapping, kind_of, real_array
 from armguard.guard.levels import ORDERED, Reason
+from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
+from armguard.respond.tool import Tools
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +25,22 @@ def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]
     if not np.isfinite(array).all():
         return None, f"{what} holds {array[~np.isfinite(array)][0]}; it must be finite"
     return array, ""
+
+
+def velocities_in(
+    value: ArrayLike | Mapping[str, float], shape: tuple[int, ...], tables: SceneTables
+) -> tuple[Floats | None, str]:
+    """Joint velocities that a kernel takes as they are, or why they are none."""
+    if (
+        type(value) is np.ndarray
+        and value.dtype is FLOAT64
+        and value.shape == shape
+        and value.flags.carray
+    ):
+        return value, ""
+    if is_mapping(value):
+        return named_vector("v_desired", value, tables.q_names)
+    return as_vector("v_desired", value, shape[0])
 
 
 def named_vector(
@@ -43,3 +62,35 @@ def reason_of_stop(reason: object) -> Reason:
     if isinstance(reason, Reason) and reason in ORDERED:
         return reason
     return Reason.STOP_ORDERED
+
+
+def twists_in(
+    twists: Mapping[str, ArrayLike], tools: Tools
+) -> tuple[Floats | None, str]:
+    """Twists of tools as a cycle takes them, or why they are none."""
+    try:
+        return read_twists(twists, tools)
+    except Exception:  # whatever a stranger's object raises, the loop goes on
+        return None, f"twists is a {kind_of(twists)}; it must be 6 numbers by robot"
+
+
+def read_twists(
+    twists: Mapping[str, ArrayLike], tools: Tools
+) -> tuple[Floats | None, str]:
+    """The same, where an object may raise."""
+    count = len(twists)
+    if count > MOST_TWISTS:
+        return None, f"there are {count} twists; no more than {MOST_TWISTS} are led"
+    rows = np.zeros((count, TWIST_ROW))
+    fault = ""
+    for row, (name, twist) in zip(rows, twists.items(), strict=True):
+        tool = tools.named(name)
+        vector, wrong = as_vector(f"the twist of '{name}'", twist, 6)
+        if tool is None:
+            wrong = f"there is a twist for '{name}', no tool; {tools.near(name)}"
+        elif vector is not None:
+            row[:TOOL_POINT] = tool.robot, tool.body
+            row[TOOL_POINT:TOOL_TWIST] = tool.p_body
+            row[TOOL_TWIST:] = vector
+        fault = fault or wrong
+    return (None, fault) if fault else (rows.reshape(-1), "")

@@ -1,13 +1,25 @@
 """Where robots are to be led: goals and retreats, checked at the door."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import GoalError, NoRetreatError
+from armguard.errors import (
+    GoalError,
+    NoRetreatError,
+    SceneError,
+    UnknownNameError,
+    did_you_mean,
+)
 from armguard.geometry.pose import Pose, check_transform
-from armguard.respond.asked import as_vector
+from armguard.guard.continuous import PathCheck
+from armguard.guard.levels import Reason
+from armguard.guard.watch import Watch
+from armguard.respond.asked import as_vector, reason_of_stop
+from armguard.respond.engagement import Standing
 from armguard.respond.lead_state import (
     ALONG,
     BEGUN,
@@ -33,11 +45,9 @@ from armguard.respond.lead_state import (
     WAY,
     Lead,
 )
-from armguard.respond.tool import Tool
+from armguard.respond.state import ORDERED, STATE, Response
+from armguard.respond.tool import Tool, Tools
 from armguard.scene.tables import RobotPart, SceneTables
-
-if TYPE_CHECKING:
-    from armguard.respond.guard import Guard
 
 Floats = NDArray[np.float64]
 
@@ -45,17 +55,249 @@ Floats = NDArray[np.float64]
 LOOKS = 16
 
 
+@dataclass(slots=True)
+class Guidance:
+    """Who leads each robot: its operator, a goal, a retreat, or nothing after a stop.
+
+    Attributes:
+        tables: The scene.
+        watch: Watch.
+        tools: Tools of the scene.
+        check_path: Proves a path of joint positions, see `Monitor.check_path`.
+        response: Responses, written; None where a robot predicts no stops.
+        lead: What leads robots, written; None likewise.
+    """
+
+    tables: SceneTables
+    watch: Watch
+    tools: Tools
+    check_path: Callable[[ArrayLike], PathCheck]
+    response: Response | None = None
+    lead: Lead | None = None
+
+    def engage(self, name: str | None = None, *, ordered: bool = True) -> None:
+        """Give a robot back to its operator after a stop, or all of them.
+
+        What is asked for in velocities is then followed; positions are caught up with.
+
+        Args:
+            name: A robot; all of them if None.
+            ordered: Whether also those that were ordered to stop, see `stop`. A program
+                that engages by itself leaves these to a person: False.
+
+        Raises:
+            UnknownNameError: There is no such robot.
+        """
+        chosen = self._chosen(name)
+        if self.response is None or self.lead is None:
+            return
+        for r in chosen:
+            notes = self.response.notes[r]
+            if ordered or not notes[ORDERED]:
+                notes[ORDERED] = 0
+                engage_lead(r, self.lead)
+                catch_up(notes)
+
+    @property
+    def ordered(self) -> dict[str, Reason]:
+        """Robots that wait to be engaged after a stop that was ordered, and why."""
+        if self.response is None:
+            return {}
+        notes = self.response.notes
+        why = {p.name: notes[r][ORDERED] for r, p in enumerate(self.tables.robots)}
+        return {name: Reason(int(reason)) for name, reason in why.items() if reason}
+
+    def hold(self, ordered: Mapping[str, Reason]) -> None:
+        """Have robots wait to be engaged, as after a stop that was ordered.
+
+        Args:
+            ordered: `ordered` of another guard of these robots.
+
+        Raises:
+            UnknownNameError: There is no such robot.
+        """
+        for name, reason in ordered.items():
+            (r,) = self._chosen(name)
+            if self.response is not None:
+                notes = self.response.notes[r]
+                notes[ORDERED], notes[STATE] = reason_of_stop(reason), Standing.WAITING
+
+    def field_goal(
+        self,
+        name: str,
+        *,
+        q: ArrayLike | None = None,
+        pose: Pose | ArrayLike | None = None,
+    ) -> None:
+        """Set what the field of a robot draws it to, in place of any other goal.
+
+        For between two cycles. From the next one on the robot is led there where
+        `filter` or `filter_twists` are asked for nothing of it. A stop suspends that
+        until `engage` or another goal. With neither `q` nor `pose` it has no goal.
+
+        Args:
+            name: A robot whose response is "field", or 'robot/link' for the pose of
+                another link than its tool.
+            q: Its joint positions, in its own order, shape (k,) [rad or m].
+            pose: Frame of the tool in the world, a `Pose` or a transform (4, 4).
+
+        Raises:
+            UnknownNameError: There is no such robot or link.
+            GoalError: The robot's response is another one, or the positions are none
+                it can be at, or both are given.
+            PoseError: The transform is not rigid, or a number is not finite.
+            SceneError: The scene has a robot whose mode is "fixed".
+        """
+        response, lead = self._parts()
+        tool = self.tools.named(name)
+        if tool is None:
+            raise UnknownNameError(
+                f"no robot or link is named '{name}'; {self.tools.near(name)}"
+            )
+        set_goal(tool, q, pose, lead)
+        catch_up(response.notes[tool.robot])
+
+    def retreat(
+        self, name: str | None = None, to: Literal["path"] | ArrayLike = "path"
+    ) -> None:
+        """Have a robot go back along the way that led it in, or to safe positions.
+
+        For between two cycles; with positions it takes some milliseconds. The robot
+        goes no faster than its `resume_speed`, as soon as it rests if it is being
+        stopped, and waits where its way is not free any more. It ends when the robot is
+        there, when its operator asks for something after he has let go of it, with
+        `engage`, or with another stop. Where operators tell positions, these are not
+        followed meanwhile.
+
+        To positions it goes straight if `check_path` clears that, all others standing;
+        else along the way that led in to where it does, and straight from there.
+
+        Args:
+            name: A robot; all of them if None.
+            to: "path", or joint positions of that robot, shape (k,) [rad or m].
+
+        Raises:
+            UnknownNameError: There is no such robot.
+            GoalError: `to` is neither, or not somewhere the robot can be.
+            NoRetreatError: Nothing of the way that led in is known, or from no place on
+                it a free way leads to the positions.
+            SceneError: The scene has a robot whose mode is "fixed".
+        """
+        chosen = self._chosen(name)
+        _, lead = self._parts()
+        parts = self.tables.robots
+        if isinstance(to, str):
+            if to != "path":
+                raise GoalError(
+                    f"a retreat leads to '{to}'; it must be 'path' or positions"
+                )
+            for r in chosen:
+                if lead.notes[r, COUNT] == 0:
+                    raise NoRetreatError(
+                        "nothing is known of the way that led robot "
+                        f"'{parts[r].name}' in; give the positions it is to retreat to"
+                    )
+            for r in chosen:
+                set_out(r, 0, False, lead)
+            return
+        if len(chosen) != 1:
+            raise GoalError("positions are those of one robot; name it")
+        r = chosen[0]
+        safe = positions_of(parts[r], to, self.tables)
+        keep = self._places_to_keep(r, safe, lead)
+        own = slice(parts[r].first_joint, parts[r].first_joint + parts[r].joint_count)
+        lead.safe[own] = safe
+        set_out(r, keep, True, lead)
+
+    def _places_to_keep(self, r: int, safe: Floats, lead: Lead) -> int:
+        """Places of the way that led in beyond which a robot need not go back.
+
+        From the last of them a straight way leads to the positions; if they are all
+        that are known, it does so from where the robot is.
+
+        Raises:
+            NoRetreatError: From none of them.
+        """
+        part = self.tables.robots[r]
+        own = slice(part.first_joint, part.first_joint + part.joint_count)
+        watch = self.watch
+        if not watch.sample_count.all():
+            raise NoRetreatError(
+                "where the robots are is not known before the first cycle"
+            )
+        here = watch.sample_q[:, 0].copy()
+        there = here.copy()
+        there[own] = safe
+        first = self.check_path([here, there])
+        count = int(lead.notes[r, COUNT])
+        if first.clear:
+            return count
+        looks = min(LOOKS, count)
+        for k in range(looks):
+            back = (k + 1) * count // looks - 1
+            row = (lead.notes[r, HEAD] - 1 - back) % TRAIL
+            here[own] = lead.trail[row, own]
+            if self.check_path([here, there]).clear:
+                return count - 1 - back
+        raise NoRetreatError(
+            f"no free way leads robot '{part.name}' to these positions, neither from "
+            f"where it is nor from {looks} places of the way that led in; "
+            f"{first.sentence}"
+        )
+
+    def _chosen(self, name: str | None) -> list[int]:
+        """Robots of that name; all of them if None.
+
+        Raises:
+            UnknownNameError: None has it.
+        """
+        names = [part.name for part in self.tables.robots]
+        if name is None:
+            return list(range(len(names)))
+        if name not in names:
+            raise UnknownNameError(
+                f"no robot is named '{name}'; {did_you_mean(name, names)}"
+            )
+        return [names.index(name)]
+
+    def _parts(self) -> tuple[Response, Lead]:
+        """What is written.
+
+        Raises:
+            SceneError: A robot's mode is "fixed".
+        """
+        check_modes(self.tables)
+        assert self.response is not None
+        assert self.lead is not None
+        return self.response, self.lead
+
+
+def check_modes(tables: SceneTables) -> None:
+    """Refuse to filter for robots of which no stops are predicted.
+
+    Raises:
+        SceneError: A robot's mode is "fixed".
+    """
+    for part in tables.robots:
+        if part.mode == "fixed":
+            raise SceneError(
+                f"robot '{part.name}' has the mode 'fixed', which predicts no stops; "
+                "to filter commands it needs 'path' or 'speed'"
+            )
+
+
+def catch_up(notes: NDArray[np.int64]) -> None:
+    """Let a robot that waits after a stop follow again, slowly at first."""
+    if notes[STATE] == Standing.WAITING:
+        notes[STATE] = Standing.CATCHING_UP
+
+
 def set_goal(
-    r: int,
-    tool: Tool,
-    q: ArrayLike | None,
-    pose: Pose | ArrayLike | None,
-    lead: Lead,
+    tool: Tool, q: ArrayLike | None, pose: Pose | ArrayLike | None, lead: Lead
 ) -> None:
     """Set or forget the goal of a robot's field.
 
     Args:
-        r: The robot.
         tool: The tool a pose is for.
         q: Joint positions of the robot, shape (k,) [rad or m].
         pose: Pose of the tool in the world.
@@ -65,6 +307,7 @@ def set_goal(
         GoalError: See `Guard.field_goal`.
         PoseError: See `Guard.field_goal`.
     """
+    r = tool.robot
     part = tool.tables.robots[r]
     if part.response.kind != "field":
         raise GoalError(
@@ -123,39 +366,6 @@ def positions_of(part: RobotPart, q: ArrayLike, tables: SceneTables) -> Floats:
     return found
 
 
-def find_retreat(guard: "Guard", name: str | None, to: object, lead: Lead) -> None:
-    """Set out the way back of a robot, or of all; see `Guard.retreat`.
-
-    Raises:
-        GoalError: See `Guard.retreat`.
-        NoRetreatError: See `Guard.retreat`.
-    """
-    parts = guard.tables.robots
-    chosen = [r for r, part in enumerate(parts) if name in (None, part.name)]
-    if isinstance(to, str):
-        if to != "path":
-            raise GoalError(
-                f"a retreat leads to '{to}'; it must be 'path' or positions"
-            )
-        for r in chosen:
-            if lead.notes[r, COUNT] == 0:
-                raise NoRetreatError(
-                    f"nothing is known of the way that led robot '{parts[r].name}' in; "
-                    "give the positions it is to retreat to"
-                )
-        for r in chosen:
-            set_out(r, 0, False, lead)
-        return
-    if len(chosen) != 1:
-        raise GoalError("positions are those of one robot; name it")
-    r = chosen[0]
-    safe = positions_of(parts[r], to, guard.tables)  # type: ignore[arg-type]
-    keep = places_to_keep(guard, r, safe, lead)
-    own = slice(parts[r].first_joint, parts[r].first_joint + parts[r].joint_count)
-    lead.safe[own] = safe
-    set_out(r, keep, True, lead)
-
-
 def set_out(r: int, keep: int, then_safe: bool, lead: Lead) -> None:
     """Begin a retreat with the next cycle in which the robot is not being stopped."""
     notes = lead.notes[r]
@@ -163,37 +373,3 @@ def set_out(r: int, keep: int, then_safe: bool, lead: Lead) -> None:
     notes[WAY] = STRAIGHT if straight else ALONG
     notes[KEEP], notes[THEN_SAFE] = keep, then_safe
     notes[BEGUN] = notes[LET_GO] = 0
-
-
-def places_to_keep(guard: "Guard", r: int, safe: Floats, lead: Lead) -> int:
-    """Places of the way that led in beyond which a robot need not go back.
-
-    From the last of them a straight way leads to the positions; if they are all that
-    are known, it does so from where the robot is.
-
-    Raises:
-        NoRetreatError: From none of them.
-    """
-    part = guard.tables.robots[r]
-    own = slice(part.first_joint, part.first_joint + part.joint_count)
-    watch = guard._watch
-    if not watch.sample_count.all():
-        raise NoRetreatError("where the robots are is not known before the first cycle")
-    here = watch.sample_q[:, 0].copy()
-    there = here.copy()
-    there[own] = safe
-    first = guard.check_path([here, there])
-    count = int(lead.notes[r, COUNT])
-    if first.clear:
-        return count
-    looks = min(LOOKS, count)
-    for k in range(looks):
-        back = (k + 1) * count // looks - 1
-        row = (lead.notes[r, HEAD] - 1 - back) % TRAIL
-        here[own] = lead.trail[row, own]
-        if guard.check_path([here, there]).clear:
-            return count - 1 - back
-    raise NoRetreatError(
-        f"no free way leads robot '{part.name}' to these positions, neither from where "
-        f"it is nor from {looks} places of the way that led in; {first.sentence}"
-    )

@@ -1,36 +1,37 @@
 """The guard in the loop: what operators want goes in, what is safe comes out."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from threading import get_ident
 from time import perf_counter_ns
-from typing import Any, Literal, TypeGuard
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import SceneError, UnknownNameError, did_you_mean
-from armguard.geometry.pose import Pose
 from armguard.guard import layout
+from armguard.guard.answer import stop_answer
 from armguard.guard.checkpoint import chosen
-from armguard.guard.checkpoint_bounds import Greatest, Rules
 from armguard.guard.given import (
-    FLOAT64,
     NO_POSITIONS,
-    is_mapping,
-    kind_of,
     real_or_none,
 )
 from armguard.guard.levels import Reason
-from armguard.guard.monitor import OTHER_THREAD, Monitor
+from armguard.guard.loop import OTHER_THREAD
+from armguard.guard.monitor import Monitor
+from armguard.guard.parts import delegated
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
-from armguard.respond.asked import as_vector, named_vector, reason_of_stop
+from armguard.respond.asked import (
+    as_vector,
+    reason_of_stop,
+    twists_in,
+    velocities_in,
+)
 from armguard.respond.command import Blocked, Command
 from armguard.respond.compiling import compile_ahead
 from armguard.respond.daqp_interface import FUNCTION
-from armguard.respond.engagement import Standing
 from armguard.respond.escape_state import escape_of
-from armguard.respond.goals import engage_lead, find_retreat, set_goal
+from armguard.respond.goals import Guidance, check_modes
 from armguard.respond.lead_state import lead_of
 from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
 from armguard.respond.remembered import more_of
@@ -38,23 +39,17 @@ from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
     CROWDED,
-    MOST_TWISTS,
     NEVER,
-    ORDERED,
     POSITIONS,
     ROW_COUNT,
     ROWS,
     STANDSTILL,
-    STATE,
-    TOOL_POINT,
-    TOOL_TWIST,
-    TWIST_ROW,
     TWISTS,
     VELOCITIES,
     Response,
     response_of,
 )
-from armguard.respond.tool import Tool, tool_of
+from armguard.respond.tool import Tools
 from armguard.respond.whole_cycle import (
     begin_filtered_cycle,
     end_filtered_cycle,
@@ -66,9 +61,12 @@ from armguard.table import Ledger
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
+# Positions, stamps, velocities and the time of a cycle, see `Guard.filter`.
+Given = tuple[ArrayLike, float | Mapping[str, float], ArrayLike | None, float | None]
+
 
 class Guard(Monitor):
-    """Watches a scene, and keeps what is told to its robots safe.
+    """Watches a scene, and keeps what its robots are commanded safe.
 
     Each `step` judges one joint configuration, and somebody else obeys the verdict.
     Each `filter` does the same and gives back what to tell the robots: what their
@@ -92,8 +90,8 @@ class Guard(Monitor):
         >>> import numpy as np
         >>> from armguard import Guard, bay_scene
         >>> guard = Guard(bay_scene("path"))
-        >>> wish = np.full(len(guard.q_names), 0.005)
-        >>> guard.filter(guard.home, wish, stamp=0.0, velocity=0.0 * wish).action
+        >>> desired = np.full(len(guard.q_names), 0.005)
+        >>> guard.filter(guard.home, desired, stamp=0.0, velocity=0.0 * desired).action
         <Action.FOLLOW: 0>
     """
 
@@ -108,20 +106,21 @@ class Guard(Monitor):
         clock: Callable[[], int] = perf_counter_ns,
     ) -> None:
         self._response: Response | None = None
-        self._tools: dict[str, Tool] = {}
         self._compiling = compiling
         super().__init__(
             scene, budget=budget, self_test=self_test, progress=progress, clock=clock
         )
-        modes = {part.mode for part in self.tables.robots}
-        if "fixed" not in modes and not compiling:
+        tables = self.tables
+        self._tools = Tools(tables)
+        self._guidance = Guidance(tables, self._watch, self._tools, self.check_path)
+        if not compiling and all(part.mode != "fixed" for part in tables.robots):
             # Compiles or loads what a filtered cycle needs, before the loop.
             still = np.zeros(len(self.q_names))
             self.filter(self.home, still, 0.0, velocity=still)
             self.reset()
             if self_test:
-                lines = (*self.self_test.lines, filter_line(self))
-                self.self_test = SelfTestReport(lines)
+                line = filter_line(self, self.filter, self.engage)
+                self.self_test = SelfTestReport((*self.self_test.lines, line))
 
     @property
     def ledgers(self) -> tuple[Longs, Longs]:
@@ -166,14 +165,8 @@ class Guard(Monitor):
         Raises:
             SceneError: The scene has a robot whose mode is "fixed"; in the first cycle.
         """
-        asked: Floats | None
-        if self._is_vector(v_desired):
-            asked, fault = v_desired, ""
-        elif is_mapping(v_desired):
-            asked, fault = named_vector("v_desired", v_desired, self.q_names)
-        else:
-            asked, fault = as_vector("v_desired", v_desired, self._input.shape[0])
-        return self._filter(q, stamp, velocity, now, VELOCITIES, asked, fault)
+        asked, fault = velocities_in(v_desired, self._input.shape, self.tables)
+        return self._filter((q, stamp, velocity, now), VELOCITIES, asked, fault)
 
     def filter_positions(
         self,
@@ -199,8 +192,8 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        goal, fault = as_vector("q_desired", q_desired, self._input.shape[0])
-        return self._filter(q, stamp, velocity, now, POSITIONS, goal, fault)
+        goal = as_vector("q_desired", q_desired, self._input.shape[0])
+        return self._filter((q, stamp, velocity, now), POSITIONS, *goal)
 
     def filter_twists(
         self,
@@ -225,35 +218,9 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        try:
-            wanted, fault = self._wanted_twists(twists)
-        except Exception:  # whatever a stranger's object raises, the loop goes on
-            fault = f"twists is a {kind_of(twists)}; it must be 6 numbers by robot"
-        if fault:
-            return self._filter(q, stamp, velocity, now, VELOCITIES, None, fault)
-        return self._filter(q, stamp, velocity, now, TWISTS, wanted, fault)
-
-    def _wanted_twists(
-        self, twists: Mapping[str, ArrayLike]
-    ) -> tuple[list[tuple[Tool, Floats]], str]:
-        """Twists with their tools, or why they are none."""
-        wanted: list[tuple[Tool, Floats]] = []
-        fault = ""
-        if len(twists) > MOST_TWISTS:
-            return wanted, (
-                f"there are {len(twists)} twists; no more than {MOST_TWISTS} are led"
-            )
-        for name, twist in twists.items():
-            tool = self._tool(name)
-            vector, wrong = as_vector(f"the twist of '{name}'", twist, 6)
-            if tool is None:
-                known = (*self._input.robots, *self.tables.links)
-                near = did_you_mean(str(name), known)
-                wrong = f"there is a twist for '{name}', no tool; {near}"
-            elif vector is not None:
-                wanted.append((tool, vector))
-            fault = fault or wrong
-        return wanted, fault
+        rows, fault = twists_in(twists, self._tools)
+        form = TWISTS if rows is not None else VELOCITIES
+        return self._filter((q, stamp, velocity, now), form, rows, fault)
 
     def stop(
         self,
@@ -278,221 +245,74 @@ class Guard(Monitor):
             SceneError: See `filter`.
         """
         asked = np.array([reason_of_stop(reason)], dtype=np.float64)
-        return self._filter(q, stamp, velocity, now, STANDSTILL, asked, "")
+        return self._filter((q, stamp, velocity, now), STANDSTILL, asked, "")
 
-    def engage(self, name: str | None = None, *, ordered: bool = True) -> None:
-        """Give a robot back to its operator after a stop, or all of them.
-
-        What is asked for in velocities is then followed; positions are caught up with.
-
-        Args:
-            name: A robot; all of them if None.
-            ordered: Whether also those that were ordered to stop, see `stop`. A program
-                that engages by itself leaves these to a person: False.
-
-        Raises:
-            UnknownNameError: There is no such robot.
-        """
-        self._check_robot(name)
-        if self._response is None:
-            return
-        for robot, r in self._input.robots.items():
-            notes = self._response.notes[r]
-            if name in (None, robot) and (ordered or not notes[ORDERED]):
-                notes[ORDERED] = 0
-                engage_lead(r, self._lead)
-                if notes[STATE] == Standing.WAITING:
-                    notes[STATE] = Standing.CATCHING_UP
+    engage = delegated("_guidance", Guidance.engage)
+    hold = delegated("_guidance", Guidance.hold)
+    field_goal = delegated("_guidance", Guidance.field_goal)
+    retreat = delegated("_guidance", Guidance.retreat)
 
     @property
     def ordered(self) -> dict[str, Reason]:
         """Robots that wait to be engaged after a stop that was ordered, and why."""
-        if self._response is None:
-            return {}
-        notes = self._response.notes
-        why = {name: notes[r][ORDERED] for name, r in self._input.robots.items()}
-        return {name: Reason(int(reason)) for name, reason in why.items() if reason}
-
-    def hold(self, ordered: Mapping[str, Reason]) -> None:
-        """Have robots wait to be engaged, as after a stop that was ordered.
-
-        Args:
-            ordered: `ordered` of another guard of these robots.
-
-        Raises:
-            UnknownNameError: There is no such robot.
-        """
-        for name, reason in ordered.items():
-            self._check_robot(name)
-            if self._response is not None:
-                notes = self._response.notes[self._input.robots[name]]
-                notes[ORDERED], notes[STATE] = reason_of_stop(reason), Standing.WAITING
-
-    def field_goal(
-        self,
-        name: str,
-        *,
-        q: ArrayLike | None = None,
-        pose: Pose | ArrayLike | None = None,
-    ) -> None:
-        """Set what the field of a robot draws it to, in place of any other goal.
-
-        For between two cycles. From the next one on the robot is led there where
-        `filter` or `filter_twists` are asked for nothing of it. A stop suspends that
-        until `engage` or another goal. With neither `q` nor `pose` it has no goal.
-
-        Args:
-            name: A robot whose response is "field", or 'robot/link' for the pose of
-                another link than its tool.
-            q: Its joint positions, in its own order, shape (k,) [rad or m].
-            pose: Frame of the tool in the world, a `Pose` or a transform (4, 4).
-
-        Raises:
-            UnknownNameError: There is no such robot or link.
-            GoalError: The robot's response is another one, or the positions are none
-                it can be at, or both are given.
-            PoseError: The transform is not rigid, or a number is not finite.
-            SceneError: The scene has a robot whose mode is "fixed".
-        """
-        response = self._response or self._prepare_filter()
-        tool = self._tool(name)
-        if tool is None:
-            known = (*self._input.robots, *self.tables.links)
-            raise UnknownNameError(
-                f"no robot or link is named '{name}'; {did_you_mean(name, known)}"
-            )
-        robot = name.split("/", 1)[0]
-        r = self._input.robots[robot]
-        set_goal(r, tool, q, pose, self._lead)
-        notes = response.notes[r]
-        if notes[STATE] == Standing.WAITING:
-            notes[STATE] = Standing.CATCHING_UP
-
-    def retreat(
-        self, name: str | None = None, to: Literal["path"] | ArrayLike = "path"
-    ) -> None:
-        """Have a robot go back along the way that led it in, or to safe positions.
-
-        For between two cycles; with positions it takes some milliseconds. The robot
-        goes no faster than its `resume_speed`, as soon as it rests if it is being
-        stopped, and waits where its way is not free any more. It ends when the robot is
-        there, when its operator asks for something after he has let go of it, with
-        `engage`, or with another stop. Where operators tell positions, these are not
-        followed meanwhile.
-
-        To positions it goes straight if `check_path` clears that, all others standing;
-        else along the way that led in to where it does, and straight from there.
-
-        Args:
-            name: A robot; all of them if None.
-            to: "path", or joint positions of that robot, shape (k,) [rad or m].
-
-        Raises:
-            UnknownNameError: There is no such robot.
-            GoalError: `to` is neither, or not somewhere the robot can be.
-            NoRetreatError: Nothing of the way that led in is known, or from no place on
-                it a free way leads to the positions.
-            SceneError: The scene has a robot whose mode is "fixed".
-        """
-        self._check_robot(name)
-        if self._response is None:
-            self._prepare_filter()
-        find_retreat(self, name, to, self._lead)
+        return self._guidance.ordered
 
     def reset(self) -> None:
-        """See `Monitor.reset`; what was told, and goals, are forgotten as well."""
+        """See `Monitor.reset`; commands and goals are forgotten as well."""
         super().reset()
-        if self._response is not None:
-            self._response.notes.fill(0)
-            self._lead.notes.fill(0)
-            self._escape.notes.fill(0)
-            self._response.spare_of.fill(NEVER)
-            self._response.missed.fill(0.0)
-            self._response.held.fill(np.nan)
-            self._response.held_since.fill(np.nan)
-            self._response.asked.fill(0.0)
-            self._response.far.fill(0.0)
-
-    def _arrays_kept(self) -> dict[str, NDArray[Any]]:
-        """See `Monitor._arrays_kept`."""
-        kept = super()._arrays_kept()
-        if self._response is None:
-            return kept
-        return {
-            **kept,
-            **chosen("response", self._response._asdict()),
-            **chosen("lead", self._lead._asdict()),
-            **chosen("escape", self._escape._asdict()),
-        }
-
-    def _bounds(self) -> tuple[Rules, Greatest]:
-        """See `Monitor._bounds`."""
-        rules, greatest = super()._bounds()
-        return {**rules, **RESPONSE_BOUNDS}, {**greatest, **more_of(self.tables)}
+        if (response := self._response) is not None:
+            response.spare_of.fill(NEVER)
+            for notes in (response.notes, self._lead.notes, self._escape.notes):
+                notes.fill(0)
+            for array in (response.missed, response.asked, response.far):
+                array.fill(0.0)
+            for array in (response.held, response.held_since):
+                array.fill(np.nan)
 
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
         """See `compile_ahead`."""
         if not self._compiling:
-            compile_ahead(progress, self._guarded)
+            compile_ahead(progress, self._guarded, try_out)
 
     def _filter(
-        self,
-        q: ArrayLike,
-        stamp: float | Mapping[str, float],
-        velocity: ArrayLike | None,
-        now: float | None,
-        form: int,
-        asked: Floats | Sequence[tuple[Tool, Floats]] | None,
-        refused: str,
+        self, given: Given, form: int, asked: Floats | None, refused: str
     ) -> Command:
         """One cycle: judge, respond, prove, tell."""
         start = self._clock()
         response = self._response or self._prepare_filter()
-        told: Any = stamp if now is None else now
-        if type(told) is not float:
-            told = real_or_none(told)
+        time: Any = given[1] if given[3] is None else given[3]
+        if type(time) is not float:
+            time = real_or_none(time)
         thread = get_ident()
         if self._thread and self._thread != thread:
-            return self._crowded_command(response, told)
+            return self._crowded_command(response, time)
         self._thread = thread
         try:
-            data, fault = self._filtered(response, q, stamp, velocity, now, form, asked)
+            data, fault = self._filtered(response, given, form, asked)
             numbers = response.told.copy()
         finally:
             alone = self._thread == thread
             self._thread = 0 if alone else self._leave_others()
         if not alone:
-            return self._crowded_command(response, told)
+            return self._crowded_command(response, time)
         elapsed = (self._clock() - start) * 1e-9
-        verdict = Verdict(data, self._names, told, elapsed, fault or refused)
+        verdict = Verdict(data, self._names, time, elapsed, fault or refused)
         return Command(numbers, self.tables.robots, verdict)
 
     def _filtered(
-        self,
-        response: Response,
-        q: ArrayLike,
-        stamp: float | Mapping[str, float],
-        velocity: ArrayLike | None,
-        now: float | None,
-        form: int,
-        asked: Floats | Sequence[tuple[Tool, Floats]] | None,
+        self, response: Response, given: Given, form: int, asked: Floats | None
     ) -> tuple[Floats, str]:
         """The numbers of the verdict, and what was wrong with the input in words."""
-        array, fault = self._input.take(q, stamp, velocity, now)
-        if asked is None:
-            wish = NO_POSITIONS
-        elif isinstance(asked, np.ndarray):
-            wish = asked
-        else:
-            wish = rows_of_twists(asked)
-        lines = self._response_lines, self._lines
+        array, fault = self._input.take(*given)
+        desired = NO_POSITIONS if asked is None else asked
+        answers, lines = self._response_lines, self._lines
         if response.solver[FUNCTION]:
-            used = run_filtered_cycle(array, form, wish, *lines)
+            used = run_filtered_cycle(array, form, desired, answers, lines)
         else:
-            unsolved = begin_filtered_cycle(array, form, wish, *lines)
+            unsolved = begin_filtered_cycle(array, form, desired, answers, lines)
             if unsolved > 0:
                 unsolved = self.solve_programs(unsolved)
-            used = end_filtered_cycle(array, unsolved, *lines)
+            used = end_filtered_cycle(array, unsolved, answers, lines)
         data = self._out[:used].copy()
         self._pace.note(data)
         if fault:
@@ -508,7 +328,13 @@ class Guard(Monitor):
         # Why each is blocked, then its phase: at rest, so that it is not driven.
         numbers[4 * n : 4 * n + r] = Blocked.STOPPED
         numbers[4 * n + 2 * r : 4 * n + 3 * r] = np.nan
-        verdict = Verdict(self._crowded_answer(), self._names, stamp, 0.0, OTHER_THREAD)
+        verdict = Verdict(
+            stop_answer(self._names, Reason.WRONG_INPUT),
+            self._names,
+            stamp,
+            0.0,
+            OTHER_THREAD,
+        )
         return Command(numbers, self.tables.robots, verdict)
 
     def solve_programs(self, programs: int) -> int:
@@ -521,11 +347,11 @@ class Guard(Monitor):
         """
         response = self._response or self._prepare_filter()
         unsolved = 0
-        for r, own in enumerate(self._parts_of_q):
+        for r, part in enumerate(self.tables.robots):
             if not programs >> r & 1:
                 continue
-            first = r * ROWS
-            last = first + response.notes[r, ROW_COUNT]
+            own = slice(part.first_joint, part.first_joint + part.joint_count)
+            rows = slice(r * ROWS, r * ROWS + response.notes[r, ROW_COUNT])
             found = None
             for limits in (response.limits, response.eased):
                 if found is None and not response.notes[r, CROWDED]:
@@ -533,8 +359,8 @@ class Guard(Monitor):
                         response.target[own],
                         response.low[own],
                         response.high[own],
-                        response.rows[first:last, own],
-                        limits[first:last],
+                        response.rows[rows, own],
+                        limits[rows],
                     )
             if found is None:
                 unsolved |= 1 << r
@@ -548,59 +374,22 @@ class Guard(Monitor):
         Raises:
             SceneError: A robot's mode is "fixed".
         """
-        for part in self.tables.robots:
-            if part.mode == "fixed":
-                raise SceneError(
-                    f"robot '{part.name}' has the mode 'fixed', which predicts no "
-                    "stops; to filter commands it needs 'path' or 'speed'"
-                )
+        check_modes(self.tables)
         self._lead = lead_of(self.tables)
         self._escape = escape_of(self.tables)
         response = response_of(self.tables, self._lead, self._escape)
         self._response_ledger = Ledger(response)
         self._response_lines = self._response_ledger.lines
-        self._parts_of_q = tuple(
-            slice(part.first_joint, part.first_joint + part.joint_count)
-            for part in self.tables.robots
-        )
         self._response = response
-        self._kept.clear()
+        self._guidance.response, self._guidance.lead = response, self._lead
+        kept = chosen(response=response, lead=self._lead, escape=self._escape)
+        self._saving.add(kept, RESPONSE_BOUNDS, more_of(self.tables))
         return response
 
-    def _check_robot(self, name: str | None) -> None:
-        """Raise an error if no robot has that name.
 
-        Raises:
-            UnknownNameError: None has.
-        """
-        if name is not None and name not in self._input.robots:
-            raise UnknownNameError(
-                f"no robot is named '{name}'; {did_you_mean(name, self._input.robots)}"
-            )
-
-    def _is_vector(self, value: object) -> TypeGuard[Floats]:
-        """Whether a value is the array a kernel takes."""
-        return (
-            type(value) is np.ndarray
-            and value.dtype is FLOAT64
-            and value.shape == self._input.shape
-            and value.flags.carray
-        )
-
-    def _tool(self, name: str) -> Tool | None:
-        """How a tool follows the joints of its robot; None if there is none."""
-        if name not in self._tools:
-            if name not in self._input.robots and name not in self.tables.links:
-                return None
-            self._tools[name] = tool_of(self.tables, name)
-        return self._tools[name]
-
-
-def rows_of_twists(wanted: Sequence[tuple[Tool, Floats]]) -> Floats:
-    """Twists of tools as a cycle takes them, one after another."""
-    rows = np.zeros((len(wanted), TWIST_ROW))
-    for row, (tool, twist) in zip(rows, wanted, strict=True):
-        row[:TOOL_POINT] = tool.robot, tool.body
-        row[TOOL_POINT:TOOL_TWIST] = tool.p_body
-        row[TOOL_TWIST:] = twist
-    return rows.reshape(-1)
+def try_out(scene: Scene) -> None:
+    """Guard a scene for a cycle, for kernels to be compiled."""
+    guard = Guard(scene, self_test=False, compiling=True)
+    guard.step(guard.home, 0.0)
+    if guard._guarded:
+        guard.check_path([guard.home, guard.home])

@@ -1,39 +1,44 @@
 """The filter's test of itself: an operator who pushes on is held off, and let out."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
 from armguard.errors import SelfTestError
 from armguard.guard.approach import Approach, find_approaches
-from armguard.guard.self_test import SEEN, SelfTestLine, touches
+from armguard.guard.loop import Loop
+from armguard.guard.self_test import SelfTestLine, see_movers, touches
 from armguard.guard.walk import GRACE, PATIENCE
-from armguard.respond.command import Action
+from armguard.respond.command import Action, Command
 from armguard.robot.stopping.distance import stop_travel
 
-if TYPE_CHECKING:
-    from armguard.respond.guard import Guard
+Filter = Callable[..., Command]
+Engage = Callable[[str], None]
 
 # Cycles in which a way out must have begun, beyond the time a stop takes.
 OUT_CYCLES = 100
 
 
-def filter_line(guard: "Guard") -> SelfTestLine:
+def filter_line(guard: Loop, filter: Filter, engage: Engage) -> SelfTestLine:
     """Push a synthetic robot at something through the filter, then lead it away.
 
-    It must be told no more than can be proven, never touch, and be let out. The guard
-    is reset afterwards.
+    It must be commanded no more than can be proven, never touch, and be let out. The
+    guard is reset afterwards.
+
+    Args:
+        guard: The guard.
+        filter: See `Guard.filter`.
+        engage: See `Guard.engage`.
 
     Raises:
         SelfTestError: It is not.
     """
     watch = guard._watch
     seen = watch.seen_at.copy()
-    if len(seen):
-        watch.seen_at[watch.movers] = SEEN
+    see_movers(watch)
     try:
         for approach in find_approaches(guard):
-            return pushed(guard, approach)
+            return pushed(guard, filter, engage, approach)
         why = "no pair can be approached from home"
         return SelfTestLine("SKIP", f"filter: {why}")
     finally:
@@ -41,7 +46,9 @@ def filter_line(guard: "Guard") -> SelfTestLine:
         watch.seen_at[:] = seen
 
 
-def pushed(guard: "Guard", approach: Approach) -> SelfTestLine:
+def pushed(
+    guard: Loop, filter: Filter, engage: Engage, approach: Approach
+) -> SelfTestLine:
     """One joint that is pushed at something, and then led away from it.
 
     Raises:
@@ -55,12 +62,12 @@ def pushed(guard: "Guard", approach: Approach) -> SelfTestLine:
     )
     q, v = guard.home, np.zeros(len(guard.q_names))
     q[approach.joint] = approach.start
-    wish = np.zeros_like(v)
-    wish[approach.joint] = approach.direction * approach.speed
+    desired = np.zeros_like(v)
+    desired[approach.joint] = approach.direction * approach.speed
     time, fastest = 0.0, 0.0
     cycles = PATIENCE * (stop.travel / approach.speed + stop.time + GRACE)
     for _ in range(int(cycles / tables.period) + OUT_CYCLES):
-        command = guard.filter(q, wish, time, velocity=v)
+        command = filter(q, desired, time, velocity=v)
         if touches(command.verdict):
             raise SelfTestError(
                 f"self-test: joint '{name}' was pushed through the filter until it "
@@ -75,13 +82,13 @@ def pushed(guard: "Guard", approach: Approach) -> SelfTestLine:
             f"self-test: joint '{name}' was pushed through the filter, and was told to "
             f"stay from the beginning: {command.verdict.why}"
         )
-    guard.engage(robot)
+    engage(robot)
     for k in range(int(stop.time / tables.period) + OUT_CYCLES):
-        command = guard.filter(q, -wish, time, velocity=v)
+        command = filter(q, -desired, time, velocity=v)
         v = command.velocity
         q = q + v * tables.period
         time += tables.period
-        if command.actions[robot] is Action.FOLLOW and float(wish @ v) < 0.0:
+        if command.actions[robot] is Action.FOLLOW and float(desired @ v) < 0.0:
             after = 1e3 * (k + 1) * tables.period
             return SelfTestLine(
                 "PASS",

@@ -1,10 +1,11 @@
 """How a tool follows the joints of its robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.errors import did_you_mean
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -63,3 +64,33 @@ def tool_of(tables: SceneTables, name: str) -> Tool:
         R_body=frame.T_body_link[:3, :3],
         tables=tables,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """The tools of a scene: each robot's, and its other links.
+
+    Attributes:
+        tables: The scene.
+        found: Those that were asked for, by name.
+    """
+
+    tables: SceneTables
+    found: dict[str, Tool] = field(default_factory=dict)
+
+    def named(self, name: str) -> Tool | None:
+        """A robot's tool, or the link 'robot/link'; None if there is none."""
+        if name not in self.found:
+            if name not in self.names:
+                return None
+            self.found[name] = tool_of(self.tables, name)
+        return self.found[name]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of robots and links."""
+        return (*(part.name for part in self.tables.robots), *self.tables.links)
+
+    def near(self, name: object) -> str:
+        """The names nearest to one that is none, in words."""
+        return did_you_mean(str(name), self.names)

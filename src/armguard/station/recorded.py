@@ -1,14 +1,15 @@
 """A guard whose cycles, and all that is done to it between them, go into a ring."""
 
+import inspect
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.geometry.shapes import Shape
-from armguard.guard.levels import Reason
 from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
@@ -21,6 +22,35 @@ from armguard.station.frames import HEADER, Form, Kind, text_frame, words
 from armguard.station.ring import RingWriter
 
 Floats = NDArray[np.float64]
+
+Arguments = ParamSpec("Arguments")
+Answer = TypeVar("Answer", Verdict, Command)
+
+
+def recorded(
+    form: Form, method: Callable[Concatenate[Guard, Arguments], Answer]
+) -> Callable[Concatenate["RecordedGuard", Arguments], Answer]:
+    """A cycle of a guard that is written down as well.
+
+    Args:
+        form: What is asked for.
+        method: The method of `Guard`. Beside its arguments the cycle takes `received`,
+            when they came in, monotonic [s].
+    """
+    signature = inspect.signature(method)
+
+    @wraps(method)
+    def cycle(
+        self: "RecordedGuard", /, *args: Arguments.args, **named: Arguments.kwargs
+    ) -> Answer:
+        received: Any = named.pop("received", np.nan)
+        answer = method(self.guard, *args, **named)
+        given = signature.bind(self.guard, *args, **named)
+        given.apply_defaults()
+        self.write_cycle(form, given.arguments, answer, received)
+        return answer
+
+    return cycle
 
 
 class RecordedGuard:
@@ -60,110 +90,12 @@ class RecordedGuard:
         self._joints = len(guard.q_names)
         self._poses = guard.poses.reshape(-1)
         self.shapes: dict[str, Shape] = {}
-        self._nowhere = np.full(self._joints, np.nan)
 
-    def step(
-        self,
-        q: ArrayLike,
-        stamp: float | Mapping[str, float] | None = None,
-        *,
-        velocity: ArrayLike | None = None,
-        now: float | None = None,
-        received: float = np.nan,
-    ) -> Verdict:
-        """See `Guard.step`; `received` is when it came in, monotonic [s]."""
-        verdict = self.guard.step(q, stamp, velocity=velocity, now=now)
-        nothing = self._nowhere[:0]
-        self._write(
-            Form.STEP, q, velocity, stamp, now, nothing, nothing, verdict, received
-        )
-        return verdict
-
-    def filter(
-        self,
-        q: ArrayLike,
-        v_desired: ArrayLike | Mapping[str, float],
-        stamp: float | Mapping[str, float],
-        *,
-        velocity: ArrayLike | None = None,
-        now: float | None = None,
-        received: float = np.nan,
-    ) -> Command:
-        """See `Guard.filter`; `received` is when it came in, monotonic [s]."""
-        command = self.guard.filter(q, v_desired, stamp, velocity=velocity, now=now)
-        asked: ArrayLike = (
-            v_desired
-            if not isinstance(v_desired, Mapping)
-            else (by_name(v_desired, self.guard.q_names))
-        )
-        self._write_command(
-            Form.VELOCITIES, q, velocity, stamp, now, asked, command, received
-        )
-        return command
-
-    def filter_positions(
-        self,
-        q: ArrayLike,
-        q_desired: ArrayLike,
-        stamp: float | Mapping[str, float],
-        *,
-        velocity: ArrayLike | None = None,
-        now: float | None = None,
-        received: float = np.nan,
-    ) -> Command:
-        """See `Guard.filter_positions`; `received` is when it came in, monotonic."""
-        command = self.guard.filter_positions(
-            q, q_desired, stamp, velocity=velocity, now=now
-        )
-        self._write_command(
-            Form.POSITIONS, q, velocity, stamp, now, q_desired, command, received
-        )
-        return command
-
-    def filter_twists(
-        self,
-        q: ArrayLike,
-        twists: Mapping[str, ArrayLike],
-        stamp: float | Mapping[str, float],
-        *,
-        velocity: ArrayLike | None = None,
-        now: float | None = None,
-        received: float = np.nan,
-    ) -> Command:
-        """See `Guard.filter_twists`; `received` is when it came in, monotonic [s]."""
-        command = self.guard.filter_twists(q, twists, stamp, velocity=velocity, now=now)
-        rows = [as_row(twist, 6) for twist in twists.values()]
-        asked = np.concatenate(rows) if rows else self._nowhere[:0]
-        self._write_command(
-            Form.TWISTS,
-            q,
-            velocity,
-            stamp,
-            now,
-            asked,
-            command,
-            received,
-            tools=list(twists),
-        )
-        return command
-
-    def stop(
-        self,
-        q: ArrayLike,
-        stamp: float | Mapping[str, float],
-        *,
-        velocity: ArrayLike | None = None,
-        now: float | None = None,
-        reason: Reason = Reason.STOP_ORDERED,
-        received: float = np.nan,
-    ) -> Command:
-        """See `Guard.stop`; `received` is when it came in, monotonic [s]."""
-        command = self.guard.stop(q, stamp, velocity=velocity, now=now, reason=reason)
-        asked = [reason_of_stop(reason)]
-        self._write_command(
-            Form.STOP, q, velocity, stamp, now, asked, command, received
-        )
-        return command
+    step = recorded(Form.STEP, Guard.step)
+    filter = recorded(Form.VELOCITIES, Guard.filter)
+    filter_positions = recorded(Form.POSITIONS, Guard.filter_positions)
+    filter_twists = recorded(Form.TWISTS, Guard.filter_twists)
+    stop = recorded(Form.STOP, Guard.stop)
 
     def do(self, call: GuardCall) -> GuardCall:
         """Make a call between two cycles, and give it back as it was made.
@@ -194,7 +126,7 @@ class RecordedGuard:
             about: What else to tell, ready for JSON.
         """
         archive = archive_of(scene)
-        told = {
+        text = {
             **about,
             "note": "scene",
             "archive": hash_of(archive),
@@ -203,8 +135,8 @@ class RecordedGuard:
             "period": self.guard.tables.period,
             "budget": self.guard.budget,
         }
-        self._scene = told, archive
-        self.tell(Kind.NOTE, told, archive)
+        self._scene = text, archive
+        self.tell(Kind.NOTE, text, archive)
 
     def checkpoint(self) -> None:
         """Write down all that the guard remembers, so that a replay may begin here.
@@ -233,7 +165,7 @@ class RecordedGuard:
 
         Args:
             length: Words of its frame before its text.
-            fill: Fills them in; told the time on the monotonic and the wall clock [s].
+            fill: Fills them in, given the time on the monotonic and the wall clock [s].
             text: The frame's text.
         """
         row = self._ring.reserve(length + words(len(text)))
@@ -243,60 +175,43 @@ class RecordedGuard:
         self._ring.commit()
         self.cycle += 1
 
-    def _write_command(
+    def write_cycle(
         self,
         form: Form,
-        q: ArrayLike,
-        velocity: ArrayLike | None,
-        stamp: float | Mapping[str, float],
-        now: float | None,
-        asked: ArrayLike,
-        command: Command,
+        given: Mapping[str, Any],
+        answer: Verdict | Command,
         received: float,
-        tools: Sequence[str] = (),
     ) -> None:
-        """Write down a filtered cycle."""
-        self._write(
-            form,
-            q,
-            velocity,
-            stamp,
-            now,
-            asked,
-            command.numbers,
-            command.verdict,
-            received,
-            tools,
-        )
+        """Write down a cycle.
 
-    def _write(
-        self,
-        form: Form,
-        q: ArrayLike,
-        velocity: ArrayLike | None,
-        stamp: float | Mapping[str, float] | None,
-        now: float | None,
-        asked: Any,
-        told: Floats,
-        verdict: Verdict,
-        received: float,
-        tools: Sequence[str] = (),
-    ) -> None:
-        """Write down a cycle."""
-        n, r = self._joints, len(self._robots)
-        numbers = verdict.numbers
+        Args:
+            form: What was asked for.
+            given: Arguments of the call, by name.
+            answer: What came out.
+            received: When it came in, monotonic; NaN if that is not known [s].
+        """
+        n, stamp, now = self._joints, given["stamp"], given["now"]
+        velocity = given["velocity"]
+        commanded = isinstance(answer, Command)
+        verdict = answer.verdict if isinstance(answer, Command) else answer
+        tools = list(given["twists"]) if form is Form.TWISTS else []
         text = b""
         if tools or verdict.fault:
-            about = {"fault": verdict.fault, "tools": list(tools)}
+            about = {"fault": verdict.fault, "tools": tools}
             if verdict.fault:
-                about["wrong"] = wrong_input(q, velocity, stamp, now, self._robots, n)
+                about["wrong"] = wrong_input(given, self._robots, n)
             text = frames.text_of(about)
-        exact = form in (Form.STEP, Form.TWISTS, Form.STOP)
-        wish = asked if exact else as_row(asked, n)
-        k, t, v = len(wish), len(told), len(numbers)
-        poses = self._poses
-        p = len(poses)
-        row = self._ring.reserve(HEADER + 2 * n + r + k + t + v + p + words(len(text)))
+        sections: tuple[Floats | Sequence[float], ...] = (
+            as_row(given["q"], n),
+            np.zeros(n) if velocity is None else as_row(velocity, n),
+            [as_number(own) for own in by_robot(stamp, self._robots)],
+            asked_in(form, given, self.guard.q_names),
+            answer.numbers if commanded else (),
+            verdict.numbers,
+            self._poses,
+        )
+        numbers = np.concatenate(sections)
+        row = self._ring.reserve(HEADER + len(numbers) + words(len(text)))
         written = self._monotonic()
         row[:HEADER] = (
             Kind.CYCLE,
@@ -309,46 +224,50 @@ class RecordedGuard:
             received,
             written,
             verdict.cycle_time,
-            n,
-            r,
-            k,
-            t,
-            v,
-            p,
+            # The second section is as long as the first one.
+            *(len(section) for section in sections[1:]),
             len(text),
             0,
         )
-        at = HEADER
-        row[at : at + n] = as_row(q, n)
-        at += n
-        if velocity is None:
-            row[at : at + n] = 0.0
-        else:
-            row[at : at + n] = as_row(velocity, n)
-        at += n
-        if type(stamp) is float:
-            row[at : at + r] = stamp
-        elif isinstance(stamp, Mapping):
-            row[at : at + r] = [as_number(stamp.get(name)) for name in self._robots]
-        else:
-            row[at : at + r] = as_number(stamp)
-        at += r
-        row[at : at + k] = wish
-        at += k
-        row[at : at + t] = told
-        at += t
-        row[at : at + v] = numbers
-        at += v
-        row[at : at + p] = poses
-        at += p
+        end = HEADER + len(numbers)
+        row[HEADER:end] = numbers
         if text:
-            frames.put_text(text, row[at:])
+            frames.put_text(text, row[end:])
         self._ring.commit()
         self.cycle += 1
 
 
+def asked_in(
+    form: Form, given: Mapping[str, Any], names: Sequence[str]
+) -> Floats | list[float]:
+    """What was asked of a cycle as a recording holds it; NaN where it is none.
+
+    Args:
+        form: What it is.
+        given: Arguments of the call, by name.
+        names: Names of the joints.
+    """
+    if form is Form.STEP:
+        return []
+    if form is Form.STOP:
+        return [reason_of_stop(given["reason"])]
+    if form is Form.TWISTS:
+        return [x for twist in given["twists"].values() for x in as_row(twist, 6)]
+    asked = given["q_desired" if form is Form.POSITIONS else "v_desired"]
+    if isinstance(asked, Mapping):
+        asked = by_name(asked, names)
+    return as_row(asked, len(names))
+
+
+def by_robot(stamp: object, robots: Sequence[str]) -> list[object]:
+    """The stamp of each robot."""
+    if isinstance(stamp, Mapping):
+        return [stamp.get(name) for name in robots]
+    return [stamp] * len(robots)
+
+
 def by_name(values: Mapping[str, float], names: Sequence[str]) -> Floats:
-    """Velocities told by name as a vector; NaN where one is of no joint."""
+    """Velocities by name as a vector; NaN where one is of no joint."""
     if any(name not in names for name in values):
         return np.full(len(names), np.nan)
     return np.array([as_number(values.get(name, 0.0)) for name in names])
@@ -356,24 +275,15 @@ def by_name(values: Mapping[str, float], names: Sequence[str]) -> Floats:
 
 def as_number(value: object) -> float:
     """A number; NaN for everything else."""
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return np.nan
+    return float(value) if is_number(value) else np.nan  # type: ignore[arg-type]
 
 
-def wrong_input(
-    q: object,
-    velocity: object,
-    stamp: object,
-    now: object,
-    robots: Sequence[str],
-    joints: int,
-) -> str:
+def wrong_input(given: Mapping[str, Any], robots: Sequence[str], joints: int) -> str:
     """Which input a cycle could not read; empty if it was what was asked for.
 
     In the order in which a guard reads them: the first one is what it stopped at.
     """
+    stamp, now, velocity = given["stamp"], given["now"], given["velocity"]
     stamps = [*stamp.values()] if isinstance(stamp, Mapping) else [stamp]
     known = not isinstance(stamp, Mapping) or all(name in robots for name in stamp)
     if now is not None and not is_number(now):
@@ -384,13 +294,13 @@ def wrong_input(
         return "stamp of nobody"
     if velocity is not None and not is_row(velocity, joints):
         return "velocity"
-    return "" if is_row(q, joints) else "q"
+    return "" if is_row(given["q"], joints) else "q"
 
 
-def is_number(value: object) -> bool:
+def is_number(value: Any) -> bool:
     """Whether a value is, or can be read as, one number."""
     try:
-        float(value)  # type: ignore[arg-type]
+        float(value)
     except (TypeError, ValueError):
         return False
     return True
@@ -399,15 +309,13 @@ def is_number(value: object) -> bool:
 def is_row(value: Any, count: int) -> bool:
     """Whether a value can be read as that many numbers."""
     try:
-        return np.array(value, dtype=np.float64).shape == (count,)
+        return np.asarray(value, dtype=np.float64).shape == (count,)
     except Exception:  # as the guard does with whatever a stranger's object raises
         return False
 
 
 def as_row(value: ArrayLike, count: int) -> Floats:
     """Numbers as a vector of that length; NaN where they are something else."""
-    try:
-        row = np.asarray(value, dtype=np.float64)
-    except Exception:  # whatever a stranger's object raises, the loop goes on
-        row = np.zeros(0)
-    return row if row.shape == (count,) else np.full(count, np.nan)
+    if not is_row(value, count):
+        return np.full(count, np.nan)
+    return np.asarray(value, dtype=np.float64)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from armguard.guard.verdict import names_of
+from armguard.guard.answer import names_of
 from armguard.respond import Guard
 from armguard.station.blackbox.report import gather, page
 from armguard.station.calls import Allow

@@ -10,9 +10,9 @@ import pytest
 from armguard import bay_scene
 from armguard.cli.console import jsonable
 from armguard.guard import Level, Reason
+from armguard.guard.answer import names_of
 from armguard.guard.layout import REASON
 from armguard.guard.nuisance import Cause
-from armguard.guard.verdict import names_of
 from armguard.scene import compile_scene
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings

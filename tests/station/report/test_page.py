@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from armguard import Guard, Pose, Scene, Sphere
 from armguard.cli import main
 from armguard.cli.app import app
-from armguard.guard.verdict import names_of
+from armguard.guard.answer import names_of
 from armguard.scene.bay import bay_path
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.report import findings_of, gather, page, write_page

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
+from armguard.guard.answer import Names
 from armguard.guard.levels import Level, Reason, level_of
-from armguard.guard.verdict import Names, Verdict
+from armguard.guard.verdict import Verdict
 from armguard.station.blackbox import ros
 from armguard.station.blackbox.blocks import places
 from armguard.station.blackbox.ros import Stored

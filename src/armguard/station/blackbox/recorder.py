@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from armguard import __version__
 from armguard.guard import layout
-from armguard.guard.verdict import Names, names_of
+from armguard.guard.answer import Names, names_of
 from armguard.scene.archive import ArchiveError, scene_of
 from armguard.scene.compile import compile_scene
 from armguard.station import frames

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
 from armguard.guard import layout
+from armguard.guard.answer import first_row_of
 from armguard.guard.levels import ORDERED, Reason
 from armguard.guard.objects import SightingError
-from armguard.guard.verdict import Verdict, first_row_of
+from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
 from armguard.station.blackbox.blocks import digest_of
 from armguard.station.blackbox.plausible import reading

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
+from armguard.guard.answer import first_row_of
 from armguard.guard.levels import Level, Reason, level_of
-from armguard.guard.monitor import NEAR_CAPACITY
-from armguard.guard.verdict import first_row_of
+from armguard.guard.loop import NEAR_CAPACITY
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
 from armguard.respond.tool import tool_of
 from armguard.scene.tables import SceneTables

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from armguard.guard import EventLog, Level
+from armguard.guard.answer import Names, names_of
 from armguard.guard.events import Event
 from armguard.guard.layout import HEADER, ROBOT_CAUSE, ROBOT_WIDTH
 from armguard.guard.levels import Reason
-from armguard.guard.verdict import Names, Verdict, names_of
+from armguard.guard.verdict import Verdict
 from armguard.respond.command import Action, Command
 from armguard.scene.tables import SceneTables
 from armguard.station.frames import Form, Frame

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from armguard.geometry.shapes import Shape
 from armguard.guard import layout
+from armguard.guard.answer import NearPair, names_of
 from armguard.guard.levels import Level, Reason, level_of
-from armguard.guard.verdict import NearPair, Verdict, names_of
+from armguard.guard.verdict import Verdict
 from armguard.respond import Command
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armguard.guard.answer import Names
 from armguard.guard.layout import CLEARANCE, FIRST, PROOF, SECOND, WITNESS
-from armguard.guard.verdict import Names
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
 from armguard.station.blackbox.report.cycles import Block
 from armguard.station.blackbox.report.timeline import least_in_each
@@ -33,9 +33,10 @@ class ClosestPairs:
     """Collects the pairs of bodies that were near from successive blocks."""
 
     def __init__(self, names: Names) -> None:
-        self._bodies = list(dict.fromkeys(names.bodies))
+        bodies = names.tables.body_names
+        self._bodies = list(dict.fromkeys(bodies))
         place = {body: k for k, body in enumerate(self._bodies)}
-        self._body_of = np.array([place[body] for body in names.bodies], np.int64)
+        self._body_of = np.array([place[body] for body in bodies], np.int64)
         self._found: dict[int, Closest] = {}
 
     def add(self, block: Block) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
+from armguard.guard.answer import Names
 from armguard.guard.levels import Level, Reason, level_of
-from armguard.guard.verdict import Names
 from armguard.station.blackbox.report.formatting import duration
 from armguard.station.frames import Frame
 

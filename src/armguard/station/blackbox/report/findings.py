@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from armguard.guard.answer import Names, names_of
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Level, Reason
-from armguard.guard.verdict import Names, names_of
 from armguard.scene.compile import compile_scene
 from armguard.station.blackbox.plausible import reading
 from armguard.station.blackbox.recording import Recording
@@ -205,8 +205,6 @@ def gather(
         progress: Called with the number of cycles read since the last call.
     """
     tables = names.tables
-    if tables is None:
-        raise ValueError("names without tables know no robots")
     closeness = closeness or Closeness()
     halts, closest = Halts(names), ClosestPairs(names)
     near = NearMisses(names, closeness)
@@ -232,7 +230,9 @@ def gather(
             # other frames the text alone is kept, since data can be large.
             if frame.kind is not Kind.CHECKPOINT and frame.text.get("note") != "scene":
                 events.append(Event(frame.monotonic, frame.kind, frame.text))
-        elif len(frame.q) != len(names.joints) or len(frame.verdict) < names.first_row:
+        elif (
+            len(frame.q) != len(tables.q_names) or len(frame.verdict) < names.first_row
+        ):
             foreign += 1
         elif frame.verdict[REASON] not in KNOWN:
             unknown += 1

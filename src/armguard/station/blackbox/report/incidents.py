@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from armguard.guard.answer import Names
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
 from armguard.guard.levels import SENTENCES, Level, Reason
 from armguard.guard.nuisance import Cause
-from armguard.guard.verdict import ABOUT_PAIRS, Names, Verdict
+from armguard.guard.sentences import ABOUT_PAIRS
+from armguard.guard.verdict import Verdict
 from armguard.station.blackbox.report.cycles import Block, Rows
 from armguard.station.frames import Frame
 

@@ -1,0 +1,364 @@
+"""The cycle, joint positions in and a verdict out, and the tables it needs."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from threading import get_ident
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard import layout
+from armguard.guard.answer import first_row_of, names_of, stop_answer
+from armguard.guard.checkpoint import chosen, kept_of_tables
+from armguard.guard.checkpoint_bounds import greatest_of
+from armguard.guard.contract import ContractTable
+from armguard.guard.cycle import run_cycle
+from armguard.guard.given import CycleInput, real_or_none
+from armguard.guard.grippers import Grippers
+from armguard.guard.grips import grips_of
+from armguard.guard.guarded_cycle import run_guarded_cycle
+from armguard.guard.holding import Holding, snapshot
+from armguard.guard.levels import Reason
+from armguard.guard.memory import FORCE, MEMORY
+from armguard.guard.objects import Objects
+from armguard.guard.pace import Pace
+from armguard.guard.planes import PLANE_COUNT
+from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
+from armguard.guard.saving import Saving
+from armguard.guard.verdict import Verdict
+from armguard.guard.watch import (
+    Watch,
+    all_pairs,
+    standing_needs,
+    watch_of,
+)
+from armguard.guard.workspace import (
+    BRUTE_FORCE,
+    CONTRACTS,
+    FIRST_ROW,
+    INDEX_KIND,
+    INTENTS,
+    MOVING_COUNT,
+    OCTREE,
+    SETTINGS,
+    Workspace,
+)
+from armguard.guard.world_at_home import build_index, world_at_home
+from armguard.motion import motion_of
+from armguard.scene.tables import SceneTables
+from armguard.table import Ledger
+
+# Near pairs an answer has room for. More than this many at once is a reason to stop
+# (`Reason.CAPACITY`), not to count on.
+NEAR_CAPACITY = 4096
+
+# Arrays of a workspace that are the scene's own.
+OF_SCENE = (
+    "lower upper parent joint_kind q_index gain T_parent_joint axis bodies local_rows "
+    "groups checked buffers"
+).split()
+
+# In place of a thread: two of them were in a cycle at once.
+SEVERAL = -1
+OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
+
+# What `reset` leaves as it is: what the scene says, and where objects were seen.
+KEPT = (
+    "pace model base top_speed seen_at object_velocity doubt object_stale robot_of "
+    "movers pairs pair_need"
+).split()
+
+
+class Loop:
+    """The cycles of a guard, their tables, and what changes these in between.
+
+    Attributes:
+        tables: The compiled scene.
+        index: The octree, or brute force; for pictures and statistics.
+
+    Args:
+        tables: The compiled scene.
+        budget: Spans of a stop path a cycle may test for all pairs together.
+        clock: Clock in nanoseconds that measures `Verdict.cycle_time`.
+    """
+
+    def __init__(
+        self, tables: SceneTables, budget: int, clock: Callable[[], int]
+    ) -> None:
+        self.tables = tables
+        self._budget = budget
+        self._clock = clock
+        self._guarded = any(part.mode != "fixed" for part in tables.robots)
+        self._pace = Pace(tables.period, tables.late)
+        self._thread = 0
+        self._memory = np.zeros(MEMORY, dtype=np.int64)
+        capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
+        T_world = np.zeros((len(tables.parent), 12))
+        world = world_at_home(tables, T_world)
+        self._poses = T_world
+        self.index = build_index(tables, world)
+        self._memory[FORCE] = 1
+        first_row = first_row_of(tables)
+        self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
+        self._watch = watch_of(tables)
+        self._input = CycleInput(self._watch, (part.name for part in tables.robots))
+        self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
+        settings[FIRST_ROW] = first_row
+        self._motion = motion_of(tables, self._budget)
+        self._watch_ledger = Ledger(self._watch)
+        self._grips = grips_of(tables)
+        changes = self._world_changed, self._take_over_tables
+        self._grippers = Grippers(tables, self.index, self._grips, *changes)
+        self._contracts = ContractTable(self._grippers, self._watch)
+        self._holding = Holding(
+            tables,
+            self._watch,
+            self._motion,
+            T_world,
+            self._grippers,
+            self._contracts,
+            lambda: self._lines,
+        )
+        self._objects = Objects(
+            tables,
+            self._watch,
+            self.index,
+            self._holding,
+            self._world_changed,
+            dict(tables.standing),
+        )
+        self._grippers.show_detailed()
+        self._expect_contracts()
+        settings[MOVING_COUNT] = tables.moving_count
+        brute_force = tables.index.kind == "brute_force"
+        settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
+        workspace = Workspace(
+            **scratch_of(tables, capacity),
+            settings=settings,
+            T_world=T_world,
+            memory=self._memory,
+            out=self._out,
+            look=np.array([largest_standing_need(tables, self._watch)]),
+            motion=self._motion,
+            watch=self._watch,
+            grips=self._grips,
+            world=world,
+            octree=self.index.state,
+        )
+        self._open_ledger(workspace)
+        self._holding.warm_up()
+        self._names = names_of(snapshot(tables), self._watch.disproved)
+        self._saving = Saving(
+            {
+                **kept_of_tables(tables),
+                **chosen(
+                    watch=self._watch,
+                    motion=self._motion,
+                    grips=self._grips,
+                    workspace=workspace,
+                ),
+            },
+            greatest_of(tables),
+            self._watch,
+            self._memory,
+            self._input,
+            self._holding,
+            self._objects,
+        )
+
+    @property
+    def q_names(self) -> tuple[str, ...]:
+        """'robot/joint' of each place of q."""
+        return self.tables.q_names
+
+    @property
+    def home(self) -> NDArray[np.float64]:
+        """Home configuration, a copy, shape (n,) [rad or m]."""
+        return self.tables.home.copy()
+
+    def step(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float] | None = None,
+        *,
+        velocity: ArrayLike | None = None,
+        now: float | None = None,
+    ) -> Verdict:
+        """Judge the joint positions of a cycle. Never raises.
+
+        A guard is for one thread at a time: a cycle that finds another one under way is
+        a stop (`Reason.WRONG_INPUT`).
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
+            stamp: When they were measured [s], for all robots or by robot name; on
+                any clock, the same for all. Where every robot's mode is "fixed" it may
+                be left out.
+            velocity: Joint velocities that were measured with them, shape (n,)
+                [rad/s or m/s]; if left out they are estimated from the stamps.
+            now: Time of this cycle on the same clock [s]; if left out the newest
+                stamp, and measurements count as late as they may be.
+
+        Returns:
+            The verdict; a snapshot that later cycles do not change.
+        """
+        start = self._clock()
+        time: Any = stamp if now is None else now
+        if type(time) is not float:
+            time = real_or_none(time)
+        thread = get_ident()
+        if self._thread and self._thread != thread:
+            return Verdict(
+                stop_answer(self._names, Reason.WRONG_INPUT),
+                self._names,
+                time,
+                0.0,
+                OTHER_THREAD,
+            )
+        self._thread = thread
+        try:
+            if self._guarded:
+                data, fault = self._judge(q, stamp, velocity, now)
+                self._pace.note(data)
+            else:
+                fault = "" if stamp is None else self._input.judge_stamp(stamp)
+                if fault:
+                    data = stop_answer(self._names, Reason.TIME_BACKWARDS)
+                else:
+                    array, fault = self._input.positions(q)
+                    if fault:
+                        data = stop_answer(self._names, Reason.WRONG_INPUT)
+                    else:
+                        data = self._out[: run_cycle(array, self._lines)].copy()
+        finally:
+            alone = self._thread == thread
+            self._thread = 0 if alone else self._leave_others()
+        if not alone:
+            data, fault = stop_answer(self._names, Reason.WRONG_INPUT), OTHER_THREAD
+        elapsed = (self._clock() - start) * 1e-9
+        return Verdict(data, self._names, time, elapsed, fault)
+
+    def judge_at_rest(self, q: ArrayLike) -> Verdict:
+        """Judge a configuration as if nothing moved in it. Never raises.
+
+        For poses that are only thought of: whether each pair keeps its buffer there.
+        What is remembered of the loop does not change, and no stop is ordered.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
+        """
+        start = self._clock()
+        array, fault = self._input.positions(q)
+        if fault:
+            data = stop_answer(self._names, Reason.WRONG_INPUT)
+        else:
+            with self._grippers.detailed():
+                used = run_cycle(array, self._lines)
+                data = self._out[:used].copy()
+        return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
+
+    def _judge(
+        self,
+        q: ArrayLike,
+        stamp: float | Mapping[str, float] | None,
+        velocity: ArrayLike | None,
+        now: float | None,
+    ) -> tuple[NDArray[np.float64], str]:
+        """The numbers of a cycle that predicts stops, and what was wrong in words."""
+        array, fault = self._input.take(q, stamp, velocity, now)
+        used = run_guarded_cycle(array, self._lines)
+        data = self._out[:used].copy()
+        if fault:
+            data[layout.REASON] = Reason.WRONG_INPUT
+            data[layout.JOINT] = -1.0
+        return data, fault
+
+    def reset(self) -> None:
+        """Forget the last cycle, the last stamps, ordered stops and broken figures.
+
+        Robots count as at rest. What is held is held, and contracts somebody asked for
+        stay in force; those by intent are over. Where every mode is "fixed" the next
+        verdict is the same either way; only the work is done anew.
+        """
+        self._memory[FORCE] = 1
+        self._input.last_stamp = -np.inf
+        for name, fresh in watch_of(self.tables)._asdict().items():
+            if name not in KEPT:
+                getattr(self._watch, name)[:] = fresh
+        self._motion.v_low[:] = self._motion.v_high[:] = 0.0
+        self._motion.clock.fill(0.0)
+        if len(self.tables.holds.grippers):
+            self._holding.forget()
+            self._world_changed()
+
+    def _leave_others(self) -> int:
+        """What marks the guard when a cycle ends that was not alone in it."""
+        return 0 if self._thread == SEVERAL else SEVERAL
+
+    def _expect_contracts(self) -> None:
+        """Have the loop look at contracts where there may be any, and only there."""
+        may_be = len(self._grips.grippers) > 0 or self._grips.may.any()
+        self._settings[CONTRACTS] = self._settings[INTENTS] = may_be
+
+    def _take_over_tables(self) -> None:
+        """Judge by tables in which what rides on what, or may touch it, is new."""
+        tables = self.tables
+        pairs = all_pairs(tables)
+        watch = self._watch
+        needs = standing_needs(pairs, watch.model, watch.base, tables)
+        self._watch = watch._replace(pairs=pairs, pair_need=needs)
+        self._holding.watch = self._watch
+        for name, table in (("pairs", pairs), ("pair_need", needs)):
+            self._watch_ledger.put(Watch._fields.index(name), table)
+        self._workspace.look[0] = largest_standing_need(tables, self._watch)
+        self._names = replace(self._names, tables=snapshot(tables))
+        self._expect_contracts()
+        self._world_changed()
+
+    def _world_changed(self) -> None:
+        """Take over an index that was built anew; measure every pair afresh."""
+        if self._workspace.octree is not self.index.state:
+            self._open_ledger(self._workspace._replace(octree=self.index.state))
+        self._memory[FORCE] = 1
+
+    def _open_ledger(self, workspace: Workspace) -> None:
+        """Let the kernels read and write the arrays of a workspace."""
+        self._workspace = workspace
+        self._ledger = Ledger(workspace, watch=self._watch_ledger)
+        self._lines = self._ledger.lines
+
+
+def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
+    """Arrays of a workspace that are the scene's own, or scratch, by name.
+
+    Args:
+        tables: The scene.
+        capacity: Near pairs there is room for.
+    """
+    count, bodies = len(tables.kinds), len(tables.parent)
+    return {
+        **{name: getattr(tables, name) for name in OF_SCENE},
+        "margin": np.array([tables.margin]),
+        "exact_of": tables.exact.of_primitive,
+        "exact_kinds": tables.exact.kinds,
+        "exact_rows": tables.exact.rows,
+        "T_next": np.zeros((bodies, 12)),
+        "body_moved": np.zeros(bodies, dtype=np.uint8),
+        "moved": np.zeros(count, dtype=np.uint8),
+        "candidates": np.zeros(count, dtype=np.int32),
+        "seen": np.zeros(count, dtype=np.int64),
+        "kept": np.zeros((capacity, layout.NEAR_WIDTH)),
+        "memo": np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
+        "memo_rows": np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
+        "planes": np.zeros(PLANE_COUNT, dtype=np.int64),
+        "normals": np.zeros((PLANE_COUNT, 3)),
+        "look_box": np.zeros(6),
+    }
+
+
+def largest_standing_need(tables: SceneTables, watch: Watch) -> float:
+    """More than any pair must keep for other reasons than motion [m]."""
+    errors = watch.model + watch.base
+    return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))

@@ -1,0 +1,26 @@
+"""Compile a part of the kernels into the cache.
+
+python -m armguard.respond [guarded]
+Started by a guard that finds nothing compiled, so that two processes share the work.
+"""
+
+import ctypes
+import signal
+import sys
+
+from armguard.respond.compiling import compile_there
+from armguard.respond.guard import try_out
+
+# Of prctl(2): the signal this process gets when its parent ends.
+PR_SET_PDEATHSIG = 1
+
+
+def end_with_parent() -> None:
+    """Have the kernel end this process when the one that started it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    end_with_parent()
+    compile_there("guarded" in sys.argv[1:], try_out)
