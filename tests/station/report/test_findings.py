@@ -17,8 +17,8 @@ from armguard.scene import compile_scene
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.recorder import Recorder, RecorderSettings
 from armguard.station.blackbox.report import Closeness, findings_of, gather
+from armguard.station.blackbox.report.cycles import level_shares, timeline
 from armguard.station.blackbox.report.incidents import Sense, sense_of
-from armguard.station.blackbox.report.timeline import level_shares, timeline
 from armguard.station.frames import Kind, text_frame
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
@@ -270,13 +270,14 @@ def test_findings_are_json(findings):
 
 def test_the_model_is_told_with_hashes_and_assumptions(filed):
     facts = filed.model
-    assert [robot.name for robot in facts.robots] == ["left", "right"]
-    assert facts.robots[0].response == "stop"
-    assert facts.robots[0].assumed > 0
-    assert len(facts.robots[0].fingerprint) == 16
-    assert facts.period == PERIOD
-    assert facts.allowed["adjacent"] == 14
-    assert facts.claims.count == 0
+    left, right = facts["robots"]
+    assert (left["name"], right["name"]) == ("left", "right")
+    assert left["response"] == "stop"
+    assert left["assumed"] > 0
+    assert len(left["fingerprint"]) == 16
+    assert facts["period"] == PERIOD
+    assert facts["allowed"]["adjacent"] == 14
+    assert facts["claims"]["count"] == 0
 
 
 def test_a_recording_without_a_cycle_says_so(names):

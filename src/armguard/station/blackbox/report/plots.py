@@ -13,7 +13,14 @@ from armguard.guard.levels import Level
 from armguard.guard.proofs import LOOK_AHEAD
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.station import palette
-from armguard.station.blackbox.report.cycles import Floats, Series, distribution
+from armguard.station.blackbox.report.cycles import (
+    Floats,
+    Series,
+    distribution,
+    least_in_each,
+    level_shares,
+    timeline,
+)
 from armguard.station.blackbox.report.findings import Findings
 from armguard.station.blackbox.report.formatting import (
     clock,
@@ -23,11 +30,6 @@ from armguard.station.blackbox.report.formatting import (
     short_time,
 )
 from armguard.station.blackbox.report.incidents import NearMiss
-from armguard.station.blackbox.report.timeline import (
-    least_in_each,
-    level_shares,
-    timeline,
-)
 from armguard.station.palette import hexadecimal
 
 COLOURS = {level: hexadecimal(rgb) for level, rgb in palette.LEVEL_COLOURS.items()}
