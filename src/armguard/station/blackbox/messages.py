@@ -1,19 +1,25 @@
 """Messages for people, each at its rate: joints, levels, lines, sentences."""
 
-from collections.abc import Iterator, Sequence
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.levels import Level, Reason, level_of
-from armguard.guard.verdict import Names, Verdict
+from armguard.guard.verdict import Names, Verdict, names_of
+from armguard.scene.archive import ArchiveError, scene_of
+from armguard.scene.compile import compile_scene
 from armguard.station.blackbox import ros
 from armguard.station.blackbox.blocks import places
 from armguard.station.blackbox.ros import Stored
-from armguard.station.frames import HEADER, JOINTS, ROBOTS, frame_of
+from armguard.station.frames import HEADER, JOINTS, ROBOTS, TOLD, frame_of
 
 Floats = NDArray[np.float64]
+
+log = logging.getLogger("armguard.blackbox")
 
 # Least time between two messages of each kind [s].
 JOINTS_EVERY = 0.01
@@ -144,3 +150,25 @@ def colour_of(clearance: float) -> tuple[float, float, float]:
     if not clearance >= 0.0:
         return OVER
     return SHORT if clearance < LITTLE else CLEAR
+
+
+def maker_of(about: Mapping[str, Any], archive: bytes) -> MessageMaker | None:
+    """A maker of messages of the scene that is recorded; None if it is not known."""
+    if not archive:
+        log.warning("the scene is not in the ring: no replay, and no names of pairs")
+        return None
+    try:
+        names = names_of(compile_scene(scene_of(archive)))
+    except ArchiveError as error:
+        log.warning("%s", error)
+        return None
+    joints, robots = about.get("names", ()), about.get("robots", ())
+    return MessageMaker(joints, robots, names, names.first_row)
+
+
+def nameless(row: Floats) -> MessageMaker:
+    """A maker of messages of a scene that is not known, from the frame of a cycle."""
+    n, r = int(row[JOINTS]), int(row[ROBOTS])
+    first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if row[TOLD] > 0 else 0)
+    joints = [f"joint{k + 1}" for k in range(n)]
+    return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)
