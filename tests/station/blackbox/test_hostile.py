@@ -15,8 +15,13 @@ from armguard.scene.archive import ArchiveError, scene_of
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.blocks import HEAD, unpack_block
 from armguard.station.blackbox.mcap_file import McapFile
-from armguard.station.blackbox.plausible import about_of, plausible_frame, unpacked
-from armguard.station.blackbox.recording import ABOUT, SCENE
+from armguard.station.blackbox.recording import (
+    ABOUT,
+    SCENE,
+    about_of,
+    plausible_frame,
+)
+from armguard.station.blackbox.recovery import unpacked
 from armguard.station.errors import RecordingError
 from armguard.station.frames import CYCLE, HEADER, JOINTS, KIND, MONOTONIC, Kind
 from armguard.station.motions import load_motion

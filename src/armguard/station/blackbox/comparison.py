@@ -16,8 +16,7 @@ from armguard.errors import ArmguardError
 from armguard.guard.levels import Level
 from armguard.guard.verdict import Verdict
 from armguard.respond import Guard
-from armguard.station.blackbox.plausible import reading
-from armguard.station.blackbox.recording import Recording
+from armguard.station.blackbox.recording import Recording, reading
 from armguard.station.blackbox.replay import (
     budget_of,
     do,
@@ -25,7 +24,7 @@ from armguard.station.blackbox.replay import (
     guard_of,
     inputs,
     judge,
-    timed,
+    known_frames,
 )
 from armguard.station.blackbox.settings import change
 from armguard.station.errors import RecordingError
@@ -108,8 +107,7 @@ class Side:
                     Stop(frame.cycle, time, robot, level.name, cause.name, verdict.why)
                 )
         self.levels = dict(levels)
-        pair = verdict.nearest
-        if pair is None:
+        if (pair := verdict.nearest) is None:
             return
         self.least_distance = min(self.least_distance, pair.distance)
         if pair.clearance < self.least_clearance:
@@ -150,21 +148,18 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and strings."""
+        found = asdict(self)
+        first, commands = found.pop("first"), found.pop("commands")
+        names = "cycle", "time", "what"
         return {
-            "settings": self.settings,
+            **found,
             "caveat": CAVEAT,
-            "cycles": self.cycles,
-            "skipped": self.skipped,
             "recorded": self.recorded.to_dict(),
             "changed": self.changed.to_dict(),
             "stops_gone": [asdict(stop) for stop in self.gone],
             "stops_new": [asdict(stop) for stop in self.new],
-            "cycles_told_otherwise": self.commands,
-            "first_difference": None
-            if self.first is None
-            else dict(zip(("cycle", "time", "what"), self.first, strict=True)),
-            "refused": self.refused,
-            "problems": self.problems,
+            "cycles_told_otherwise": commands,
+            "first_difference": first and dict(zip(names, first, strict=True)),
         }
 
 
@@ -202,18 +197,13 @@ def compare(
         )
         answer = Comparison(dict(settings))
         period = pair.was.tables.period
-        expected: int | None = None
-        known = False
-        for time, frame in timed(recording, start):
-            if time > end:
-                break
-            if frame.kind is Kind.CHECKPOINT:
-                if not known or expected != frame.cycle:
-                    pair.restore(frame.data)
-                else:
-                    pair.was.checkpoint()
-                known, expected = True, frame.cycle
-            elif frame.kind is Kind.EVENT and (known or frame.cycle == 0):
+        for time, frame, known in known_frames(recording, start, end):
+            if frame.kind is Kind.CHECKPOINT and known:
+                # The cycle after a checkpoint measures all pairs anew.
+                pair.was.checkpoint()
+            elif frame.kind is Kind.CHECKPOINT:
+                pair.restore(frame.data)
+            elif frame.kind is Kind.EVENT and known:
                 do(pair.was, frame)
                 try:
                     do(pair.now, frame)
@@ -221,12 +211,9 @@ def compare(
                     answer.refused.append(
                         f"{frame.text['call']} at {time:.3f} s: {error}"
                     )
+            elif frame.kind is Kind.CYCLE and not known:
+                answer.skipped += 1
             elif frame.kind is Kind.CYCLE:
-                known = (known and expected in (None, frame.cycle)) or frame.cycle == 0
-                expected = frame.cycle + 1
-                if not known:
-                    answer.skipped += 1
-                    continue
                 look(answer, pair, frame, time, period)
                 if progress is not None and answer.cycles % 100 == 0:
                     progress(100)
@@ -307,19 +294,20 @@ def look(
 
 
 def unmatched(stops: list[Stop], others: list[Stop]) -> list[Stop]:
-    """Those stops of one side that the other side has not, nearly at the same time."""
-    left = list(others)
-    found = []
+    """Those stops of one side that the other side has not, nearly at the same time.
+
+    A stop of all robots is one of each.
+    """
+    left, found = list(others), []
     for stop in stops:
-        same = [other for other in left if is_same(stop, other)]
+        same = [
+            other
+            for other in left
+            if abs(other.time - stop.time) <= SAME_STOP
+            and (stop.robot == other.robot or not (stop.robot and other.robot))
+        ]
         if same:
             left.remove(min(same, key=lambda o: abs(o.time - stop.time)))
         else:
             found.append(stop)
     return found
-
-
-def is_same(stop: Stop, other: Stop) -> bool:
-    """Whether a stop of one side is that of the other; one of all is one of each."""
-    whose = stop.robot == other.robot or not (stop.robot and other.robot)
-    return whose and abs(other.time - stop.time) <= SAME_STOP

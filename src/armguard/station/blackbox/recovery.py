@@ -10,10 +10,10 @@ import struct
 import zlib
 from collections.abc import Iterator
 
+import zstandard
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from armguard.station.blackbox.plausible import unpacked
 from armguard.station.blackbox.ros import Stored
 
 Data = bytes | mmap.mmap
@@ -84,6 +84,27 @@ def chunk_at(data: Data, start: int) -> tuple[bytes, int] | None:
     if zlib.crc32(inner) != checksum:
         return None
     return inner, behind
+
+
+def unpacked(data: bytes, size: int) -> bytes:
+    """Compressed bytes, which are `size` bytes long.
+
+    Raises:
+        ValueError: They are damaged, or of another length.
+    """
+    try:
+        # The library allocates the length that the data itself declares.
+        said = zstandard.get_frame_parameters(data).content_size
+        if said not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            raise ValueError(
+                f"{said} bytes are compressed where there should be {size}"
+            )
+        raw: bytes = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from error
+    if len(raw) != size:
+        raise ValueError(f"{len(raw)} bytes were compressed and should be {size}")
+    return raw
 
 
 def span_of(data: Data) -> tuple[int, ...]:
