@@ -164,7 +164,7 @@ def test_text_of_a_recording_is_escaped_wherever_it_is_shown(evening: Evening):
         everyone=("<x-everyone>", "right"),
         info={"<x-key>": "<x-value>", "scene_hash": "<x-hash>", "more": {"<x-a>": 1}},
         problems=["<x-problem>"],
-        events=[Event(found.begin, Kind.EVENT, call) for call in calls],
+        events=[Event(0.0, Kind.EVENT, call) for call in calls],
         closest=[replace(found.closest[0], a="<x-body>")],
         halts=[replace(halt, told=replace(halt.told, remedy="<x-remedy>"))],
         near_misses=[

@@ -58,12 +58,12 @@ def distribution(values: NDArray[np.floating]) -> Distribution | None:
 def row_type(robot_count: int, real: str = "f4") -> np.dtype[np.void]:
     """Values of a cycle: about fifty bytes, so that hours fit into memory.
 
-    `t` is the time of the verdict [s]; `cycle` its number; `cycle_time` [s]; `answer`
-    the time from the message's receipt to the verdict, NaN if unknown [s]; `levels`
-    and `ages` [s] of each robot; `whole` whether all near pairs are recorded. Of type
-    `real` are `slack`, the time until a stop is ordered, infinite if no pair is near
-    [s]; `clearance` and `distance` of the pair with the least clearance [m], infinite
-    if no pair is near, NaN if it is not recorded.
+    `t` is the time since the first verdict [s]; `cycle` its number; `cycle_time` [s];
+    `answer` the time from the message's receipt to the verdict, NaN if unknown [s];
+    `levels` and `ages` [s] of each robot; `whole` whether all near pairs are recorded.
+    Of type `real` are `slack`, the time until a stop is ordered, infinite if no pair is
+    near [s]; `clearance` and `distance` of the pair with the least clearance [m],
+    infinite if no pair is near, NaN if it is not recorded.
     """
     robots = (robot_count,)
     return np.dtype(
@@ -86,10 +86,11 @@ class Block:
     owner: Longs  # index of the cycle of each of these, shape (m,)
 
 
-def block_of(frames: list[Frame], names: Names) -> Block:
+def block_of(frames: list[Frame], names: Names, begin: float) -> Block:
     """Columns of some cycles; their frames fit the scene of the names.
 
-    A recording holds all near pairs of a cycle, the nearest one alone, or none.
+    A recording holds all near pairs of a cycle, the nearest one alone, or none. Times
+    count from `begin`, on the monotonic clock [s].
     """
     robots, first, count = len(names.robots), names.first_row, len(frames)
     head = np.array([frame.verdict[:first] for frame in frames])
@@ -97,7 +98,7 @@ def block_of(frames: list[Frame], names: Names) -> Block:
     own = head[:, layout.HEADER : end].reshape(count, robots, layout.ROBOT_WIDTH)
     ended, received = np.array([(frame.ended, frame.received) for frame in frames]).T
     rows: Rows = np.recarray(count, row_type(robots, "f8"))
-    rows.t = [frame.monotonic for frame in frames]
+    rows.t = [frame.monotonic - begin for frame in frames]
     rows.cycle = [frame.cycle for frame in frames]
     rows.cycle_time = [frame.cycle_time for frame in frames]
     rows.answer = ended - received
@@ -137,7 +138,6 @@ class Series:
     """All cycles of a recording in their order; its columns are attributes.
 
     Attributes:
-        t: Time of each cycle since the first one, shape (k,) [s].
         held: Time for which its verdict was the newest one; one period before a gap and
             at the end, shape (k,) [s].
         gaps: Indices of the cycles that a gap follows, shape (g,).
@@ -149,8 +149,7 @@ class Series:
 
     def __init__(self, rows: NDArray[np.void], period: float) -> None:
         self._rows, self.period = rows, period
-        self.t: Floats = rows["t"] - rows["t"][:1]
-        steps, skipped = np.diff(self.t), np.diff(rows["cycle"]) - 1
+        steps, skipped = np.diff(rows["t"]), np.diff(rows["cycle"]) - 1
         self.gaps: Longs = np.flatnonzero(steps > max(GAP_PERIODS * period, LEAST_GAP))
         self.held = np.append(np.maximum(steps, 0.0), period)[: len(rows)]
         self.held[self.gaps] = period
@@ -209,7 +208,6 @@ class Timeline:
     edges: Floats  # of the buckets, shape (b + 1,) [s]
     levels: Floats  # highest one of each robot, or of all, shape (r, b)
     clearance: Floats  # least one, shape (b,) [m]
-    distance: Floats  # of the pair that has it, shape (b,) [m]
     slack: Floats  # least time until a stop is ordered, shape (b,) [s]
     cycle_time: Floats  # longest one, shape (b,) [s]
 
@@ -232,15 +230,11 @@ def timeline(series: Series, buckets: int = BUCKETS) -> Timeline:
         pick.at(found, place, values.astype(np.float64))
         return np.where(np.isfinite(found), found, np.nan)
 
-    least = least_in_each(series.clearance, place)
-    distance = np.full(size, np.nan)
-    distance[place[least]] = series.distance[least]
     levels = series.levels if series.levels.shape[1] else series.level[:, None]
     return Timeline(
         edges=np.linspace(0.0, length, size + 1),
         levels=np.array([worst(np.maximum, own, -np.inf) for own in levels.T]),
         clearance=worst(np.fmin, series.clearance, np.inf),
-        distance=np.where(np.isfinite(distance), distance, np.nan),
         slack=worst(np.fmin, series.slack, np.inf),
         cycle_time=worst(np.fmax, series.cycle_time, -np.inf),
     )

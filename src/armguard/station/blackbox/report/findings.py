@@ -42,6 +42,12 @@ from armguard.station.frames import Frame, Kind
 # Cycles of a block.
 BLOCK = 2048
 
+# Findings that are in the JSON as they are.
+PLAIN = (
+    *("source", "info", "faults", "causes", "near_misses", "closeness", "closest"),
+    *("deadline", "problems", "model"),
+)
+
 # Reasons as verdicts hold them.
 KNOWN = frozenset(float(reason) for reason in Reason)
 
@@ -50,7 +56,7 @@ KNOWN = frozenset(float(reason) for reason in Reason)
 class Event:
     """A call or a note between two cycles."""
 
-    at: float  # on the monotonic clock [s]
+    t: float  # since the first cycle [s]
     kind: Kind
     text: Mapping[str, Any]  # its name and arguments
 
@@ -63,8 +69,7 @@ class Findings:
     info: Mapping[str, Any] = field(default_factory=dict)  # version, hashes, settings
     robots: tuple[str, ...]  # names; none where all modes are "fixed"
     everyone: tuple[str, ...]  # names of all robots of the scene
-    begin: float  # time of the first cycle, on the monotonic clock [s]
-    wall: float  # the same on the wall clock [s since 1970]; NaN without a cycle
+    wall: float  # time of the first cycle [s since 1970]; NaN without one
     series: Series  # every cycle
     halts: Sequence[Halt]  # beginnings of slows and stops
     near_misses: Sequence[NearMiss]
@@ -144,12 +149,11 @@ class Findings:
 
     def to_dict(self) -> dict[str, Any]:
         """All findings as plain values; of the cycles only sums."""
-        series, begin, halts = self.series, self.begin, self.halts
+        series, halts = self.series, self.halts
         (_, together), *own = self.time_at
         gaps = [(float(series.t[k]), float(series.t[k + 1])) for k in series.gaps]
         return {
-            "source": self.source,
-            "info": dict(self.info),
+            **{name: plain(getattr(self, name)) for name in PLAIN},
             "begin_wall": self.wall,
             "duration": series.duration,
             "judged": series.judged,
@@ -159,26 +163,18 @@ class Findings:
             "time_at": plain(together),
             "time_at_by_robot": plain(dict(own)),
             "cycles_by_reason": plain(self.reasons),
-            "faults": self.faults,
-            "stops": [halt.to_dict(begin) for halt in self.stops],
-            "slows": [halt.to_dict(begin) for halt in halts if not halt.stopped],
+            "stops": [halt.to_dict() for halt in self.stops],
+            "slows": [halt.to_dict() for halt in halts if not halt.stopped],
             "stops_by_sense": {s.value: len(self.stops_that_were(s)) for s in Sense},
-            "causes": [plain(cause) for cause in self.causes],
-            "near_misses": [miss.to_dict(begin) for miss in self.near_misses],
-            "closeness": plain(self.closeness),
-            "closest": [plain(pair) | {"at": pair.at - begin} for pair in self.closest],
             "cycles_with_all_near_pairs": self.whole,
             "cycle_time": plain(distribution(series.cycle_time)),
             "answer_time": plain(distribution(series.answer)),
-            "deadline": self.deadline,
             "deadline_misses": self.misses,
             "ages": plain(self.ages()),
             "events": [
-                {"t": event.at - begin, "kind": event.kind.name, **event.text}
+                {"t": event.t, "kind": event.kind.name, **event.text}
                 for event in self.events
             ],
-            "problems": list(self.problems),
-            "model": self.model,
         }
 
 
@@ -210,7 +206,7 @@ def gather(
     while taken := list(islice(cycles, BLOCK)):
         if isnan(begin):
             begin, wall = taken[0].monotonic, taken[0].wall
-        block = block_of(taken, names)
+        block = block_of(taken, names, begin)
         rows.append(block.rows.astype(rows[0].dtype))
         for part in (halts, closest, near):
             part.add(block)
@@ -222,14 +218,13 @@ def gather(
     return Findings(
         robots=tuple(names.robots),
         everyone=tuple(robot.name for robot in tables.robots),
-        begin=begin,
         wall=wall,
         series=Series(joined(rows), tables.period),
         halts=sorted(halts.found, key=lambda halt: halt.cycle),
         near_misses=near.found,
         closeness=closeness,
         closest=closest.pairs(),
-        events=events,
+        events=[replace(event, t=event.t - begin) for event in events],
         problems=problems,
         sensing=tuple(nan if own is None else own.sensing for own in figures),
     )
@@ -243,8 +238,8 @@ def own_cycles(
     Args:
         frames: Frames in their order.
         names: Names of the scene.
-        events: Receives the other frames, but scenes and checkpoints: every recording
-            repeats them.
+        events: Receives the other frames, at their times on the monotonic clock, but
+            scenes and checkpoints, which every recording repeats.
         problems: Receives which cycles are left out, when all frames were read.
     """
     foreign = unknown = 0

@@ -38,7 +38,8 @@ def plain(value: Any) -> Any:
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, dict):
         return {plain(key): plain(item) for key, item in value.items()}
-    return [plain(item) for item in value] if isinstance(value, tuple) else value
+    listed = isinstance(value, list | tuple)
+    return [plain(item) for item in value] if listed else value
 
 
 class Sense(Enum):
@@ -109,18 +110,17 @@ def text_of(frame: Frame, names: Names) -> VerdictText:
 class Halt:
     """The cycle in which a slow or a stop of robots begins."""
 
-    at: float  # on the monotonic clock [s]
+    t: float  # since the first cycle [s]
     cycle: int
     robots: tuple[str, ...]
     stopped: bool  # a stop; else a slow
     order: Reason  # of the verdict
     told: VerdictText
 
-    def to_dict(self, begin: float) -> dict[str, object]:
-        """The halt as plain values, its time since the first cycle."""
-        own = plain(self)
-        told = own.pop("told")
-        return {"t": own.pop("at") - begin, **own, **told}
+    def to_dict(self) -> dict[str, Any]:
+        """The halt as plain values."""
+        own: dict[str, Any] = plain(self)
+        return own | own.pop("told")
 
 
 class Halts:
@@ -188,45 +188,30 @@ class NearMiss:
     """Successive cycles that are stops, or nearer than the limits allow.
 
     Its main cycle is the first stop, else the one with the least clearance. Times are
-    on the monotonic clock.
+    since the first cycle of the recording.
     """
 
     began: float  # time of its first cycle [s]
     ended: float  # time of its last cycle [s]
-    level: Level  # highest one
+    highest_level: Level
     cycle: int  # its main cycle
-    at: float  # time of that cycle [s]
+    t: float  # time of that cycle [s]
     told: VerdictText  # verdict of that cycle
-    clearance: float  # least one; infinite if no pair is near [m]
-    nearest_at: float  # time of the least clearance [s]
-    nearest: VerdictText  # verdict at the least clearance
-
-    def to_dict(self, begin: float) -> dict[str, object]:
-        """The near miss as plain values, times since the first cycle."""
-        return {
-            "began": self.began - begin,
-            "ended": self.ended - begin,
-            "cycle": self.cycle,
-            "t": self.at - begin,
-            "highest_level": self.level.name,
-            "least_clearance": self.clearance,
-            "nearest_t": self.nearest_at - begin,
-            "told": plain(self.told),
-            "nearest": plain(self.nearest),
-        }
+    least_clearance: float  # infinite if no pair is near [m]
+    nearest_t: float  # its time [s]
+    nearest: VerdictText  # verdict of that cycle
 
     def joined(self, later: "NearMiss") -> "NearMiss":
         """This near miss and a later one as one."""
-        near = later if later.clearance < self.clearance else self
-        stops = (miss for miss in (self, later) if miss.level >= Level.STOP)
-        main = next(stops, near)
+        near = later if later.least_clearance < self.least_clearance else self
+        stops = (miss for miss in (self, later) if miss.highest_level >= Level.STOP)
         return replace(
-            main,
+            next(stops, near),
             began=self.began,
             ended=later.ended,
-            level=max(self.level, later.level),
-            clearance=near.clearance,
-            nearest_at=near.nearest_at,
+            highest_level=max(self.highest_level, later.highest_level),
+            least_clearance=near.least_clearance,
+            nearest_t=near.nearest_t,
             nearest=near.nearest,
         )
 
@@ -257,11 +242,11 @@ def near_miss(frames: list[Frame], rows: Rows, names: Names) -> NearMiss:
     """Cycles as a near miss; a frame would keep its part of the file in memory."""
     clearance = np.where(np.isnan(rows.clearance), np.inf, rows.clearance)
     least, stops = int(clearance.argmin()), np.flatnonzero(rows.level >= Level.STOP)
-    main, near = frames[stops[0] if len(stops) else least], frames[least]
-    span = float(rows.t[0]), float(rows.t[-1]), Level(int(rows.level.max()))
-    of_main, of_near = text_of(main, names), text_of(near, names)
-    own = float(clearance[least]), near.monotonic, of_near
-    return NearMiss(*span, main.cycle, main.monotonic, of_main, *own)
+    main, t = stops[0] if len(stops) else least, rows.t.tolist()
+    of_main, of_least = (text_of(frames[k], names) for k in (main, least))
+    span = t[0], t[-1], Level(int(rows.level.max()))
+    nearest = float(clearance[least]), t[least], of_least
+    return NearMiss(*span, int(rows.cycle[main]), t[main], of_main, *nearest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,7 +259,7 @@ class Closest:
     a: str
     b: str
     distance: float  # least signed distance of their primitives [m]
-    at: float  # its time, on the monotonic clock [s]
+    at: float  # its time since the first cycle [s]
     cycle: int  # its cycle
     clearance: float  # least one of all cycles [m]
     cycles: int  # recorded cycles in which they were within the margin

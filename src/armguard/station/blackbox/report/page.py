@@ -175,7 +175,7 @@ def nearest_sentence(findings: Findings) -> str:
     if not findings.free:
         return "Nothing came within the margin in which pairs are reported."
     pair = findings.free[0]
-    names, at = f"{pair.a} and {pair.b}", clock(pair.at - findings.begin)
+    names, at = f"{pair.a} and {pair.b}", clock(pair.at)
     if pair.distance <= 0.0:
         overlap = millimetres(-pair.distance)
         return f"The modelled surfaces of {names} overlapped by {overlap} at {at}."

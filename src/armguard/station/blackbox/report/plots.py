@@ -82,7 +82,7 @@ def plots(findings: Findings, drawn: Sequence[NearMiss]) -> dict[str, go.Figure]
     found["plot-slack"] = slack_histogram(findings.series)
     found["plot-times"] = time_histogram(findings)
     for k, miss in enumerate(drawn, start=1):
-        found[f"plot-near-{k}"] = near_miss(findings.series, miss, findings.begin)
+        found[f"plot-near-{k}"] = near_miss(findings.series, miss)
     return found
 
 
@@ -183,7 +183,7 @@ def time_line(findings: Findings) -> go.Figure:
         figure.add_trace(curve, row, 1)
     stops = findings.stops
     marks = lines(
-        np.array([(halt.at - findings.begin) / size for halt in stops]),
+        np.array([halt.t / size for halt in stops]),
         np.zeros(len(stops)),
         "%{text}",
         mode="markers",
@@ -245,11 +245,10 @@ def level_runs(name: str, levels: NDArray[Any], edges: Floats) -> go.Bar:
     )
 
 
-def near_miss(series: Series, miss: NearMiss, begin: float) -> go.Figure:
+def near_miss(series: Series, miss: NearMiss) -> go.Figure:
     """Distance of the nearest pair and needed separation around a near miss."""
-    at = miss.at - begin
-    first, last = np.searchsorted(series.t, [at - BEFORE, at + AFTER])
-    times = series.t[first:last] - at
+    first, last = np.searchsorted(series.t, [miss.t - BEFORE, miss.t + AFTER])
+    times = series.t[first:last] - miss.t
     left, distance = series.clearance[first:last], series.distance[first:last]
     seen = np.isfinite(distance) & np.isfinite(left)
     distance = np.where(seen, distance * 1e3, np.nan)
@@ -271,7 +270,7 @@ def near_miss(series: Series, miss: NearMiss, begin: float) -> go.Figure:
     edges = np.append(times, min(AFTER, times[-1] + series.period))
     level = level_runs("level", series.level[first:last], edges)
     figure.add_trace(level.update(yaxis="y2"))
-    start, end = max(miss.began - miss.at, -BEFORE), min(miss.ended - miss.at, AFTER)
+    start, end = max(miss.began - miss.t, -BEFORE), min(miss.ended - miss.t, AFTER)
     # One cycle is wide enough to be seen.
     end = max(end, start + 0.01)
     figure.add_vrect(start, end, fillcolor=VERMILLION, opacity=0.08, line_width=0)
