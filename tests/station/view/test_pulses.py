@@ -18,7 +18,7 @@ from websockets.asyncio.client import connect
 
 from armguard.respond.command import Action
 from armguard.station.client import Client
-from armguard.station.recorder_pulse import beat, end_pulse
+from armguard.station.ring import beat, end_pulse
 from armguard.station.simulated.stage import Stage
 from armguard.station.view.driving.pulses import HELD, LEFT, Pulses
 from armguard.station.view.live_view import LiveView

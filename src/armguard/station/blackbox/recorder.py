@@ -37,8 +37,7 @@ from armguard.station.blackbox.recording import ABOUT, SCENE
 from armguard.station.blackbox.ros import Stored
 from armguard.station.errors import RingError
 from armguard.station.frames import Kind, frame_of, text_frame
-from armguard.station.recorder_pulse import beat, end_pulse
-from armguard.station.ring import RingReader
+from armguard.station.ring import RingReader, beat, end_pulse
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from armguard.scene.bay import bay_path
 from armguard.station.client import Client, Welcome
 from armguard.station.errors import NoServiceError, StationError
 from armguard.station.frames import Frame, Kind
-from armguard.station.recorder_pulse import recorder_age
+from armguard.station.ring import recorder_age
 from armguard.station.simulated import TeleDriver
 from armguard.station.simulated.operator import Operator
 from armguard.station.view.drive_tab import DriveTab
