@@ -57,12 +57,12 @@ class Stop:
     why: str  # the reason in words
 
 
-@dataclass(slots=True)
+@dataclass
 class Side:
     """The verdicts of one of the two guards."""
 
     # Time at each level [s].
-    seconds: dict[str, float] = field(
+    seconds_at_level: dict[str, float] = field(
         default_factory=lambda: {level.name: 0.0 for level in Level}
     )
     stops: list[Stop] = field(default_factory=list)
@@ -71,8 +71,11 @@ class Side:
     least_distance: float = np.inf  # likewise [m]
     nearest: str = ""  # the pair of the least clearance in words; "" for none
     nearest_at: float | None = None  # when, since the recording's first frame [s]
-    levels: dict[str, Level] = field(default_factory=dict)
-    stopped_at: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # Levels of the last cycle, and the last time of each robot's stop [s].
+        self.levels: dict[str, Level] = {}
+        self._stopped_at: dict[str, float] = {}
 
     def add(
         self,
@@ -92,15 +95,15 @@ class Side:
             before: Levels the cycle began with: one that begins stopped orders no
                 stop.
         """
-        self.seconds[verdict.level.name] += lasted
+        self.seconds_at_level[verdict.level.name] += lasted
         levels = verdict.levels or {"": verdict.level}
         for robot, level in levels.items():
             was = before.get(robot, Level.CLEAR)
             self.slows += was < Level.SLOW <= level < Level.STOP
             if level < Level.STOP:
                 continue
-            over = time - self.stopped_at.get(robot, -np.inf) > SAME_STOP
-            self.stopped_at[robot] = time
+            over = time - self._stopped_at.get(robot, -np.inf) > SAME_STOP
+            self._stopped_at[robot] = time
             if over and was < Level.STOP:
                 cause = verdict.causes.get(robot, verdict.reason)
                 self.stops.append(
@@ -114,12 +117,6 @@ class Side:
             self.least_clearance = pair.clearance
             self.nearest, self.nearest_at = pair.why, time
 
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and strings."""
-        found = asdict(self)
-        del found["levels"], found["stopped_at"]
-        return {"seconds_at_level": found.pop("seconds"), **found}
-
 
 @dataclass(slots=True)
 class Comparison:
@@ -131,8 +128,8 @@ class Comparison:
     recorded: Side = field(default_factory=Side)
     changed: Side = field(default_factory=Side)
     commands: int = 0  # cycles in which robots would have got another command
-    # Cycle, time [s] and words of the first difference; None if there is none.
-    first: tuple[int, float, str] | None = None
+    # Its cycle, its time [s] and what it is; None if there is none.
+    first_difference: dict[str, Any] | None = None
     refused: list[str] = field(default_factory=list)  # calls, in words
     problems: list[str] = field(default_factory=list)  # of the recording, in words
 
@@ -149,17 +146,11 @@ class Comparison:
     def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and strings."""
         found = asdict(self)
-        first, commands = found.pop("first"), found.pop("commands")
-        names = "cycle", "time", "what"
-        return {
-            **found,
+        return found | {
             "caveat": CAVEAT,
-            "recorded": self.recorded.to_dict(),
-            "changed": self.changed.to_dict(),
             "stops_gone": [asdict(stop) for stop in self.gone],
             "stops_new": [asdict(stop) for stop in self.new],
-            "cycles_told_otherwise": commands,
-            "first_difference": first and dict(zip(names, first, strict=True)),
+            "cycles_told_otherwise": found.pop("commands"),
         }
 
 
@@ -289,8 +280,9 @@ def look(
                 f"{pair.was.q_names[j]} is commanded {velocity[j]:.6f} instead of "
                 f"{sent[j]:.6f}"
             )
-    if other and answer.first is None:
-        answer.first = frame.cycle, time, other
+    if other and answer.first_difference is None:
+        first = {"cycle": frame.cycle, "time": time, "what": other}
+        answer.first_difference = first
 
 
 def unmatched(stops: list[Stop], others: list[Stop]) -> list[Stop]:

@@ -109,11 +109,12 @@ class MessageMaker:
     def _motion(self, row: Floats, time: int) -> Iterator[Stored]:
         """Positions and velocities of the joints, measured and commanded."""
         n, (sent, verdict, _, _) = int(row[JOINTS]), places(row)
-        rows = row[HEADER : HEADER + 2 * n].reshape(2, n)
-        yield ros.joints(ros.JOINT_STATES, time, self._joints, *rows)
+        measured, names = row[HEADER : HEADER + 2 * n].reshape(2, n), self._joints
+        yield ros.joints(ros.JOINT_STATES, time, names, measured)
         if verdict > sent:
             velocity, position = row[sent : sent + 2 * n].reshape(2, n)
-            yield ros.joints(ros.COMMANDS, time, self._joints, position, velocity)
+            command = np.array((position, velocity))
+            yield ros.joints(ros.COMMANDS, time, names, command)
 
     def _lines(self, row: Floats, time: int) -> Stored:
         """Near pairs as lines."""
@@ -122,12 +123,10 @@ class MessageMaker:
         pairs = pairs[: len(pairs) // layout.NEAR_WIDTH * layout.NEAR_WIDTH]
         table = pairs.reshape(-1, layout.NEAR_WIDTH)
         order = np.argsort(table[:, layout.CLEARANCE], kind="stable")[:MOST_LINES]
-        distance, *ends = table[order, layout.WITNESS : layout.WITNESS + 7].T
-        points = np.array(ends).T.reshape(-1, 2, 3).tolist()
-        colours = map(colour_of, table[order, layout.CLEARANCE].tolist())
-        lines = list(zip(points, colours, strict=True))
-        label = f"{distance[0] * 1e3:.0f} mm" if lines else ""
-        return ros.markers(time, lines, label)
+        rows = table[order, layout.WITNESS : layout.WITNESS + 7]
+        colours = [colour_of(left) for left in table[order, layout.CLEARANCE].tolist()]
+        label = f"{rows[0, 0] * 1e3:.0f} mm" if len(rows) else ""
+        return ros.markers(time, rows[:, 1:].reshape(-1, 2, 3), colours, label)
 
     def _change(self, row: Floats, summary: Summary, time: int) -> Stored:
         """A sentence on a level that changed."""

@@ -109,12 +109,11 @@ def unpacked(data: bytes, size: int) -> bytes:
 
 def span_of(data: Data) -> tuple[int, ...]:
     """First and last time of messages, by the heads of chunks alone [ns]."""
-    tags = data.find(COMPRESSED, len(MAGIC) + BEHIND), data.rfind(COMPRESSED)
     found: list[int] = []
-    for tag in tags:
-        start = tag - BEHIND + RECORD.size
-        if tag >= BEHIND and data[tag - BEHIND] == Opcode.CHUNK:
-            found += CHUNK_HEAD.unpack_from(data, start)[:2]
+    for tag in data.find(COMPRESSED, len(MAGIC) + BEHIND), data.rfind(COMPRESSED):
+        start = tag - BEHIND
+        if start >= 0 and data[start] == Opcode.CHUNK:
+            found += CHUNK_HEAD.unpack_from(data, start + RECORD.size)[:2]
     return tuple(found)
 
 
@@ -123,16 +122,12 @@ def check_between(data: Data, start: int, end: int, problems: list[str]) -> None
     at = start
     while at + RECORD.size <= end:
         kind, length = RECORD.unpack_from(data, at)
-        if (
-            kind not in OPCODES
-            or kind == Opcode.CHUNK
-            or at + RECORD.size + length > end
-        ):
+        behind = at + RECORD.size + length
+        # A chunk, perhaps one whose very first byte is wrong.
+        inside = data[at + BEHIND : at + BEHIND + len(COMPRESSED)] == COMPRESSED
+        if kind not in OPCODES - {Opcode.CHUNK} or behind > end or inside:
             break
-        if data[at + BEHIND : at + BEHIND + len(COMPRESSED)] == COMPRESSED:
-            # A chunk whose very first byte is wrong.
-            break
-        at += RECORD.size + length
+        at = behind
     if at != end:
         problems.append(f"bytes {at} to {end} of the file are damaged")
 
@@ -151,23 +146,18 @@ def messages(inner: bytes) -> Iterator[Stored]:
 
 def attachment(data: Data, name: str) -> bytes | None:
     """The attached file of that name; None if no whole copy of it is there."""
-    word = name.encode()
-    word = struct.pack("<I", len(word)) + word
+    word = struct.pack("<I", len(name.encode())) + name.encode()
     at = -1
     while (at := data.find(word, at + 1)) >= 0:
         # Two times precede the name; the checksum covers them as well.
         start, place = at - 16, at + len(word)
-        if start < 0 or place + 4 > len(data):
+        try:
+            place += 4 + struct.unpack_from("<I", data, place)[0]
+            end = place + 8 + struct.unpack_from("<Q", data, place)[0]
+            (checksum,) = struct.unpack_from("<I", data, end)
+        except (struct.error, OverflowError):
+            # It would go on behind the end of the file.
             continue
-        (kind,) = struct.unpack_from("<I", data, place)
-        place += 4 + kind
-        if place + 8 > len(data):
-            continue
-        (size,) = struct.unpack_from("<Q", data, place)
-        place += 8
-        if place + size + 4 > len(data):
-            continue
-        (checksum,) = struct.unpack_from("<I", data, place + size)
-        if zlib.crc32(data[start : place + size]) == checksum:
-            return bytes(data[place : place + size])
+        if start >= 0 and zlib.crc32(data[start:end]) == checksum:
+            return bytes(data[place + 8 : end])
     return None

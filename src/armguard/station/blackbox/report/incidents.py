@@ -119,8 +119,9 @@ class Halt:
 
     def to_dict(self) -> dict[str, Any]:
         """The halt as plain values."""
-        own: dict[str, Any] = plain(self)
-        return own | own.pop("told")
+        own = plain(self)
+        told = own.pop("told")
+        return {**own, **told}
 
 
 class Halts:
