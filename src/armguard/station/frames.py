@@ -115,13 +115,11 @@ def frame_of(row: Floats) -> Frame:
         raise ValueError(f"a frame of {len(row)} numbers has no header")
     head = row[:HEADER]
     kind = Kind(int(head[KIND]))
-    places = (JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT, POSES)
-    lengths = [int(head[k]) for k in places]
     size, more = int(head[TEXT]), int(head[DATA])
-    whole = HEADER + sum(lengths) + words(size) + words(more)
-    if min(*lengths, size, more) < 0 or whole != len(row):
+    ends = sections(row)
+    whole = ends[-1] + words(size) + words(more)
+    if sorted(ends) != ends or min(size, more) < 0 or whole != len(row):
         raise ValueError(f"a frame of {len(row)} numbers declares another length")
-    ends = [*accumulate(lengths, initial=HEADER)]
     q, velocity, stamps, asked, told, verdict, poses = (
         row[start:end] for start, end in pairwise(ends)
     )
@@ -146,6 +144,12 @@ def frame_of(row: Floats) -> Frame:
         text=json.loads(text) if size else {},
         data=row[ends[-1] + words(size) :].tobytes()[:more],
     )
+
+
+def sections(row: Floats) -> list[int]:
+    """Where q, velocity, stamps, asked, told, verdict, poses and the text begin."""
+    lengths = row[[JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT, POSES]].tolist()
+    return [*accumulate(map(int, lengths), initial=HEADER)]
 
 
 def words(size: int) -> int:

@@ -13,9 +13,9 @@ from armguard.guard.verdict import Names, Verdict, names_of
 from armguard.scene.archive import ArchiveError, scene_of
 from armguard.scene.compile import compile_scene
 from armguard.station.blackbox import ros
-from armguard.station.blackbox.blocks import places
 from armguard.station.blackbox.ros import Stored
-from armguard.station.frames import HEADER, JOINTS, ROBOTS, TOLD, frame_of
+from armguard.station.frames import HEADER, JOINTS, ROBOTS, TOLD, frame_of, sections
+from armguard.station.palette import ORANGE, PURPLE, SKY
 
 Floats = NDArray[np.float64]
 
@@ -29,8 +29,9 @@ LINES_EVERY = 0.1
 # Near pairs that are drawn at most.
 MOST_LINES = 64
 
-# Colours that can be told apart without seeing red and green.
-CLEAR, SHORT, OVER = (0.34, 0.71, 0.91), (0.90, 0.62, 0.0), (0.80, 0.47, 0.65)
+CLEAR, SHORT, OVER = (
+    tuple(part / 255.0 for part in colour) for colour in (SKY, ORANGE, PURPLE)
+)
 
 # A pair with less clearance than this is drawn as one that is short [m].
 LITTLE = 0.01
@@ -49,7 +50,7 @@ class Summary:
     __slots__ = ("clearance", "level", "levels", "slack")
 
     def __init__(self, row: Floats, first_row: int) -> None:
-        _, verdict, poses, _ = places(row)
+        *_, verdict, poses, _ = sections(row)
         numbers = row[verdict:poses]
         reason = Reason(int(numbers[layout.REASON]))
         guarded = first_row > layout.HEADER and len(numbers) >= first_row
@@ -108,7 +109,7 @@ class MessageMaker:
 
     def _motion(self, row: Floats, time: int) -> Iterator[Stored]:
         """Positions and velocities of the joints, measured and commanded."""
-        n, (sent, verdict, _, _) = int(row[JOINTS]), places(row)
+        n, (*_, sent, verdict, _, _) = int(row[JOINTS]), sections(row)
         measured, names = row[HEADER : HEADER + 2 * n].reshape(2, n), self._joints
         yield ros.joints(ros.JOINT_STATES, time, names, measured)
         if verdict > sent:
@@ -118,7 +119,7 @@ class MessageMaker:
 
     def _lines(self, row: Floats, time: int) -> Stored:
         """Near pairs as lines."""
-        _, verdict, poses, _ = places(row)
+        *_, verdict, poses, _ = sections(row)
         pairs = row[verdict + self.first_row : poses]
         pairs = pairs[: len(pairs) // layout.NEAR_WIDTH * layout.NEAR_WIDTH]
         table = pairs.reshape(-1, layout.NEAR_WIDTH)
@@ -144,7 +145,7 @@ class MessageMaker:
         return ros.log(time, level, sentence)
 
 
-def colour_of(clearance: float) -> tuple[float, float, float]:
+def colour_of(clearance: float) -> Sequence[float]:
     """Colour of a near pair by its clearance [m]."""
     if not clearance >= 0.0:
         return OVER

@@ -35,7 +35,6 @@ from armguard.station.blackbox.messages import (
 from armguard.station.blackbox.near_misses import Before, Trigger
 from armguard.station.blackbox.recording import ABOUT, SCENE
 from armguard.station.blackbox.ros import Stored
-from armguard.station.errors import RingError
 from armguard.station.frames import Kind, frame_of, text_frame
 from armguard.station.ring import RingReader, beat, end_pulse
 
@@ -365,19 +364,3 @@ class Recorder:
         if self._offset is None:
             self._offset = float(row[frames.WALL]) - self._now
         self._time = max(self._time, int((self._offset + self._now) * 1e9))
-
-
-def wait_for_ring(path: Path, patience: float) -> RingReader:
-    """The ring of a file, which is waited for so long [s].
-
-    Raises:
-        RingError: It does not come.
-    """
-    end = time.monotonic() + patience
-    while True:
-        try:
-            return RingReader(path)
-        except RingError:
-            if time.monotonic() > end:
-                raise
-        time.sleep(0.05)

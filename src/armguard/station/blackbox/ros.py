@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-# Red, green and blue in [0, 1].
-Colour = tuple[float, float, float]
-
 
 class Topic(NamedTuple):
     """A channel; its number is the same in every file."""
@@ -40,6 +37,9 @@ TIME_LEFT = Topic(8, "/armguard/time_left", "std_msgs/msg/Float64")
 TOPICS = (
     FRAMES, JOINT_STATES, COMMANDS, WORDS, NEAR, LEVEL, CLEARANCE, TIME_LEFT,
 )  # fmt: skip
+
+# Red, green and blue in [0, 1].
+Colour = Sequence[float]
 
 # Levels of a log, as ROS 2 counts them.
 INFO, WARN, ERROR = 20, 30, 40
