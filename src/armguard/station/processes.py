@@ -40,7 +40,7 @@ os.execv(sys.executable, [sys.executable, *sys.argv[2:]])
 
 
 def end_with(parent: int) -> None:
-    """On Linux, be told to end as soon as the process that started this one does.
+    """On Linux, end as soon as the process that started this one does.
 
     Args:
         parent: Number of that process; where it is another one, nothing happens.

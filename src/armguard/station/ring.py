@@ -302,7 +302,7 @@ def recorder_age(ring: Path) -> float | None:
     """How long ago the recorder of a ring last wrote all there was [s].
 
     It says so twice a second while its disk takes what it writes. None if no recorder
-    has begun, or the last one ended when it was told to.
+    has begun, or the last one ended in order.
     """
     try:
         data = pulse_path(ring).read_bytes()

@@ -18,7 +18,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.station.blackbox.recovery import unpacked
+from armguard.station.blackbox.mcap_file import unpacked
 from armguard.station.frames import (
     DATA,
     POSES,

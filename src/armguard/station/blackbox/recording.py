@@ -10,6 +10,7 @@ import mmap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from armguard.guard import layout
 from armguard.scene.archive import scene_of
 from armguard.scene.scene import Scene
 from armguard.station.blackbox.blocks import unpack_block
-from armguard.station.blackbox.recovery import attachment, chunks, messages, span_of
+from armguard.station.blackbox.mcap_file import attachment, chunks, messages, span_of
 from armguard.station.blackbox.ros import FRAMES, Stored
 from armguard.station.errors import RecordingError
 from armguard.station.frames import Form, Frame, Kind, frame_of
@@ -140,16 +141,9 @@ class Recording:
 
         A service whose settings are changed goes on in another scene.
         """
-        groups: list[tuple[str, list[Path]]] = []
-        for path in self.paths:
-            scene = str(Recording([path]).info.get("archive", ""))
-            if groups and groups[-1][0] == scene:
-                groups[-1][1].append(path)
-            else:
-                groups.append((scene, [path]))
-        if len(groups) == 1:
-            return [self]
-        return [Recording(paths) for _, paths in groups]
+        scenes = groupby(self.paths, lambda p: Recording([p]).info.get("archive", ""))
+        groups = [list(paths) for _, paths in scenes]
+        return [self] if len(groups) == 1 else list(map(Recording, groups))
 
     def scene(self) -> Scene:
         """The scene it was made in, from what the recording holds.

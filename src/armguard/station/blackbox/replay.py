@@ -305,7 +305,7 @@ def difference(frame: Frame, verdict: Verdict, sent: Floats, guard: Guard) -> st
             what = f"{OF_ROBOTS[kind]} of {robots[robot]}"
         return f"{what} was {frame.told[k]!r} and is {sent[k]!r}"
     if len(frame.told) != len(sent):
-        return f"{len(frame.told)} numbers were told and are {len(sent)}"
+        return f"{len(frame.told)} numbers were commanded and are {len(sent)}"
     ends = min(len(was), len(now), first_row_of(guard.tables))
     places = {
         value: name.lower().replace("_", " ")
