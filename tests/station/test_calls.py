@@ -16,7 +16,7 @@ from armguard.station.blackbox.replay import do
 from armguard.station.calls import CALLS, Call, GuardCall, call_of
 from armguard.station.client.client import request_of
 from armguard.station.errors import RefusedError
-from armguard.station.frames import Frame, Kind, frame_of, text_of
+from armguard.station.frames import Kind, frame_of, text_frame, text_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
 from armguard.station.service.calls import Calls, permitted, read_call
@@ -185,7 +185,7 @@ def test_a_call_is_recorded_as_ever_and_replayed_as_it_was(call, given, text):
     assert event == text_with(call, text)
     first, again = Spy(), Spy()
     made.apply(first)
-    do(again, Frame(Kind.EVENT, 0, 0.0, 0.0, text=json.loads(event)))
+    do(again, frame_of(text_frame(Kind.EVENT, 0, 0.0, 0.0, json.loads(event))))
     ((name, arguments),) = again.calls
     assert name == call
     assert text_of(call_of({"call": name, **arguments}).event).decode() == event

@@ -89,7 +89,7 @@ def compared(
     recording = open_recording(path)
     with progress_bar("judging twice", recording.cycle_count) as advance:
         found = compare(recording, settings, start=start, end=end, progress=advance)
-    same = found.cycles > 0 and found.first is None
+    same = found.cycles > 0 and found.first_difference is None
     return found.to_dict(), CLEAR if same else TOO_CLOSE
 
 

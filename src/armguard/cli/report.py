@@ -37,7 +37,7 @@ def report(
     try:
         from armguard.station.blackbox import open_recording
         from armguard.station.blackbox.report import Closeness, findings_of, write_page
-        from armguard.station.blackbox.report.sentences import advice, summary
+        from armguard.station.blackbox.report.page import advice, summary
     except ModuleNotFoundError as error:
         raise StationError(
             f"a report needs the package '{error.name}': pip install "

@@ -13,8 +13,9 @@ A frame that is no cycle has only a header, a text and data.
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ CYCLE = 1  # number of the cycle; of what is no cycle, of the next one
 MONOTONIC = 2  # when it was written, on the machine's monotonic clock [s]
 WALL = 3  # the same on its wall clock [s]
 FORM = 4
-NOW = 5  # time of the cycle as the guard was told, NaN if it was not [s]
+NOW = 5  # time of the cycle that the guard was given, NaN if none [s]
 HAS_VELOCITY = 6
 RECEIVED = 7  # when what the cycle was asked with came in, monotonic, NaN if unknown
 ENDED = 8  # when the cycle had been judged, monotonic [s]
@@ -57,7 +58,7 @@ class Kind(IntEnum):
     """All that the guard remembers, see `armguard.guard.checkpoint`."""
 
     NOTE = 4
-    """Something to be told, which changes nothing."""
+    """A remark, which changes nothing."""
 
 
 class Form(IntEnum):
@@ -75,52 +76,33 @@ class Form(IntEnum):
     """The number of the `Reason` for which robots are to stop."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """A frame that was read.
-
-    Attributes:
-        kind: What it is about.
-        cycle: Number of the cycle.
-        monotonic: When it was written, on the monotonic clock [s].
-        wall: The same on the wall clock [s].
-        form: What was asked of the cycle.
-        now: Time of the cycle as it was told; None if it was not [s].
-        received: When what was asked came in, monotonic; NaN if that is not known [s].
-        ended: When the cycle had been judged, monotonic [s].
-        cycle_time: What judging it took [s].
-        q: Measured joint positions, shape (n,) [rad or m].
-        velocity: Measured velocities; None if there were none, shape (n,).
-        stamps: Stamp of each robot; NaN where there was none, shape (r,) [s].
-        asked: What was asked for, shape (n,), or (6 k,) of k twists, or (1,)
-            of a stop.
-        told: What the robots were told, as `Command` cuts it.
-        verdict: The verdict's numbers, see `armguard.guard.layout`.
-        poses: Poses of all bodies that were judged, see `Monitor.poses`, shape (b, 12).
-        text: Words: of a cycle what was wrong with its input and which tools were
-            asked for, of an event its name and arguments.
-        data: Bytes: of a checkpoint what `Guard.checkpoint` gave, of a scene's note the
-            scene, of a recorded cycle its digest.
-    """
+    """A frame that was read."""
 
     kind: Kind
     cycle: int
-    monotonic: float
-    wall: float
-    form: Form = Form.STEP
-    now: float | None = None
-    received: float = np.nan
-    ended: float = np.nan
-    cycle_time: float = 0.0
-    q: Floats = field(default_factory=lambda: np.zeros(0))
-    velocity: Floats | None = None
-    stamps: Floats = field(default_factory=lambda: np.zeros(0))
-    asked: Floats = field(default_factory=lambda: np.zeros(0))
-    told: Floats = field(default_factory=lambda: np.zeros(0))
-    verdict: Floats = field(default_factory=lambda: np.zeros(0))
-    poses: Floats = field(default_factory=lambda: np.zeros((0, 12)))
-    text: Mapping[str, Any] = field(default_factory=dict)
-    data: bytes = b""
+    monotonic: float  # when it was written, on the monotonic clock [s]
+    wall: float  # the same on the wall clock [s]
+    form: Form  # what was asked of the cycle
+    now: float | None  # time of the cycle; None if it was not given [s]
+    received: float  # when what was asked came in, monotonic; else NaN [s]
+    ended: float  # when the cycle had been judged, monotonic [s]
+    cycle_time: float  # what judging it took [s]
+    q: Floats  # measured joint positions, shape (n,) [rad or m]
+    velocity: Floats | None  # measured; None if there were none, shape (n,)
+    stamps: Floats  # of each robot; NaN where there was none, shape (r,) [s]
+    asked: Floats  # shape (n,), or (6 k,) of k twists, or (1,) of a stop
+    told: Floats  # the command, as `Command` cuts it
+    verdict: Floats  # numbers of the verdict, see `armguard.guard.layout`
+    # Poses of all bodies that were judged, see `Monitor.poses`, shape (b, 12).
+    poses: Floats
+    # Words: of a cycle what was wrong with its input and which tools were asked for, of
+    # an event its name and arguments.
+    text: Mapping[str, Any]
+    # Bytes: of a checkpoint what `Guard.checkpoint` gave, of a scene's note the scene,
+    # of a recorded cycle its digest.
+    data: bytes
 
 
 def frame_of(row: Floats) -> Frame:
@@ -133,18 +115,15 @@ def frame_of(row: Floats) -> Frame:
         raise ValueError(f"a frame of {len(row)} numbers has no header")
     head = row[:HEADER]
     kind = Kind(int(head[KIND]))
-    places = (JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT, POSES)
-    lengths = [int(head[k]) for k in places]
     size, more = int(head[TEXT]), int(head[DATA])
-    whole = HEADER + sum(lengths) + words(size) + words(more)
-    if min(*lengths, size, more) < 0 or whole != len(row):
-        raise ValueError(f"a frame of {len(row)} numbers tells another length")
-    parts, at = [], HEADER
-    for length in lengths:
-        parts.append(row[at : at + length])
-        at += length
-    q, velocity, stamps, asked, told, verdict, poses = parts
-    now = float(head[NOW])
+    ends = sections(row)
+    whole = ends[-1] + words(size) + words(more)
+    if sorted(ends) != ends or min(size, more) < 0 or whole != len(row):
+        raise ValueError(f"a frame of {len(row)} numbers declares another length")
+    q, velocity, stamps, asked, told, verdict, poses = (
+        row[start:end] for start, end in pairwise(ends)
+    )
+    now, text = float(head[NOW]), row[ends[-1] :].tobytes()[:size]
     return Frame(
         kind=kind,
         cycle=int(head[CYCLE]),
@@ -162,9 +141,15 @@ def frame_of(row: Floats) -> Frame:
         told=told,
         verdict=verdict,
         poses=poses.reshape(-1, 12),
-        text=json.loads(row[at:].tobytes()[:size]) if size else {},
-        data=row[at + words(size) :].tobytes()[:more],
+        text=json.loads(text) if size else {},
+        data=row[ends[-1] + words(size) :].tobytes()[:more],
     )
+
+
+def sections(row: Floats) -> list[int]:
+    """Where q, velocity, stamps, asked, told, verdict, poses and the text begin."""
+    lengths = row[[JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT, POSES]].tolist()
+    return [*accumulate(map(int, lengths), initial=HEADER)]
 
 
 def words(size: int) -> int:

@@ -7,13 +7,21 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, Self, TypeVar
+
+from armguard.station.errors import StationError
+
+Found = TypeVar("Found")
 
 # How long a process gets to end by itself [s].
 PATIENCE = 4.0
+
+# Between two looks at whether another process has begun [s].
+LOOK = 0.05
 
 # Of `prctl`: which signal comes when the parent ends.
 PR_SET_PDEATHSIG = 1
@@ -32,7 +40,7 @@ os.execv(sys.executable, [sys.executable, *sys.argv[2:]])
 
 
 def end_with(parent: int) -> None:
-    """On Linux, be told to end as soon as the process that started this one does.
+    """On Linux, end as soon as the process that started this one does.
 
     Args:
         parent: Number of that process; where it is another one, nothing happens.
@@ -60,6 +68,23 @@ def interrupted() -> Iterator[threading.Event]:
     finally:
         for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
+
+
+def wait_for(
+    make: Callable[[], Found], patience: float, ended: threading.Event
+) -> Found:
+    """What can be made as soon as another process has begun, as a reader of its ring.
+
+    Raises:
+        StationError: It cannot after `patience` [s], or when `ended` is set.
+    """
+    end = time.monotonic() + patience
+    while True:
+        try:
+            return make()
+        except StationError:
+            if time.monotonic() > end or ended.wait(LOOK):
+                raise
 
 
 class Crew:

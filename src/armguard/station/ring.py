@@ -3,12 +3,16 @@
 Records are rows of float64 of any length. The writer overwrites the oldest ones; a
 reader that is too slow loses whole records, knows how many, and never sees a part of
 one. The ring is a file that is mapped into memory, on a file system in memory where
-there is one, so a reader needs nothing but its path.
+there is one, so a reader needs nothing but its path. A small file beside it says when
+its recorder last wrote all there was.
 """
 
 import mmap
 import os
+import struct
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +40,11 @@ NONE = -1
 START, NUMBER, LENGTH = 0, 1, 2
 BEFORE, AFTER = 3, 1
 SKIP = -1
+
+
+# When a recorder last wrote all there was, on the monotonic clock, which on one machine
+# is the same for all processes [s].
+PULSE = struct.Struct("<d")
 
 
 def in_memory() -> Path:
@@ -264,3 +273,42 @@ class RingReader:
         if self._marks[end] != at or int(self._head[TAIL]) > at:
             return None
         return number, record, at + BEFORE + length + AFTER
+
+
+def pulse_path(ring: Path) -> Path:
+    """Where the recorder of a ring says that it records."""
+    return ring.with_name(ring.name + ".recorder")
+
+
+def beat(ring: Path) -> None:
+    """Say that all that was in the ring is recorded; for the recorder."""
+    # Where there is no room for it, its age says so.
+    with suppress(OSError):
+        flags = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW
+        handle = os.open(pulse_path(ring), flags, 0o600)
+        try:
+            os.pwrite(handle, PULSE.pack(time.monotonic()), 0)
+        finally:
+            os.close(handle)
+
+
+def end_pulse(ring: Path) -> None:
+    """Say that nothing is recorded any more, and that this is as it should be."""
+    with suppress(OSError):
+        pulse_path(ring).unlink()
+
+
+def recorder_age(ring: Path) -> float | None:
+    """How long ago the recorder of a ring last wrote all there was [s].
+
+    It says so twice a second while its disk takes what it writes. None if no recorder
+    has begun, or the last one ended in order.
+    """
+    try:
+        data = pulse_path(ring).read_bytes()
+    except OSError:
+        return None
+    if len(data) != PULSE.size:
+        return None
+    age: float = time.monotonic() - PULSE.unpack(data)[0]
+    return max(age, 0.0)

@@ -14,9 +14,13 @@ from armguard.errors import ArmguardError
 from armguard.scene.archive import ArchiveError, scene_of
 from armguard.station.blackbox import open_recording
 from armguard.station.blackbox.blocks import HEAD, unpack_block
-from armguard.station.blackbox.mcap_file import McapFile
-from armguard.station.blackbox.plausible import about_of, plausible_frame, unpacked
-from armguard.station.blackbox.recording import ABOUT, SCENE
+from armguard.station.blackbox.mcap_file import McapFile, unpacked
+from armguard.station.blackbox.recording import (
+    ABOUT,
+    SCENE,
+    about_of,
+    plausible_frame,
+)
 from armguard.station.errors import RecordingError
 from armguard.station.frames import CYCLE, HEADER, JOINTS, KIND, MONOTONIC, Kind
 from armguard.station.motions import load_motion
@@ -110,7 +114,7 @@ def test_sizes_are_looked_at_before_room_is_made():
 
 
 def test_a_chunk_whose_messages_lie_about_their_length_is_read_as_far_as_it_goes():
-    from armguard.station.blackbox.recovery import messages
+    from armguard.station.blackbox.mcap_file import messages
 
     for length in (1, 3, 21, 1 << 62):
         assert [*messages(struct.pack("<BQ", 5, length) + bytes(20))] == []

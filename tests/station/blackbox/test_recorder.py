@@ -24,8 +24,7 @@ from armguard.station.blackbox.replay import replay
 from armguard.station.errors import RecordingError
 from armguard.station.frames import Form, Kind, frame_of
 from armguard.station.recorded import RecordedGuard
-from armguard.station.recorder_pulse import pulse_path, recorder_age
-from armguard.station.ring import RingReader
+from armguard.station.ring import RingReader, pulse_path, recorder_age
 from station.blackbox.tapes import (
     PATIENCE,
     PERIOD,

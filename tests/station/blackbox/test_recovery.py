@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armguard.station.blackbox import open_recording
-from armguard.station.blackbox.recovery import BEHIND, COMPRESSED, chunk_at
+from armguard.station.blackbox.mcap_file import BEHIND, COMPRESSED, chunk_at
 from armguard.station.blackbox.replay import replay
 from armguard.station.errors import RecordingError
 from armguard.station.frames import Kind

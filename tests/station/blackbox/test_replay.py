@@ -182,14 +182,16 @@ def test_settings_are_found_or_something_like_them_is_named():
 def test_the_same_settings_make_no_difference(drive):
     folder, tape = drive
     same = compare(open_recording(folder), {"response": "stop"})
-    assert same.first is None
+    assert same.first_difference is None
     assert same.commands == 0
     assert same.cycles == tape.k
     assert [stop.cycle for stop in same.recorded.stops] == tape.stops
-    assert same.recorded.seconds == same.changed.seconds
+    assert same.recorded.seconds_at_level == same.changed.seconds_at_level
     assert not same.gone
     assert not same.new
-    assert sum(same.recorded.seconds.values()) == pytest.approx(tape.k * PERIOD)
+    assert sum(same.recorded.seconds_at_level.values()) == pytest.approx(
+        tape.k * PERIOD
+    )
 
 
 def test_a_stop_goes_with_a_smaller_buffer_and_others_come_with_a_larger_one(drive):
@@ -197,19 +199,21 @@ def test_a_stop_goes_with_a_smaller_buffer_and_others_come_with_a_larger_one(dri
     less = compare(open_recording(folder), {"scene.buffer": "0.0"})
     assert [stop.cycle for stop in less.gone] == tape.stops
     assert less.new == []
-    assert less.first is not None
-    assert less.first[0] <= tape.stops[0]
+    assert less.first_difference is not None
+    assert less.first_difference["cycle"] <= tape.stops[0]
     assert less.changed.least_clearance > less.recorded.least_clearance
     more = compare(open_recording(folder), {"scene.buffer": "0.2"})
     assert more.new
-    assert more.changed.seconds["STOP"] > more.recorded.seconds["STOP"]
+    assert (
+        more.changed.seconds_at_level["STOP"] > more.recorded.seconds_at_level["STOP"]
+    )
 
 
 def test_a_guard_without_prediction_is_another_one(drive):
     folder, tape = drive
     fixed = compare(open_recording(folder), {"guard.mode": "fixed"})
     assert fixed.cycles == tape.k
-    assert fixed.changed.seconds["SLOW"] == 0.0
+    assert fixed.changed.seconds_at_level["SLOW"] == 0.0
     speed = compare(open_recording(folder), {"guard.mode": "speed"})
     assert len(speed.changed.stops) >= len(speed.recorded.stops)
 
@@ -236,7 +240,7 @@ def test_a_recording_in_mode_fixed_is_asked_what_prediction_would_say(tmp_path):
     path = compare(recording, {"guard.mode": "path"})
     assert path.cycles == 200
     assert path.recorded.stops == []
-    assert path.first is not None
+    assert path.first_difference is not None
 
 
 def test_the_command_line_tells_it_as_json_and_by_its_exit_code(drive):

@@ -27,8 +27,7 @@ from armguard.station.exporter.metrics import (
     reason_name,
 )
 from armguard.station.frames import Kind, frame_of
-from armguard.station.recorder_pulse import beat, end_pulse
-from armguard.station.ring import RingReader
+from armguard.station.ring import RingReader, beat, end_pulse
 from armguard.station.service.counters import (
     BUCKETS,
     COUNTERS,

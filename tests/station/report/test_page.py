@@ -152,7 +152,7 @@ def test_it_is_one_file_that_names_no_place_elsewhere(written: Path):
 
 def test_text_of_a_recording_is_escaped_wherever_it_is_shown(evening: Evening):
     found = findings_of(open_recording(evening.file))
-    robot, claims, halt = found.model.robots[0], found.model.claims, found.stops[0]
+    model, halt = found.model, found.stops[0]
     calls = [
         {"call": "<x-call>", "<x-argument>": "<x-text>"},
         {"call": "allow", "<x-allow>": ["<x-item>"]},
@@ -164,19 +164,21 @@ def test_text_of_a_recording_is_escaped_wherever_it_is_shown(evening: Evening):
         everyone=("<x-everyone>", "right"),
         info={"<x-key>": "<x-value>", "scene_hash": "<x-hash>", "more": {"<x-a>": 1}},
         problems=["<x-problem>"],
-        events=[Event(found.begin, Kind.EVENT, call) for call in calls],
+        events=[Event(0.0, Kind.EVENT, call) for call in calls],
         closest=[replace(found.closest[0], a="<x-body>")],
         halts=[replace(halt, told=replace(halt.told, remedy="<x-remedy>"))],
         near_misses=[
             replace(miss, told=replace(miss.told, subject="<x-subject>", why="<x-why>"))
             for miss in found.near_misses
         ],
-        model=replace(
-            found.model,
-            robots=(replace(robot, name="<x-name>", worst_link="<x-link>"),),
-            allowed={"<x-source-of-pairs>": 1},
-            claims=replace(claims, count=1, contradicted=("<x-claim>",)),
-        ),
+        model=model
+        | {
+            "robots": [
+                model["robots"][0] | {"name": "<x-name>", "worst_link": "<x-link>"}
+            ],
+            "allowed": {"<x-source-of-pairs>": 1},
+            "claims": model["claims"] | {"count": 1, "contradicted": ["<x-claim>"]},
+        },
     )
     text = page(hostile)
     marks = {
@@ -270,7 +272,8 @@ def fixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         clock[0] = 0.01 * k
         taped.step([0.01 * k], clock[0])
     frames = [frame_of(row) for row in reader.unread()]
-    findings = gather(frames, names_of(guard.tables), source="<i>fixed<i>")
+    findings = gather(frames, names_of(guard.tables))
+    findings = replace(findings, source="<i>fixed<i>")
     assert findings.robots == ()
     assert [halt.robots for halt in findings.stops] == [("all",)]
     assert findings.stops[0].told.subject.startswith("<b>arm<b>/")

@@ -15,7 +15,7 @@ from websockets.asyncio.client import connect
 
 from armguard.respond.command import Action
 from armguard.station.client import Client
-from armguard.station.recorder_pulse import beat, end_pulse
+from armguard.station.ring import beat, end_pulse
 from armguard.station.view.driver import LEFT, Heartbeats
 from armguard.station.view.jog import HELD
 from armguard.station.view.live_view import LiveView

@@ -9,12 +9,9 @@ from typing import Any
 
 from armguard.entry import run_program
 from armguard.errors import ArmguardError
-from armguard.station.blackbox.recorder import (
-    Recorder,
-    RecorderSettings,
-    wait_for_ring,
-)
-from armguard.station.processes import end_with, interrupted
+from armguard.station.blackbox.recorder import Recorder, RecorderSettings
+from armguard.station.processes import end_with, interrupted, wait_for
+from armguard.station.ring import RingReader
 from armguard.station.service.counters import (
     CountersError,
     CountersReader,
@@ -62,7 +59,7 @@ def main() -> int:
     settings = RecorderSettings(keep=options.keep, **given)
     with interrupted() as ended:
         try:
-            ring = wait_for_ring(options.ring, options.wait)
+            ring = wait_for(lambda: RingReader(options.ring), options.wait, ended)
         except ArmguardError as error:
             print(f"recorder: {error}", file=sys.stderr)
             return 2

@@ -18,18 +18,14 @@ import zstandard
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.station.blackbox.plausible import unpacked
+from armguard.station.blackbox.mcap_file import unpacked
 from armguard.station.frames import (
-    ASKED,
     DATA,
-    HEADER,
-    JOINTS,
     POSES,
-    ROBOTS,
     TEXT,
-    TOLD,
     VERDICT,
     put_text,
+    sections,
     words,
 )
 
@@ -54,15 +50,6 @@ def digest_of(verdict: Floats, sent: Floats) -> bytes:
     return digest.digest()
 
 
-def places(row: Floats) -> tuple[int, int, int, int]:
-    """Where command, verdict, poses and text begin in the frame of a cycle."""
-    head = row[:HEADER]
-    sent = HEADER + 2 * int(head[JOINTS]) + int(head[ROBOTS]) + int(head[ASKED])
-    verdict = sent + int(head[TOLD])
-    poses = verdict + int(head[VERDICT])
-    return sent, verdict, poses, poses + int(head[POSES])
-
-
 def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
     """The frame of a cycle as a recording keeps it, with its digest.
 
@@ -71,7 +58,7 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
         first_row: Where the near pairs of its verdict start.
         whole: Whether all near pairs and poses are kept.
     """
-    sent, verdict, poses, text = places(row)
+    *_, sent, verdict, poses, text = sections(row)
     size = words(int(row[TEXT]))
     digest = digest_of(row[verdict:poses], row[sent:verdict])
     tail = np.zeros(1)

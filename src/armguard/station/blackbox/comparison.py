@@ -16,8 +16,7 @@ from armguard.errors import ArmguardError
 from armguard.guard.levels import Level
 from armguard.guard.verdict import Verdict
 from armguard.respond import Guard
-from armguard.station.blackbox.plausible import reading
-from armguard.station.blackbox.recording import Recording
+from armguard.station.blackbox.recording import Recording, reading
 from armguard.station.blackbox.replay import (
     budget_of,
     do,
@@ -25,7 +24,7 @@ from armguard.station.blackbox.replay import (
     guard_of,
     inputs,
     judge,
-    timed,
+    known_frames,
 )
 from armguard.station.blackbox.settings import change
 from armguard.station.errors import RecordingError
@@ -58,12 +57,12 @@ class Stop:
     why: str  # the reason in words
 
 
-@dataclass(slots=True)
+@dataclass
 class Side:
     """The verdicts of one of the two guards."""
 
     # Time at each level [s].
-    seconds: dict[str, float] = field(
+    seconds_at_level: dict[str, float] = field(
         default_factory=lambda: {level.name: 0.0 for level in Level}
     )
     stops: list[Stop] = field(default_factory=list)
@@ -72,8 +71,11 @@ class Side:
     least_distance: float = np.inf  # likewise [m]
     nearest: str = ""  # the pair of the least clearance in words; "" for none
     nearest_at: float | None = None  # when, since the recording's first frame [s]
-    levels: dict[str, Level] = field(default_factory=dict)
-    stopped_at: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # Levels of the last cycle, and the last time of each robot's stop [s].
+        self.levels: dict[str, Level] = {}
+        self._stopped_at: dict[str, float] = {}
 
     def add(
         self,
@@ -93,34 +95,27 @@ class Side:
             before: Levels the cycle began with: one that begins stopped orders no
                 stop.
         """
-        self.seconds[verdict.level.name] += lasted
+        self.seconds_at_level[verdict.level.name] += lasted
         levels = verdict.levels or {"": verdict.level}
         for robot, level in levels.items():
             was = before.get(robot, Level.CLEAR)
             self.slows += was < Level.SLOW <= level < Level.STOP
             if level < Level.STOP:
                 continue
-            over = time - self.stopped_at.get(robot, -np.inf) > SAME_STOP
-            self.stopped_at[robot] = time
+            over = time - self._stopped_at.get(robot, -np.inf) > SAME_STOP
+            self._stopped_at[robot] = time
             if over and was < Level.STOP:
                 cause = verdict.causes.get(robot, verdict.reason)
                 self.stops.append(
                     Stop(frame.cycle, time, robot, level.name, cause.name, verdict.why)
                 )
         self.levels = dict(levels)
-        pair = verdict.nearest
-        if pair is None:
+        if (pair := verdict.nearest) is None:
             return
         self.least_distance = min(self.least_distance, pair.distance)
         if pair.clearance < self.least_clearance:
             self.least_clearance = pair.clearance
             self.nearest, self.nearest_at = pair.why, time
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and strings."""
-        found = asdict(self)
-        del found["levels"], found["stopped_at"]
-        return {"seconds_at_level": found.pop("seconds"), **found}
 
 
 @dataclass(slots=True)
@@ -133,8 +128,8 @@ class Comparison:
     recorded: Side = field(default_factory=Side)
     changed: Side = field(default_factory=Side)
     commands: int = 0  # cycles in which robots would have got another command
-    # Cycle, time [s] and words of the first difference; None if there is none.
-    first: tuple[int, float, str] | None = None
+    # Its cycle, its time [s] and what it is; None if there is none.
+    first_difference: dict[str, Any] | None = None
     refused: list[str] = field(default_factory=list)  # calls, in words
     problems: list[str] = field(default_factory=list)  # of the recording, in words
 
@@ -150,21 +145,12 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and strings."""
-        return {
-            "settings": self.settings,
+        found = asdict(self)
+        return found | {
             "caveat": CAVEAT,
-            "cycles": self.cycles,
-            "skipped": self.skipped,
-            "recorded": self.recorded.to_dict(),
-            "changed": self.changed.to_dict(),
             "stops_gone": [asdict(stop) for stop in self.gone],
             "stops_new": [asdict(stop) for stop in self.new],
-            "cycles_told_otherwise": self.commands,
-            "first_difference": None
-            if self.first is None
-            else dict(zip(("cycle", "time", "what"), self.first, strict=True)),
-            "refused": self.refused,
-            "problems": self.problems,
+            "cycles_told_otherwise": found.pop("commands"),
         }
 
 
@@ -202,18 +188,13 @@ def compare(
         )
         answer = Comparison(dict(settings))
         period = pair.was.tables.period
-        expected: int | None = None
-        known = False
-        for time, frame in timed(recording, start):
-            if time > end:
-                break
-            if frame.kind is Kind.CHECKPOINT:
-                if not known or expected != frame.cycle:
-                    pair.restore(frame.data)
-                else:
-                    pair.was.checkpoint()
-                known, expected = True, frame.cycle
-            elif frame.kind is Kind.EVENT and (known or frame.cycle == 0):
+        for time, frame, known in known_frames(recording, start, end):
+            if frame.kind is Kind.CHECKPOINT and known:
+                # The cycle after a checkpoint measures all pairs anew.
+                pair.was.checkpoint()
+            elif frame.kind is Kind.CHECKPOINT:
+                pair.restore(frame.data)
+            elif frame.kind is Kind.EVENT and known:
                 do(pair.was, frame)
                 try:
                     do(pair.now, frame)
@@ -221,12 +202,9 @@ def compare(
                     answer.refused.append(
                         f"{frame.text['call']} at {time:.3f} s: {error}"
                     )
+            elif frame.kind is Kind.CYCLE and not known:
+                answer.skipped += 1
             elif frame.kind is Kind.CYCLE:
-                known = (known and expected in (None, frame.cycle)) or frame.cycle == 0
-                expected = frame.cycle + 1
-                if not known:
-                    answer.skipped += 1
-                    continue
                 look(answer, pair, frame, time, period)
                 if progress is not None and answer.cycles % 100 == 0:
                     progress(100)
@@ -302,24 +280,26 @@ def look(
                 f"{pair.was.q_names[j]} is commanded {velocity[j]:.6f} instead of "
                 f"{sent[j]:.6f}"
             )
-    if other and answer.first is None:
-        answer.first = frame.cycle, time, other
+    if other and answer.first_difference is None:
+        first = {"cycle": frame.cycle, "time": time, "what": other}
+        answer.first_difference = first
 
 
 def unmatched(stops: list[Stop], others: list[Stop]) -> list[Stop]:
-    """Those stops of one side that the other side has not, nearly at the same time."""
-    left = list(others)
-    found = []
+    """Those stops of one side that the other side has not, nearly at the same time.
+
+    A stop of all robots is one of each.
+    """
+    left, found = list(others), []
     for stop in stops:
-        same = [other for other in left if is_same(stop, other)]
+        same = [
+            other
+            for other in left
+            if abs(other.time - stop.time) <= SAME_STOP
+            and (stop.robot == other.robot or not (stop.robot and other.robot))
+        ]
         if same:
             left.remove(min(same, key=lambda o: abs(o.time - stop.time)))
         else:
             found.append(stop)
     return found
-
-
-def is_same(stop: Stop, other: Stop) -> bool:
-    """Whether a stop of one side is that of the other; one of all is one of each."""
-    whose = stop.robot == other.robot or not (stop.robot and other.robot)
-    return whose and abs(other.time - stop.time) <= SAME_STOP

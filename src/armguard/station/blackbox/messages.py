@@ -1,20 +1,26 @@
 """Messages for people, each at its rate: joints, levels, lines, sentences."""
 
-from collections.abc import Iterator, Sequence
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import Names
+from armguard.guard.answer import Names, names_of
 from armguard.guard.levels import Level, Reason, level_of
 from armguard.guard.verdict import Verdict
+from armguard.scene.archive import ArchiveError, scene_of
+from armguard.scene.compile import compile_scene
 from armguard.station.blackbox import ros
-from armguard.station.blackbox.blocks import places
 from armguard.station.blackbox.ros import Stored
-from armguard.station.frames import HEADER, JOINTS, ROBOTS, frame_of
+from armguard.station.frames import HEADER, JOINTS, ROBOTS, TOLD, frame_of, sections
+from armguard.station.palette import ORANGE, PURPLE, SKY
 
 Floats = NDArray[np.float64]
+
+log = logging.getLogger("armguard.blackbox")
 
 # Least time between two messages of each kind [s].
 JOINTS_EVERY = 0.01
@@ -24,8 +30,9 @@ LINES_EVERY = 0.1
 # Near pairs that are drawn at most.
 MOST_LINES = 64
 
-# Colours that can be told apart without seeing red and green.
-CLEAR, SHORT, OVER = (0.34, 0.71, 0.91), (0.90, 0.62, 0.0), (0.80, 0.47, 0.65)
+CLEAR, SHORT, OVER = (
+    tuple(part / 255.0 for part in colour) for colour in (SKY, ORANGE, PURPLE)
+)
 
 # A pair with less clearance than this is drawn as one that is short [m].
 LITTLE = 0.01
@@ -44,7 +51,7 @@ class Summary:
     __slots__ = ("clearance", "level", "levels", "slack")
 
     def __init__(self, row: Floats, first_row: int) -> None:
-        _, verdict, poses, _ = places(row)
+        *_, verdict, poses, _ = sections(row)
         numbers = row[verdict:poses]
         reason = Reason(int(numbers[layout.REASON]))
         guarded = first_row > layout.HEADER and len(numbers) >= first_row
@@ -103,26 +110,25 @@ class MessageMaker:
 
     def _motion(self, row: Floats, time: int) -> Iterator[Stored]:
         """Positions and velocities of the joints, measured and commanded."""
-        n, (sent, verdict, _, _) = int(row[JOINTS]), places(row)
-        rows = row[HEADER : HEADER + 2 * n].reshape(2, n)
-        yield ros.joints(ros.JOINT_STATES, time, self._joints, *rows)
+        n, (*_, sent, verdict, _, _) = int(row[JOINTS]), sections(row)
+        measured, names = row[HEADER : HEADER + 2 * n].reshape(2, n), self._joints
+        yield ros.joints(ros.JOINT_STATES, time, names, measured)
         if verdict > sent:
             velocity, position = row[sent : sent + 2 * n].reshape(2, n)
-            yield ros.joints(ros.COMMANDS, time, self._joints, position, velocity)
+            command = np.array((position, velocity))
+            yield ros.joints(ros.COMMANDS, time, names, command)
 
     def _lines(self, row: Floats, time: int) -> Stored:
         """Near pairs as lines."""
-        _, verdict, poses, _ = places(row)
+        *_, verdict, poses, _ = sections(row)
         pairs = row[verdict + self.first_row : poses]
         pairs = pairs[: len(pairs) // layout.NEAR_WIDTH * layout.NEAR_WIDTH]
         table = pairs.reshape(-1, layout.NEAR_WIDTH)
         order = np.argsort(table[:, layout.CLEARANCE], kind="stable")[:MOST_LINES]
-        distance, *ends = table[order, layout.WITNESS : layout.WITNESS + 7].T
-        points = np.array(ends).T.reshape(-1, 2, 3).tolist()
-        colours = map(colour_of, table[order, layout.CLEARANCE].tolist())
-        lines = list(zip(points, colours, strict=True))
-        label = f"{distance[0] * 1e3:.0f} mm" if lines else ""
-        return ros.markers(time, lines, label)
+        rows = table[order, layout.WITNESS : layout.WITNESS + 7]
+        colours = [colour_of(left) for left in table[order, layout.CLEARANCE].tolist()]
+        label = f"{rows[0, 0] * 1e3:.0f} mm" if len(rows) else ""
+        return ros.markers(time, rows[:, 1:].reshape(-1, 2, 3), colours, label)
 
     def _change(self, row: Floats, summary: Summary, time: int) -> Stored:
         """A sentence on a level that changed."""
@@ -140,8 +146,30 @@ class MessageMaker:
         return ros.log(time, level, sentence)
 
 
-def colour_of(clearance: float) -> tuple[float, float, float]:
+def colour_of(clearance: float) -> Sequence[float]:
     """Colour of a near pair by its clearance [m]."""
     if not clearance >= 0.0:
         return OVER
     return SHORT if clearance < LITTLE else CLEAR
+
+
+def maker_of(about: Mapping[str, Any], archive: bytes) -> MessageMaker | None:
+    """A maker of messages of the scene that is recorded; None if it is not known."""
+    if not archive:
+        log.warning("the scene is not in the ring: no replay, and no names of pairs")
+        return None
+    try:
+        names = names_of(compile_scene(scene_of(archive)))
+    except ArchiveError as error:
+        log.warning("%s", error)
+        return None
+    joints, robots = about.get("names", ()), about.get("robots", ())
+    return MessageMaker(joints, robots, names, names.first_row)
+
+
+def nameless(row: Floats) -> MessageMaker:
+    """A maker of messages of a scene that is not known, from the frame of a cycle."""
+    n, r = int(row[JOINTS]), int(row[ROBOTS])
+    first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if row[TOLD] > 0 else 0)
+    joints = [f"joint{k + 1}" for k in range(n)]
+    return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)

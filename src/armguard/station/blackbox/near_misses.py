@@ -6,6 +6,7 @@ from itertools import islice
 from math import inf
 
 from armguard.guard.levels import Level
+from armguard.station.blackbox.messages import Summary
 from armguard.station.blackbox.ros import Stored
 
 # Bytes kept in memory, whatever the time they are of.
@@ -34,10 +35,10 @@ class Before:
         """Keep a message, and forget what is not needed any more."""
         self._kept.append((now, message, checkpoint))
         self._size += len(message.data)
-        if checkpoint:
-            self._forget(now)
-        while self._size > MOST_KEPT:
+        old = self._begin(now - self.span) if checkpoint else 0
+        while old > 0 or self._size > MOST_KEPT:
             self._size -= len(self._kept.popleft()[1].data)
+            old -= 1
 
     def messages(self, since: float = -inf) -> list[Stored]:
         """All that is kept, in order; at least what came after a time [s].
@@ -45,21 +46,15 @@ class Before:
         What came before it is left out as far as a checkpoint allows, from which on a
         replay can begin.
         """
-        first = 0
-        for k, (time, _, checkpoint) in enumerate(self._kept):
-            if checkpoint and time <= since:
-                first = k
-        return [message for _, message, _ in islice(self._kept, first, None)]
+        kept = islice(self._kept, self._begin(since), None)
+        return [message for _, message, _ in kept]
 
-    def _forget(self, now: float) -> None:
-        """Forget what is before the last checkpoint that is old enough."""
-        enough = [
-            k
-            for k, (time, _, checkpoint) in enumerate(self._kept)
-            if checkpoint and time <= now - self.span
-        ]
-        for _ in range(enough[-1] if enough else 0):
-            self._size -= len(self._kept.popleft()[1].data)
+    def _begin(self, time: float) -> int:
+        """Place of the last checkpoint not after a time [s]; 0 if there is none."""
+        found = (
+            k for k, (at, _, is_one) in enumerate(self._kept) if is_one and at <= time
+        )
+        return max(found, default=0)
 
 
 @dataclass
@@ -68,27 +63,24 @@ class Trigger:
 
     clearance: float  # of a nearest pair: less than this is a near miss [m]
     slack: float  # time until a stop must be ordered: likewise [s]
-    _active: list[bool] = field(default_factory=lambda: [False] * 3)
+    _active: tuple[bool, ...] = ()
     _ended: list[float] = field(default_factory=lambda: [-OVER] * 3)
-    _known: bool = False
 
-    def look(self, now: float, level: int, clearance: float, slack: float) -> str:
+    def look(self, now: float, cycle: Summary) -> str:
         """The near miss that begins with a cycle, in words; empty if none does."""
         found = (
-            level >= Level.STOP,
-            clearance < self.clearance,
-            slack < self.slack,
+            cycle.level >= Level.STOP,
+            cycle.clearance < self.clearance,
+            cycle.slack < self.slack,
         )
         began = ""
-        for k, holds in enumerate(found):
-            was = self._active[k]
+        for k, (was, holds) in enumerate(zip(self._active, found, strict=False)):
             if was and not holds:
                 self._ended[k] = now
             # A stop is one however soon it follows another.
             fresh = k == 0 or now - self._ended[k] >= OVER
-            if holds and not was and fresh and self._known and not began:
-                name, left = Level(level).name, clearance * 1e3
-                began = SENTENCES[k].format(name, left, slack * 1e3)
-            self._active[k] = holds
-        self._known = True
+            if holds and not was and fresh and not began:
+                name, left = Level(cycle.level).name, cycle.clearance * 1e3
+                began = SENTENCES[k].format(name, left, cycle.slack * 1e3)
+        self._active = found
         return began

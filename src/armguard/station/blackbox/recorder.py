@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 
 from armguard import __version__
 from armguard.guard import layout
-from armguard.guard.answer import Names, names_of
-from armguard.scene.archive import ArchiveError, scene_of
-from armguard.scene.compile import compile_scene
 from armguard.station import frames
 from armguard.station.blackbox import ros
 from armguard.station.blackbox.blocks import (
@@ -29,14 +26,17 @@ from armguard.station.blackbox.blocks import (
 )
 from armguard.station.blackbox.disk import Budget, Disk, DiskFile
 from armguard.station.blackbox.mcap_file import McapFile
-from armguard.station.blackbox.messages import MessageMaker, Summary
+from armguard.station.blackbox.messages import (
+    MessageMaker,
+    Summary,
+    maker_of,
+    nameless,
+)
 from armguard.station.blackbox.near_misses import Before, Trigger
 from armguard.station.blackbox.recording import ABOUT, SCENE
 from armguard.station.blackbox.ros import Stored
-from armguard.station.errors import RingError
 from armguard.station.frames import Kind, frame_of, text_frame
-from armguard.station.recorder_pulse import beat, end_pulse
-from armguard.station.ring import RingReader
+from armguard.station.ring import RingReader, beat, end_pulse
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ class RecorderSettings:
     slack: float = 0.0  # see `Trigger` [s]
 
 
-class Writing:
+class Writing(McapFile):
     """A recording that is being written.
 
     Args:
@@ -106,16 +106,16 @@ class Writing:
     ) -> None:
         self.disk, self.file, self.began = disk, DiskFile(path), began
         put = partial(disk.put, self.file)
-        self.mcap = McapFile(put, f"armguard {__version__}", {"armguard": about})
+        super().__init__(put, f"armguard {__version__}", {"armguard": about})
         text = json.dumps(about).encode()
         for _ in range(COPIES):
-            self.mcap.attach(ABOUT, "application/json", text, wall)
+            self.attach(ABOUT, "application/json", text, wall)
             if scene:
-                self.mcap.attach(SCENE, SCENE_KIND, scene, wall)
+                self.attach(SCENE, SCENE_KIND, scene, wall)
 
     def end(self) -> None:
         """Write the last bytes."""
-        self.mcap.end()
+        super().end()
         self.give_up()
 
     def give_up(self) -> None:
@@ -221,7 +221,7 @@ class Recorder:
         if self._apart is not None and self._now > self._apart_until:
             self._end_apart()
         for writing in self._files:
-            writing.mcap.flush()
+            writing.flush()
         if self._main is not None and self._main.file.given_up:
             # It has a hole: another one begins with the next frame.
             self._main.give_up()
@@ -272,8 +272,7 @@ class Recorder:
         for message in self._maker.cycle(row, self._now, self._time):
             self._store(message)
         self.cycles += 1
-        numbers = summary.level, summary.clearance, summary.slack
-        if what := self._trigger.look(self._now, *numbers):
+        if what := self._trigger.look(self._now, summary):
             self._near_miss(what)
 
     def _near_miss(self, what: str) -> None:
@@ -288,7 +287,7 @@ class Recorder:
         self.near_misses += 1
         self._apart = self._new("near-miss", {"near_miss": what})
         for message in self._before.messages(self._apart_to):
-            self._apart.mcap.add(message)
+            self._apart.add(message)
 
     def _end_apart(self) -> None:
         """Write the end of the file of near misses, if there is one."""
@@ -305,17 +304,13 @@ class Recorder:
             self._before = Before(self.settings.before)
             self._apart_to = -np.inf
         self._about, self._scene = dict(about), archive
-        names = scene_names(about, archive)
-        joints, robots = about.get("names", ()), about.get("robots", ())
-        self._maker = None
-        if names is not None:
-            self._maker = MessageMaker(joints, robots, names, names.first_row)
+        self._maker = maker_of(about, archive)
 
     def _rotate(self, more: float = 1.0) -> None:
         """End this recording if it has so much more than it may have."""
         if self._main is None:
             return
-        size, age = self._main.mcap.size, self._now - self._main.began
+        size, age = self._main.size, self._now - self._main.began
         limits = self.settings
         if size >= more * limits.file_size or age >= more * limits.file_time:
             self._close_block()
@@ -361,7 +356,7 @@ class Recorder:
         """Keep a message wherever it belongs."""
         self._before.add(self._now, message, self._checkpoint)
         for writing in self._files:
-            writing.mcap.add(message)
+            writing.add(message)
 
     def _set_clock(self, row: Floats) -> None:
         """Take the time of a frame: a wall clock that never goes back."""
@@ -369,40 +364,3 @@ class Recorder:
         if self._offset is None:
             self._offset = float(row[frames.WALL]) - self._now
         self._time = max(self._time, int((self._offset + self._now) * 1e9))
-
-
-def scene_names(about: Mapping[str, Any], archive: bytes) -> Names | None:
-    """Names for verdicts of the scene that is recorded; None if it is not known."""
-    if not archive:
-        log.warning("the scene is not in the ring: no replay, and no names of pairs")
-        return None
-    try:
-        return names_of(compile_scene(scene_of(archive)))
-    except ArchiveError as error:
-        log.warning("%s", error)
-        return None
-
-
-def nameless(row: Floats) -> MessageMaker:
-    """A maker of messages of a scene that is not known."""
-    n, r = int(row[frames.JOINTS]), int(row[frames.ROBOTS])
-    guarded = row[frames.TOLD] > 0
-    first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if guarded else 0)
-    joints = [f"joint{k + 1}" for k in range(n)]
-    return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)
-
-
-def wait_for_ring(path: Path, patience: float) -> RingReader:
-    """The ring of a file, which is waited for so long [s].
-
-    Raises:
-        RingError: It does not come.
-    """
-    end = time.monotonic() + patience
-    while True:
-        try:
-            return RingReader(path)
-        except RingError:
-            if time.monotonic() > end:
-                raise
-        time.sleep(0.05)

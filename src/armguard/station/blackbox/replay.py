@@ -16,8 +16,7 @@ from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
 from armguard.station.blackbox.blocks import digest_of
-from armguard.station.blackbox.plausible import reading
-from armguard.station.blackbox.recording import Recording
+from armguard.station.blackbox.recording import Recording, reading
 from armguard.station.calls import call_of
 from armguard.station.frames import Form, Frame, Kind
 
@@ -94,25 +93,18 @@ def replay(
     with reading(recording.paths[0]):
         parts = recording.parts()
         for part in parts:
-            past = 0.0
-            if len(parts) > 1:
-                first = next(part.frames(), None)
-                if first is None:
-                    continue
-                began = first.monotonic if began is None else began
-                past = first.monotonic - began
-                if not part.has_scene:
-                    # A recorder that began late gets the scene with a checkpoint.
-                    answer.skipped += sum(f.kind is Kind.CYCLE for f in part.frames())
-                    answer.problems += part.problems
-                    continue
-            difference, cycle, time = replay_scene(
-                answer, part, start - past, end - past, progress
-            )
+            first = next(part.frames(), None)
+            if first is None and len(parts) > 1:
+                continue
+            now = 0.0 if first is None else first.monotonic
+            began = now if began is None else began
+            if len(parts) > 1 and not part.has_scene:
+                # A recorder that began late gets the scene with a checkpoint.
+                answer.skipped += sum(f.kind is Kind.CYCLE for f in part.frames())
+            else:
+                replay_scene(answer, part, now - began, start, end, progress)
             answer.problems += part.problems
-            if difference:
-                answer.difference, answer.different_cycle = difference, cycle
-                answer.different_time = time + past
+            if answer.difference:
                 break
     return answer
 
@@ -120,58 +112,72 @@ def replay(
 def replay_scene(
     answer: Replay,
     recording: Recording,
+    past: float,
     start: float,
     end: float,
     progress: Callable[[int], None] | None,
-) -> tuple[str, int, float]:
-    """Add the cycles of a recording of one scene to a replay.
-
-    Returns:
-        The first difference in words, its cycle and its time [s]; "" for none.
-    """
+) -> None:
+    """Add a recording of one scene, `past` [s] after the first, to a replay."""
     guard = guard_of(recording)
-    known = False
-    expected: int | None = None
-    done = 0
-    for time, frame in timed(recording, start):
-        if time > end:
-            break
-        if frame.kind is Kind.CYCLE:
-            if expected is None:
-                # The state of a guard that has judged nothing yet is known.
-                known = known or frame.cycle == 0
-            elif frame.cycle != expected:
-                known = False
-            expected = frame.cycle + 1
-            if not known:
-                answer.skipped += 1
-                continue
-            if found := difference_of(guard, frame):
-                return found, frame.cycle, time
-            if answer.first_cycle is None:
-                answer.first_cycle = frame.cycle
-            answer.cycles += 1
-            done += 1
-            if progress is not None and done >= 100:
-                progress(done)
-                done = 0
+    for time, frame, known in known_frames(recording, start - past, end - past):
+        found = ""
+        if frame.kind is Kind.CYCLE and not known:
+            answer.skipped += 1
+        elif frame.kind is Kind.CYCLE:
+            if not (found := difference_of(guard, frame)):
+                if answer.first_cycle is None:
+                    answer.first_cycle = frame.cycle
+                answer.cycles += 1
+                if progress is not None and answer.cycles % 100 == 0:
+                    progress(100)
+        elif frame.kind is Kind.CHECKPOINT and not known:
+            guard.restore(frame.data)
         elif frame.kind is Kind.CHECKPOINT:
-            if not known or expected not in (None, frame.cycle):
-                guard.restore(frame.data)
-                expected = frame.cycle
-            elif guard.checkpoint() != frame.data:
-                what = "the guard remembers something else than it did"
-                return what, frame.cycle, time
-            else:
-                answer.checkpoints += 1
-            known = True
-        elif frame.kind is Kind.EVENT and (known or frame.cycle == 0):
+            same = guard.checkpoint() == frame.data
+            answer.checkpoints += same
+            found = "" if same else "the guard remembers something else than it did"
+        elif frame.kind is Kind.EVENT and known:
             try:
                 do(guard, frame)
             except ArmguardError as error:
-                what = f"the guard refuses {frame.text['call']}, which it did not"
-                return f"{what}: {error}", frame.cycle, time
-    return "", 0, 0.0
+                refused = f"the guard refuses {frame.text['call']}, which it did not"
+                found = f"{refused}: {error}"
+        if found:
+            answer.difference, answer.different_cycle = found, frame.cycle
+            answer.different_time = time + past
+            return
+
+
+def known_frames(
+    recording: Recording, start: float, end: float
+) -> Iterator[tuple[float, Frame, bool]]:
+    """Frames between two times, and whether the guard's state before each is known.
+
+    It is known before the first cycle of a guard, and from a checkpoint on until a
+    cycle is missing. Of a checkpoint: whether it is known already.
+
+    Args:
+        recording: The recording.
+        start: Where to begin, at the checkpoint before it [s].
+        end: Where to end [s].
+
+    Yields:
+        Time since the first frame [s], the frame, and whether the state is known.
+    """
+    known, expected = False, None
+    for time, frame in timed(recording, start):
+        if time > end:
+            return
+        if frame.kind is Kind.CYCLE:
+            begins = expected is None and frame.cycle == 0
+            known = begins or (known and expected == frame.cycle)
+            yield time, frame, known
+            expected = frame.cycle + 1
+        elif frame.kind is Kind.CHECKPOINT:
+            yield time, frame, known and expected == frame.cycle
+            known, expected = True, frame.cycle
+        else:
+            yield time, frame, known or frame.cycle == 0
 
 
 def budget_of(recording: Recording) -> int:
@@ -191,14 +197,12 @@ def timed(recording: Recording, start: float) -> Iterator[tuple[float, Frame]]:
     for frame in recording.frames():
         began = frame.monotonic if began is None else began
         time = frame.monotonic - began
-        if time < start:
-            if frame.kind is Kind.CHECKPOINT:
-                waiting = []
-            waiting.append((time, frame))
-            continue
-        yield from waiting
-        waiting = []
-        yield time, frame
+        if time < start and frame.kind is Kind.CHECKPOINT:
+            waiting = []
+        waiting.append((time, frame))
+        if time >= start:
+            yield from waiting
+            waiting = []
 
 
 def difference_of(guard: Guard, frame: Frame) -> str:
@@ -289,6 +293,7 @@ def difference(frame: Frame, verdict: Verdict, sent: Floats, guard: Guard) -> st
         guard: The guard.
     """
     was, now = frame.verdict, verdict.numbers
+    robots = [part.name for part in guard.tables.robots]
     if was[layout.REASON] != now[layout.REASON]:
         then = Reason(int(was[layout.REASON]))
         return f"it was {then.name} and is {verdict.reason.name} ({verdict.why})"
@@ -297,12 +302,11 @@ def difference(frame: Frame, verdict: Verdict, sent: Floats, guard: Guard) -> st
         if k < 4 * n:
             what = f"{OF_JOINTS[k // n]} of {names[k % n]}"
         else:
-            robots = [part.name for part in guard.tables.robots]
             kind, robot = divmod(k - 4 * n, len(robots))
             what = f"{OF_ROBOTS[kind]} of {robots[robot]}"
         return f"{what} was {frame.told[k]!r} and is {sent[k]!r}"
     if len(frame.told) != len(sent):
-        return f"{len(frame.told)} numbers were told and are {len(sent)}"
+        return f"{len(frame.told)} numbers were commanded and are {len(sent)}"
     ends = min(len(was), len(now), first_row_of(guard.tables))
     places = {
         value: name.lower().replace("_", " ")

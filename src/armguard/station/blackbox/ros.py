@@ -5,7 +5,9 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 
 class Topic(NamedTuple):
@@ -24,9 +26,6 @@ class Stored(NamedTuple):
     data: bytes
 
 
-# A line of a marker: its two ends [m]; red, green and blue in [0, 1].
-Line = tuple[Sequence[Sequence[float]], tuple[float, float, float]]
-
 FRAMES = Topic(1, "/armguard/frames")
 JOINT_STATES = Topic(2, "/joint_states", "sensor_msgs/msg/JointState")
 COMMANDS = Topic(3, "/armguard/commands", "sensor_msgs/msg/JointState")
@@ -38,6 +37,9 @@ TIME_LEFT = Topic(8, "/armguard/time_left", "std_msgs/msg/Float64")
 TOPICS = (
     FRAMES, JOINT_STATES, COMMANDS, WORDS, NEAR, LEVEL, CLEARANCE, TIME_LEFT,
 )  # fmt: skip
+
+# Red, green and blue in [0, 1].
+Colour = Sequence[float]
 
 # Levels of a log, as ROS 2 counts them.
 INFO, WARN, ERROR = 20, 30, 40
@@ -87,16 +89,9 @@ def header(time: int) -> Any:
     return part("std_msgs/msg/Header", stamp(time), "world")
 
 
-def joints(
-    topic: Topic,
-    time: int,
-    names: Sequence[str],
-    position: ArrayLike,
-    velocity: ArrayLike,
-) -> Stored:
-    """Positions and velocities of joints."""
-    q, v = np.asarray(position, np.float64), np.asarray(velocity, np.float64)
-    return message(topic, time, header(time), list(names), q, v, np.zeros(0))
+def joints(topic: Topic, time: int, names: Sequence[str], rows: Floats) -> Stored:
+    """Positions and velocities of joints, shape (2, n)."""
+    return message(topic, time, header(time), list(names), *rows, np.zeros(0))
 
 
 def log(time: int, level: int, sentence: str) -> Stored:
@@ -104,12 +99,12 @@ def log(time: int, level: int, sentence: str) -> Stored:
     return message(WORDS, time, stamp(time), level, "armguard", sentence, "", "", 0)
 
 
-def markers(time: int, lines: Sequence[Line], label: str) -> Stored:
-    """Lines, and a label at the first one."""
-    found = [marker(time, LINES, 0, (0.0, 0.0, 0.0), lines, "")]
-    if lines:
-        middle = [0.5 * (a + b) for a, b in zip(*lines[0][0], strict=True)]
-        found.insert(0, marker(time, LABEL, 1, middle, (), label))
+def markers(time: int, ends: Floats, colours: Sequence[Colour], label: str) -> Stored:
+    """Lines between two ends each, shape (k, 2, 3) [m], and a label at the first."""
+    found = [marker(time, LINES, 0, np.zeros(3), ends, colours, "")]
+    if len(ends):
+        middle = ends[0].mean(axis=0)
+        found.insert(0, marker(time, LABEL, 1, middle, ends[:0], (), label))
     return message(NEAR, time, found)
 
 
@@ -117,29 +112,29 @@ def marker(
     time: int,
     kind: int,
     number: int,
-    place: Sequence[float],
-    lines: Sequence[Line],
+    place: Floats,
+    ends: Floats,
+    colours: Sequence[Colour],
     label: str,
 ) -> Any:
     """One marker; an empty one takes the last one away."""
     size = LETTER if kind == LABEL else THICK
     point, rgba = "geometry_msgs/msg/Point", "std_msgs/msg/ColorRGBA"
     turn = part("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
-    colours = [part(rgba, *colour, 1.0) for _, colour in lines]
     return part(
         "visualization_msgs/msg/Marker",
         header(time),
         "near pairs",
         number,
         kind,
-        ADD if lines or label else DELETE,
-        part("geometry_msgs/msg/Pose", part(point, *place), turn),
+        ADD if len(ends) or label else DELETE,
+        part("geometry_msgs/msg/Pose", part(point, *place.tolist()), turn),
         part("geometry_msgs/msg/Vector3", size, size, size),
         part(rgba, 1.0, 1.0, 1.0, 1.0),
         part("builtin_interfaces/msg/Duration", 0, 0),  # until another one comes
         False,  # not fixed to a moving frame
-        [part(point, *end) for ends, _ in lines for end in ends],
-        [colour for colour in colours for _ in ("start", "end")],
+        [part(point, *end) for end in ends.reshape(-1, 3).tolist()],
+        [part(rgba, *colour, 1.0) for colour in colours for _ in ("start", "end")],
         "",  # no texture
         part("sensor_msgs/msg/CompressedImage", header(time), "", EMPTY),
         [],

@@ -64,12 +64,13 @@ def changes(changed: Changed) -> dict[str, Callable[[str], None]]:
     """What changes each setting there is, by name."""
     scene = changed.scene
     found: dict[str, Callable[[str], None]] = {
-        "guard.mode": lambda value: scene.set_mode(choice(value, MODES)),
-        "scene.mode": lambda value: scene.set_mode(choice(value, MODES)),
-        "guard.budget": partial(set_budget, changed),
-        "scene.buffer": partial(set_number, scene, "buffer"),
-        "scene.margin": lambda value: scene.set_margin(number(value)),
-        "scene.late": partial(set_number, scene, "late"),
+        **dict.fromkeys(
+            ("guard.mode", "scene.mode"), lambda v: scene.set_mode(choice(v, MODES))
+        ),
+        "guard.budget": lambda v: setattr(changed, "budget", at_least_one(v)),
+        "scene.buffer": lambda v: setattr(scene, "buffer", not_negative(v)),
+        "scene.margin": lambda v: scene.set_margin(number(v)),
+        "scene.late": lambda v: setattr(scene, "late", not_negative(v)),
     }
     for ending, act in of_robot().items():
         if ending.startswith(("response", "stopping")):
@@ -94,18 +95,6 @@ def of_robot() -> dict[str, RobotChange]:
     for key in OF_STOPPING:
         found[f"stopping.{key}"] = partial(with_stopping, key)
     return found
-
-
-def set_budget(changed: Changed, value: str) -> None:
-    """Set how many spans a cycle may test."""
-    changed.budget = int(value)
-    if changed.budget < 1:
-        raise SettingError("it must be >= 1")
-
-
-def set_number(scene: Scene, name: str, value: str) -> None:
-    """Set a length or a time of a scene."""
-    setattr(scene, name, not_negative(value))
 
 
 def set_object(scene: Scene, name: str, value: str) -> None:
@@ -158,6 +147,13 @@ def number(value: str) -> float:
         return float(value)
     except ValueError:
         raise SettingError(f"'{value}' is no number") from None
+
+
+def at_least_one(value: str) -> int:
+    """A count."""
+    if (found := int(value)) < 1:
+        raise SettingError("it must be >= 1")
+    return found
 
 
 def not_negative(value: str) -> float:

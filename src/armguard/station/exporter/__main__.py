@@ -2,8 +2,6 @@
 
 import argparse
 import sys
-import threading
-import time
 from collections.abc import Iterable
 from pathlib import Path
 from wsgiref.simple_server import WSGIServer
@@ -15,7 +13,7 @@ from armguard.entry import run_program
 from armguard.errors import ArmguardError
 from armguard.station.errors import StationError
 from armguard.station.exporter.metrics import registry_of
-from armguard.station.processes import interrupted
+from armguard.station.processes import interrupted, wait_for
 from armguard.station.ring import RingReader
 from armguard.station.service.counters import CountersReader, counters_path
 from armguard.station.service.rings import lives
@@ -41,7 +39,11 @@ def main() -> int:
     path = options.counters or counters_path(options.ring)
     try:
         with interrupted() as ended:
-            ring, counters = opened(options.ring, path, options.wait, ended)
+            ring, counters = wait_for(
+                lambda: (RingReader(options.ring), CountersReader(path)),
+                options.wait,
+                ended,
+            )
             process = counters.process
             page = start_page(registry_of(counters, ring, process), options.port)
             print(f"metrics at http://127.0.0.1:{page.server_port}/metrics", flush=True)
@@ -52,23 +54,6 @@ def main() -> int:
         print(f"exporter: {error}", file=sys.stderr)
         return 2
     return 0
-
-
-def opened(
-    ring: Path, counters: Path, patience: float, ended: threading.Event
-) -> tuple[RingReader, CountersReader]:
-    """Ring and counters, which a service that is being started makes soon.
-
-    Raises:
-        StationError: They are not there after `patience` [s], or when it ended.
-    """
-    end = time.monotonic() + patience
-    while True:
-        try:
-            return RingReader(ring), CountersReader(counters)
-        except StationError:
-            if time.monotonic() > end or ended.wait(LOOK):
-                raise
 
 
 def start_page(registry: CollectorRegistry, port: int) -> WSGIServer:

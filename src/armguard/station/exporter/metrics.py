@@ -17,8 +17,7 @@ from prometheus_client.core import (
 from armguard.guard import layout
 from armguard.guard.levels import Reason
 from armguard.station.frames import Frame, Kind, frame_of
-from armguard.station.recorder_pulse import recorder_age
-from armguard.station.ring import RingReader
+from armguard.station.ring import RingReader, recorder_age
 from armguard.station.service.counters import (
     FINE,
     FIRST_CAUSE,

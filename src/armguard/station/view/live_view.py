@@ -17,8 +17,7 @@ from armguard.scene.two_pandas import two_pandas_path
 from armguard.station.client import Client, Welcome
 from armguard.station.errors import NoServiceError, StationError
 from armguard.station.frames import KIND, Frame, Kind, frame_of
-from armguard.station.recorder_pulse import recorder_age
-from armguard.station.ring import RingReader
+from armguard.station.ring import RingReader, recorder_age
 from armguard.station.service.scenes import open_scene, scene_hash
 from armguard.station.simulated import TeleDriver
 from armguard.station.simulated.operator import Operator

@@ -1,4 +1,4 @@
-"""Cycles of a recording as columns: frames in blocks, and the whole series."""
+"""Cycles of a recording as columns: in blocks, as a series, in buckets of time."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -28,6 +28,9 @@ GAP_PERIODS, LEAST_GAP = 10.0, 0.05
 # Times of a frame on the monotonic clock.
 CLOCKS = ("monotonic", "ended", "received")
 
+# Buckets of a time line: about the pixels of a screen.
+BUCKETS = 1500
+
 # Time between two runs of a machine if the wall clock does not give it [s].
 LEAST_BREAK = 1.0
 
@@ -55,12 +58,12 @@ def distribution(values: NDArray[np.floating]) -> Distribution | None:
 def row_type(robot_count: int, real: str = "f4") -> np.dtype[np.void]:
     """Values of a cycle: about fifty bytes, so that hours fit into memory.
 
-    `t` is the time of the verdict [s]; `cycle` its number; `cycle_time` [s]; `answer`
-    the time from the message's receipt to the verdict, NaN if unknown [s]; `levels`
-    and `ages` [s] of each robot; `whole` whether all near pairs are recorded. Of type
-    `real` are `slack`, the time until a stop is ordered, infinite if no pair is near
-    [s]; `clearance` and `distance` of the pair with the least clearance [m], infinite
-    if no pair is near, NaN if it is not recorded.
+    `t` is the time since the first verdict [s]; `cycle` its number; `cycle_time` [s];
+    `answer` the time from the message's receipt to the verdict, NaN if unknown [s];
+    `levels` and `ages` [s] of each robot; `whole` whether all near pairs are recorded.
+    Of type `real` are `slack`, the time until a stop is ordered, infinite if no pair is
+    near [s]; `clearance` and `distance` of the pair with the least clearance [m],
+    infinite if no pair is near, NaN if it is not recorded.
     """
     robots = (robot_count,)
     return np.dtype(
@@ -83,10 +86,11 @@ class Block:
     owner: Longs  # index of the cycle of each of these, shape (m,)
 
 
-def block_of(frames: list[Frame], names: Names) -> Block:
+def block_of(frames: list[Frame], names: Names, begin: float) -> Block:
     """Columns of some cycles; their frames fit the scene of the names.
 
-    A recording holds all near pairs of a cycle, the nearest one alone, or none.
+    A recording holds all near pairs of a cycle, the nearest one alone, or none. Times
+    count from `begin`, on the monotonic clock [s].
     """
     robots, first, count = len(names.robots), names.first_row, len(frames)
     head = np.array([frame.verdict[:first] for frame in frames])
@@ -94,7 +98,7 @@ def block_of(frames: list[Frame], names: Names) -> Block:
     own = head[:, layout.HEADER : end].reshape(count, robots, layout.ROBOT_WIDTH)
     ended, received = np.array([(frame.ended, frame.received) for frame in frames]).T
     rows: Rows = np.recarray(count, row_type(robots, "f8"))
-    rows.t = [frame.monotonic for frame in frames]
+    rows.t = [frame.monotonic - begin for frame in frames]
     rows.cycle = [frame.cycle for frame in frames]
     rows.cycle_time = [frame.cycle_time for frame in frames]
     rows.answer = ended - received
@@ -134,7 +138,6 @@ class Series:
     """All cycles of a recording in their order; its columns are attributes.
 
     Attributes:
-        t: Time of each cycle since the first one, shape (k,) [s].
         held: Time for which its verdict was the newest one; one period before a gap and
             at the end, shape (k,) [s].
         gaps: Indices of the cycles that a gap follows, shape (g,).
@@ -146,8 +149,7 @@ class Series:
 
     def __init__(self, rows: NDArray[np.void], period: float) -> None:
         self._rows, self.period = rows, period
-        self.t: Floats = rows["t"] - rows["t"][:1]
-        steps, skipped = np.diff(self.t), np.diff(rows["cycle"]) - 1
+        steps, skipped = np.diff(rows["t"]), np.diff(rows["cycle"]) - 1
         self.gaps: Longs = np.flatnonzero(steps > max(GAP_PERIODS * period, LEAST_GAP))
         self.held = np.append(np.maximum(steps, 0.0), period)[: len(rows)]
         self.held[self.gaps] = period
@@ -197,3 +199,67 @@ def on_one_clock(frames: Iterable[Frame], notes: list[str]) -> Iterator[Frame]:
         last, wall, before = frame.monotonic + shift, frame.wall, frame.cycle
         times = {name: getattr(frame, name) + shift for name in CLOCKS}
         yield replace(frame, **times) if shift else frame
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """The worst value of each bucket; NaN in empty ones."""
+
+    edges: Floats  # of the buckets, shape (b + 1,) [s]
+    levels: Floats  # highest one of each robot, or of all, shape (r, b)
+    clearance: Floats  # least one, shape (b,) [m]
+    slack: Floats  # least time until a stop is ordered, shape (b,) [s]
+    cycle_time: Floats  # longest one, shape (b,) [s]
+
+    @property
+    def t(self) -> Floats:
+        """Middle of each bucket, shape (b,) [s]."""
+        return (self.edges[1:] + self.edges[:-1]) / 2.0
+
+
+def timeline(series: Series, buckets: int = BUCKETS) -> Timeline:
+    """A recording in at most so many buckets of equal time."""
+    # A level lasts until the next cycle: a bucket has at least two cycles.
+    step = max(float(np.median(series.held)) if len(series.t) else 0.0, 1e-9)
+    length = max(series.duration, step)
+    size = max(min(buckets, int(length / step / 2.0)), 1)
+    place = np.minimum((series.t / length * size).astype(np.int64), size - 1)
+
+    def worst(pick: np.ufunc, values: NDArray[Any], none: float) -> Floats:
+        found = np.full(size, none)
+        pick.at(found, place, values.astype(np.float64))
+        return np.where(np.isfinite(found), found, np.nan)
+
+    levels = series.levels if series.levels.shape[1] else series.level[:, None]
+    return Timeline(
+        edges=np.linspace(0.0, length, size + 1),
+        levels=np.array([worst(np.maximum, own, -np.inf) for own in levels.T]),
+        clearance=worst(np.fmin, series.clearance, np.inf),
+        slack=worst(np.fmin, series.slack, np.inf),
+        cycle_time=worst(np.fmax, series.cycle_time, -np.inf),
+    )
+
+
+def least_in_each(values: Floats, bucket: Longs) -> Longs:
+    """Index of the least value of each bucket that has one, in the order of buckets."""
+    order = np.lexsort((values, bucket))
+    _, first = np.unique(bucket[order], return_index=True)
+    return order[first]
+
+
+def level_shares(series: Series, spans: int) -> tuple[Floats, Floats]:
+    """Share of each level in spans of equal time.
+
+    Returns:
+        Edges of the spans, shape (spans + 1,) [s], and shares of the judged time of
+        each, shape (levels, spans); zero in a span within a gap.
+    """
+    edges = np.linspace(0.0, max(series.duration, 1e-9), spans + 1)
+    held = np.array(
+        [
+            np.histogram(series.t[own], edges, weights=series.held[own])[0]
+            for own in (series.level == level for level in Level)
+        ]
+    )
+    whole = held.sum(axis=0)
+    return edges, np.divide(held, whole, out=np.zeros_like(held), where=whole > 0.0)

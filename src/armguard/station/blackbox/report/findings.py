@@ -1,8 +1,9 @@
 """All contents of a report, as numbers and names."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from math import isnan, nan
 from typing import Any
 
@@ -12,9 +13,7 @@ from armguard.guard.answer import Names, names_of
 from armguard.guard.layout import REASON
 from armguard.guard.levels import Level, Reason
 from armguard.scene.compile import compile_scene
-from armguard.station.blackbox.plausible import reading
-from armguard.station.blackbox.recording import Recording
-from armguard.station.blackbox.report.closest import Closest, ClosestPairs
+from armguard.station.blackbox.recording import Recording, reading
 from armguard.station.blackbox.report.cycles import (
     Distribution,
     Series,
@@ -27,6 +26,8 @@ from armguard.station.blackbox.report.cycles import (
 from armguard.station.blackbox.report.incidents import (
     CauseCount,
     Closeness,
+    Closest,
+    ClosestPairs,
     Halt,
     Halts,
     NearMiss,
@@ -35,11 +36,17 @@ from armguard.station.blackbox.report.incidents import (
     by_cause,
     plain,
 )
-from armguard.station.blackbox.report.model import ModelFacts, model_facts
+from armguard.station.blackbox.report.model import model_facts
 from armguard.station.frames import Frame, Kind
 
 # Cycles of a block.
 BLOCK = 2048
+
+# Findings that are in the JSON as they are.
+PLAIN = (
+    *("source", "info", "faults", "causes", "near_misses", "closeness", "closest"),
+    *("deadline", "problems", "model"),
+)
 
 # Reasons as verdicts hold them.
 KNOWN = frozenset(float(reason) for reason in Reason)
@@ -49,21 +56,20 @@ KNOWN = frozenset(float(reason) for reason in Reason)
 class Event:
     """A call or a note between two cycles."""
 
-    at: float  # on the monotonic clock [s]
+    t: float  # since the first cycle [s]
     kind: Kind
     text: Mapping[str, Any]  # its name and arguments
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
     """The contents of a recording."""
 
-    source: str  # name of the file
-    info: Mapping[str, Any]  # metadata: version, hashes, settings
+    source: str = ""  # name of the file
+    info: Mapping[str, Any] = field(default_factory=dict)  # version, hashes, settings
     robots: tuple[str, ...]  # names; none where all modes are "fixed"
     everyone: tuple[str, ...]  # names of all robots of the scene
-    begin: float  # time of the first cycle, on the monotonic clock [s]
-    wall: float  # the same on the wall clock [s since 1970]; NaN without a cycle
+    wall: float  # time of the first cycle [s since 1970]; NaN without one
     series: Series  # every cycle
     halts: Sequence[Halt]  # beginnings of slows and stops
     near_misses: Sequence[NearMiss]
@@ -71,7 +77,7 @@ class Findings:
     closest: Sequence[Closest]  # pairs that were near, nearest first
     events: Sequence[Event]
     problems: Sequence[str]  # deficiencies of the file, one sentence each
-    model: ModelFacts | None  # None if the scene is not known
+    model: Mapping[str, Any] | None = None  # see `model_facts`; None if not known
     sensing: tuple[float, ...]  # declared delay of each robot; NaN without figures [s]
 
     @property
@@ -106,7 +112,7 @@ class Findings:
     @property
     def deadline(self) -> float:
         """Time from a message to the end of its cycle that is allowed [s]."""
-        late = 0.0 if self.model is None else self.model.late
+        late = 0.0 if self.model is None else float(self.model["late"])
         return self.series.period + late
 
     @property
@@ -143,12 +149,11 @@ class Findings:
 
     def to_dict(self) -> dict[str, Any]:
         """All findings as plain values; of the cycles only sums."""
-        series, begin, halts = self.series, self.begin, self.halts
+        series, halts = self.series, self.halts
         (_, together), *own = self.time_at
         gaps = [(float(series.t[k]), float(series.t[k + 1])) for k in series.gaps]
         return {
-            "source": self.source,
-            "info": dict(self.info),
+            **{name: plain(getattr(self, name)) for name in PLAIN},
             "begin_wall": self.wall,
             "duration": series.duration,
             "judged": series.judged,
@@ -158,37 +163,24 @@ class Findings:
             "time_at": plain(together),
             "time_at_by_robot": plain(dict(own)),
             "cycles_by_reason": plain(self.reasons),
-            "faults": self.faults,
-            "stops": [halt.to_dict(begin) for halt in self.stops],
-            "slows": [halt.to_dict(begin) for halt in halts if not halt.stopped],
+            "stops": [halt.to_dict() for halt in self.stops],
+            "slows": [halt.to_dict() for halt in halts if not halt.stopped],
             "stops_by_sense": {s.value: len(self.stops_that_were(s)) for s in Sense},
-            "causes": [plain(cause) for cause in self.causes],
-            "near_misses": [miss.to_dict(begin) for miss in self.near_misses],
-            "closeness": plain(self.closeness),
-            "closest": [plain(pair) | {"at": pair.at - begin} for pair in self.closest],
             "cycles_with_all_near_pairs": self.whole,
             "cycle_time": plain(distribution(series.cycle_time)),
             "answer_time": plain(distribution(series.answer)),
-            "deadline": self.deadline,
             "deadline_misses": self.misses,
             "ages": plain(self.ages()),
             "events": [
-                {"t": event.at - begin, "kind": event.kind.name, **event.text}
+                {"t": event.t, "kind": event.kind.name, **event.text}
                 for event in self.events
             ],
-            "problems": list(self.problems),
-            "model": plain(self.model),
         }
 
 
 def gather(
     frames: Iterable[Frame],
     names: Names,
-    *,
-    source: str = "",
-    info: Mapping[str, Any] | None = None,
-    problems: Sequence[str] = (),
-    model: ModelFacts | None = None,
     closeness: Closeness | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Findings:
@@ -197,10 +189,6 @@ def gather(
     Args:
         frames: Frames in their order.
         names: Names of the scene of their verdicts.
-        source: Name of the file.
-        info: Metadata of the recording.
-        problems: Deficiencies of the file; read after all frames.
-        model: The model.
         closeness: Limits of a near miss.
         progress: Called with the number of cycles read since the last call.
     """
@@ -209,65 +197,72 @@ def gather(
     halts, closest = Halts(names), ClosestPairs(names)
     near = NearMisses(names, closeness)
     rows = [np.empty(0, row_type(len(names.robots)))]
-    cycles: list[Frame] = []
     events: list[Event] = []
-    foreign = unknown = 0
+    problems: list[str] = []
     begin = wall = nan
-    breaks: list[str] = []
-
-    def take_block() -> None:
-        block = block_of(cycles, names)
+    cycles = own_cycles(on_one_clock(frames, problems), names, events, problems)
+    while taken := list(islice(cycles, BLOCK)):
+        if isnan(begin):
+            begin, wall = taken[0].monotonic, taken[0].wall
+        block = block_of(taken, names, begin)
         rows.append(block.rows.astype(rows[0].dtype))
         for part in (halts, closest, near):
             part.add(block)
         if progress is not None:
-            progress(len(cycles))
-        cycles.clear()
+            progress(len(taken))
+    if isnan(begin):
+        problems.append("there is no cycle in it")
+    figures = [robot.stopping for robot in tables.robots]
+    return Findings(
+        robots=tuple(names.robots),
+        everyone=tuple(robot.name for robot in tables.robots),
+        wall=wall,
+        series=Series(joined(rows), tables.period),
+        halts=sorted(halts.found, key=lambda halt: halt.cycle),
+        near_misses=near.found,
+        closeness=closeness,
+        closest=closest.pairs(),
+        events=[replace(event, t=event.t - begin) for event in events],
+        problems=problems,
+        sensing=tuple(nan if own is None else own.sensing for own in figures),
+    )
 
-    for frame in on_one_clock(frames, breaks):
+
+def own_cycles(
+    frames: Iterable[Frame], names: Names, events: list[Event], problems: list[str]
+) -> Iterator[Frame]:
+    """Cycles of the scene of the names.
+
+    Args:
+        frames: Frames in their order.
+        names: Names of the scene.
+        events: Receives the other frames, at their times on the monotonic clock, but
+            scenes and checkpoints, which every recording repeats.
+        problems: Receives which cycles are left out, when all frames were read.
+    """
+    foreign = unknown = 0
+    for frame in frames:
         if frame.kind is not Kind.CYCLE:
-            # Every recording repeats its scene and checkpoints: they are no news. Of
-            # other frames the text alone is kept, since data can be large.
+            # The text alone is kept, since data can be large.
             if frame.kind is not Kind.CHECKPOINT and frame.text.get("note") != "scene":
                 events.append(Event(frame.monotonic, frame.kind, frame.text))
         elif (
-            len(frame.q) != len(tables.q_names) or len(frame.verdict) < names.first_row
+            len(frame.q) != len(names.tables.q_names)
+            or len(frame.verdict) < names.first_row
         ):
             foreign += 1
         elif frame.verdict[REASON] not in KNOWN:
             unknown += 1
         else:
-            if isnan(begin):
-                begin, wall = frame.monotonic, frame.wall
-            cycles.append(frame)
-            if len(cycles) == BLOCK:
-                take_block()
-    if cycles:
-        take_block()
-    left = f"left out, since not of the scene in the file: {foreign} cycles"
-    new = (
-        f"left out, since this version does not know their reasons: {unknown} cycles; "
-        "a newer one does"
-    )
-    own = (foreign, left), (unknown, new), (isnan(begin), "there is no cycle in it")
-    figures = [robot.stopping for robot in tables.robots]
-    return Findings(
-        source=source,
-        info=dict(info or {}),
-        robots=tuple(names.robots),
-        everyone=tuple(robot.name for robot in tables.robots),
-        begin=begin,
-        wall=wall,
-        series=Series(joined(rows), tables.period),
-        halts=sorted(halts.found, key=lambda halt: halt.cycle),
-        near_misses=near.near_misses(),
-        closeness=closeness,
-        closest=closest.pairs(),
-        events=events,
-        problems=[*problems, *breaks, *(what for holds, what in own if holds)],
-        model=model,
-        sensing=tuple(nan if own is None else own.sensing for own in figures),
-    )
+            yield frame
+    if foreign:
+        text = f"left out, since not of the scene in the file: {foreign} cycles"
+        problems.append(text)
+    if unknown:
+        problems.append(
+            "left out, since this version does not know their reasons: "
+            f"{unknown} cycles; a newer one does"
+        )
 
 
 def findings_of(
@@ -296,15 +291,14 @@ def findings_of(
             recording.note(
                 f"left out, since of another scene than {first}: {', '.join(others)}"
             )
-        return gather(
-            recording.frames(),
-            names_of(compile_scene(scene)),
+        names = names_of(compile_scene(scene))
+        found = gather(recording.frames(), names, closeness, progress)
+        return replace(
+            found,
             source=first if not more else f"{first} and {len(more)} more",
             info=recording.info,
-            problems=recording.problems,
+            problems=[*recording.problems, *found.problems],
             model=model_facts(scene, prove_seconds),
-            closeness=closeness,
-            progress=progress,
         )
 
 

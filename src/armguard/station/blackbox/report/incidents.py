@@ -1,19 +1,28 @@
-"""Slows, stops and near misses of a recording, with their causes."""
+"""Slows, stops, near misses and closest pairs of a recording."""
 
 from collections import Counter
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from enum import Enum, IntEnum
 from typing import Any
 
 import numpy as np
 
 from armguard.guard.answer import Names
-from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
+from armguard.guard.layout import (
+    CLEARANCE,
+    FIRST,
+    NEAR_COUNT,
+    NEAR_WIDTH,
+    PROOF,
+    SECOND,
+    WITNESS,
+)
 from armguard.guard.levels import SENTENCES, Level, Reason
 from armguard.guard.nuisance import Cause
 from armguard.guard.sentences import ABOUT_PAIRS
 from armguard.guard.verdict import Verdict
-from armguard.station.blackbox.report.cycles import Block, Rows
+from armguard.motion.pair_state import ALLOWED, UNPROVEN
+from armguard.station.blackbox.report.cycles import Block, Rows, least_in_each
 from armguard.station.frames import Frame
 
 # Name for all robots of a scene in which every mode is "fixed".
@@ -31,7 +40,8 @@ def plain(value: Any) -> Any:
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, dict):
         return {plain(key): plain(item) for key, item in value.items()}
-    return [plain(item) for item in value] if isinstance(value, tuple) else value
+    listed = isinstance(value, list | tuple)
+    return [plain(item) for item in value] if listed else value
 
 
 class Sense(Enum):
@@ -66,10 +76,10 @@ class VerdictText:
     level: Level
     reason: Reason
     subject: str  # the pair, or the joint or robot with a fault; "" for all
-    distance: float | None  # signed distance of the pair; None without one [m]
-    needed: float | None  # separation the pair had to keep, likewise [m]
-    clearance: float | None  # distance beyond that, likewise [m]
     why: str  # the verdict's sentence
+    distance: float | None = None  # signed distance of the pair; None without one [m]
+    needed: float | None = None  # separation the pair had to keep, likewise [m]
+    clearance: float | None = None  # distance beyond that, likewise [m]
     budget: str = ""  # terms of the needed separation; "" if they are not known
     cause: Cause | None = None  # None if there is none, or it is not recorded
     deficit: float | None = None  # what the pair lacked [m]
@@ -85,37 +95,35 @@ def text_of(frame: Frame, names: Names) -> VerdictText:
     rows = int(frame.verdict[NEAR_COUNT])
     if len(frame.verdict) < names.first_row + rows * NEAR_WIDTH:
         why = fault or f"{SENTENCES[reason]} (near pairs are not in the recording)"
-        return VerdictText(level, reason, "", None, None, None, why)
-    text = VerdictText(level, reason, verdict.subject, None, None, None, verdict.why)
+        return VerdictText(level, reason, "", why)
+    text = VerdictText(level, reason, verdict.subject, verdict.why)
     pair, nuisance = verdict.nearest, verdict.nuisance
     if pair is not None and reason in ABOUT_PAIRS and not fault:
-        lengths = pair.distance, pair.needed, pair.clearance
+        own = {key: getattr(pair, key) for key in ("distance", "needed", "clearance")}
         budget = "" if verdict.budget is None else verdict.budget.sentence
-        subject = f"{pair.a} – {pair.b}"
-        text = VerdictText(level, reason, subject, *lengths, verdict.why, budget)
+        text = replace(text, subject=f"{pair.a} – {pair.b}", budget=budget, **own)
     if nuisance is None:
         return text
-    cause, deficit, remedy = nuisance.cause, nuisance.deficit, nuisance.remedy
-    sense = sense_of(cause, deficit)
-    return replace(text, cause=cause, deficit=deficit, remedy=remedy, sense=sense)
+    sense = sense_of(nuisance.cause, nuisance.deficit)
+    return replace(text, **asdict(nuisance), sense=sense)
 
 
 @dataclass(frozen=True, slots=True)
 class Halt:
     """The cycle in which a slow or a stop of robots begins."""
 
-    at: float  # on the monotonic clock [s]
+    t: float  # since the first cycle [s]
     cycle: int
     robots: tuple[str, ...]
     stopped: bool  # a stop; else a slow
     order: Reason  # of the verdict
     told: VerdictText
 
-    def to_dict(self, begin: float) -> dict[str, object]:
-        """The halt as plain values, its time since the first cycle."""
+    def to_dict(self) -> dict[str, Any]:
+        """The halt as plain values."""
         own = plain(self)
         told = own.pop("told")
-        return {"t": own.pop("at") - begin, **own, **told}
+        return {**own, **told}
 
 
 class Halts:
@@ -165,9 +173,8 @@ def by_cause(halts: list[Halt]) -> list[CauseCount]:
             # A remedy for the greatest deficit is one for the others too.
             worst = max(stops or own, key=lambda halt: halt.told.deficit or 0.0).told
             numbers = len(stops), len(own) - len(stops)
-            reasons = Counter(halt.order for halt in stops)
-            found = CauseCount(cause, *numbers, reasons, worst.deficit, worst.remedy)
-            counts.append(found)
+            reasons, lack = Counter(h.order for h in stops), worst.deficit
+            counts.append(CauseCount(cause, *numbers, reasons, lack, worst.remedy))
     return sorted(counts, key=lambda count: (-count.stops, -count.slows))
 
 
@@ -179,45 +186,37 @@ class Closeness:
     slack: float = 0.0  # time until a stop is ordered [s]
 
 
-@dataclass(slots=True)
-class Span:
-    """Successive cycles of a near miss; see `NearMiss`."""
-
-    began: float
-    ended: float
-    level: int
-    clearance: float
-    stop: Frame | None  # its first one
-    nearest: Frame
-
-
 @dataclass(frozen=True, slots=True)
 class NearMiss:
-    """A near miss; times are on the monotonic clock."""
+    """Successive cycles that are stops, or nearer than the limits allow.
+
+    Its main cycle is the first stop, else the one with the least clearance. Times are
+    since the first cycle of the recording.
+    """
 
     began: float  # time of its first cycle [s]
     ended: float  # time of its last cycle [s]
-    cycle: int  # its main cycle: the first stop, else the least clearance
-    at: float  # time of that cycle [s]
-    level: Level  # highest one
-    clearance: float  # least one; infinite if no pair is near [m]
-    nearest_at: float  # time of the least clearance [s]
-    told: VerdictText  # verdict of the main cycle
-    nearest: VerdictText  # verdict at the least clearance
+    highest_level: Level
+    cycle: int  # its main cycle
+    t: float  # time of that cycle [s]
+    told: VerdictText  # verdict of that cycle
+    least_clearance: float  # infinite if no pair is near [m]
+    nearest_t: float  # its time [s]
+    nearest: VerdictText  # verdict of that cycle
 
-    def to_dict(self, begin: float) -> dict[str, object]:
-        """The near miss as plain values, times since the first cycle."""
-        return {
-            "began": self.began - begin,
-            "ended": self.ended - begin,
-            "cycle": self.cycle,
-            "t": self.at - begin,
-            "highest_level": self.level.name,
-            "least_clearance": self.clearance,
-            "nearest_t": self.nearest_at - begin,
-            "told": plain(self.told),
-            "nearest": plain(self.nearest),
-        }
+    def joined(self, later: "NearMiss") -> "NearMiss":
+        """This near miss and a later one as one."""
+        near = later if later.least_clearance < self.least_clearance else self
+        stops = (miss for miss in (self, later) if miss.highest_level >= Level.STOP)
+        return replace(
+            next(stops, near),
+            began=self.began,
+            ended=later.ended,
+            highest_level=max(self.highest_level, later.highest_level),
+            least_clearance=near.least_clearance,
+            nearest_t=near.nearest_t,
+            nearest=near.nearest,
+        )
 
 
 class NearMisses:
@@ -225,45 +224,95 @@ class NearMisses:
 
     def __init__(self, names: Names, closeness: Closeness) -> None:
         self._names, self._closeness = names, closeness
-        self._span: Span | None = None
-        self._found: list[NearMiss] = []
+        self.found: list[NearMiss] = []
 
     def add(self, block: Block) -> None:
         """Take in a block."""
         rows, limits = block.rows, self._closeness
         near = (rows.level >= Level.STOP) | (rows.clearance < limits.clearance)
         near |= rows.slack < limits.slack
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], near, [0]])))
-        for start, end in edges.reshape(-1, 2).tolist():
-            new = span_of(block.frames[start:end], rows[start:end])
-            old = self._span
-            if old is None or new.began - old.ended > TOGETHER:
-                self.near_misses()
-                self._span = new
-                continue
-            old.ended, old.level = new.ended, max(old.level, new.level)
-            old.stop = old.stop or new.stop
-            if new.clearance < old.clearance:
-                old.clearance, old.nearest = new.clearance, new.nearest
-
-    def near_misses(self) -> list[NearMiss]:
-        """All of them in their order; the last one ends."""
-        span, self._span = self._span, None
-        if span is not None:
-            # As words: a frame would keep its part of the file in memory.
-            main, near = span.stop or span.nearest, span.nearest
-            of_main, of_near = (text_of(frame, self._names) for frame in (main, near))
-            times, level = (main.cycle, main.monotonic), Level(span.level)
-            least, texts = (span.clearance, near.monotonic), (of_main, of_near)
-            miss = NearMiss(span.began, span.ended, *times, level, *least, *texts)
-            self._found.append(miss)
-        return self._found
+        cycles = np.flatnonzero(near)
+        apart = np.flatnonzero(np.diff(rows.t[cycles]) > TOGETHER) + 1
+        for own in np.split(cycles, apart) if len(cycles) else ():
+            frames = [block.frames[k] for k in own]
+            new = near_miss(frames, rows[own], self._names)
+            if self.found and new.began - self.found[-1].ended <= TOGETHER:
+                new = self.found.pop().joined(new)
+            self.found.append(new)
 
 
-def span_of(frames: list[Frame], rows: Rows) -> Span:
-    """Successive cycles of a near miss."""
+def near_miss(frames: list[Frame], rows: Rows, names: Names) -> NearMiss:
+    """Cycles as a near miss; a frame would keep its part of the file in memory."""
     clearance = np.where(np.isnan(rows.clearance), np.inf, rows.clearance)
     least, stops = int(clearance.argmin()), np.flatnonzero(rows.level >= Level.STOP)
-    began, ended, level = float(rows.t[0]), float(rows.t[-1]), int(rows.level.max())
-    stop, nearest = frames[stops[0]] if len(stops) else None, frames[least]
-    return Span(began, ended, level, float(clearance[least]), stop, nearest)
+    main, t = stops[0] if len(stops) else least, rows.t.tolist()
+    of_main, of_least = (text_of(frames[k], names) for k in (main, least))
+    span = t[0], t[-1], Level(int(rows.level.max()))
+    nearest = float(clearance[least]), t[least], of_least
+    return NearMiss(*span, int(rows.cycle[main]), t[main], of_main, *nearest)
+
+
+@dataclass(frozen=True, slots=True)
+class Closest:
+    """Two bodies and their least distance, with a contract or without one.
+
+    Two bodies may be listed twice: a contract must not hide their distance without it.
+    """
+
+    a: str
+    b: str
+    distance: float  # least signed distance of their primitives [m]
+    at: float  # its time since the first cycle [s]
+    cycle: int  # its cycle
+    clearance: float  # least one of all cycles [m]
+    cycles: int  # recorded cycles in which they were within the margin
+    contract: bool  # whether a contract was in force
+    unproven: int  # in how many of the cycles nothing was proven for the two
+
+
+class ClosestPairs:
+    """Collects the pairs of bodies that were near from successive blocks."""
+
+    def __init__(self, names: Names) -> None:
+        bodies = names.tables.body_names
+        self._bodies = list(dict.fromkeys(bodies))
+        place = {body: k for k, body in enumerate(self._bodies)}
+        self._body_of = np.array([place[body] for body in bodies], np.int64)
+        self._found: dict[int, Closest] = {}
+
+    def add(self, block: Block) -> None:
+        """Take in a block."""
+        near, rows, count = block.near, block.rows, len(self._bodies)
+        a = self._body_of[near[:, FIRST].astype(np.int64)]
+        b = self._body_of[near[:, SECOND].astype(np.int64)]
+        contract = near[:, PROOF] == ALLOWED
+        key = 2 * (np.minimum(a, b) * count + np.maximum(a, b)) + contract
+        pairs, of_pair = np.unique(key, return_inverse=True)
+        nearest = least_in_each(near[:, WITNESS], of_pair)
+        clearance = np.full(len(pairs), np.inf)
+        np.minimum.at(clearance, of_pair, near[:, CLEARANCE])
+        # A cycle counts once for two bodies, however many of their primitives are near.
+        seen = np.unique(of_pair * len(rows) + block.owner) // len(rows)
+        cycles = np.bincount(seen, minlength=len(pairs))
+        open_ones = near[:, PROOF] == UNPROVEN
+        nothing = np.unique(of_pair[open_ones] * len(rows) + block.owner[open_ones])
+        unproven = np.bincount(nothing // len(rows), minlength=len(pairs))
+        for n, (pair, k) in enumerate(zip(pairs.tolist(), nearest, strict=True)):
+            row = rows[block.owner[k]]
+            new = Closest(
+                *(self._bodies[a[k]], self._bodies[b[k]], float(near[k, WITNESS])),
+                *(float(row.t), int(row.cycle), float(clearance[n])),
+                *(int(cycles[n]), bool(contract[k]), int(unproven[n])),
+            )
+            if old := self._found.get(pair):
+                new = replace(
+                    min(old, new, key=lambda pair: pair.distance),
+                    clearance=min(old.clearance, new.clearance),
+                    cycles=old.cycles + new.cycles,
+                    unproven=old.unproven + new.unproven,
+                )
+            self._found[pair] = new
+
+    def pairs(self) -> list[Closest]:
+        """All pairs that were near, nearest first."""
+        return sorted(self._found.values(), key=lambda pair: pair.distance)

@@ -1,8 +1,9 @@
 """The model of a recording: the scene, its fits, stopping figures, claims, hashes."""
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from hashlib import sha256
+from typing import Any
 
 from armguard.errors import ArmguardError
 from armguard.prove import Budget, audit_scene
@@ -13,86 +14,51 @@ from armguard.robot.stopping import ASSUMPTION, StoppingFigures
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.scene import Scene, SceneRobot
 
-# Fields of `StoppingFigures` that are not figures.
-NOT_FIGURES = {"tables", "sources", "joints"}
+# Fields of `StoppingFigures` that are no figures, and those that are.
+FIGURES = {own.name for own in fields(StoppingFigures)} - {
+    "tables",
+    "sources",
+    "joints",
+}
 
 
-@dataclass(frozen=True, slots=True)
-class RobotFacts:
-    """A robot of the model."""
-
-    name: str
-    mode: str  # how its separation is computed
-    response: str  # to near pairs
-    joints: int
-    links: int  # with geometry
-    primitives: int  # around them
-    contained: int  # links that are proven to lie in their primitives
-    overreach: float  # greatest reach of primitives beyond their link [m]
-    worst_link: str  # that link
-    figures: int  # stopping figures
-    assumed: int  # of these, assumptions
-    fingerprint: str  # see `fingerprint`
-
-
-@dataclass(frozen=True, slots=True)
-class Claims:
-    """Claims that two links of a robot need no check."""
-
-    count: int
-    by_status: dict[str, int]  # results of the proofs, see `armguard.prove.audit`
-    contradicted: tuple[str, ...]  # claims that a proof contradicts
-    known: bool  # whether proofs could be looked up
-
-
-@dataclass(frozen=True, slots=True)
-class ModelFacts:
-    """The model of a recording."""
-
-    robots: tuple[RobotFacts, ...]
-    objects: int
-    period: float  # from one cycle to the next [s]
-    late: float  # by which a cycle may be late [s]
-    buffer: float  # largest one of the scene [m]
-    margin: float  # signed distance up to which pairs are reported [m]
-    allowed: dict[str, int]  # number of allowed pairs of each source
-    claims: Claims  # of these, the ones that can be proven or contradicted
-
-
-def model_facts(scene: Scene, prove_seconds: float = 0.0) -> ModelFacts:
+def model_facts(scene: Scene, prove_seconds: float = 0.0) -> dict[str, Any]:
     """The model of a scene; proofs that are not kept here get so much time [s]."""
-    return ModelFacts(
-        robots=tuple(robot_facts(robot) for robot in scene.robots.values()),
-        objects=len(scene.objects),
-        period=scene.period,
-        late=scene.late,
-        buffer=scene.largest_buffer,
-        margin=scene.margin,
-        allowed=dict(Counter(rule.source for rule in allowed_pairs(scene))),
-        claims=claim_facts(scene, prove_seconds),
-    )
+    return {
+        "robots": [robot_facts(robot) for robot in scene.robots.values()],
+        "objects": len(scene.objects),
+        "period": scene.period,  # from one cycle to the next [s]
+        "late": scene.late,  # by which a cycle may be late [s]
+        "buffer": scene.largest_buffer,  # [m]
+        "margin": scene.margin,  # signed distance up to which pairs are reported [m]
+        # Number of allowed pairs of each source.
+        "allowed": dict(Counter(rule.source for rule in allowed_pairs(scene))),
+        "claims": claim_facts(scene, prove_seconds),
+    }
 
 
-def robot_facts(robot: SceneRobot) -> RobotFacts:
+def robot_facts(robot: SceneRobot) -> dict[str, Any]:
     """A robot of the model."""
     fits, stopping = robot.fits, robot.stopping
     worst = max(fits, key=lambda link: fits[link].overreach, default="")
-    figures = {field.name for field in fields(StoppingFigures)} - NOT_FIGURES
     sources = {} if stopping is None else stopping.sources
-    return RobotFacts(
-        name=robot.name,
-        mode=robot.mode,
-        response=robot.response.kind,
-        joints=len(robot.model.q_names),
-        links=len(fits),
-        primitives=sum(len(fit.shapes) for fit in fits.values()),
-        contained=sum(fit.contained for fit in fits.values()),
-        overreach=fits[worst].overreach if worst else 0.0,
-        worst_link=worst,
-        figures=0 if stopping is None else len(figures),
-        assumed=sum(ASSUMPTION in sources.get(name, "") for name in figures),
-        fingerprint=fingerprint(robot),
-    )
+    return {
+        "name": robot.name,
+        "mode": robot.mode,  # how its separation is computed
+        "response": robot.response.kind,  # to near pairs
+        "joints": len(robot.model.q_names),
+        "links": len(fits),  # with geometry
+        "primitives": sum(len(fit.shapes) for fit in fits.values()),  # around them
+        # Links that are proven to lie in their primitives.
+        "contained": sum(fit.contained for fit in fits.values()),
+        # Greatest reach of primitives beyond their link [m], and that link.
+        "overreach": fits[worst].overreach if worst else 0.0,
+        "worst_link": worst,
+        # Stopping figures, and how many of them are assumptions.
+        "figures": 0 if stopping is None else len(FIGURES),
+        "assumed": sum(ASSUMPTION in sources.get(name, "") for name in FIGURES),
+        "fingerprint": fingerprint(robot),
+    }
 
 
 def fingerprint(robot: SceneRobot) -> str:
@@ -107,22 +73,23 @@ def fingerprint(robot: SceneRobot) -> str:
     return digest.hexdigest()[:16]
 
 
-def claim_facts(scene: Scene, seconds: float) -> Claims:
-    """Claims of a scene and the results of proofs."""
+def claim_facts(scene: Scene, seconds: float) -> dict[str, Any]:
+    """Claims that two links of a robot need no check, and the results of proofs."""
     count = sum(len(rows) for rows in claims(scene).values())
     try:
         audits = audit_scene(scene, budget=Budget(seconds=seconds))
     except (OSError, ArmguardError):
         # A proof needs the robot's files, which may be on another machine.
-        return Claims(count, {}, (), known=False)
-    by_status = Counter(audit.status for audit in audits)
-    return Claims(
-        count=count,
-        by_status={status: by_status[status] for status in STATUSES},
-        contradicted=tuple(
+        return {"count": count, "by_status": {}, "contradicted": [], "known": False}
+    found = Counter(audit.status for audit in audits)
+    return {
+        "count": count,
+        # Results of the proofs, see `armguard.prove.audit`.
+        "by_status": {status: found[status] for status in STATUSES},
+        "contradicted": [
             f"{audit.robot}/{audit.proof.link_a} – {audit.proof.link_b}"
             for audit in audits
             if audit.status == "contradicted"
-        ),
-        known=True,
-    )
+        ],
+        "known": True,
+    }

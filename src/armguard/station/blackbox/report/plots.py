@@ -13,7 +13,14 @@ from armguard.guard.levels import Level
 from armguard.guard.needs import LOOK_AHEAD
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.station import palette
-from armguard.station.blackbox.report.cycles import Floats, Series, distribution
+from armguard.station.blackbox.report.cycles import (
+    Floats,
+    Series,
+    distribution,
+    least_in_each,
+    level_shares,
+    timeline,
+)
 from armguard.station.blackbox.report.findings import Findings
 from armguard.station.blackbox.report.formatting import (
     clock,
@@ -23,11 +30,6 @@ from armguard.station.blackbox.report.formatting import (
     short_time,
 )
 from armguard.station.blackbox.report.incidents import NearMiss
-from armguard.station.blackbox.report.timeline import (
-    least_in_each,
-    level_shares,
-    timeline,
-)
 from armguard.station.palette import hexadecimal
 
 COLOURS = {level: hexadecimal(rgb) for level, rgb in palette.LEVEL_COLOURS.items()}
@@ -80,7 +82,7 @@ def plots(findings: Findings, drawn: Sequence[NearMiss]) -> dict[str, go.Figure]
     found["plot-slack"] = slack_histogram(findings.series)
     found["plot-times"] = time_histogram(findings)
     for k, miss in enumerate(drawn, start=1):
-        found[f"plot-near-{k}"] = near_miss(findings.series, miss, findings.begin)
+        found[f"plot-near-{k}"] = near_miss(findings.series, miss)
     return found
 
 
@@ -181,7 +183,7 @@ def time_line(findings: Findings) -> go.Figure:
         figure.add_trace(curve, row, 1)
     stops = findings.stops
     marks = lines(
-        np.array([(halt.at - findings.begin) / size for halt in stops]),
+        np.array([halt.t / size for halt in stops]),
         np.zeros(len(stops)),
         "%{text}",
         mode="markers",
@@ -243,11 +245,10 @@ def level_runs(name: str, levels: NDArray[Any], edges: Floats) -> go.Bar:
     )
 
 
-def near_miss(series: Series, miss: NearMiss, begin: float) -> go.Figure:
+def near_miss(series: Series, miss: NearMiss) -> go.Figure:
     """Distance of the nearest pair and needed separation around a near miss."""
-    at = miss.at - begin
-    first, last = np.searchsorted(series.t, [at - BEFORE, at + AFTER])
-    times = series.t[first:last] - at
+    first, last = np.searchsorted(series.t, [miss.t - BEFORE, miss.t + AFTER])
+    times = series.t[first:last] - miss.t
     left, distance = series.clearance[first:last], series.distance[first:last]
     seen = np.isfinite(distance) & np.isfinite(left)
     distance = np.where(seen, distance * 1e3, np.nan)
@@ -259,53 +260,47 @@ def near_miss(series: Series, miss: NearMiss, begin: float) -> go.Figure:
         bottom = min(bottom, 1.1 * np.nanmin(distance))
     place = np.arange(len(times)) * POINTS // max(len(times), POINTS)
     points = least_in_each(np.where(seen, left, np.inf), place)
-    figure = go.Figure()
+    figure = make_subplots(
+        rows=2, shared_xaxes=True, row_heights=[0.86, 0.14], vertical_spacing=0.07
+    )
     for values, name, line in (
         (distance, "distance", {"color": BLUE, "width": 2}),
         (needed, "needed", {"color": VERMILLION, "width": 1.6, "dash": "5px,3px"}),
     ):
         hover = f"{name} %{{y:.1f}} mm"
-        figure.add_trace(lines(times[points], values[points], hover, line=line))
+        figure.add_trace(lines(times[points], values[points], hover, line=line), 1, 1)
     edges = np.append(times, min(AFTER, times[-1] + series.period))
-    level = level_runs("level", series.level[first:last], edges)
-    figure.add_trace(level.update(yaxis="y2"))
-    start, end = max(miss.began - miss.at, -BEFORE), min(miss.ended - miss.at, AFTER)
+    figure.add_trace(level_runs("level", series.level[first:last], edges), 2, 1)
+    start, end = max(miss.began - miss.t, -BEFORE), min(miss.ended - miss.t, AFTER)
     # One cycle is wide enough to be seen.
     end = max(end, start + 0.01)
-    figure.add_vrect(start, end, fillcolor=VERMILLION, opacity=0.08, line_width=0)
+    shade = {"fillcolor": VERMILLION, "opacity": 0.08, "line_width": 0}
+    figure.add_vrect(start, end, row=1, col=1, **shade)
     figure.add_vline(0.0, line={"color": FAINT, "width": 1, "dash": "dot"})
     seconds = np.arange(-BEFORE, AFTER + 1.0)
-    figure.update_xaxes(
-        range=[-BEFORE, AFTER],
-        tickvals=seconds,
-        ticktext=[f"{second:+.0f}" if second else "0 s" for second in seconds],
-        showgrid=False,
-        anchor="y2",
-    )
-    figure.update_layout(
-        yaxis={"range": [bottom, top], "domain": [0.2, 1.0], "title": {"text": "mm"}},
-        yaxis2={"domain": [0.0, 0.13], "showticklabels": False, "fixedrange": True},
-        margin={"l": 60, "r": 12, "t": 12, "b": 24},
-    )
-    return styled(figure, 200, font={"size": 11}, showlegend=False, hovermode="x")
+    ticks = [f"{second:+.0f}" if second else "0 s" for second in seconds]
+    figure.update_xaxes(range=[-BEFORE, AFTER], tickvals=seconds, ticktext=ticks)
+    figure.update_xaxes(showgrid=False)
+    figure.update_yaxes(range=[bottom, top], title_text="mm", row=1)
+    figure.update_yaxes(showticklabels=False, fixedrange=True, row=2)
+    margin = {"l": 60, "r": 12, "t": 12, "b": 24}
+    look = {"font": {"size": 11}, "showlegend": False, "hovermode": "x"}
+    return styled(figure, 200, margin=margin, **look)
 
 
 def slack_histogram(series: Series) -> go.Figure:
     """Time at each slack and at each clearance."""
     figure = make_subplots(cols=2, horizontal_spacing=0.1)
-    for col, (values, most, least, title, colour) in enumerate(
-        (
-            (series.slack, LOOKED * 1e3, 0.0, "time until a stop [ms]", GREEN),
-            (series.clearance, FARTHEST, -20.0, "clearance [mm]", BLUE),
-        ),
-        start=1,
+    for col, values, most, least, title, colour in (
+        (1, series.slack, LOOKED * 1e3, 0.0, "time until a stop [ms]", GREEN),
+        (2, series.clearance, FARTHEST, -20.0, "clearance [mm]", BLUE),
     ):
         known = values * 1e3 < most
         number, weights = np.maximum(values[known] * 1e3, least), series.held[known]
-        edges = np.linspace(least, most, 51)
-        held, _ = np.histogram(number, edges, weights=weights)
-        times, hover = map(duration, held.tolist()), "%{x:.0f}: for %{hovertext}"
-        bar = bars(middles(edges), held, colour, hover, hovertext=list(times))
+        held, edges = np.histogram(number, 50, (least, most), weights=weights)
+        times = [duration(time) for time in held.tolist()]
+        hover = "%{x:.0f}: for %{hovertext}"
+        bar = bars(middles(edges), held, colour, hover, hovertext=times)
         figure.add_trace(bar, 1, col)
         figure.update_xaxes(title_text=title, col=col)
     figure.update_yaxes(title_text="for how long [s]")
@@ -324,8 +319,7 @@ def time_histogram(findings: Findings) -> go.Figure:
         if not len(logs):
             continue
         low, high = np.floor(logs.min()), np.ceil(logs.max() + 1e-9)
-        edges = np.linspace(low, high, int(high - low) * BINS + 1)
-        counts, _ = np.histogram(logs, edges)
+        counts, edges = np.histogram(logs, int(high - low) * BINS, (low, high))
         times = [short_time(time) for time in (10.0**edges).tolist()]
         spans = np.array([f"{start} to {end}" for start, end in pairwise(times)])
         hover, seen = f"{name}, %{{hovertext}}: %{{y}} cycles", counts > 0
