@@ -19,7 +19,7 @@ from armguard.station.errors import RefusedError
 from armguard.station.frames import Frame, Kind, frame_of, text_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
-from armguard.station.service.calls import Calls, permitted, read_call
+from armguard.station.service.rpc import Calls, permitted, read_call
 from armguard.station.wire import Role
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -4,23 +4,13 @@ import socket
 import sys
 
 from armguard.station.service.machine import ask_realtime
-from armguard.station.wire.layout import (
-    COMMAND,
-    HEADER,
-    ROBOT,
-    SEAL,
-    STATE,
-    SUMMARY,
-    WISH,
-)
+from armguard.station.wire.layout import LEAST, STATE, WISH, command_size
 
 # What goes there and comes back between the service and its client in the bay: a state
 # with velocities and a wish of two arms of seven joints, and the answer [bytes].
 JOINTS, ROBOTS = 14, 2
-ASKED = HEADER.size + STATE.size + WISH.size + 3 * 8 * JOINTS + SEAL
-ANSWERED = (
-    HEADER.size + COMMAND.size + SUMMARY.size + ROBOTS * ROBOT.size + 16 * JOINTS + SEAL
-)
+ASKED = LEAST + STATE.size + WISH.size + 3 * 8 * JOINTS
+ANSWERED = command_size(ROBOTS, JOINTS)
 
 
 def main() -> None:

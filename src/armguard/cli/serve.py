@@ -82,12 +82,12 @@ def serve(
     """
     from armguard.respond.compiling import compile_ahead
     from armguard.station.service import Service, ServiceSettings
-    from armguard.station.service.complaints import PatientHandler
     from armguard.station.service.scenes import (
         checked_mode,
         checked_response,
         open_scene,
     )
+    from armguard.station.service.throttled_log import PatientHandler
     from armguard.station.wire import read_keys
 
     patient = PatientHandler()

@@ -14,15 +14,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.station.client.answer import NANO, Answer, stop_answer, words
 from armguard.station.client.clock import ServiceClock
-from armguard.station.client.connection import Connection, Head
+from armguard.station.client.connection import Connection
 from armguard.station.client.state_message import StateMessage
 from armguard.station.client.welcome import NOTHING, Welcome, read_welcome
 from armguard.station.errors import NoServiceError, RefusedError
-from armguard.station.wire import layout
+from armguard.station.wire import Cause, Form, Keys, Kind, Role
 from armguard.station.wire.boot import boot_id
-from armguard.station.wire.keys import Keys, Role, found_keys, key_of
-from armguard.station.wire.layout import Form, Kind
-from armguard.station.wire.words import Cause
+from armguard.station.wire.keys import found_keys, key_of
+from armguard.station.wire.layout import (
+    CHALLENGE,
+    CLAIM,
+    GIVE_BACK,
+    GRANT,
+    HEARTBEAT,
+    HELLO,
+    NO_COOKIE,
+    REFUSAL,
+    REPLY,
+    TWIST,
+    WELCOME,
+    WISH,
+    Grant,
+    Header,
+)
 
 Floats = NDArray[np.float64]
 
@@ -95,7 +109,7 @@ class Client:
         self.refusal: tuple[str, str] | None = None
         self._refused = -inf
         self._welcome: Welcome | None = None
-        self._cookie = layout.NO_COOKIE
+        self._cookie = NO_COOKIE
         # Parts of a WELCOME, and the scene of their headers.
         self._scene, self._parts = 0, dict[int, bytes]()
         # Answers that wait to be received, oldest first, and the newest.
@@ -103,8 +117,9 @@ class Client:
         self._newest: Answer | None = None
         # When the service sent its newest other message, on its clock [s].
         self._heard, self._gone = 0.0, False
-        # The commander's token, 0 without the command; fields of the newest GRANT.
-        self._token, self._grant = 0, tuple[Any, ...]()
+        # The commander's token, 0 without the command; the newest GRANT.
+        self._token = 0
+        self._grant: Grant | None = None
         self._claimed = False
         # Number of the message of the newest call, and its reply.
         self._asked = 0
@@ -186,7 +201,7 @@ class Client:
         key, source = self._key(end)
         self._connection.open(key)
         for done in (
-            lambda: self._cookie != layout.NO_COOKIE,
+            lambda: self._cookie != NO_COOKIE,
             lambda: self.connected or self.refusal,
         ):
             if not self._ask(self._hello, done, end - monotonic()):
@@ -267,12 +282,10 @@ class Client:
             RefusedError: Another client has it, or this one's role may not.
             NoServiceError: The service does not answer.
         """
-        connection = self._connection
 
         def claim() -> None:
-            self._grant = ()
-            layout.CLAIM.pack_into(connection.outbox.payload, 0, force, 0)
-            connection.say(Kind.CLAIM, layout.CLAIM.size)
+            self._grant = None
+            self._connection.say(Kind.CLAIM, CLAIM.pack(force))
 
         self.refusal = None
         if not self._ask(
@@ -284,19 +297,19 @@ class Client:
                 f"only a client with the key for 'command' may claim the command; this "
                 f"one has the key for '{self._role.word}'"
             )
-        granted, _, token, holder, *_ = self._grant
-        if not granted:
+        grant = self._grant
+        assert grant is not None
+        if not grant.granted:
             raise RefusedError(
-                f"client {holder:x} has the command; wait until it gives it back, or "
-                "claim it with force and the key for 'administer'"
+                f"client {grant.holder:x} has the command; wait until it gives it "
+                "back, or claim it with force and the key for 'administer'"
             )
-        self._token = token
+        self._token = grant.token
 
     def give_back(self) -> None:
         """Give the command back."""
         if self._token:
-            layout.GIVE_BACK.pack_into(self._connection.outbox.payload, 0, self._token)
-            self._connection.say(Kind.GIVE_BACK, layout.GIVE_BACK.size)
+            self._connection.say(Kind.GIVE_BACK, GIVE_BACK.pack(self._token))
             self._token = 0
 
     def send_velocities(self, velocities: ArrayLike) -> None:
@@ -329,7 +342,7 @@ class Client:
             if name not in tools:
                 raise RefusedError(f"the scene has no tool '{name}'")
             rows.append([tools.index(name), *np.asarray(twist, np.float64).flat])
-        if any(len(row) != layout.TWIST for row in rows):
+        if any(len(row) != TWIST for row in rows):
             raise RefusedError("a twist has six numbers")
         self._send_desired(Form.TWISTS, rows)
 
@@ -433,8 +446,7 @@ class Client:
             raise RefusedError(f"call '{call}' is too long for a message")
 
         def ask() -> None:
-            connection.outbox.payload[: len(data)] = data
-            self._asked = connection.say(Kind.CALL, len(data))
+            self._asked = connection.say(Kind.CALL, data)
 
         if not self._ask(ask, lambda: self._reply, timeout):
             raise NoServiceError(f"the service does not answer the call '{call}'")
@@ -457,23 +469,17 @@ class Client:
         self._measured = 0
 
     def _hello(self) -> None:
-        payload = self._connection.outbox.payload
-        layout.HELLO.pack_into(payload, 0, self._role, self._every, self._cookie)
-        end = layout.HELLO.size + len(self._name)
-        payload[layout.HELLO.size : end] = self._name
-        self._connection.say(Kind.HELLO, end)
+        head = HELLO.pack(self._role, self._every, self._cookie)
+        self._connection.say(Kind.HELLO, head, self._name)
 
     def _send_desired(self, form: Form, values: ArrayLike) -> None:
         """Send a WISH of that form."""
-        payload = self._connection.outbox.payload
-        row = np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
-        layout.WISH.pack_into(payload, 0, self._token, form, len(row))
-        end = layout.WISH.size + row.nbytes
-        payload[layout.WISH.size : end] = row.view(np.uint8).data
-        self._connection.say(Kind.WISH, end)
+        row = np.asarray(values, dtype=np.float64).reshape(-1)
+        head = WISH.pack(self._token, form, len(row))
+        self._connection.say(Kind.WISH, head, row.tobytes())
 
     def _state(
-        self, robots: str | tuple[str, ...] | None, velocities: bool, wish: bool
+        self, robots: str | tuple[str, ...] | None, velocities: bool, desired: bool
     ) -> StateMessage:
         """The STATE of these robots, see `StateMessage`: numbers have to be written.
 
@@ -481,13 +487,13 @@ class Client:
             NoServiceError: No service has named its robots.
             RefusedError: There is no robot of that name.
         """
-        form = robots, velocities, wish
+        form = robots, velocities, desired
         state = self._states.get(form)
         if state is None:
             state = self._states[form] = StateMessage(
                 *(self._connection, self.welcome, robots),
                 velocities=velocities,
-                wish=wish,
+                desired=desired,
             )
         if robots is None:
             self._whole = state
@@ -585,42 +591,42 @@ class Client:
             # Its payload is none of its kind.
             connection.dropped += 1
 
-    def _take_other(self, head: Head, payload: memoryview) -> bool:
+    def _take_other(self, head: Header, payload: memoryview) -> bool:
         """Take over what is no answer; False if it does not count."""
         connection, kind = self._connection, head.kind
+        known = head.session == connection.outbox.session
         if kind == Kind.WELCOME:
             return self._take_welcome(head, payload)
         if kind == Kind.CHALLENGE:
-            asked, cookie = layout.CHALLENGE.unpack_from(payload)
-            if self._welcome is not None or asked < connection.opened:
+            challenge = CHALLENGE.unpack_from(payload)
+            if self._welcome is not None or challenge.asked < connection.opened:
                 # It is that of an older HELLO.
                 return False
-            connection.outbox.session, self._cookie = head.session, cookie
+            connection.outbox.session = head.session
+            self._cookie = challenge.cookie
             return True
-        if kind == Kind.REFUSAL and head.session == connection.outbox.session:
-            text = bytes(payload[layout.REFUSAL.size :]).decode()
+        if kind == Kind.REFUSAL and known:
+            text = bytes(payload[REFUSAL.size :]).decode()
             cause, _, sentence = text.partition(":")
             self.refusal, self._refused = (cause, sentence), monotonic()
             return True
-        if self._welcome is None or head.session != connection.outbox.session:
+        if self._welcome is None or not known:
             return False
         connection.last = head.sequence
         self._heard = max(self._heard, head.stamp * NANO)
-        if kind == Kind.COMMAND:
-            return False
         if kind == Kind.HEARTBEAT:
-            if layout.HEARTBEAT.unpack_from(payload)[1] != connection.sender:
+            if HEARTBEAT.unpack_from(payload).commander != connection.sender:
                 self._token = 0
         elif kind == Kind.GRANT:
-            self._grant = layout.GRANT.unpack_from(payload)
+            self._grant = GRANT.unpack_from(payload)
         elif kind == Kind.REPLY:
-            if layout.REPLY.unpack_from(payload)[0] == self._asked:
-                self._reply = json.loads(bytes(payload[layout.REPLY.size :]))
+            if REPLY.unpack_from(payload).sequence == self._asked:
+                self._reply = json.loads(bytes(payload[REPLY.size :]))
         elif kind == Kind.BYE:
             self._gone = True
-        return True
+        return kind != Kind.COMMAND
 
-    def _take_welcome(self, head: Head, payload: memoryview) -> bool:
+    def _take_welcome(self, head: Header, payload: memoryview) -> bool:
         """Take a part of a WELCOME over; False if it is another service's."""
         connection, outbox = self._connection, self._connection.outbox
         if self._welcome is not None:
@@ -628,16 +634,16 @@ class Client:
                 # A service that was started anew has to be connected to anew.
                 return False
             connection.last = head.sequence
-        part, parts, _, _, _, asked, read = layout.WELCOME.unpack_from(payload)
+        found = WELCOME.unpack_from(payload)
         if head.scene != self._scene:
             # Parts about another scene are given up.
             self._scene, self._parts = head.scene, {}
-        self._parts[part] = bytes(payload[layout.WELCOME.size :])
-        if asked:
-            self.clock.learn(asked, read, monotonic_ns())
-        if len(self._parts) < parts:
+        self._parts[found.part] = bytes(payload[WELCOME.size :])
+        if found.asked:
+            self.clock.learn(found.asked, found.received, monotonic_ns())
+        if len(self._parts) < found.parts:
             return True
-        text = b"".join(self._parts[k] for k in range(parts))
+        text = b"".join(self._parts[k] for k in range(found.parts))
         self._parts = {}
         welcome = read_welcome(text)
         if welcome.boot_id and welcome.boot_id == boot_id():

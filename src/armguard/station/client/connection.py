@@ -1,4 +1,4 @@
-"""A socket to one service, and which of the messages that come in count."""
+"""A socket to one service, and which of its messages count."""
 
 import secrets
 import select
@@ -6,50 +6,26 @@ import socket
 import time
 from collections.abc import Callable
 from math import nan
-from typing import NamedTuple
 
-from armguard.station.client.answer import (
-    BODY_A,
-    BODY_B,
-    CAUSE,
-    CAUSES,
-    FIELDS,
-    JOINTS,
-    NANO,
-    ROBOTS,
-    SAME,
-    SEQUENCE,
-    Answer,
-)
+from armguard.station.client.answer import CAUSES, NANO, Answer
 from armguard.station.client.welcome import NOTHING, Welcome
 from armguard.station.errors import NoServiceError
+from armguard.station.wire import Kind, Outbox, Seal
 from armguard.station.wire.layout import (
+    COMMAND,
     HEADER,
     LEAST,
     MAGIC,
     MOST,
-    NOBODY,
-    ROBOT,
-    ROBOTS_AT,
+    NO_BODY,
     SEAL,
     VERSION,
-    Kind,
+    Header,
+    command_size,
 )
-from armguard.station.wire.outbox import Outbox
-from armguard.station.wire.seal import Seal
 
 # The service forgets a client that is silent for longer than a few of these [ns].
 ALIVE = 200_000_000
-
-
-class Head(NamedTuple):
-    """Header of a message that counts."""
-
-    kind: int
-    session: int
-    scene: int
-    sequence: int
-    stamp: int
 
 
 class Connection:
@@ -70,7 +46,7 @@ class Connection:
         self.address = address
         self.socket: socket.socket | None = None
         self.dropped = self.opened = self._sent = 0
-        # The same socket once more, which waits: for how long it was asked to [s], and
+        # The same socket once more, which waits: the time of the last wait [s], and
         # whole milliseconds of that.
         self._patient: socket.socket | None = None
         self._wait, self._milliseconds = nan, 0
@@ -81,8 +57,8 @@ class Connection:
         self._begin(secrets.token_bytes(16))
 
     def _begin(self, key: bytes) -> None:
-        """Become a new sender, which knows no service yet."""
-        # The service remembers the sequence of the sender that was here before.
+        """Become a new sender that knows no service yet."""
+        # The service remembers the sequence of the sender before.
         self.sender, self.seal = secrets.randbits(63) | 1, Seal(key)
         self.outbox = Outbox(self.seal, self.sender)
         self.last = 0
@@ -103,10 +79,10 @@ class Connection:
         """
         joints, robots = len(welcome.names), len(welcome.robots)
         self._session = session
-        self._size = size = ROBOTS_AT + robots * ROBOT.size + 16 * joints + SEAL
+        self._size = size = command_size(robots, joints)
         self._command = self._all[:size]
-        head = MAGIC, VERSION, Kind.COMMAND, size, session, scene, 0, 0, 0
-        self._same = SAME.unpack_from(HEADER.pack(*head))
+        # What is the same in the headers of all its COMMANDs.
+        self._same = MAGIC, VERSION, Kind.COMMAND, size, session, scene, 0
         self._shape, self._bodies = (joints, robots), len(welcome.bodies)
         self._welcome, self._clock = welcome, clock
 
@@ -140,9 +116,9 @@ class Connection:
                 one.close()
         self.socket = self._patient = None
 
-    def say(self, kind: Kind, size: int = 0) -> int:
-        """Send what is in the outbox, with `size` bytes of payload; its number."""
-        self.send(self.outbox.seal(kind, size), time.monotonic_ns())
+    def say(self, kind: Kind, *parts: bytes) -> int:
+        """Send a message whose payload is these parts; its number."""
+        self.send(self.outbox.message(kind, *parts), time.monotonic_ns())
         return self.outbox.sequence
 
     def send(self, message: memoryview, now: int) -> None:
@@ -195,39 +171,37 @@ class Connection:
         """The answer in a message of `size` bytes; None if it is none that counts."""
         if size != self._size:
             return None
-        fields = FIELDS.unpack_from(self._buffer)
-        sequence, a, b = fields[SEQUENCE], fields[BODY_A], fields[BODY_B]
-        message = self._command
+        message, head = self._command, HEADER.unpack_from(self._buffer)
+        command = COMMAND.unpack_from(self._buffer, HEADER.size)
+        a, b = command.body_a, command.body_b
         if (
-            fields[:SEQUENCE] != self._same
-            or sequence <= self.last
-            or fields[JOINTS : ROBOTS + 1] != self._shape
-            or fields[CAUSE] not in CAUSES
-            or (a != NOBODY and not (a < self._bodies and b < self._bodies))
+            head[:7] != self._same
+            or head.sequence <= self.last
+            or (command.joints, command.robots) != self._shape
+            or command.cause not in CAUSES
+            or (a != NO_BODY and not (a < self._bodies and b < self._bodies))
             or not self.seal.fits(message)
         ):
             return None
-        self.last = sequence
-        # The one copy: the next message comes into the same buffer.
-        return Answer(bytes(message), fields, self._welcome, self._clock)
+        self.last = head.sequence
+        # The one copy: the next message is received into the same buffer.
+        sent = head.stamp * NANO
+        return Answer(bytes(message), command, sent, self._welcome, self._clock)
 
-    def head(self, size: int) -> Head | None:
+    def head(self, size: int) -> Header | None:
         """The header of a message of `size` bytes; None if it does not count."""
         if not LEAST <= size <= MOST:
             return None
         message = self._all[:size]
         head = HEADER.unpack_from(message)
-        magic, version, kind, length, session, scene, sender, sequence, stamp = head
-        if (magic, version, length, sender) != (MAGIC, VERSION, size, 0):
+        right = MAGIC, VERSION, size, 0
+        last = self.last if head.session == self._session else 0
+        if (head.magic, head.version, head.length, head.sender) != right:
             return None
-        if sequence <= (self.last if session == self._session else 0):
-            return None
-        if not self.seal.fits(message):
-            return None
-        return Head(kind, session, scene, sequence, stamp)
+        return head if head.sequence > last and self.seal.fits(message) else None
 
     def payload(self, size: int) -> memoryview:
-        """The payload of a message of that size; good until the next one comes."""
+        """The payload of a message of that size; good until the next `receive`."""
         return self._all[HEADER.size : size - SEAL]
 
     def _set_wait(self, wait: float) -> None:

@@ -51,32 +51,14 @@ DROPS = {
 }
 
 COUNTERS: tuple[str, ...] = (
-    "received",
-    "accepted",
-    "states",
-    "wishes",
-    "calls",
-    "calls_refused",
-    "hellos",
-    "claims",
-    "claims_refused",
-    "stop_orders",
-    "cycles",
-    "cycles_without_state",
-    "cycles_without_wish",
-    "deadline_missed",
-    "cycle_faults",
-    "sent",
-    "send_would_block",
-    "send_failed",
-    "senders",
-    "commander_lost",
-    "companions_ended",
-    "companions_restarted",
-    "level",
+    *("received", "accepted", "states", "wishes", "calls", "calls_refused"),
+    *("hellos", "claims", "claims_refused", "stop_orders"),
+    *("cycles", "cycles_without_state", "cycles_without_wish"),
+    *("deadline_missed", "cycle_faults"),
+    *("sent", "send_would_block", "send_failed", "senders"),
+    *("commander_lost", "companions_ended", "companions_restarted", "level"),
     *(f"dropped_{cause}" for cause in DROPS),
 )
-PLACE = {name: k for k, name in enumerate(COUNTERS)}
 
 # From a message's arrival until the system has its answer's message, and has delivered
 # it or woken who is to read it; judging; how late a cycle began; from a message's
@@ -102,6 +84,10 @@ FIRST_CAUSE = 200
 STOPS_AT = HEAD + len(COUNTERS)
 HISTOGRAMS_AT = STOPS_AT + REASONS
 WORDS = HISTOGRAMS_AT + len(HISTOGRAMS) * SPAN
+
+# Places of counters, and where histograms begin, in the row.
+PLACE = {name: HEAD + k for k, name in enumerate(COUNTERS)}
+FIRST = {name: HISTOGRAMS_AT + k * SPAN for k, name in enumerate(HISTOGRAMS)}
 
 
 class CountersError(StationError):
@@ -162,25 +148,25 @@ class Counters:
             self._words[k] = word
         self._words[0] = MAGIC
 
-    def count(self, place: int) -> None:
-        """Count one more; `place` is `PLACE[name]`."""
-        self._words[HEAD + place] += 1
+    def count(self, name: str) -> None:
+        """Count one more."""
+        self._words[PLACE[name]] += 1
 
-    def put(self, place: int, value: int) -> None:
+    def put(self, name: str, value: int) -> None:
         """Set a counter that goes up and down."""
-        self._words[HEAD + place] = value
+        self._words[PLACE[name]] = value
 
-    def value(self, place: int) -> int:
+    def value(self, name: str) -> int:
         """A counter."""
-        return self._words[HEAD + place]
+        return self._words[PLACE[name]]
 
     def stop(self, reason: int) -> None:
         """Count an order to stop."""
         self._words[STOPS_AT + min(max(reason, 0), REASONS - 1)] += 1
 
-    def time(self, histogram: int, nanoseconds: int) -> None:
-        """Count a time; `histogram` is its place in `HISTOGRAMS`."""
-        words, first = self._words, HISTOGRAMS_AT + histogram * SPAN
+    def time(self, histogram: str, nanoseconds: int) -> None:
+        """Count a time in a histogram."""
+        words, first = self._words, FIRST[histogram]
         words[first + bucket_of(nanoseconds)] += 1
         words[first + COUNT] += 1
         words[first + SUM] += nanoseconds
@@ -188,7 +174,7 @@ class Counters:
             words[first + MOST] = nanoseconds
 
     def close(self) -> None:
-        """Remove the file's name; who reads it may go on doing so."""
+        """Remove the file's name; its readers may go on."""
         self.path.unlink(missing_ok=True)
         self._words.release()
         self._map.close()
@@ -252,7 +238,7 @@ class CountersReader:
 
     def value(self, name: str) -> int:
         """A counter."""
-        return int(self._words[HEAD + PLACE[name]])
+        return int(self._words[PLACE[name]])
 
     def values(self) -> dict[str, int]:
         """All counters by name."""
@@ -266,7 +252,7 @@ class CountersReader:
 
     def histogram(self, name: str) -> Histogram:
         """A histogram, a copy."""
-        first = HISTOGRAMS_AT + HISTOGRAMS.index(name) * SPAN
+        first = FIRST[name]
         words = self._words[first : first + SPAN].copy()
         return Histogram(
             counts=words[:BUCKETS],

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from armguard.station.wire.keys import Role
-from armguard.station.wire.seal import Seal
+from armguard.station.wire import Role, Seal
 
 Address = tuple[str, int]
 

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 # Scenes that come with the package.
 BUNDLED = ("bay", "two-pandas")
 
-# Boxes a service holds ready for what nobody foresaw, and half of their sizes until
-# somebody says otherwise [m].
+# Boxes a service holds ready for objects that the scene does not have, and half of
+# their sizes until a client gives others [m].
 SPARE_BOXES = 8
 SPARE = (0.05, 0.05, 0.05)
 
@@ -87,7 +87,7 @@ def hold_boxes_ready(scene: Scene) -> None:
 
 
 def checked_mode(word: str | None) -> Mode | None:
-    """A mode, from what somebody wrote.
+    """A mode, from a word of the user.
 
     Raises:
         SceneError: It is none in which stops are predicted.
@@ -100,7 +100,7 @@ def checked_mode(word: str | None) -> Mode | None:
 
 
 def checked_response(word: str | None) -> ResponseName | None:
-    """A response, from what somebody wrote.
+    """A response, from a word of the user.
 
     Raises:
         SceneError: There is none of that name.
@@ -122,9 +122,9 @@ def scene_hash(tables: SceneTables) -> str:
 def add(digest: Any, value: Any) -> None:
     """Add a value to a digest: arrays by their bits, all else by what it says."""
     if isinstance(value, SceneTables):
-        value = replace(value, local_rows=told(value.local_rows, value.kinds))
+        value = replace(value, local_rows=plain_rows(value.local_rows, value.kinds))
     elif isinstance(value, ExactTables):
-        value = replace(value, rows=told(value.rows, value.kinds))
+        value = replace(value, rows=plain_rows(value.rows, value.kinds))
     digest.update(type(value).__name__.encode())
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode())
@@ -144,7 +144,7 @@ def add(digest: Any, value: Any) -> None:
             add(digest, item)
 
 
-def told(rows: Floats, kinds: NDArray[np.int32]) -> Floats:
+def plain_rows(rows: Floats, kinds: NDArray[np.int32]) -> Floats:
     """Rows without addresses, which differ from process to process.
 
     What they lead to is in the shapes, which the tables keep beside them.

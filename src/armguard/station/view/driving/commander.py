@@ -8,8 +8,7 @@ from typing import Any
 from armguard.errors import ArmguardError
 from armguard.station.client import Client, Welcome
 from armguard.station.view.driving.wishes import Wish
-from armguard.station.wire.keys import Role
-from armguard.station.wire.words import Cause
+from armguard.station.wire import Cause, Role
 
 # A call that is not answered for so long is given up; wishes wait meanwhile [s].
 PATIENCE = 2.0
