@@ -14,7 +14,7 @@ from armguard.errors import ArmguardError
 from armguard.guard.objects import SightingError
 from armguard.station.blackbox.replay import do
 from armguard.station.calls import CALLS, Call, GuardCall, call_of
-from armguard.station.client.client import request_of
+from armguard.station.client.exchange import request_of
 from armguard.station.errors import RefusedError
 from armguard.station.frames import Frame, Kind, frame_of, text_of
 from armguard.station.recorded import RecordedGuard

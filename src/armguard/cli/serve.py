@@ -82,11 +82,7 @@ def serve(
     """
     from armguard.respond.compiling import compile_ahead
     from armguard.station.service import Service, ServiceSettings
-    from armguard.station.service.scenes import (
-        checked_mode,
-        checked_response,
-        open_scene,
-    )
+    from armguard.station.service.scenes import open_scene
     from armguard.station.service.throttled_log import PatientHandler
     from armguard.station.wire import read_keys
 
@@ -128,8 +124,8 @@ def serve(
         period=settings.period,
         late=late,
         stale=stale,
-        mode=checked_mode(mode),
-        response=checked_response(response),
+        mode=mode,
+        response=response,
         progress=say_progress,
     )
     modes = {robot.mode for robot in opened.robots.values()}

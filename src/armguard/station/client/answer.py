@@ -65,22 +65,13 @@ def words() -> Words:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nearest:
-    """The pair with the least clearance.
+    """The pair with the least clearance."""
 
-    Attributes:
-        a: Body of A: 'robot/link', or an object's name.
-        b: Body of B.
-        distance: Signed distance of their surfaces [m].
-        clearance: What is left of it beyond what the pair needs [m].
-        point_a: Witness point on A, world, shape (3,) [m].
-        point_b: Witness point on B, world, shape (3,) [m].
-    """
-
-    a: str
+    a: str  # body of A: 'robot/link', or an object's name
     b: str
-    distance: float
-    clearance: float
-    point_a: Floats
+    distance: float  # signed distance of their surfaces [m]
+    clearance: float  # distance beyond what the pair needs [m]
+    point_a: Floats  # witness point on A, world, shape (3,) [m]
     point_b: Floats
 
 

@@ -67,59 +67,33 @@ TWIST_AT = 1
 
 
 class Desk(NamedTuple):
-    """Arrays of one service and one scene.
+    """Arrays of one service and one scene, of n joints, r robots, p primitives."""
 
-    Attributes:
-        given: See SIZE, shape (GIVEN,).
-        message: The message that came in, as words of eight bytes.
-        answer: The message that goes out, likewise.
-        q: Joint positions, shape (n,) [rad or m].
-        velocity: Joint velocities, shape (n,) [rad/s or m/s].
-        stamps: When robots were measured, shape (r,) [s].
-        measured: 1 where the newest state had velocities, shape (r,).
-        sender: Controller of each robot, 0 for none yet, shape (r,).
-        sequence: Number of the state of each robot, shape (r,).
-        heard: When it was received, monotonic, shape (r,) [ns].
-        first_joint: Place in q of the first joint of each robot, shape (r,).
-        joint_count: How many joints it has, shape (r,).
-        wish: Desired velocities or positions, shape (n,).
-        twists: Desired twists, see TWIST_AT, shape (MOST_TWISTS, TWIST).
-        tools: Tools for the guard, by index: robot, body, origin in the body, shape
-            (k, TOOL_TWIST).
-        rows: Twists as the guard takes them, shape (MOST_TWISTS TWIST_ROW,).
-        held: Positions commanded last, which are held when a commander in positions
-            falls silent, shape (n,).
-        asked: What the guard was asked for last, shape (max(n, 6 MOST_TWISTS),).
-        numbers: The verdict's numbers, see `armguard.guard.layout`.
-        told: The command to the robots, as `Command` cuts it, shape (4 n + 4 r,).
-        body_of: Index in a COMMAND of the body of each primitive, shape (p,).
-        level_of: Level of each reason, shape (k,).
-        first_row: Where near pairs start in `numbers`, shape (1,).
-    """
-
-    given: LongVector
-    message: Vector
-    answer: Vector
-    q: Vector
-    velocity: Vector
-    stamps: Vector
-    measured: LongVector
-    sender: LongVector
-    sequence: LongVector
-    heard: LongVector
-    first_joint: LongVector
-    joint_count: LongVector
-    wish: Vector
-    twists: Matrix
-    tools: Matrix
-    rows: Vector
+    given: LongVector  # see SIZE, shape (GIVEN,)
+    message: Vector  # the message that was received, as words of eight bytes
+    answer: Vector  # the message to be sent, likewise
+    q: Vector  # joint positions, shape (n,) [rad or m]
+    velocity: Vector  # joint velocities, shape (n,) [rad/s or m/s]
+    stamps: Vector  # when robots were measured, shape (r,) [s]
+    measured: LongVector  # 1 where the newest state had velocities, shape (r,)
+    sender: LongVector  # controller of each robot, 0 for none yet, shape (r,)
+    sequence: LongVector  # number of the state of each robot, shape (r,)
+    heard: LongVector  # when it was received, monotonic, shape (r,) [ns]
+    first_joint: LongVector  # place in q of the first joint of each robot, shape (r,)
+    joint_count: LongVector  # how many joints it has, shape (r,)
+    wish: Vector  # desired velocities or positions, shape (n,)
+    twists: Matrix  # desired twists, see TWIST_AT, shape (MOST_TWISTS, TWIST)
+    tools: Matrix  # robot, body, origin in the body of each tool, (k, TOOL_TWIST)
+    rows: Vector  # twists as the guard takes them, shape (MOST_TWISTS TWIST_ROW,)
+    # Positions commanded last, which are held when a commander in positions falls
+    # silent, shape (n,).
     held: Vector
-    asked: Vector
-    numbers: Vector
-    told: Vector
-    body_of: LongVector
-    level_of: LongVector
-    first_row: LongVector
+    asked: Vector  # what the guard was asked for last, shape (max(n, 6 MOST_TWISTS),)
+    numbers: Vector  # the verdict's numbers, see `armguard.guard.layout`
+    told: Vector  # the command to the robots, as `Command` cuts it, shape (4 n + 4 r,)
+    body_of: LongVector  # index in a COMMAND of the body of each primitive, shape (p,)
+    level_of: LongVector  # level of each reason, shape (k,)
+    first_row: LongVector  # where near pairs start in `numbers`, shape (1,)
 
 
 open_desk = opener(Desk)

@@ -23,19 +23,12 @@ REFUSE_AGAIN = 100_000_000
 
 @dataclass(slots=True)
 class Command:
-    """The right to command: its holder, and when the desired motion was last heard.
+    """The right to command: its holder, and when the desired motion was last heard."""
 
-    Attributes:
-        watchdog: A desired motion older than that counts as none [ns].
-        sender: The holder; 0 for none.
-        token: The holder shows it with every WISH.
-        heard: When the newest WISH was received, monotonic; 0 if there is none [ns].
-    """
-
-    watchdog: int
-    sender: int = 0
-    token: int = 0
-    heard: int = 0
+    watchdog: int  # a desired motion older than that counts as none [ns]
+    sender: int = 0  # the holder; 0 for none
+    token: int = 0  # the holder shows it with every WISH
+    heard: int = 0  # when the newest WISH was received, monotonic; 0 for none [ns]
 
     def claim(self, sender: int, force: bool) -> bool:
         """Whether a sender has the command from now on."""
@@ -60,24 +53,7 @@ class Command:
 
 @dataclass(slots=True)
 class Context:
-    """Clients, the guard, the right to command, and where messages are written.
-
-    Attributes:
-        settings: Settings of the service.
-        sockets: Its sockets.
-        counters: Its counters.
-        log: Its log, for causes that may repeat a thousand times a second.
-        peers: Its clients.
-        authenticator: Checks their messages.
-        outbox: Where messages are written.
-        answers: The COMMANDs.
-        judge: The guard.
-        command: The right to command.
-        welcome: Parts of its description for clients.
-        ordered: Why robots stay stopped until they are engaged: `STOP_ORDERED` or
-            `RESTARTED`; `NONE` if they may move.
-        changed: Until when answers say that objects were changed, monotonic [ns].
-    """
+    """Clients, the guard, the right to command, and where messages are written."""
 
     settings: ServiceSettings
     sockets: Sockets
@@ -89,9 +65,10 @@ class Context:
     answers: Answers
     judge: Judge
     command: Command
-    welcome: tuple[bytes, ...] = ()
+    welcome: tuple[bytes, ...] = ()  # parts of the description for clients
+    # Why robots stay stopped until they are engaged: `STOP_ORDERED` or `RESTARTED`.
     ordered: Cause = Cause.NONE
-    changed: int = 0
+    changed: int = 0  # until then answers say that objects were changed [ns]
 
     def send(self, message: memoryview, peer: Peer) -> None:
         """Send a message to a client, sealed with its key."""

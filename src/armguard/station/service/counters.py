@@ -61,31 +61,30 @@ COUNTERS: tuple[str, ...] = (
 )
 
 # From a message's arrival until the system has its answer's message, and has delivered
-# it or woken who is to read it; judging; how late a cycle began; from a message's
+# it or woken its reader; judging; how late a cycle began; from a message's
 # arrival until its answer is handed to the system.
 HISTOGRAMS = ("inside", "judging", "waking", "handed")
 
 # Buckets on a logarithmic scale: 16 for each doubling of nanoseconds, 6 % wide.
 FINE = 4
 BUCKETS = 48 << FINE
-# Then the number of values, their sum and the largest one [ns].
+LAST = BUCKETS - 1
+
+# The head: magic, version, counters, histograms, process, start on the wall clock [ns].
+HEAD, PROCESS = 8, 4
+VERSION = 3
+FIRST_WORDS = (0x41524D434E54, VERSION, len(COUNTERS), len(HISTOGRAMS))
+# Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
+REASONS, FIRST_CAUSE = 256, 200
+
+# A histogram: values in each bucket, their number, their sum and the largest one [ns].
 SPAN = BUCKETS + 3
 COUNT, SUM, MOST = BUCKETS, BUCKETS + 1, BUCKETS + 2
 
-# The head: magic, version, counters, histograms, process, start on the wall clock [ns].
-HEAD = 8
-MAGIC = 0x41524D434E54
-VERSION = 3
-# Place of the process in the head.
-PROCESS = 4
-# Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
-REASONS = 256
-FIRST_CAUSE = 200
+# Where each part begins in the row, and its length.
 STOPS_AT = HEAD + len(COUNTERS)
 HISTOGRAMS_AT = STOPS_AT + REASONS
 WORDS = HISTOGRAMS_AT + len(HISTOGRAMS) * SPAN
-
-# Places of counters, and where histograms begin, in the row.
 PLACE = {name: HEAD + k for k, name in enumerate(COUNTERS)}
 FIRST = {name: HISTOGRAMS_AT + k * SPAN for k, name in enumerate(HISTOGRAMS)}
 
@@ -105,9 +104,6 @@ def bucket_of(nanoseconds: int) -> int:
         return max(nanoseconds, 0)
     shift = nanoseconds.bit_length() - 1 - FINE
     return min(((shift + 1) << FINE) + (nanoseconds >> shift) - (1 << FINE), LAST)
-
-
-LAST = BUCKETS - 1
 
 
 def upper_end(bucket: int) -> int:
@@ -143,10 +139,10 @@ class Counters:
                 f"{path}: no counters can be made: {error.strerror}"
             ) from error
         self._words = memoryview(self._map).cast("q")
-        head = (VERSION, len(COUNTERS), len(HISTOGRAMS), os.getpid(), time.time_ns())
-        for k, word in enumerate(head, 1):
-            self._words[k] = word
-        self._words[0] = MAGIC
+        # The magic number last: a file without it is not read.
+        head = (*FIRST_WORDS, os.getpid(), time.time_ns())
+        for k in reversed(range(len(head))):
+            self._words[k] = head[k]
 
     def count(self, name: str) -> None:
         """Count one more."""
@@ -182,19 +178,12 @@ class Counters:
 
 @dataclass(frozen=True, slots=True)
 class Histogram:
-    """Times that were counted.
+    """Times that were counted."""
 
-    Attributes:
-        counts: How many fell into each bucket, shape (BUCKETS,).
-        count: How many there were.
-        total: Their sum [s].
-        most: The largest one [s].
-    """
-
-    counts: Longs
+    counts: Longs  # how many fell into each bucket, shape (BUCKETS,)
     count: int
-    total: float
-    most: float
+    total: float  # their sum [s]
+    most: float  # the largest one [s]
 
     def percentile(self, share: float) -> float:
         """Time that a share in [0, 1] of them does not exceed, 6 % too long at most.
@@ -224,11 +213,8 @@ class CountersReader:
                 self._map = mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ)
         except (OSError, ValueError) as error:
             raise CountersError(f"{path}: no counters are there: {error}") from error
-        if len(self._map) != WORDS * 8:
-            raise CountersError(f"{path}: these counters are another version's")
-        self._words = np.frombuffer(self._map, np.int64)
-        head = self._words[:4].tolist()
-        if head != [MAGIC, VERSION, len(COUNTERS), len(HISTOGRAMS)]:
+        self._words = np.frombuffer(self._map, np.int64, len(self._map) // 8)
+        if len(self._words) != WORDS or (*self._words[:4].tolist(),) != FIRST_WORDS:
             raise CountersError(f"{path}: these counters are another version's")
 
     @property

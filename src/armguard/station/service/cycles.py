@@ -101,7 +101,8 @@ class Cycles:
         # A state is not made to wait for a grid: after every hiccup it would be off it.
         self._earliest = start + self._period // 2
         self._latest = start + self._period + (self._grace if fresh else 0)
-        cause = self._cause(start)
+        # Why the newest WISH does not count, if it does not.
+        cause = self._force or context.ordered or context.command.cause(start)
         self._force = Cause.NONE
         number = judge.guard.cycle
         before = answers.level
@@ -125,7 +126,10 @@ class Cycles:
             if due_now or peer.sender in judge.senders:
                 context.send(message, peer)
         if cause != Cause.FAULT:
-            self._write_down(ended)
+            try:
+                judge.write_down()
+            except Exception as error:  # a cycle that is not recorded: stop
+                self.fail("ring", error, ended)
         counters.time("waking", start - due)
         self._count(fresh, cause, before, ended - start)
 
@@ -167,18 +171,6 @@ class Cycles:
             context.log.report("deadline", sentence, ended)
             judge.rewrite_answer()
         return cause, ended, context.answers.seal(ended)
-
-    def _cause(self, now: int) -> Cause:
-        """Why the newest WISH does not count, if it does not."""
-        context = self._context
-        return self._force or context.ordered or context.command.cause(now)
-
-    def _write_down(self, ended: int) -> None:
-        """Write the cycle into the ring, now that it has been answered."""
-        try:
-            self._context.judge.write_down()
-        except Exception as error:  # a cycle that is not recorded: stop
-            self.fail("ring", error, ended)
 
     def _count(self, fresh: bool, cause: Cause, before: int, took: int) -> None:
         """Count a cycle that is over."""

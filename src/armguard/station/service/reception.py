@@ -1,9 +1,13 @@
-"""Messages that were let in, and what each of them does."""
+"""Messages that were let in: what each of them does, and what answers a HELLO."""
 
+import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
+from armguard.guard.levels import SENTENCES, Level
+from armguard.scene.tables import SceneTables
 from armguard.station.desk.desk import (
     HAS_WISH,
     NOW,
@@ -15,15 +19,18 @@ from armguard.station.desk.desk import (
     WATCHDOG,
     WISH_OUTCOME,
 )
+from armguard.station.desk.making import bodies_of
 from armguard.station.desk.taking import take_state, take_wish
 from armguard.station.errors import RefusedError
 from armguard.station.service.context import Context
 from armguard.station.service.counters import DROPS
 from armguard.station.service.cycles import NANO, Cycles
+from armguard.station.service.judge import tools_of
 from armguard.station.service.peers import Address, Peer
 from armguard.station.service.rpc import AHEAD, Calls, read_call, refusal
-from armguard.station.service.welcome import send_welcome
+from armguard.station.service.settings import ServiceSettings
 from armguard.station.wire import Cause, Kind, Role
+from armguard.station.wire.boot import boot_id
 from armguard.station.wire.layout import (
     CHALLENGE,
     CLAIM,
@@ -33,8 +40,11 @@ from armguard.station.wire.layout import (
     HELLO,
     LEAST,
     MOST,
+    PART,
     REPLY,
     SEAL,
+    VERSION,
+    WELCOME,
 )
 
 # The answer to a call has to fit into a message [bytes].
@@ -42,6 +52,8 @@ LONGEST_REPLY = MOST - LEAST - REPLY.size
 
 # HELLOs that are answered from one heartbeat to the next.
 MOST_HELLOS = 256
+
+WATCHDOGS = ("wish", "commander", "controller")
 
 
 class Reception:
@@ -299,3 +311,57 @@ class Reception:
         if peer.sender == context.command.sender:
             context.lose_command("said good-bye")
         return ""
+
+
+def welcome_parts(
+    tables: SceneTables, settings: ServiceSettings, **more: Any
+) -> Iterator[bytes]:
+    """Parts of the JSON of a WELCOME, each of which fits into a message.
+
+    Home is in the first part.
+    """
+    watchdogs = {name: getattr(settings, f"{name}_watchdog") for name in WATCHDOGS}
+    robots = [
+        {"name": part.name, "first": part.first_joint, "count": part.joint_count}
+        for part in tables.robots
+    ]
+    reasons = {str(int(k)): [k.name, sentence] for k, sentence in SENTENCES.items()}
+    text = {
+        "home": tables.home.tolist(),
+        "names": list(tables.q_names),
+        "robots": robots,
+        "period": tables.period,
+        "late": tables.late,
+        "stale": settings.stale,
+        "bodies": list(bodies_of(tables)),
+        "tools": list(tools_of(tables)),
+        "watchdogs": {
+            **watchdogs,
+            "forget": settings.forget,
+            "heartbeat": settings.heartbeat,
+        },
+        "levels": {str(int(level)): level.name for level in Level},
+        "reasons": reasons,
+        "boot_id": boot_id(),
+        "protocol": VERSION,
+        **more,
+    }
+    data = json.dumps(text).encode()
+    for at in range(0, len(data), PART):
+        yield data[at : at + PART]
+
+
+def send_welcome(context: Context, peer: Peer, asked: int, received: int) -> None:
+    """Send a client all parts.
+
+    Args:
+        context: State that all parts of the loop share.
+        peer: The client.
+        asked: Stamp of the HELLO it answers [ns].
+        received: When that was received, monotonic [ns].
+    """
+    tables, parts = context.judge.guard.guard.tables, context.welcome
+    scene = len(tables.q_names), len(tables.robots), tables.period
+    for k, part in enumerate(parts):
+        head = WELCOME.pack(k, len(parts), *scene, asked, received)
+        context.send(context.outbox.message(Kind.WELCOME, head, part), peer)

@@ -1,4 +1,4 @@
-"""Calls between two cycles: who may make them, and what each does."""
+"""Calls between two cycles: the right that each needs, and what it does."""
 
 import json
 import logging
@@ -40,17 +40,11 @@ AHEAD = 20_000_000
 
 
 class Request(BaseModel):
-    """A call that was read.
-
-    Attributes:
-        number: The sender's number of it; the same one is not done twice.
-        call: Its name.
-        arguments: Its arguments by name.
-    """
+    """A call that was read."""
 
     model_config = ConfigDict(strict=True)
 
-    number: int = Field(alias="id")
+    number: int = Field(alias="id")  # the same one of a sender is not done twice
     call: str
     arguments: dict[str, Any] = {}
 

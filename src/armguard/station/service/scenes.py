@@ -38,8 +38,8 @@ def open_scene(
     period: float,
     late: float,
     stale: float | None = None,
-    mode: Mode | None = None,
-    response: ResponseName | None = None,
+    mode: str | None = None,
+    response: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Scene, str]:
     """A scene for a service, and its file.
@@ -50,14 +50,20 @@ def open_scene(
         late: How much later than that a cycle may come [s].
         stale: How old states may be before they are not believed; as the scene says if
             None [s].
-        mode: How distances are made; as the scene says if None.
-        response: What robots do about what is near; as the scene says if None.
+        mode: How distances are made, "path" or "speed"; as the scene says if None.
+        response: Response of all robots to what is near; as the scene says if None.
         progress: See `load_scene`.
 
     Raises:
         SceneFileError: The file is wrong.
-        SceneError: There is no such file or scene.
+        SceneError: There is no such file or scene, mode or response.
     """
+    # Without predicted stops there are no commands.
+    if mode not in (None, "path", "speed"):
+        raise SceneError(f"mode is '{mode}'; it must be path or speed")
+    if response not in (None, *CHOICES["kind"]):
+        hint = did_you_mean(str(response), CHOICES["kind"])
+        raise SceneError(f"response is '{response}'; {hint}")
     if what == "bay":
         scene, file = bay_scene("path"), str(bay_path())
     elif what == "two-pandas":
@@ -69,47 +75,16 @@ def open_scene(
             f"'{what}' is no file and no bundled scene; those are " + ", ".join(BUNDLED)
         )
     scene.period, scene.late = period, late
-    hold_boxes_ready(scene)
-    if stale is not None:
-        scene.set_stale(stale)
-    if mode is not None:
-        scene.set_mode(mode)
-    if response is not None:
-        scene.set_response(response)
-    return scene, file
-
-
-def hold_boxes_ready(scene: Scene) -> None:
-    """Add boxes that are not there, for what is put up while the service runs."""
     for k in range(1, SPARE_BOXES + 1):
         if f"box{k}" not in scene.objects:
             scene.add(Box(half_extents=SPARE), name=f"box{k}", present=False)
-
-
-def checked_mode(word: str | None) -> Mode | None:
-    """A mode, from a word of the user.
-
-    Raises:
-        SceneError: It is none in which stops are predicted.
-    """
-    if word is None:
-        return None
-    if word not in ("path", "speed"):
-        raise SceneError(f"mode is '{word}'; it must be path or speed")
-    return cast(Mode, word)
-
-
-def checked_response(word: str | None) -> ResponseName | None:
-    """A response, from a word of the user.
-
-    Raises:
-        SceneError: There is none of that name.
-    """
-    if word is None:
-        return None
-    if word not in CHOICES["kind"]:
-        raise SceneError(f"response is '{word}'; {did_you_mean(word, CHOICES['kind'])}")
-    return cast(ResponseName, word)
+    if stale is not None:
+        scene.set_stale(stale)
+    if mode is not None:
+        scene.set_mode(cast(Mode, mode))
+    if response is not None:
+        scene.set_response(cast(ResponseName, response))
+    return scene, file
 
 
 def scene_hash(tables: SceneTables) -> str:

@@ -22,13 +22,12 @@ from armguard.station.service.counters import Counters, counters_path
 from armguard.station.service.cycles import NANO, Cycles
 from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Peers
-from armguard.station.service.reception import Reception
+from armguard.station.service.reception import Reception, send_welcome, welcome_parts
 from armguard.station.service.rings import new_ring, was_killed
 from armguard.station.service.rpc import Calls
 from armguard.station.service.settings import ServiceSettings
 from armguard.station.service.sockets import Sockets
 from armguard.station.service.throttled_log import ThrottledLog
-from armguard.station.service.welcome import send_welcome, welcome_parts
 from armguard.station.wire import Cause, Kind, Outbox
 from armguard.station.wire.keys import keys_path, new_keys, write_keys
 from armguard.station.wire.layout import HEARTBEAT, MOST, MOST_ROBOTS, command_size

@@ -8,7 +8,7 @@ from armguard.station.wire.layout import HEADER, MAGIC, MOST, SEAL, VERSION, Kin
 
 
 class Seal:
-    """Seals messages and recognises its own: without the key nobody can make it.
+    """Seals messages and recognises its own: it cannot be made without the key.
 
     Args:
         key: The key, 16 to 32 bytes.
