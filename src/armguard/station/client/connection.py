@@ -181,21 +181,22 @@ class Connection:
         """The answer in a message of `size` bytes; None if it is none that counts."""
         if size != self._size:
             return None
-        message, head = self._command, HEADER.unpack_from(self._buffer)
+        message, head = self._command, HEADER.values(self._buffer)
+        sequence, stamp = head[-2:]
         command = COMMAND.unpack_from(self._buffer, HEADER.size)
         a, b = command.body_a, command.body_b
         if (
-            head[:7] != self._same
-            or head.sequence <= self.last
+            head[:-2] != self._same
+            or sequence <= self.last
             or (command.joints, command.robots) != self._shape
             or command.cause not in CAUSES
             or (a != NO_BODY and not (a < self._bodies and b < self._bodies))
             or not self.seal.fits(message)
         ):
             return None
-        self.last = head.sequence
+        self.last = sequence
         # The one copy: the next message is received into the same buffer.
-        sent = head.stamp * NANO
+        sent = stamp * NANO
         return Answer(bytes(message), command, sent, self._welcome, self._clock)
 
     def head(self, size: int) -> Header | None:
@@ -269,22 +270,23 @@ class StateMessage:
         message = np.zeros(1, np.dtype([*fields, ("seal", "u1", (SEAL,))]))
         self._message = message.view(np.uint8).data
         outbox, size = self._outbox, message.itemsize
-        head = MAGIC, VERSION, Kind.STATE, size, outbox.session, outbox.scene
-        HEADER.pack_into(self._message, 0, *head, connection.sender, 0, 0)
+        scene = outbox.session, outbox.scene, connection.sender
+        HEADER.put(self._message, 0, MAGIC, VERSION, Kind.STATE, size, *scene, 0, 0)
         flags = (HAS_VELOCITY if velocities else 0) | (HAS_WISH if desired else 0)
         message["state"]["robots"], message["state"]["flags"] = self.bits, flags
         # All that changes from one to the next. A memoryview takes as many float64 as
         # there are and nothing else, and takes them faster than an array.
-        self._sequence, self._sent = (message["head"][x] for x in ("sequence", "stamp"))
-        self._stamp = message["state"]["stamp"]
-        self._q = message["q"][0].data
+        head = message["head"]
+        self._sequence, self._sent = head["sequence"].data, head["stamp"].data
+        self._stamp = message["state"]["stamp"].data
+        self._q: Any = message["q"][0].data
         self._q[:] = np.full(joints, np.nan)
-        self._velocity = message["velocity"][0].data if velocities else None
+        self._velocity: Any = message["velocity"][0].data if velocities else None
+        self._desired: Any = message["desired"][0].data if desired else None
         if desired:
             wish = message["wish"]
             wish["form"], wish["numbers"] = Form.VELOCITIES, joints
-            self._token = wish["token"]
-            self._desired = message["desired"][0].data
+            self._token = wish["token"].data
 
     @property
     def q(self) -> Floats:
@@ -317,23 +319,28 @@ class StateMessage:
         outbox.sequence = sequence = outbox.sequence + 1
         self._sequence[0], self._sent[0] = sequence, now + outbox.ahead
         self._stamp[0] = stamp
-        self._put(self._q, q, "q")
-        if velocity is not None:
-            self._put(self._velocity, velocity, "velocity")
         if desired is not None:
             self._token[0] = token
-            self._put(self._desired, desired, "the wish")
+        try:
+            self._q[:] = q
+            if velocity is not None:
+                self._velocity[:] = velocity
+            if desired is not None:
+                self._desired[:] = desired
+        except (TypeError, ValueError, NotImplementedError):
+            self._convert(self._q, q, "q")
+            self._convert(self._velocity, velocity, "velocity")
+            self._convert(self._desired, desired, "the wish")
         self._seal.put(self._message)
         return self._message
 
-    def _put(self, row: Any, values: Any, name: str) -> None:
-        """Write a number of each joint."""
-        try:
-            row[:] = values
-        except (TypeError, ValueError, NotImplementedError):
-            numbers = np.asarray(values, dtype=np.float64)
-            if numbers.shape != (self._joints,):
-                raise RefusedError(
-                    f"{name} has shape {numbers.shape}; it must be ({self._joints},)"
-                ) from None
-            row[:] = numbers
+    def _convert(self, row: Any, values: ArrayLike | None, name: str) -> None:
+        """Write numbers of another kind."""
+        if values is None:
+            return
+        numbers = np.asarray(values, dtype=np.float64)
+        if numbers.shape != (self._joints,):
+            raise RefusedError(
+                f"{name} has shape {numbers.shape}; it must be ({self._joints},)"
+            )
+        row[:] = numbers

@@ -50,6 +50,9 @@ class Layout(Generic[Record]):
             read and written as its bytes.
         dtype: The record for numpy and for kernels.
         size: Its length [bytes].
+        unpack_from: The record that begins at a place of bytes, 0 if none is given.
+        values: The same as a plain tuple, for loops that have no time for more.
+        put: Writes a plain tuple's values at a place of bytes, likewise.
     """
 
     def __init__(self, record: type[Record]) -> None:
@@ -59,7 +62,14 @@ class Layout(Generic[Record]):
         self.size = self.dtype.itemsize
         kinds = [self.dtype[name] for name in hints]
         forms = [f"{k.itemsize}s" if k.shape else SCALARS[k.str] for k in kinds]
-        self._struct = Struct("<" + "".join(forms))
+        self._struct = struct = Struct("<" + "".join(forms))
+        self.values, self.put = struct.unpack_from, struct.pack_into
+        make, values = tuple.__new__, struct.unpack_from
+
+        def unpack_from(data: Buffer, at: int = 0) -> Record:
+            return make(record, values(data, at))
+
+        self.unpack_from = unpack_from
 
     def pack(self, *values: Any, **fields: Any) -> bytes:
         """The bytes of a record, given as the arguments of its class."""
@@ -67,12 +77,7 @@ class Layout(Generic[Record]):
 
     def pack_into(self, data: Any, at: int, /, *values: Any, **fields: Any) -> None:
         """Write a record, given as the arguments of its class."""
-        found = self.record(*values, **fields) if fields else values
-        self._struct.pack_into(data, at, *found)
-
-    def unpack_from(self, data: Buffer, at: int = 0) -> Record:
-        """The record that begins there."""
-        return tuple.__new__(self.record, self._struct.unpack_from(data, at))
+        self.put(data, at, *self.record(*values, **fields))
 
     def rows(self, data: Buffer) -> tuple[Record, ...]:
         """All records in bytes that hold nothing else."""

@@ -19,16 +19,15 @@ class Seal:
 
     def put(self, message: memoryview) -> None:
         """Seal a message: write its last bytes."""
-        message[-SEAL:] = self._digest(message)
+        state = self._start.copy()
+        state.update(message[:-SEAL])
+        message[-SEAL:] = state.digest()
 
     def fits(self, message: memoryview) -> bool:
         """Whether it is sealed with this key and nothing in it was changed."""
-        return compare_digest(self._digest(message), message[-SEAL:])
-
-    def _digest(self, message: memoryview) -> bytes:
         state = self._start.copy()
         state.update(message[:-SEAL])
-        return state.digest()
+        return compare_digest(state.digest(), message[-SEAL:])
 
 
 class Outbox:
@@ -68,7 +67,7 @@ class Outbox:
         """
         self.sequence += 1
         message = self.buffer[: HEADER.size + size + SEAL]
-        HEADER.pack_into(
+        HEADER.put(
             *(message, 0, MAGIC, VERSION, kind, len(message)),
             *(self.session, self.scene, self._sender, self.sequence),
             time.monotonic_ns() + self.ahead,
