@@ -278,7 +278,7 @@ class StateMessage:
         # there are and nothing else, and takes them faster than an array.
         head = message["head"]
         self._sequence, self._sent = head["sequence"].data, head["stamp"].data
-        self._stamp = message["state"]["stamp"].data
+        self._stamp: Any = message["state"]["stamp"].data
         self._q: Any = message["q"][0].data
         self._q[:] = np.full(joints, np.nan)
         self._velocity: Any = message["velocity"][0].data if velocities else None
