@@ -1,6 +1,6 @@
 /* A client of `armguard serve` in one header, for loops in C and C++ on the machine of the
- * service: tells what all joints measure and what is wanted of them, waits for what the
- * robots are to be told, and says stop when that does not come in time.
+ * service: sends measured joints and desired velocities, waits for the command to the
+ * robots, and says stop when that is not received in time.
  *
  *     struct armguard guard;
  *     armguard_open(&guard, 47800, NULL);          // 0, or a sentence is on stderr
@@ -11,7 +11,7 @@
  *         send_to_robots(guard.velocity);          // always, also while they stop
  *     }
  *
- * No threads, nothing allocated. Bytes and offsets are told in docs/service.md. */
+ * No threads, nothing allocated. docs/service.md explains the records. */
 #ifndef ARMGUARD_H
 #define ARMGUARD_H
 #include <arpa/inet.h>
@@ -27,7 +27,7 @@
 #ifndef ARMGUARD_WATCHDOG
 #define ARMGUARD_WATCHDOG 0.1 /* an answer that takes longer is a stop [s] */
 #endif
-enum { ARMGUARD_JOINTS = 64, ARMGUARD_MESSAGE = 8192, ARMGUARD_HEAD = 48, ARMGUARD_SEAL = 16 };
+enum { ARMGUARD_JOINTS = 64, ARMGUARD_MESSAGE = 8192, ARMGUARD_SEAL = 16 };
 enum { ARMGUARD_ROBOTS = 31 };
 enum {
     ARMGUARD_FOLLOW = 0,
@@ -39,12 +39,62 @@ enum {
 /* Why a robot was stopped last: after these two it goes on only when it is engaged. */
 enum { ARMGUARD_STOP_ORDERED = 40, ARMGUARD_RESTARTED = 41 };
 
-struct armguard_head {
+/* Kinds of messages, and their records. */
+enum { ARMGUARD_HELLO = 1, ARMGUARD_WELCOME = 2, ARMGUARD_STATE = 3, ARMGUARD_COMMAND = 5 };
+enum { ARMGUARD_CLAIM = 7, ARMGUARD_GRANT = 8, ARMGUARD_BYE = 13, ARMGUARD_CHALLENGE = 14 };
+
+struct armguard_header {
     uint32_t magic;
     uint8_t version, kind;
     uint16_t length;
     uint64_t session, scene, sender, sequence;
     int64_t stamp;
+};
+struct armguard_hello {
+    uint32_t role, every;
+    uint8_t cookie[16];
+};
+struct armguard_challenge {
+    int64_t asked;
+    uint8_t cookie[16];
+};
+struct armguard_welcome {
+    uint32_t part, parts, joints, robots;
+    double period;
+    int64_t asked, received;
+};
+struct armguard_state {
+    uint32_t robots, flags;
+    double stamp;
+};
+struct armguard_wish {
+    uint64_t token;
+    uint32_t form, numbers;
+};
+struct armguard_command {
+    uint64_t cycle, began_by, began_with;
+    int64_t received, ended;
+    double time, slack, slack_time;
+    uint32_t body_a, body_b;
+    double distance, clearance, point_a[3], point_b[3];
+    uint16_t reason, cause, level, action, flags, joints, robots, form;
+    uint64_t commander;
+};
+struct armguard_robot {
+    uint16_t level, action, blocked, stopped_by;
+    float speed_scale, urgency;
+    double age;
+    uint64_t sender, sequence;
+    double held_since;
+};
+struct armguard_claim {
+    uint32_t force, reserved;
+};
+struct armguard_grant {
+    uint32_t granted, reserved;
+    uint64_t token, holder;
+    double watchdog;
+    uint64_t sequence;
 };
 
 struct armguard {
@@ -60,7 +110,7 @@ struct armguard {
     double held_since[ARMGUARD_ROBOTS];    /* on CLOCK_MONOTONIC [s]; NaN: it does not wait */
     double clearance, room; /* of the nearest pair, and what is left of it beyond its need [m] */
     int wire;
-    struct armguard_head own;
+    struct armguard_header own;
     uint64_t token;
     char key[33];
     uint8_t out[ARMGUARD_MESSAGE], in[ARMGUARD_MESSAGE];
@@ -73,11 +123,11 @@ static inline int64_t armguard_clock(void) { /* the service's own clock [ns] */
 }
 
 static inline void armguard_say(struct armguard *guard, int kind, size_t size) {
-    struct armguard_head *own = &guard->own; /* the payload is written already */
-    size_t sealed = ARMGUARD_HEAD + size;
+    struct armguard_header *own = &guard->own; /* the payload is written already */
+    size_t sealed = sizeof *own + size;
     own->kind = (uint8_t)kind, own->length = (uint16_t)(sealed + ARMGUARD_SEAL);
     own->sequence++, own->stamp = armguard_clock();
-    memcpy(guard->out, own, ARMGUARD_HEAD);
+    memcpy(guard->out, own, sizeof *own);
     blake2s(guard->out + sealed, ARMGUARD_SEAL, guard->key, (int)strlen(guard->key),
             guard->out, sealed);
     if (send(guard->wire, guard->out, own->length, 0) < 0) return; /* then no answer comes */
@@ -91,17 +141,18 @@ static inline long armguard_hear(struct armguard *guard, int kind, int64_t until
         if (left <= 0 || poll(&wire, 1, (int)((left + 999999) / 1000000)) == 0) return -1;
         uint8_t seal[ARMGUARD_SEAL];
         ssize_t size = recv(guard->wire, guard->in, ARMGUARD_MESSAGE, MSG_DONTWAIT);
-        if (size < ARMGUARD_HEAD + ARMGUARD_SEAL || guard->in[5] != kind) continue;
+        const long head = sizeof(struct armguard_header);
+        if (size < head + ARMGUARD_SEAL || guard->in[5] != kind) continue;
         size -= ARMGUARD_SEAL;
         blake2s(seal, ARMGUARD_SEAL, guard->key, (int)strlen(guard->key), guard->in,
                 (uint64_t)size);
-        if (!memcmp(seal, guard->in + size, ARMGUARD_SEAL)) return size - ARMGUARD_HEAD;
+        if (!memcmp(seal, guard->in + size, ARMGUARD_SEAL)) return size - head;
     }
 }
 
 static inline void armguard_close(struct armguard *guard) { /* says good-bye */
     if (guard->wire < 0) return;
-    armguard_say(guard, 13, 0);
+    armguard_say(guard, ARMGUARD_BYE, 0);
     close(guard->wire);
     guard->wire = -1;
 }
@@ -131,15 +182,17 @@ static inline int armguard_read_key(struct armguard *guard, const char *path) {
  * that ARMGUARD_KEYS names, else the one that a service of this user has written.
  * 0, or -1 and a sentence on stderr. */
 static inline int armguard_open(struct armguard *guard, int port, const char *keys) {
-    uint8_t *to = guard->out + ARMGUARD_HEAD;
-    const uint8_t *told = guard->in + ARMGUARD_HEAD;
-    /* Its key is for 'command'; it receives answers to its own states alone. */
-    const uint32_t hello[2] = {3, 0};
+    uint8_t *to = guard->out + sizeof(struct armguard_header);
+    const uint8_t *payload = guard->in + sizeof(struct armguard_header);
+    struct armguard_hello hello;
+    struct armguard_challenge challenge;
+    struct armguard_welcome welcome;
     char own[64];
     struct sockaddr_in at;
-    int64_t asked, start = armguard_clock(), until = start + 1000000000LL;
-    uint32_t part;
+    int64_t start = armguard_clock(), until = start + 1000000000LL;
     memset(guard, 0, sizeof *guard), memset(&at, 0, sizeof at);
+    memset(&hello, 0, sizeof hello);
+    hello.role = 3; /* that of 'command'; it receives answers to its own states alone */
     at.sin_family = AF_INET, at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     at.sin_port = htons((uint16_t)port);
     guard->wire = -1;
@@ -153,26 +206,27 @@ static inline int armguard_open(struct armguard *guard, int port, const char *ke
         return armguard_failed(guard, "there is no socket to be had");
     guard->own.magic = 0x44524741, guard->own.version = 2;
     guard->own.sender = (uint64_t)start ^ (uint64_t)getpid() << 40;
-    memcpy(to, hello, 8), memset(to + 8, 0, 16);
-    armguard_say(guard, 1, 24);
+    memcpy(to, &hello, sizeof hello);
+    armguard_say(guard, ARMGUARD_HELLO, sizeof hello);
     do { /* a cookie shows that this HELLO is no recording of an older one */
-        if (armguard_hear(guard, 14, until) < 24)
+        if (armguard_hear(guard, ARMGUARD_CHALLENGE, until) < (long)sizeof challenge)
             return armguard_failed(guard, "no service answers");
-        memcpy(&asked, told, 8);
-    } while (asked < start);
-    memcpy(&guard->own.session, guard->in + 8, 16);
-    memcpy(to, hello, 8), memcpy(to + 8, told + 8, 16);
-    armguard_say(guard, 1, 24);
+        memcpy(&challenge, payload, sizeof challenge);
+    } while (challenge.asked < start);
+    memcpy(&guard->own.session, guard->in + 8, 16); /* session and scene */
+    memcpy(hello.cookie, challenge.cookie, sizeof hello.cookie);
+    memcpy(to, &hello, sizeof hello);
+    armguard_say(guard, ARMGUARD_HELLO, sizeof hello);
     do { /* home is in the first part */
-        if (armguard_hear(guard, 2, until) < 40)
+        if (armguard_hear(guard, ARMGUARD_WELCOME, until) < (long)sizeof welcome)
             return armguard_failed(guard, "no service answers");
-        memcpy(&part, told, 4);
-    } while (part != 0);
+        memcpy(&welcome, payload, sizeof welcome);
+    } while (welcome.part != 0);
     memcpy(&guard->own.session, guard->in + 8, 16);
-    memcpy(&guard->joints, told + 8, 4), memcpy(&guard->robots, told + 12, 4);
-    memcpy(&guard->period, told + 16, 8);
+    guard->joints = welcome.joints, guard->robots = welcome.robots;
+    guard->period = welcome.period;
     guard->in[ARMGUARD_MESSAGE - 1] = 0;
-    char *text = strchr((char *)told + 40, '[');
+    char *text = strchr((char *)guard->in + sizeof guard->own + sizeof welcome, '[');
     if (guard->joints > ARMGUARD_JOINTS || guard->robots > ARMGUARD_ROBOTS || !text)
         return armguard_failed(guard, "more joints or robots than this header holds");
     for (uint32_t k = 0; k < guard->joints; k++) {
@@ -184,57 +238,63 @@ static inline int armguard_open(struct armguard *guard, int port, const char *ke
 
 /* Takes the command if nobody has it. 0, or -1 and a sentence on stderr. */
 static inline int armguard_claim(struct armguard *guard) {
-    const uint8_t *told = guard->in + ARMGUARD_HEAD;
-    uint32_t granted = 0;
-    memset(guard->out + ARMGUARD_HEAD, 0, 8);
-    armguard_say(guard, 7, 8);
-    if (armguard_hear(guard, 8, armguard_clock() + 1000000000LL) < 40)
+    struct armguard_claim claim = {0, 0};
+    struct armguard_grant grant;
+    memcpy(guard->out + sizeof guard->own, &claim, sizeof claim);
+    armguard_say(guard, ARMGUARD_CLAIM, sizeof claim);
+    if (armguard_hear(guard, ARMGUARD_GRANT, armguard_clock() + 1000000000LL) <
+        (long)sizeof grant)
         return armguard_failed(guard, "no service answers");
-    memcpy(&granted, told, 4), memcpy(&guard->token, told + 8, 8);
-    return granted ? 0 : armguard_failed(guard, "somebody else commands");
+    memcpy(&grant, guard->in + sizeof guard->own, sizeof grant);
+    guard->token = grant.token;
+    return grant.granted ? 0 : armguard_failed(guard, "somebody else commands");
 }
 
-/* Tells what all joints measured at `stamp` on CLOCK_MONOTONIC [s], their velocities, or
- * NULL where they are not known, and the velocities that are wanted, or NULL. Takes in what
- * is to be told. 1; or 0 if that does not come in time: it is a stop then, velocities zero. */
+/* Sends positions of all joints, measured at `stamp` on CLOCK_MONOTONIC [s], velocities, or
+ * NULL where they are not known, and desired velocities, or NULL. Receives the command. 1;
+ * or 0 if that is not received in time: it is a stop then, velocities zero. */
 static inline int armguard_cycle(struct armguard *guard, const double *q, const double *v,
                                  const double *wish, double stamp) {
     size_t row = 8 * (size_t)guard->joints;
-    uint32_t of[2] = {(1u << guard->robots) - 1, (v ? 1u : 0u) | (wish ? 2u : 0u)};
-    uint32_t form[2] = {1, guard->joints};
-    uint8_t *to = guard->out + ARMGUARD_HEAD;
-    memcpy(to, of, 8), memcpy(to + 8, &stamp, 8), memcpy(to + 16, q, row), to += 16 + row;
+    struct armguard_state state = {(1u << guard->robots) - 1,
+                                   (v ? 1u : 0u) | (wish ? 2u : 0u), stamp};
+    struct armguard_wish desired = {guard->token, 1, guard->joints};
+    uint8_t *to = guard->out + sizeof guard->own, *start = to;
+    memcpy(to, &state, sizeof state), to += sizeof state;
+    memcpy(to, q, row), to += row;
     if (v) memcpy(to, v, row), to += row;
     if (wish) {
-        memcpy(to, &guard->token, 8), memcpy(to + 8, form, 8);
-        memcpy(to + 16, wish, row), to += 16 + row;
+        memcpy(to, &desired, sizeof desired), to += sizeof desired;
+        memcpy(to, wish, row), to += row;
     }
-    armguard_say(guard, 3, (size_t)(to - guard->out) - ARMGUARD_HEAD);
+    armguard_say(guard, ARMGUARD_STATE, (size_t)(to - start));
     int64_t until = guard->own.stamp + (int64_t)(ARMGUARD_WATCHDOG * 1e9);
-    const uint8_t *told = guard->in + ARMGUARD_HEAD;
-    size_t size = 160 + 48 * (size_t)guard->robots + 2 * row;
-    for (long heard; (heard = armguard_hear(guard, 5, until)) >= 0;) {
-        uint64_t answered[2]; /* to whom, and to which of his states */
-        memcpy(answered, told + 8, 16);
-        if ((size_t)heard != size || answered[0] != guard->own.sender ||
-            answered[1] != guard->own.sequence)
-            continue; /* what answers an older state is late */
-        memcpy(&guard->cycle, told, 8);
-        memcpy(&guard->clearance, told + 72, 8), memcpy(&guard->room, told + 80, 8);
-        memcpy(&guard->reason, told + 136, 2), memcpy(&guard->cause, told + 138, 2);
-        memcpy(&guard->level, told + 140, 2), memcpy(&guard->action, told + 142, 2);
+    const uint8_t *payload = guard->in + sizeof guard->own;
+    struct armguard_command command;
+    struct armguard_robot robot;
+    size_t size = sizeof command + sizeof robot * guard->robots + 2 * row;
+    for (long heard; (heard = armguard_hear(guard, ARMGUARD_COMMAND, until)) >= 0;) {
+        if ((size_t)heard != size) continue;
+        memcpy(&command, payload, sizeof command);
+        if (command.began_by != guard->own.sender ||
+            command.began_with != guard->own.sequence)
+            continue; /* the answer to an older state is late */
+        guard->cycle = command.cycle;
+        guard->clearance = command.distance, guard->room = command.clearance;
+        guard->reason = command.reason, guard->cause = command.cause;
+        guard->level = command.level, guard->action = command.action;
         guard->held = 0;
         for (uint32_t k = 0; k < guard->robots; k++) {
-            const uint8_t *own = told + 160 + 48 * (size_t)k;
-            memcpy(&guard->stopped_by[k], own + 6, 2);
-            memcpy(&guard->held_since[k], own + 40, 8);
-            if (!isnan(guard->held_since[k])) guard->held |= 1u << k;
+            memcpy(&robot, payload + sizeof command + k * sizeof robot, sizeof robot);
+            guard->stopped_by[k] = robot.stopped_by;
+            guard->held_since[k] = robot.held_since;
+            if (!isnan(robot.held_since)) guard->held |= 1u << k;
         }
-        memcpy(guard->velocity, told + size - 2 * row, row);
-        memcpy(guard->position, told + size - row, row);
+        memcpy(guard->velocity, payload + size - 2 * row, row);
+        memcpy(guard->position, payload + size - row, row);
         return 1;
     }
-    memset(guard->velocity, 0, sizeof guard->velocity); /* positions stay those told last */
+    memset(guard->velocity, 0, sizeof guard->velocity); /* positions stay the last ones */
     guard->action = ARMGUARD_STOP, guard->cause = 102, guard->held = 0;
     return 0;
 }

@@ -20,15 +20,7 @@ from armguard.scene import bay_scene, bay_task
 from armguard.station.client import Answer, Client
 from armguard.station.errors import StationError
 from armguard.station.service.machine import ask_realtime
-from armguard.station.wire.layout import (
-    COMMAND,
-    HEADER,
-    ROBOT,
-    SEAL,
-    STATE,
-    SUMMARY,
-    WISH,
-)
+from armguard.station.wire.layout import LEAST, STATE, WISH, command_size
 from arrays import Floats, Ints
 
 NANO = 1_000_000_000
@@ -62,10 +54,8 @@ LOST = 1.0
 # Messages between the service and its client in the bay: a state with velocities and
 # the desired velocities of two arms of seven joints, and the answer [bytes].
 JOINTS, ROBOTS = 14, 2
-ASKED = HEADER.size + STATE.size + WISH.size + 3 * 8 * JOINTS + SEAL
-ANSWERED = (
-    HEADER.size + COMMAND.size + SUMMARY.size + ROBOTS * ROBOT.size + 16 * JOINTS + SEAL
-)
+ASKED = LEAST + STATE.size + WISH.size + 3 * 8 * JOINTS
+ANSWERED = command_size(ROBOTS, JOINTS)
 
 
 class Arms:

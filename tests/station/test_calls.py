@@ -14,12 +14,12 @@ from armguard.errors import ArmguardError
 from armguard.guard.objects import SightingError
 from armguard.station.blackbox.replay import do
 from armguard.station.calls import CALLS, Call, GuardCall, call_of
-from armguard.station.client.client import request_of
+from armguard.station.client.exchange import request_of
 from armguard.station.errors import RefusedError
 from armguard.station.frames import Kind, frame_of, text_frame, text_of
 from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingReader, RingWriter
-from armguard.station.service.calls import Calls, permitted, read_call
+from armguard.station.service.rpc import Calls, permitted, read_call
 from armguard.station.wire import Role
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -12,8 +12,8 @@ from armguard.cli.console import Late, Rate, SceneName, say, say_progress, with_
 from armguard.respond.compiling import compile_ahead
 from armguard.respond.guard import try_out
 from armguard.station.service import Service, ServiceSettings
-from armguard.station.service.complaints import PatientHandler
-from armguard.station.service.scenes import checked_mode, checked_response, open_scene
+from armguard.station.service.scenes import open_scene
+from armguard.station.service.throttled_log import PatientHandler
 from armguard.station.wire import read_keys
 
 USUAL = ServiceSettings()
@@ -123,8 +123,8 @@ def serve(options: Options) -> None:
         period=settings.period,
         late=settings.late,
         stale=settings.stale,
-        mode=checked_mode(options.mode),
-        response=checked_response(options.response),
+        mode=options.mode,
+        response=options.response,
         progress=say_progress,
     )
     modes = {robot.mode for robot in scene.robots.values()}

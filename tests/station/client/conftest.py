@@ -21,7 +21,6 @@ from armguard.station.wire.layout import (
     HEADER,
     MOST,
     ROBOT,
-    SUMMARY,
     WELCOME,
 )
 
@@ -121,20 +120,38 @@ class FarEnd:
     def command(self, sequence: int, told: float = 0.0, **other: int) -> bytearray:
         """A COMMAND that answers the client's state of that number."""
         began = self.sender, sequence
-        points = 1.0 + told, 2.0, 3.0, 4.0, 5.0, 6.0
-        nearest = other.get("a", 0), other.get("b", 2), 0.3 + told, 0.2 + told
-        summary = 0, other.get("cause", 0), 0, 0, 1, other.get("joints", JOINTS), 2, 1
+        points = np.array([1.0 + told, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])
+        command = COMMAND.pack(
+            cycle=sequence,
+            began_by=began[0],
+            began_with=began[1],
+            received=10,
+            ended=20,
+            time=1.5,
+            slack=told,
+            slack_time=0.7,
+            body_a=other.get("a", 0),
+            body_b=other.get("b", 2),
+            distance=0.3 + told,
+            clearance=0.2 + told,
+            point_a=points[0].tobytes(),
+            point_b=points[1].tobytes(),
+            reason=0,
+            cause=other.get("cause", 0),
+            level=0,
+            action=0,
+            flags=1,
+            joints=other.get("joints", JOINTS),
+            robots=2,
+            form=1,
+            commander=self.sender,
+        )
         rows = b"".join(
             ROBOT.pack(0, 0, 10 * k, 0, 0.5, 0.25, told + k, *began, np.nan)
             for k in range(2)
         )
-        payload = (
-            COMMAND.pack(sequence, *began, 10, 20, 1.5, told, 0.7, *nearest, *points)
-            + SUMMARY.pack(*summary, self.sender)
-            + rows
-            + (np.arange(2.0 * JOINTS) + told).tobytes()
-        )
-        return self.message(Kind.COMMAND, payload)
+        joints = (np.arange(2.0 * JOINTS) + told).tobytes()
+        return self.message(Kind.COMMAND, command + rows + joints)
 
 
 @pytest.fixture

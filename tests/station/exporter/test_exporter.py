@@ -38,7 +38,7 @@ from armguard.station.service.counters import (
     bucket_of,
     counters_path,
 )
-from armguard.station.wire.words import Cause
+from armguard.station.wire import Cause
 
 # Nothing here takes longer than that, whatever else the machine does [s].
 PATIENCE = 120.0

@@ -8,7 +8,6 @@ import pytest
 
 from armguard import Action, Client
 from armguard.station.service import Service, ServiceSettings
-from armguard.station.service.counters import PLACE
 from armguard.station.service.scenes import open_scene
 from armguard.station.wire import Cause
 from service_arms import Arms, wait_for
@@ -44,12 +43,11 @@ def test_an_exception_is_a_stop_and_the_loop_goes_on(service, monkeypatch, part)
         client.connect(20.0)
         arms = Arms(client)
         arms.lead(WISH)
-        place = PLACE["cycle_faults"]
-        faults = service.counters.value(place)
+        faults = service.counters.value("cycle_faults")
         with monkeypatch.context() as patch:
-            patch.setattr(service._hub.judge, part, broken)
+            patch.setattr(service._context.judge, part, broken)
             service._checkpoint = 0
-            wait_for(lambda: service.counters.value(place) > faults)
+            wait_for(lambda: service.counters.value("cycle_faults") > faults)
             answer = arms.drive_until(WISH, lambda a: a.cause is Cause.FAULT)
         assert answer.action is Action.STOP
         assert set(answer.actions.values()) == {Action.STOP}

@@ -10,7 +10,6 @@ from armguard.station.errors import ServiceError
 from armguard.station.ring import RingWriter
 from armguard.station.service import Service, ServiceSettings
 from armguard.station.service.judge import OBJECTS, Judge
-from armguard.station.service.states import States
 from armguard.station.wire.layout import MOST
 from arms import simple_arm
 from grippers import Loop, pick_scene
@@ -40,7 +39,7 @@ def test_what_was_carried_stays_where_it_was_put_when_settings_change(tmp_path):
     assert told["pose"][0][3] == pytest.approx(0.3, abs=2e-3)
     thing = judge.guard.guard.tables.holds.objects["block"]
     stood = judge.guard.guard.tables.T_parent_joint[thing.body].copy()
-    judge.configure(States(judge.desk), response="slow")
+    judge.configure(response="slow")
     after = judge.guard.guard.tables.T_parent_joint[thing.body]
     assert after == pytest.approx(stood, abs=1e-12)
     ring.close()

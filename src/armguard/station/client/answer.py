@@ -1,10 +1,9 @@
-"""Answers of the service, and the stop that a client uses where it has none."""
+"""Answers of the service, and the stop of a client that has none."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from math import inf, nan
-from struct import Struct
+from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,18 +11,21 @@ from numpy import frombuffer
 from numpy.typing import NDArray
 
 from armguard.station.client.welcome import Welcome
+from armguard.station.wire import Cause
 from armguard.station.wire.layout import (
-    COMMAND,
-    HEADER,
+    HOLD_ACTION,
     MISSED,
-    NOBODY,
+    NO_BODY,
     OBJECTS_CHANGED,
     ROBOT,
     ROBOTS_AT,
     SEAL,
-    SUMMARY,
+    STOP_LEVEL,
+    STOPPED,
+    STOPPED_ROW,
+    Command,
+    RobotRow,
 )
-from armguard.station.wire.words import Cause
 
 if TYPE_CHECKING:
     from armguard.guard.levels import Level, Reason
@@ -31,28 +33,12 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-# As `Level` and `Action` number a stop, and the latter a robot that waits.
-STOP_LEVEL, STOP_ACTION, HOLD_ACTION = 30, 10, 5
-
 CAUSES = {int(cause): cause for cause in Cause}
 
-# Looked up here and not in numpy, which takes longer than what is done with them.
+# Looked up here and not in numpy, which takes longer than the rest of a property.
 FLOAT = np.dtype(np.float64)
-ROW = ROBOT.size
 
 NANO = 1e-9
-
-# A `COMMAND`, but that a client's own answers are of cycle -1.
-BODY = Struct(COMMAND.format.replace("Q", "q", 1))
-
-# What is read of every message, at once. Of its header: what is the same in all of a
-# session and scene, as four numbers, then sequence and clock; of its body: sender and
-# sequence of the state that began the cycle, and the nearest pair; then its summary.
-SAME = Struct("<4Q")
-FIELDS = Struct(SAME.format + "Qq" + "8xQQ" + "40xII64x" + SUMMARY.format[1:])
-SEQUENCE, SENT, BODY_A, BODY_B = 4, 5, 8, 9
-BEGAN = slice(6, 8)
-REASON, CAUSE, LEVEL, ACTION, FLAGS, JOINTS, ROBOTS, _, COMMANDER = range(10, 19)
 
 
 class Words(NamedTuple):
@@ -77,74 +63,43 @@ def words() -> Words:
     return Words(Level, Reason, Action, Blocked, Held)
 
 
-class RobotNumbers(NamedTuple):
-    """A robot's row of a COMMAND, see docs/service.md."""
-
-    level: int
-    action: int
-    blocked: int
-    stopped_by: int
-    speed_scale: float
-    urgency: float
-    age: float
-    sender: int
-    sequence: int
-    held_since: float
-
-
-# A robot's row in the answer of a client that hears nothing.
-STOPPED = RobotNumbers(STOP_LEVEL, STOP_ACTION, 0, 0, 0.0, 1.0, inf, 0, 0, nan)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Nearest:
-    """The pair with the least clearance.
+    """The pair with the least clearance."""
 
-    Attributes:
-        a: Body of A: 'robot/link', or an object's name.
-        b: Body of B.
-        distance: Signed distance of their surfaces [m].
-        clearance: What is left of it beyond what the pair needs [m].
-        point_a: Witness point on A, world, shape (3,) [m].
-        point_b: Witness point on B, world, shape (3,) [m].
-    """
-
-    a: str
+    a: str  # body of A: 'robot/link', or an object's name
     b: str
-    distance: float
-    clearance: float
-    point_a: Floats
+    distance: float  # signed distance of their surfaces [m]
+    clearance: float  # distance beyond what the pair needs [m]
+    point_a: Floats  # witness point on A, world, shape (3,) [m]
     point_b: Floats
 
 
 class Answer:
-    """What robots are to do: from the service, or from a client that hears nothing.
+    """Command to the robots: from the service, or a stop of a client without an answer.
 
-    It holds the message; numbers are read from it when they are asked for.
+    It holds the message; rows and arrays are read from it when they are asked for.
 
     Attributes:
-        began: Sender and number of the state that began the cycle; zeros for none.
         sent: When it was sent, on the service's clock [s].
         welcome: Description of the service.
         clock: The service's clock, as far as it is known here.
     """
 
-    __slots__ = ("_body", "_fields", "_message", "began", "clock", "sent", "welcome")
+    __slots__ = ("_command", "_message", "clock", "sent", "welcome")
 
     def __init__(
         self,
         message: bytes,
-        fields: tuple[int, ...],
+        command: Command,
+        sent: float,
         welcome: Welcome,
         clock: Callable[[], float],
     ) -> None:
-        # The message, whose seal fits, and its `FIELDS`.
-        self._message, self._fields = message, fields
-        self._body: tuple[float, ...] | None = None
-        self.began = fields[BEGAN]
-        self.sent = fields[SENT] * NANO
-        self.welcome = welcome
-        self.clock = clock
+        # The message, whose seal fits, and its `Command`.
+        self._message, self._command = message, command
+        self.sent = sent
+        self.welcome, self.clock = welcome, clock
 
     def __repr__(self) -> str:
         return (
@@ -156,92 +111,102 @@ class Answer:
     @property
     def velocity(self) -> Floats:
         """Joint velocities to send, shape (n,) [rad/s or m/s]; not to be written."""
-        n = self._fields[JOINTS]
-        first = ROBOTS_AT + ROW * self._fields[ROBOTS]
+        n, first = self._command.joints, self._joints_at
         return frombuffer(self._message, FLOAT, n, first)
 
     @property
     def position(self) -> Floats:
         """The same as positions, shape (n,) [rad or m]; not to be written."""
-        n = self._fields[JOINTS]
-        first = ROBOTS_AT + ROW * self._fields[ROBOTS] + 8 * n
-        return frombuffer(self._message, FLOAT, n, first)
+        n, first = self._command.joints, self._joints_at
+        return frombuffer(self._message, FLOAT, n, first + 8 * n)
+
+    @property
+    def began(self) -> tuple[int, int]:
+        """Sender and number of the state that began the cycle; zeros for none."""
+        return self._command.began_by, self._command.began_with
 
     @property
     def cycle(self) -> int:
         """Number of the cycle; -1 if it is not the service's."""
-        return int(self._cut[0])
+        return self._command.cycle
 
     @property
     def inside(self) -> float:
-        """From a state's arrival to when it had been judged; NaN if none came [s]."""
-        _, sender, _, received, ended = self._cut[:5]
-        return (ended - received) * NANO if sender else nan
+        """From receiving a state to its judgement; NaN if no state began it [s]."""
+        command = self._command
+        if not command.began_by:
+            return nan
+        return (command.ended - command.received) * NANO
 
     @property
     def time(self) -> float:
         """Time of the cycle, on the service's clock [s]."""
-        return self._cut[5]
+        return self._command.time
 
     @property
     def slack(self) -> float:
-        """What the nearest pair has left beyond what it needs [m]."""
-        return self._cut[6]
+        """Distance of the nearest pair beyond what it needs [m]."""
+        return self._command.slack
 
     @property
     def slack_time(self) -> float:
         """Least time until a stop must be ordered [s]."""
-        return self._cut[7]
+        return self._command.slack_time
 
     @property
     def nearest(self) -> Nearest | None:
         """The pair with the least clearance; None if none is near."""
-        a, b, distance, clearance, *points = self._cut[8:]
-        if a == NOBODY:
+        found, bodies = self._command, self.welcome.bodies
+        if found.body_a == NO_BODY:
             return None
-        bodies, ends = self.welcome.bodies, np.array(points).reshape(2, 3)
-        return Nearest(bodies[int(a)], bodies[int(b)], distance, clearance, *ends)
+        return Nearest(
+            a=bodies[found.body_a],
+            b=bodies[found.body_b],
+            distance=found.distance,
+            clearance=found.clearance,
+            point_a=frombuffer(found.point_a).copy(),
+            point_b=frombuffer(found.point_b).copy(),
+        )
 
     @property
     def reason_number(self) -> int:
         """The guard's reason."""
-        return self._fields[REASON]
+        return self._command.reason
 
     @property
     def cause(self) -> Cause:
         """Cause of the service or of the client, beside the guard's reason."""
-        return CAUSES[self._fields[CAUSE]]
+        return CAUSES[self._command.cause]
 
     @property
     def level_number(self) -> int:
         """The highest level."""
-        return self._fields[LEVEL]
+        return self._command.level
 
     @property
     def action_number(self) -> int:
         """The highest action."""
-        return self._fields[ACTION]
+        return self._command.action
 
     @property
     def missed(self) -> bool:
         """Whether the cycle ended later than its period allows."""
-        return bool(self._fields[FLAGS] & MISSED)
+        return bool(self._command.flags & MISSED)
 
     @property
     def objects_changed(self) -> bool:
         """Whether an object was placed or removed within the last second."""
-        return bool(self._fields[FLAGS] & OBJECTS_CHANGED)
+        return bool(self._command.flags & OBJECTS_CHANGED)
 
     @property
     def commander(self) -> int:
         """Number of the commander; 0 if there is none."""
-        return self._fields[COMMANDER]
+        return self._command.commander
 
     @property
-    def numbers(self) -> tuple[RobotNumbers, ...]:
+    def numbers(self) -> tuple[RobotRow, ...]:
         """The row of each robot, in the order of a COMMAND."""
-        rows = self._message[ROBOTS_AT : ROBOTS_AT + ROW * self._fields[ROBOTS]]
-        return tuple(map(RobotNumbers._make, ROBOT.iter_unpack(rows)))
+        return ROBOT.rows(self._message[ROBOTS_AT : self._joints_at])
 
     @property
     def stops(self) -> bool:
@@ -363,13 +328,11 @@ class Answer:
         return any(by == sender and number >= sequence for by, number in states)
 
     @property
-    def _cut(self) -> tuple[float, ...]:
-        """The fields of the `COMMAND`."""
-        if self._body is None:
-            self._body = BODY.unpack_from(self._message, HEADER.size)
-        return self._body
+    def _joints_at(self) -> int:
+        """Where velocities begin in the message [bytes]."""
+        return ROBOTS_AT + self._command.robots * ROBOT.size
 
-    def _rows(self) -> Iterator[tuple[str, RobotNumbers]]:
+    def _rows(self) -> Iterator[tuple[str, RobotRow]]:
         return zip(self.welcome.robots, self.numbers, strict=True)
 
 
@@ -385,15 +348,14 @@ def stop_answer(
         clock: Its clock [s].
     """
     now, joints, robots = clock(), len(welcome.names), len(welcome.robots)
-    body = -1, 0, 0, 0, 0, now, nan, nan, NOBODY, NOBODY, *(nan,) * 8
-    summary = 0, cause, STOP_LEVEL, STOP_ACTION, 0, joints, robots, 0, 0
+    command = STOPPED._replace(
+        cycle=-1, time=now, cause=cause, joints=joints, robots=robots
+    )
     message = (
-        HEADER.pack(*(0,) * 8, round(now / NANO))
-        + BODY.pack(*body)
-        + SUMMARY.pack(*summary)
-        + ROBOT.pack(*STOPPED) * robots
+        bytes(ROBOTS_AT)
+        + ROBOT.pack(*STOPPED_ROW) * robots
         + bytes(8 * joints)
         + np.asarray(position, np.float64).tobytes()
         + bytes(SEAL)
     )
-    return Answer(message, FIELDS.unpack_from(message), welcome, clock)
+    return Answer(message, command, now, welcome, clock)

@@ -1,45 +1,29 @@
 """A client of the service: controller, commander, observer, or all of them."""
 
-import json
-import struct
-from collections import deque
-from collections.abc import Callable, Mapping
-from math import inf
+from collections.abc import Mapping
 from pathlib import Path
 from time import monotonic, monotonic_ns, sleep
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from armguard.station.client.answer import NANO, Answer, stop_answer, words
-from armguard.station.client.clock import ServiceClock
-from armguard.station.client.connection import Connection, Head
-from armguard.station.client.state_message import StateMessage
-from armguard.station.client.welcome import NOTHING, Welcome, read_welcome
+from armguard.station.client.answer import NANO, Answer, words
+from armguard.station.client.exchange import Exchange, request_of
+from armguard.station.client.welcome import Welcome
 from armguard.station.errors import NoServiceError, RefusedError
-from armguard.station.wire import layout
-from armguard.station.wire.boot import boot_id
-from armguard.station.wire.keys import Keys, Role, found_keys, key_of
-from armguard.station.wire.layout import Form, Kind
-from armguard.station.wire.words import Cause
-
-Floats = NDArray[np.float64]
+from armguard.station.wire import Cause, Form, Keys, Kind, Role
+from armguard.station.wire.keys import found_keys, key_of
+from armguard.station.wire.layout import CLAIM, GIVE_BACK, HELLO, NO_COOKIE, TWIST, WISH
 
 # A key file that is not there yet is looked for that often [s].
 KEYS_EVERY = 0.02
-
-# Answers that wait to be received; older ones are given up.
-KEPT = 256
-
-# A question that was not answered is asked again after this time [s].
-AGAIN = 0.2
 
 # A refusal explains a missing answer for that long [s].
 RECENT = 0.5
 
 
-class Client:
+class Client(Exchange):
     """Exchanges messages with a service; from one thread.
 
     Its watchdog needs no thread: `latest` is a stop if the newest answer is too old,
@@ -80,61 +64,17 @@ class Client:
         name: str = "",
         every: int = 1,
     ) -> None:
-        self._limit = watchdog
+        super().__init__((host, port), watchdog)
         self._role, self._keys = role, keys
-        self._name = name.encode()[:64]
-        self._every = every
-        self._connection = Connection((host, port))
+        self._name, self._every = name.encode()[:64], every
         # A call that is sent again has the same number, and is not done again.
         self._call_number = 0
-        self._forget()
-
-    def _forget(self) -> None:
-        """Nothing is known of a service yet."""
-        self.clock = ServiceClock()
-        self.refusal: tuple[str, str] | None = None
-        self._refused = -inf
-        self._welcome: Welcome | None = None
-        self._cookie = layout.NO_COOKIE
-        # Parts of a WELCOME, and the scene of their headers.
-        self._scene, self._parts = 0, dict[int, bytes]()
-        # Answers that wait to be received, oldest first, and the newest.
-        self._answers: deque[Answer] = deque(maxlen=KEPT)
-        self._newest: Answer | None = None
-        # When the service sent its newest other message, on its clock [s].
-        self._heard, self._gone = 0.0, False
-        # The commander's token, 0 without the command; fields of the newest GRANT.
-        self._token, self._grant = 0, tuple[Any, ...]()
-        self._claimed = False
-        # Number of the message of the newest call, and its reply.
-        self._asked = 0
-        self._reply: Mapping[str, Any] = {}
-        # Each kind of STATE is made once. Robots whose states were sent, as bits.
-        self._states: dict[object, StateMessage] = {}
-        self._whole: StateMessage | None = None
-        self._measured = 0
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    @property
-    def welcome(self) -> Welcome:
-        """Description of the service.
-
-        Raises:
-            NoServiceError: `connect` has not succeeded yet.
-        """
-        if self._welcome is None:
-            raise NoServiceError("not connected: call connect() first")
-        return self._welcome
-
-    @property
-    def connected(self) -> bool:
-        """Whether a service has described itself."""
-        return self._welcome is not None
 
     @property
     def port(self) -> int:
@@ -146,18 +86,8 @@ class Client:
         """Number by which the service knows this client."""
         return self._connection.sender
 
-    @property
-    def commands(self) -> bool:
-        """Whether this client has the command, as far as it has heard."""
-        return self._token != 0
-
-    @property
-    def dropped(self) -> int:
-        """Messages that could not be sent, or came in and were none, or old."""
-        return self._connection.dropped
-
     def fileno(self) -> int:
-        """Its socket, for a loop that waits for other things too; -1 if it has none.
+        """Its socket, for a loop that waits for other inputs too; -1 if it has none.
 
         With it `select`, `poll` and `asyncio` take a client for a file. When it can be
         read, call `receive` until that is None. Something has to be asked at least
@@ -186,7 +116,7 @@ class Client:
         key, source = self._key(end)
         self._connection.open(key)
         for done in (
-            lambda: self._cookie != layout.NO_COOKIE,
+            lambda: self._cookie != NO_COOKIE,
             lambda: self.connected or self.refusal,
         ):
             if not self._ask(self._hello, done, end - monotonic()):
@@ -245,7 +175,7 @@ class Client:
             Number of the message.
 
         Raises:
-            RefusedError: A robot is not there, or something has another number of
+            RefusedError: A robot is not there, or an array has another number of
                 joints.
         """
         if robots is not None and not isinstance(robots, str):
@@ -267,12 +197,10 @@ class Client:
             RefusedError: Another client has it, or this one's role may not.
             NoServiceError: The service does not answer.
         """
-        connection = self._connection
 
         def claim() -> None:
-            self._grant = ()
-            layout.CLAIM.pack_into(connection.outbox.payload, 0, force, 0)
-            connection.say(Kind.CLAIM, layout.CLAIM.size)
+            self._grant = None
+            self._connection.say(Kind.CLAIM, CLAIM.pack(force))
 
         self.refusal = None
         if not self._ask(
@@ -284,19 +212,19 @@ class Client:
                 f"only a client with the key for 'command' may claim the command; this "
                 f"one has the key for '{self._role.word}'"
             )
-        granted, _, token, holder, *_ = self._grant
-        if not granted:
+        grant = self._grant
+        assert grant is not None
+        if not grant.granted:
             raise RefusedError(
-                f"client {holder:x} has the command; wait until it gives it back, or "
-                "claim it with force and the key for 'administer'"
+                f"client {grant.holder:x} has the command; wait until it gives it "
+                "back, or claim it with force and the key for 'administer'"
             )
-        self._token = token
+        self._token = grant.token
 
     def give_back(self) -> None:
         """Give the command back."""
         if self._token:
-            layout.GIVE_BACK.pack_into(self._connection.outbox.payload, 0, self._token)
-            self._connection.say(Kind.GIVE_BACK, layout.GIVE_BACK.size)
+            self._connection.say(Kind.GIVE_BACK, GIVE_BACK.pack(self._token))
             self._token = 0
 
     def send_velocities(self, velocities: ArrayLike) -> None:
@@ -329,7 +257,7 @@ class Client:
             if name not in tools:
                 raise RefusedError(f"the scene has no tool '{name}'")
             rows.append([tools.index(name), *np.asarray(twist, np.float64).flat])
-        if any(len(row) != layout.TWIST for row in rows):
+        if any(len(row) != TWIST for row in rows):
             raise RefusedError("a twist has six numbers")
         self._send_desired(Form.TWISTS, rows)
 
@@ -341,7 +269,7 @@ class Client:
         stamp: float | None = None,
         timeout: float | None = None,
     ) -> Answer:
-        """Controller and commander in one: a state, a wish, and the answer to both.
+        """Controller and commander in one: state, desired motion, and their answer.
 
         The command is claimed with the first one.
 
@@ -356,8 +284,8 @@ class Client:
             The answer; a stop if none came in time, or if it is too old by now.
 
         Raises:
-            RefusedError: Something has another number of joints; or, with the first
-                one only, another client has the command.
+            RefusedError: An array has another number of joints; or, with the first one
+                only, another client has the command.
         """
         connection = self._connection
         if not self._claimed:
@@ -433,8 +361,7 @@ class Client:
             raise RefusedError(f"call '{call}' is too long for a message")
 
         def ask() -> None:
-            connection.outbox.payload[: len(data)] = data
-            self._asked = connection.say(Kind.CALL, len(data))
+            self._asked = connection.say(Kind.CALL, data)
 
         if not self._ask(ask, lambda: self._reply, timeout):
             raise NoServiceError(f"the service does not answer the call '{call}'")
@@ -457,213 +384,11 @@ class Client:
         self._measured = 0
 
     def _hello(self) -> None:
-        payload = self._connection.outbox.payload
-        layout.HELLO.pack_into(payload, 0, self._role, self._every, self._cookie)
-        end = layout.HELLO.size + len(self._name)
-        payload[layout.HELLO.size : end] = self._name
-        self._connection.say(Kind.HELLO, end)
+        head = HELLO.pack(self._role, self._every, self._cookie)
+        self._connection.say(Kind.HELLO, head, self._name)
 
     def _send_desired(self, form: Form, values: ArrayLike) -> None:
         """Send a WISH of that form."""
-        payload = self._connection.outbox.payload
-        row = np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
-        layout.WISH.pack_into(payload, 0, self._token, form, len(row))
-        end = layout.WISH.size + row.nbytes
-        payload[layout.WISH.size : end] = row.view(np.uint8).data
-        self._connection.say(Kind.WISH, end)
-
-    def _state(
-        self, robots: str | tuple[str, ...] | None, velocities: bool, wish: bool
-    ) -> StateMessage:
-        """The STATE of these robots, see `StateMessage`: numbers have to be written.
-
-        Raises:
-            NoServiceError: No service has named its robots.
-            RefusedError: There is no robot of that name.
-        """
-        form = robots, velocities, wish
-        state = self._states.get(form)
-        if state is None:
-            state = self._states[form] = StateMessage(
-                *(self._connection, self.welcome, robots),
-                velocities=velocities,
-                wish=wish,
-            )
-        if robots is None:
-            self._whole = state
-        self._measured |= state.bits
-        return state
-
-    def _refused_for(self, cause: str) -> bool:
-        """Whether this is the cause of the newest refusal."""
-        return self.refusal is not None and self.refusal[0] == cause
-
-    def _await_answer(self, own: tuple[int, int], timeout: float) -> Answer | None:
-        """The answer to a state of that sender and number, or to a later one of it."""
-
-        def answered() -> bool:
-            return self._newest is not None and self._newest.answers(*own)
-
-        self._wait(answered, timeout)
-        return self._newest if answered() else None
-
-    def _cause(self) -> Cause:
-        """Why the newest answer does not count; NONE if it does."""
-        newest, clock = self._newest, self.clock
-        now = monotonic() + clock.offset
-        # What the clock may be wrong by counts for the answer, if it is known.
-        bound = clock.bound
-        limit = self._limit + bound if bound < inf else self._limit
-        if self._gone:
-            return Cause.SERVICE_GONE
-        heard = self._heard
-        if newest is not None:
-            if now - newest.sent <= limit:
-                return Cause.NONE
-            heard = max(heard, newest.sent)
-        return Cause.NO_ANSWER if now - heard <= limit else Cause.SERVICE_SILENT
-
-    def _stopped(self, cause: Cause) -> Answer:
-        """A stop, where no message of the service counts."""
-        welcome, newest = self._welcome or NOTHING, self._newest
-        position: Floats | None = None
-        if self._whole is not None:
-            position = self._whole.q
-        elif newest is not None:
-            position = newest.position
-        if position is None or len(position) != len(welcome.names):
-            # Unknown, rather than where robots may not be.
-            position = np.full(len(welcome.names), np.nan)
-        return stop_answer(cause, position, welcome, self.clock)
-
-    def _ask(
-        self, say: Callable[[], None], done: Callable[[], object], timeout: float
-    ) -> bool:
-        """Say something again and again until it is answered; whether it was."""
-        end = monotonic() + timeout
-        while (left := end - monotonic()) > 0.0:
-            say()
-            self._wait(done, min(left, AGAIN))
-            if done():
-                return True
-        return False
-
-    def _wait(self, done: Callable[[], object], timeout: float) -> None:
-        """Take messages over until something is true, or for that long."""
-        end = monotonic() + timeout
-        while self._connection.socket is not None:
-            self._drain(done)
-            left = end - monotonic()
-            if done() or left <= 0.0:
-                return
-            self._connection.keep_alive()
-            self._connection.sleep(left)
-
-    def _drain(self, done: Callable[[], object] | None = None) -> None:
-        """Take all messages over that there are, or until something is true."""
-        while (size := self._connection.receive()) >= 0:
-            self._take(size)
-            if done is not None and done():
-                return
-
-    def _take(self, size: int) -> None:
-        """Take a message over that was received; one that does not count is dropped."""
-        connection = self._connection
-        answer = connection.answer(size)
-        if answer is not None:
-            self._newest = answer
-            self._answers.append(answer)
-            if answer.commander != connection.sender:
-                # What came before the grant was sent before it, and came before it.
-                self._token = 0
-            return
-        head = connection.head(size)
-        try:
-            if head is None or not self._take_other(head, connection.payload(size)):
-                connection.dropped += 1
-        except (struct.error, ValueError, KeyError):
-            # Its payload is none of its kind.
-            connection.dropped += 1
-
-    def _take_other(self, head: Head, payload: memoryview) -> bool:
-        """Take over what is no answer; False if it does not count."""
-        connection, kind = self._connection, head.kind
-        if kind == Kind.WELCOME:
-            return self._take_welcome(head, payload)
-        if kind == Kind.CHALLENGE:
-            asked, cookie = layout.CHALLENGE.unpack_from(payload)
-            if self._welcome is not None or asked < connection.opened:
-                # It is that of an older HELLO.
-                return False
-            connection.outbox.session, self._cookie = head.session, cookie
-            return True
-        if kind == Kind.REFUSAL and head.session == connection.outbox.session:
-            text = bytes(payload[layout.REFUSAL.size :]).decode()
-            cause, _, sentence = text.partition(":")
-            self.refusal, self._refused = (cause, sentence), monotonic()
-            return True
-        if self._welcome is None or head.session != connection.outbox.session:
-            return False
-        connection.last = head.sequence
-        self._heard = max(self._heard, head.stamp * NANO)
-        if kind == Kind.COMMAND:
-            return False
-        if kind == Kind.HEARTBEAT:
-            if layout.HEARTBEAT.unpack_from(payload)[1] != connection.sender:
-                self._token = 0
-        elif kind == Kind.GRANT:
-            self._grant = layout.GRANT.unpack_from(payload)
-        elif kind == Kind.REPLY:
-            if layout.REPLY.unpack_from(payload)[0] == self._asked:
-                self._reply = json.loads(bytes(payload[layout.REPLY.size :]))
-        elif kind == Kind.BYE:
-            self._gone = True
-        return True
-
-    def _take_welcome(self, head: Head, payload: memoryview) -> bool:
-        """Take a part of a WELCOME over; False if it is another service's."""
-        connection, outbox = self._connection, self._connection.outbox
-        if self._welcome is not None:
-            if head.session != outbox.session:
-                # A service that was started anew has to be connected to anew.
-                return False
-            connection.last = head.sequence
-        part, parts, _, _, _, asked, read = layout.WELCOME.unpack_from(payload)
-        if head.scene != self._scene:
-            # Parts about another scene are given up.
-            self._scene, self._parts = head.scene, {}
-        self._parts[part] = bytes(payload[layout.WELCOME.size :])
-        if asked:
-            self.clock.learn(asked, read, monotonic_ns())
-        if len(self._parts) < parts:
-            return True
-        text = b"".join(self._parts[k] for k in range(parts))
-        self._parts = {}
-        welcome = read_welcome(text)
-        if welcome.boot_id and welcome.boot_id == boot_id():
-            self.clock.share()
-        if head.scene != outbox.scene:
-            self._newest = None
-        outbox.session, outbox.scene = head.session, head.scene
-        # The earliest time it may be: a message is never older than its stamp says.
-        outbox.ahead = round((self.clock.offset - self.clock.bound) / NANO)
-        connection.expect(head.session, head.scene, welcome, self.clock)
-        self._welcome = welcome
-        self._states.clear()
-        self._measured = 0
-        return True
-
-
-def request_of(number: int, call: str, arguments: Mapping[str, Any]) -> bytes:
-    """The JSON of a call, by the number of the call."""
-    request = {"id": number, "call": call, "arguments": arguments}
-    return json.dumps(request, default=as_json).encode()
-
-
-def as_json(value: Any) -> Any:
-    """Poses and arrays, for which JSON has no word."""
-    if hasattr(value, "matrix"):
-        return value.matrix().tolist()
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} cannot be sent")
+        row = np.asarray(values, dtype=np.float64).reshape(-1)
+        head = WISH.pack(self._token, form, len(row))
+        self._connection.say(Kind.WISH, head, row.tobytes())

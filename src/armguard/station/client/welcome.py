@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -13,69 +13,38 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RobotJoints:
-    """A robot's part of the joints.
-
-    Attributes:
-        name: Its name.
-        first: Its first place among all joints.
-        count: How many it has.
-    """
+    """A robot's part of the joints."""
 
     name: str
-    first: int
-    count: int
+    first: int  # its first place among all joints
+    count: int  # how many it has
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Welcome:
-    """Description of a service, from its answer to a HELLO.
+    """Description of a service, from its answer to a HELLO."""
 
-    Attributes:
-        names: 'robot/joint' of each place of q.
-        robots: Names of robots.
-        parts: Which joints each of them has.
-        bodies: Names of bodies by the indices in a COMMAND.
-        tools: Names of tools by the indices in a WISH.
-        period: Time from one cycle to the next [s].
-        home: Home configuration, shape (n,) [rad or m].
-        scene_file: The scene's file, or "".
-        scene_hash: The scene's hash, in hex.
-        ring: Path of the ring, on the service's machine.
-        counters: Path of its counters, likewise.
-        session: Number of the service's start.
-        version: Version of armguard it runs.
-        watchdogs: Times after which silence counts, by name [s].
-        reasons: Name and sentence of each reason, by its number.
-        boot_id: Identifies the start of its machine.
-        text: All of it as it came.
-    """
-
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # 'robot/joint' of each place of q
     robots: tuple[str, ...] = ()
-    parts: tuple[RobotJoints, ...] = ()
-    bodies: tuple[str, ...] = ()
-    tools: tuple[str, ...] = ()
-    period: float = 0.0
-    home: Floats = field(default_factory=lambda: np.zeros(0))
+    parts: tuple[RobotJoints, ...] = ()  # joints of each robot
+    bodies: tuple[str, ...] = ()  # by the indices in a COMMAND
+    tools: tuple[str, ...] = ()  # by the indices in a WISH
+    period: float = 0.0  # time from one cycle to the next [s]
+    home: Floats = field(default_factory=lambda: np.zeros(0))  # (n,) [rad or m]
     scene_file: str = ""
-    scene_hash: str = ""
-    ring: str = ""
-    counters: str = ""
-    session: int = 0
-    version: str = ""
-    watchdogs: Mapping[str, float] = field(default_factory=dict)
-    reasons: Mapping[int, tuple[str, str]] = field(default_factory=dict)
-    boot_id: str = ""
-    text: Mapping[str, Any] = field(default_factory=dict)
+    scene_hash: str = ""  # in hex
+    ring: str = ""  # path of the ring, on the service's machine
+    counters: str = ""  # path of its counters, likewise
+    session: int = 0  # number of the service's start
+    version: str = ""  # version of armguard that it runs
+    watchdogs: Mapping[str, float] = field(default_factory=dict)  # by name [s]
+    reasons: Mapping[int, tuple[str, str]] = field(default_factory=dict)  # sentences
+    boot_id: str = ""  # identifies the start of its machine
+    text: Mapping[str, Any] = field(default_factory=dict)  # all of it as received
 
 
 # Before a client is connected.
 NOTHING = Welcome()
-
-PLAIN = (
-    *("period", "scene_file", "scene_hash", "ring", "counters"),
-    *("session", "version", "watchdogs", "boot_id"),
-)
 
 
 def read_welcome(data: bytes) -> Welcome:
@@ -83,18 +52,17 @@ def read_welcome(data: bytes) -> Welcome:
 
     Raises:
         ValueError: It is no JSON.
-        KeyError: Something is missing.
+        KeyError: A field is missing.
     """
     text = json.loads(data)
     parts = tuple(RobotJoints(**part) for part in text["robots"])
-    return Welcome(
-        names=tuple(text["names"]),
-        robots=tuple(part.name for part in parts),
-        parts=parts,
-        bodies=tuple(text["bodies"]),
-        tools=tuple(text["tools"]),
-        home=np.array(text["home"], dtype=np.float64),
-        reasons={int(k): (name, words) for k, (name, words) in text["reasons"].items()},
-        text=text,
-        **{name: text[name] for name in PLAIN},
-    )
+    found: dict[str, Any] = {
+        **{name: tuple(text[name]) for name in ("names", "bodies", "tools")},
+        "robots": tuple(part.name for part in parts),
+        "parts": parts,
+        "home": np.array(text["home"], dtype=np.float64),
+        "reasons": {int(k): (name, why) for k, (name, why) in text["reasons"].items()},
+        "text": text,
+    }
+    plain = {one.name for one in fields(Welcome)} - found.keys()
+    return Welcome(**found, **{name: text[name] for name in plain})

@@ -1,15 +1,18 @@
 """Everything a cycle of the service reads and writes, made once.
 
-A STATE comes in as bytes and a COMMAND goes out as bytes. What lies between is numbers
-in arrays that kernels look at, so that a message becomes an answer in two calls of
+A STATE is received as bytes and a COMMAND is sent as bytes. Between them are numbers
+in arrays that kernels read, so that a message becomes an answer in two calls of
 compiled code: `take_state` and `judge`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import pointer
+from armguard.kernel import kernel
 from armguard.table import LongVector, Matrix, Vector, opener
 
 Floats = NDArray[np.float64]
@@ -20,15 +23,15 @@ SIZE = 0  # [bytes]
 NOW = 1  # monotonic [ns]
 SENDER = 2
 SEQUENCE = 3
-TOKEN = 4  # what a wish must show; 0 if its sender does not command
+TOKEN = 4  # what a WISH must show; 0 if its sender does not command
 WATCHDOG = 5  # after that much silence a robot may get another controller [ns]
 # What came of it:
-HAS_WISH = 6  # 1 if there is a wish in a STATE
+HAS_WISH = 6  # 1 if there is a WISH in a STATE
 WISH_OUTCOME = 7  # what came of that
-WISH_FORM = 8  # form of the newest wish, as messages number it
+WISH_FORM = 8  # form of the newest WISH, as messages number it
 WISH_COUNT = 9  # how many numbers, or twists, it has
 MEASURED = 10  # 1 if the newest state of every robot had velocities
-# What a cycle is told:
+# What a cycle is given:
 ASK = 11  # what to ask the guard
 CYCLE = 12  # its number
 BEGAN_BY = 13  # sender, number and arrival of the state that began it [ns]; 0 for none
@@ -48,85 +51,61 @@ REASON = 25
 GIVEN = 26
 
 # What to ask a guard; any other number is the `Reason` of a stop.
-AS_WISHED = 0  # what the commander wishes for
-NOTHING = 1  # that nothing moves, or where positions were wished for that they are held
+AS_WISHED = 0  # the desired motion of the commander
+NOTHING = 1  # that nothing moves; where positions were desired, that they are held
 
-# What came of a message, see `DROPS`.
-TAKEN = 0
-PAYLOAD = 1
-ROBOTS = 2
-JOINTS = 3
-SECOND_CONTROLLER = 4
-NOT_COMMANDER = 5
-WISH_NOT_FINITE = 6
+# What came of a message: its place here, see `DROPS`.
 OUTCOMES = (
-    "",
-    "payload",
-    "robots",
-    "joints",
-    "second_controller",
-    "not_commander",
-    "wish_not_finite",
+    *("", "payload", "robots", "joints"),
+    *("second_controller", "not_commander", "wish_not_finite"),
 )
+TAKEN, PAYLOAD, ROBOTS, JOINTS = range(4)
+SECOND_CONTROLLER, NOT_COMMANDER, WISH_NOT_FINITE = range(4, 7)
 
 # A row of `twists`: index of the tool, then its twist.
 TWIST_AT = 1
 
 
 class Desk(NamedTuple):
-    """Arrays of one service and one scene.
+    """Arrays of one service and one scene, of n joints, r robots, p primitives."""
 
-    Attributes:
-        given: See SIZE, shape (GIVEN,).
-        message: The message that came in, as words of eight bytes.
-        answer: The message that goes out, likewise.
-        q: Joint positions, shape (n,) [rad or m].
-        velocity: Joint velocities, shape (n,) [rad/s or m/s].
-        stamps: When robots were measured, shape (r,) [s].
-        measured: 1 where the newest state had velocities, shape (r,).
-        sender: Controller of each robot, 0 for none yet, shape (r,).
-        sequence: Number of the state of each robot, shape (r,).
-        heard: When it came in, monotonic, shape (r,) [ns].
-        first_joint: Place in q of the first joint of each robot, shape (r,).
-        joint_count: How many joints it has, shape (r,).
-        wish: Velocities or positions that are wished for, shape (n,).
-        twists: Twists that are wished for, see TWIST_AT, shape (MOST_TWISTS, TWIST).
-        tools: What tools are to the guard, by index: robot, body, origin in the body,
-            shape (k, TOOL_TWIST).
-        rows: Twists as the guard takes them, shape (MOST_TWISTS TWIST_ROW,).
-        held: Positions told last, which are held when a commander in positions falls
-            silent, shape (n,).
-        asked: What the guard was asked for last, shape (max(n, 6 MOST_TWISTS),).
-        numbers: The verdict's numbers, see `armguard.guard.layout`.
-        told: What robots were told, as `Command` cuts it, shape (4 n + 4 r,).
-        body_of: Index in a COMMAND of the body of each primitive, shape (p,).
-        level_of: Level of each reason, shape (k,).
-        first_row: Where near pairs start in `numbers`, shape (1,).
-    """
-
-    given: LongVector
-    message: Vector
-    answer: Vector
-    q: Vector
-    velocity: Vector
-    stamps: Vector
-    measured: LongVector
-    sender: LongVector
-    sequence: LongVector
-    heard: LongVector
-    first_joint: LongVector
-    joint_count: LongVector
-    wish: Vector
-    twists: Matrix
-    tools: Matrix
-    rows: Vector
+    given: LongVector  # see SIZE, shape (GIVEN,)
+    message: Vector  # the message that was received, as words of eight bytes
+    answer: Vector  # the message to be sent, likewise
+    q: Vector  # joint positions, shape (n,) [rad or m]
+    velocity: Vector  # joint velocities, shape (n,) [rad/s or m/s]
+    stamps: Vector  # when robots were measured, shape (r,) [s]
+    measured: LongVector  # 1 where the newest state had velocities, shape (r,)
+    sender: LongVector  # controller of each robot, 0 for none yet, shape (r,)
+    sequence: LongVector  # number of the state of each robot, shape (r,)
+    heard: LongVector  # when it was received, monotonic, shape (r,) [ns]
+    first_joint: LongVector  # place in q of the first joint of each robot, shape (r,)
+    joint_count: LongVector  # how many joints it has, shape (r,)
+    wish: Vector  # desired velocities or positions, shape (n,)
+    twists: Matrix  # desired twists, see TWIST_AT, shape (MOST_TWISTS, TWIST)
+    tools: Matrix  # robot, body, origin in the body of each tool, (k, TOOL_TWIST)
+    rows: Vector  # twists as the guard takes them, shape (MOST_TWISTS TWIST_ROW,)
+    # Positions commanded last, which are held when a commander in positions falls
+    # silent, shape (n,).
     held: Vector
-    asked: Vector
-    numbers: Vector
-    told: Vector
-    body_of: LongVector
-    level_of: LongVector
-    first_row: LongVector
+    asked: Vector  # what the guard was asked for last, shape (max(n, 6 MOST_TWISTS),)
+    numbers: Vector  # the verdict's numbers, see `armguard.guard.layout`
+    told: Vector  # the command to the robots, as `Command` cuts it, shape (4 n + 4 r,)
+    body_of: LongVector  # index in a COMMAND of the body of each primitive, shape (p,)
+    level_of: LongVector  # level of each reason, shape (k,)
+    first_row: LongVector  # where near pairs start in `numbers`, shape (1,)
 
 
 open_desk = opener(Desk)
+
+
+@kernel
+def records(words: Floats, at: int, count: int, dtype: Any) -> Any:
+    """Records of a message that begin at `at` [bytes], in the same memory."""
+    return numba.carray(pointer(words.ctypes.data + at), (count,), dtype)
+
+
+@kernel
+def signed(word: int) -> int:
+    """A field of a record as int64; with an unsigned one sums become float64."""
+    return int(np.int64(word))

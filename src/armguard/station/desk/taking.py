@@ -1,6 +1,7 @@
-"""From a message that was let in to what was measured and what is wished for."""
+"""Decodes a message that was let in: measured states and the desired motion."""
 
 from math import isfinite
+from typing import Any
 
 from armguard.kernel import kernel
 from armguard.respond.state import MOST_TWISTS
@@ -26,15 +27,19 @@ from armguard.station.desk.desk import (
     WISH_OUTCOME,
     Desk,
     open_desk,
+    records,
+    signed,
 )
-from armguard.station.desk.words import as_i8, u4_at
 from armguard.station.wire.layout import HAS_VELOCITY, HEADER, SEAL, STATE, TWIST, Form
 from armguard.station.wire.layout import HAS_WISH as WITH_WISH
 from armguard.station.wire.layout import WISH as WISH_HEAD
 
-# Where the parts of a STATE begin, and how long the head of a wish is [bytes].
-STATE_AT = HEADER.size
-POSITIONS_AT = STATE_AT + STATE.size
+STATE_ROW, WISH_ROW = STATE.dtype, WISH_HEAD.dtype
+
+# Where a payload begins, where the joints of a STATE begin, and how long the head of a
+# WISH is [bytes].
+PAYLOAD_AT = HEADER.size
+POSITIONS_AT = HEADER.size + STATE.size
 WISH_SIZE = WISH_HEAD.size
 
 VELOCITIES, POSITIONS, TWISTS = (int(form) for form in Form)
@@ -42,14 +47,14 @@ VELOCITIES, POSITIONS, TWISTS = (int(form) for form in Form)
 
 @kernel(inline=False, entry=True)
 def take_state(address: int) -> int:
-    """Take a STATE over, and the wish in it.
+    """Take a STATE over, and the WISH in it.
 
     Args:
         address: Address of the ledger of a desk: its message is a STATE, and `given`
-            says which one.
+            describes it.
 
     Returns:
-        TAKEN, or why it was dropped; then nothing has changed. What came of the wish in
+        TAKEN, or why it was dropped; then nothing has changed. What came of the WISH in
         it is written to `given`.
     """
     d = open_desk(address)
@@ -58,8 +63,8 @@ def take_state(address: int) -> int:
     size = given[SIZE]
     if size < POSITIONS_AT + SEAL:
         return PAYLOAD
-    bits = u4_at(d.message, STATE_AT // 4)
-    flags = u4_at(d.message, STATE_AT // 4 + 1)
+    state = records(d.message, PAYLOAD_AT, 1, STATE_ROW)[0]
+    bits, flags = signed(state["robots"]), signed(state["flags"])
     robots = d.first_joint.shape[0]
     if bits == 0 or bits >> robots != 0:
         return ROBOTS
@@ -71,7 +76,7 @@ def take_state(address: int) -> int:
     end = POSITIONS_AT + 8 * joints * both
     room = size - SEAL - end
     with_wish = flags & WITH_WISH != 0
-    # With a wish there is more, and how much more is the wish's to tell.
+    # With a WISH there is more; how much more its own head says.
     if room < WISH_SIZE if with_wish else room != 0:
         return JOINTS
     for r in range(robots):
@@ -79,7 +84,7 @@ def take_state(address: int) -> int:
         if (bits >> r) & 1 != 0 and other:
             if given[NOW] - d.heard[r] < given[WATCHDOG]:
                 return SECOND_CONTROLLER
-    keep_state(bits, joints, both, d)
+    keep_state(state, joints, both, d)
     if with_wish:
         given[HAS_WISH] = 1
         given[WISH_OUTCOME] = keep_wish(end, d)
@@ -87,17 +92,17 @@ def take_state(address: int) -> int:
 
 
 @kernel
-def keep_state(bits: int, joints: int, both: int, d: Desk) -> None:
-    """Copy the numbers of a STATE that is one.
+def keep_state(state: Any, joints: int, both: int, d: Desk) -> None:
+    """Copy the numbers of a STATE that is valid.
 
     Args:
-        bits: Its robots.
-        joints: How many joints they have together.
+        state: Its head, see `State`.
+        joints: How many joints its robots have together.
         both: 2 if there are velocities, else 1.
         d: The desk.
     """
     given, words = d.given, d.message
-    stamp = words[STATE_AT // 8 + 1]
+    bits, stamp = signed(state["robots"]), state["stamp"]
     at = POSITIONS_AT // 8
     every = 1
     for r in range(d.first_joint.shape[0]):
@@ -126,25 +131,25 @@ def take_wish(address: int) -> int:
     Returns:
         TAKEN, or why it was dropped.
     """
-    return keep_wish(STATE_AT, open_desk(address))
+    return keep_wish(PAYLOAD_AT, open_desk(address))
 
 
 @kernel(inline=False)
 def keep_wish(start: int, d: Desk) -> int:
-    """Take over the wish that begins there [bytes]."""
+    """Take over the WISH that begins there [bytes]."""
     given, words = d.given, d.message
     room = given[SIZE] - SEAL - start - WISH_SIZE
     if room < 0:
         return PAYLOAD
-    form = u4_at(words, start // 4 + 2)
-    count = u4_at(words, start // 4 + 3)
+    wish = records(words, start, 1, WISH_ROW)[0]
+    form, count = signed(wish["form"]), signed(wish["numbers"])
     if room != 8 * count:
         return PAYLOAD
-    if given[TOKEN] == 0 or as_i8(words)[start // 8] != given[TOKEN]:
+    if given[TOKEN] == 0 or signed(wish["token"]) != given[TOKEN]:
         return NOT_COMMANDER
     at = (start + WISH_SIZE) // 8
     if form == TWISTS:
-        # Each tool is led by one twist.
+        # At most one twist a tool.
         if count % TWIST != 0 or count > TWIST * min(MOST_TWISTS, d.tools.shape[0]):
             return JOINTS
     elif form != VELOCITIES and form != POSITIONS:

@@ -1,6 +1,7 @@
-"""The COMMAND that answers a cycle."""
+"""Encodes the COMMAND that answers a cycle."""
 
 from math import inf
+from typing import Any
 
 from armguard.guard.layout import (
     CLEARANCE,
@@ -37,29 +38,19 @@ from armguard.station.desk.desk import (
     START,
     Desk,
     open_desk,
+    records,
 )
-from armguard.station.desk.words import as_f4, as_i8, as_u2, as_u4
 from armguard.station.wire.layout import (
     COMMAND,
     HEADER,
-    NOBODY,
+    NO_BODY,
     ROBOT,
     ROBOTS_AT,
+    Cause,
 )
-from armguard.station.wire.words import Cause
 
-# Where fields are, in words of eight bytes; those of two and of four are counted from
-# where their row begins.
-AT = HEADER.size // 8
-ENDED_AT = AT + 4
-SLACK_AT = AT + 6
-BODIES_AT = AT + 8
-DISTANCE_AT = AT + 9
-POINTS_AT = AT + 11
-SUMMARY_AT = (HEADER.size + COMMAND.size) // 8
-COMMANDER_AT = SUMMARY_AT + 2
-ROBOT_ROWS_AT = ROBOTS_AT // 8
-ROBOT_WORDS = ROBOT.size // 8
+PAYLOAD_AT, ROBOT_SIZE = HEADER.size, ROBOT.size
+COMMAND_ROW, ROBOT_ROW = COMMAND.dtype, ROBOT.dtype
 
 STOP_LEVEL = int(Level.STOP)
 BRAKE_LEVEL = int(Level.BRAKE)
@@ -77,16 +68,17 @@ FIRST_LOST, LAST_LOST = int(Cause.DEADLINE_MISSED), int(Cause.WAITING)
 
 @kernel(inline=False, entry=True)
 def write_answer(address: int) -> None:
-    """Write the payload of the COMMAND that tells the last cycle.
+    """Write the payload of the COMMAND that answers the last cycle.
 
     Args:
-        address: Address of the ledger of a desk; `given` says what to write beside the
+        address: Address of the ledger of a desk; `given` has what to write beside the
             guard's numbers.
     """
     d = open_desk(address)
-    given, numbers, told, words = d.given, d.numbers, d.told, d.answer
-    longs = as_i8(words)
+    given, numbers, told = d.given, d.numbers, d.told
     n, robots = d.q.shape[0], d.first_joint.shape[0]
+    command = records(d.answer, PAYLOAD_AT, 1, COMMAND_ROW)[0]
+    rows = records(d.answer, ROBOTS_AT, robots, ROBOT_ROW)
     lost = FIRST_LOST <= given[CAUSE] <= LAST_LOST
     reason = int(numbers[REASON_IN_NUMBERS])
     level, action = STOP_LEVEL, FOLLOW
@@ -95,39 +87,36 @@ def write_answer(address: int) -> None:
     if lost:
         level = max(level, STOP_LEVEL)
     for r in range(robots):
-        own, obeys = write_robot(r, lost, d)
+        own, obeys = write_robot(r, lost, d, rows[r])
         level, action = max(level, own), max(action, obeys)
-    longs[AT] = given[CYCLE]
-    longs[AT + 1], longs[AT + 2] = given[BEGAN_BY], given[BEGAN_WITH]
-    longs[AT + 3], longs[ENDED_AT] = given[BEGAN_AT], given[ENDED]
-    words[AT + 5] = given[START] * 1e-9
-    write_nearest(d)
-    u2 = as_u2(words)
-    at = 4 * SUMMARY_AT
-    u2[at], u2[at + 1] = reason, given[CAUSE]
-    u2[at + 2], u2[at + 3] = level, action
-    u2[at + 4] = given[FLAGS]
-    u2[at + 5], u2[at + 6] = n, robots
-    u2[at + 7] = given[ASKED_FORM]
-    longs[COMMANDER_AT] = given[COMMANDER]
-    at = ROBOT_ROWS_AT + robots * ROBOT_WORDS
+    command["cycle"] = given[CYCLE]
+    command["began_by"], command["began_with"] = given[BEGAN_BY], given[BEGAN_WITH]
+    command["received"], command["ended"] = given[BEGAN_AT], given[ENDED]
+    command["time"] = given[START] * 1e-9
+    write_nearest(d, command)
+    command["reason"], command["cause"] = reason, given[CAUSE]
+    command["level"], command["action"] = level, action
+    command["flags"], command["form"] = given[FLAGS], given[ASKED_FORM]
+    command["joints"], command["robots"] = n, robots
+    command["commander"] = given[COMMANDER]
+    at = (ROBOTS_AT + robots * ROBOT_SIZE) // 8
     for j in range(n):
-        words[at + j] = 0.0 if lost else told[j]
-        words[at + n + j] = told[n + j]
+        d.answer[at + j] = 0.0 if lost else told[j]
+        d.answer[at + n + j] = told[n + j]
     given[LEVEL], given[REASON] = level, reason
 
 
 @kernel
-def write_robot(r: int, lost: bool, d: Desk) -> tuple[int, int]:
-    """Write the row of a robot.
+def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
+    """Write the row of a robot, see `RobotRow`.
 
     Returns:
-        Its level, and what it is to do.
+        Its level and its action.
     """
-    numbers, told, words = d.numbers, d.told, d.answer
+    numbers, told = d.numbers, d.told
     n, robots = d.q.shape[0], d.first_joint.shape[0]
-    row = ROBOTS_IN_NUMBERS + r * ROBOT_WIDTH
-    own = int(numbers[row + ROBOT_LEVEL])
+    at = ROBOTS_IN_NUMBERS + r * ROBOT_WIDTH
+    own = int(numbers[at + ROBOT_LEVEL])
     phase = told[4 * n + robots + r]
     since = told[4 * n + 2 * robots + r]
     obeys = STOP_ACTION
@@ -141,36 +130,34 @@ def write_robot(r: int, lost: bool, d: Desk) -> tuple[int, int]:
         obeys = HARDWARE_ACTION
     if lost:
         own, obeys = max(own, STOP_LEVEL), max(obeys, STOP_ACTION)
-    at = ROBOT_ROWS_AT + r * ROBOT_WORDS
-    f4, u2, longs = as_f4(words), as_u2(words), as_i8(words)
-    u2[4 * at], u2[4 * at + 1] = own, obeys
-    u2[4 * at + 2] = int(told[4 * n + r])
-    u2[4 * at + 3] = int(numbers[row + ROBOT_CAUSE])
-    f4[2 * at + 2] = numbers[row + ROBOT_SCALE]
-    f4[2 * at + 3] = numbers[row + ROBOT_URGENCY]
-    words[at + 2] = numbers[row + ROBOT_AGE]
-    longs[at + 3], longs[at + 4] = d.sender[r], d.sequence[r]
-    words[at + 5] = since
+    row["level"], row["action"] = own, obeys
+    row["blocked"] = int(told[4 * n + r])
+    row["stopped_by"] = int(numbers[at + ROBOT_CAUSE])
+    row["speed_scale"] = numbers[at + ROBOT_SCALE]
+    row["urgency"] = numbers[at + ROBOT_URGENCY]
+    row["age"] = numbers[at + ROBOT_AGE]
+    row["sender"], row["sequence"] = d.sender[r], d.sequence[r]
+    row["held_since"] = since
     return own, obeys
 
 
 @kernel
-def write_nearest(d: Desk) -> None:
-    """Write what is left, and the nearest pair."""
-    numbers, words = d.numbers, d.answer
-    u4 = as_u4(words)
+def write_nearest(d: Desk, command: Any) -> None:
+    """Write the slack and the nearest pair."""
+    numbers = d.numbers
     near = int(numbers[NEAREST])
-    words[SLACK_AT + 1] = numbers[SLACK_TIME]
+    command["slack_time"] = numbers[SLACK_TIME]
     if near < 0:
-        words[SLACK_AT] = words[DISTANCE_AT] = words[DISTANCE_AT + 1] = inf
-        u4[2 * BODIES_AT] = u4[2 * BODIES_AT + 1] = NOBODY
-        for k in range(6):
-            words[POINTS_AT + k] = 0.0
+        command["slack"] = command["distance"] = command["clearance"] = inf
+        command["body_a"] = command["body_b"] = NO_BODY
+        for k in range(3):
+            command["point_a"][k] = command["point_b"][k] = 0.0
         return
     row = d.first_row[0] + near * NEAR_WIDTH
-    u4[2 * BODIES_AT] = d.body_of[int(numbers[row + FIRST])]
-    u4[2 * BODIES_AT + 1] = d.body_of[int(numbers[row + SECOND])]
-    words[SLACK_AT] = words[DISTANCE_AT + 1] = numbers[row + CLEARANCE]
-    words[DISTANCE_AT] = numbers[row + WITNESS]
-    for k in range(6):
-        words[POINTS_AT + k] = numbers[row + WITNESS + 1 + k]
+    command["body_a"] = d.body_of[int(numbers[row + FIRST])]
+    command["body_b"] = d.body_of[int(numbers[row + SECOND])]
+    command["slack"] = command["clearance"] = numbers[row + CLEARANCE]
+    command["distance"] = numbers[row + WITNESS]
+    for k in range(3):
+        command["point_a"][k] = numbers[row + WITNESS + 1 + k]
+        command["point_b"][k] = numbers[row + WITNESS + 4 + k]

@@ -27,7 +27,7 @@ from armguard.station.service.counters import (
     bucket_of,
     upper_end,
 )
-from armguard.station.wire.words import Cause
+from armguard.station.wire import Cause
 
 PREFIX = "armguard"
 

@@ -1,4 +1,4 @@
-"""The loop: messages in, a cycle, messages out; watchdogs; who may command."""
+"""The loop: messages in, a cycle, messages out; watchdogs; the right to command."""
 
 from armguard.station.service.service import Service
 from armguard.station.service.settings import ServiceSettings

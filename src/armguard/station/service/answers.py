@@ -1,111 +1,82 @@
-"""The COMMAND that stops every robot where nothing could be judged."""
-
-from struct import Struct
+"""Seals COMMANDs, and writes the one that stops every robot without a judged cycle."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.guard.levels import Level
-from armguard.respond import Action
-from armguard.station.desk.desk import FLAGS, LEVEL, REASON, Desk
-from armguard.station.service.states import States
+from armguard.station.desk.desk import FLAGS, LEVEL, REASON
+from armguard.station.service.judge import Judge
+from armguard.station.wire import Cause, Kind, Outbox
 from armguard.station.wire.layout import (
     COMMAND,
     HEADER,
     HELD,
-    NOBODY,
     OBJECTS_CHANGED,
     ROBOT,
     ROBOTS_AT,
-    SUMMARY,
-    Kind,
+    SEAL,
+    STOP_LEVEL,
+    STOPPED,
+    STOPPED_ROW,
+    command_size,
 )
-from armguard.station.wire.outbox import Outbox
-from armguard.station.wire.words import Cause
 
-Floats = NDArray[np.float64]
-
-STOP, STOP_LEVEL, CAUTION = int(Action.STOP), int(Level.STOP), int(Level.CAUTION)
-
-# Where the highest level is in a COMMAND [bytes].
-LEVEL_AT = HEADER.size + COMMAND.size + 4
-LEVEL_FIELD = Struct("<H")
-INFINITE, NAN = float("inf"), float("nan")
-NOWHERE = (0.0,) * 6
+CAUTION = int(Level.CAUTION)
 
 
 class Answers:
-    """Seals what robots are told, and knows how to stop them without a guard.
+    """The COMMANDs of the service.
 
     Attributes:
-        level: The highest level of the last answer.
+        level: The highest level of the last one.
         reason: Its reason.
 
     Args:
-        desk: Where answers are written.
-        outbox: The message they are in.
+        judge: Writes them.
+        outbox: Where it writes them.
     """
 
-    def __init__(self, desk: Desk, outbox: Outbox) -> None:
-        self.level = STOP_LEVEL
-        self.reason = 0
-        self._desk, self._given = desk, desk.given.data
+    def __init__(self, judge: Judge, outbox: Outbox) -> None:
+        self.level, self.reason = STOP_LEVEL, 0
+        self._judge, self._given = judge, judge.desk.given.data
         self._outbox = outbox
-        n, r = len(desk.q), len(desk.stamps)
-        self._robots, self._joints = r, n
-        # All but the joints, in one piece.
-        whole_format = COMMAND.format + SUMMARY.format[1:] + r * ROBOT.format[1:]
-        self._whole = Struct(whole_format)
-        joints_at = ROBOTS_AT + r * ROBOT.size
-        self._size = joints_at + 16 * n - HEADER.size
-        self._numbers = desk.answer[joints_at // 8 : joints_at // 8 + 2 * n]
+        command = np.frombuffer(outbox.buffer, COMMAND.dtype, 1, HEADER.size)
+        self._ended, self._level = command["ended"], command["level"]
+        n, r = len(judge.desk.q), len(judge.desk.stamps)
+        self._joints, self._robots = n, r
+        self._size = command_size(r, n) - HEADER.size - SEAL
+        at = ROBOTS_AT + r * ROBOT.size
+        self._numbers = np.frombuffer(outbox.buffer, np.float64, 2 * n, at)
 
-    def seal(self) -> memoryview:
-        """The message that tells the last cycle."""
+    def seal(self, ended: int) -> memoryview:
+        """The message that answers the last cycle, which had been judged then [ns]."""
         given = self._given
+        self._ended[0] = ended
         if given[FLAGS] & OBJECTS_CHANGED and given[LEVEL] < CAUTION:
-            given[LEVEL] = CAUTION
-            LEVEL_FIELD.pack_into(self._outbox.buffer, LEVEL_AT, CAUTION)
+            self._level[0] = given[LEVEL] = CAUTION
         self.level, self.reason = given[LEVEL], given[REASON]
         return self._outbox.seal(Kind.COMMAND, self._size)
 
     def write_stop(
-        self, states: States, cycle: int, cause: Cause, now: int, commander: int
+        self, cycle: int, cause: Cause, now: int, commander: int
     ) -> memoryview:
         """The message that stops every robot where no cycle could be judged."""
-        r, n = self._robots, self._joints
-        rows: list[float] = []
-        for k in range(r):
-            rows += (STOP_LEVEL, STOP, 0, 0, 0.0, 1.0, INFINITE)
-            rows += (states.sender[k], states.sequence[k], NAN)
-        self._whole.pack_into(
-            self._outbox.payload,
-            0,
-            cycle,
-            0,
-            0,
-            0,
-            now,
-            now * 1e-9,
-            NAN,
-            NAN,
-            NOBODY,
-            NOBODY,
-            INFINITE,
-            NAN,
-            *NOWHERE,
-            0,
-            cause,
-            STOP_LEVEL,
-            STOP,
-            HELD,
-            n,
-            r,
-            0,
-            commander,
-            *rows,
+        payload, judge = self._outbox.payload, self._judge
+        command = STOPPED._replace(
+            cycle=cycle,
+            ended=now,
+            time=now * 1e-9,
+            cause=cause,
+            flags=HELD,
+            joints=self._joints,
+            robots=self._robots,
+            commander=commander,
         )
-        self._numbers[:n] = 0.0
-        self._numbers[n:] = self._desk.q
+        COMMAND.pack_into(payload, 0, *command)
+        states = zip(judge.senders, judge.sequences, strict=True)
+        for k, (sender, sequence) in enumerate(states):
+            row = STOPPED_ROW._replace(sender=sender, sequence=sequence)
+            ROBOT.pack_into(payload, COMMAND.size + k * ROBOT.size, *row)
+        self._numbers[: self._joints] = 0.0
+        self._numbers[self._joints :] = judge.desk.q
         self.level, self.reason = STOP_LEVEL, 0
         return self._outbox.seal(Kind.COMMAND, self._size)

@@ -1,4 +1,4 @@
-"""Processes beside the loop: what they do, and whether they live, costs it nothing."""
+"""Processes beside the loop, which goes on when they end."""
 
 import logging
 import os
@@ -23,7 +23,7 @@ MODULES: Mapping[str, tuple[str, ...]] = {
     "zenoh": ("armguard.station.zenoh_bridge", "--port", "{port}"),
 }
 
-# Those that are started again when they end: nobody sees that they are gone.
+# Those that are started again when they end: no user sees that they are gone.
 RESTARTED = frozenset(("record",))
 
 # They are started again so much later, then twice that each time, at most so much [s].
@@ -38,25 +38,15 @@ PATIENCE = 3.0
 
 @dataclass(slots=True)
 class Companion:
-    """A process beside the loop.
-
-    Attributes:
-        name: What it is for.
-        command: What starts it.
-        process: The process.
-        began: When it was started, monotonic [s].
-        ended: Whether its end was noticed.
-        again: When it is started again, monotonic; infinite if it is not [s].
-        pause: How much later than its end that is [s].
-    """
+    """A process beside the loop; times are monotonic [s]."""
 
     name: str
-    command: Sequence[str]
+    command: Sequence[str]  # what starts it
     process: subprocess.Popen[bytes]
-    began: float
-    ended: bool = False
-    again: float = inf
-    pause: float = SOON
+    began: float  # when it was started
+    ended: bool = False  # whether its end was noticed
+    again: float = inf  # when it is started again; infinite if it is not
+    pause: float = SOON  # how much later than its end that is
 
 
 class Companions:

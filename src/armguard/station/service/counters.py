@@ -51,57 +51,42 @@ DROPS = {
 }
 
 COUNTERS: tuple[str, ...] = (
-    "received",
-    "accepted",
-    "states",
-    "wishes",
-    "calls",
-    "calls_refused",
-    "hellos",
-    "claims",
-    "claims_refused",
-    "stop_orders",
-    "cycles",
-    "cycles_without_state",
-    "cycles_without_wish",
-    "deadline_missed",
-    "cycle_faults",
-    "sent",
-    "send_would_block",
-    "send_failed",
-    "senders",
-    "commander_lost",
-    "companions_ended",
-    "companions_restarted",
-    "level",
+    *("received", "accepted", "states", "wishes", "calls", "calls_refused"),
+    *("hellos", "claims", "claims_refused", "stop_orders"),
+    *("cycles", "cycles_without_state", "cycles_without_wish"),
+    *("deadline_missed", "cycle_faults"),
+    *("sent", "send_would_block", "send_failed", "senders"),
+    *("commander_lost", "companions_ended", "companions_restarted", "level"),
     *(f"dropped_{cause}" for cause in DROPS),
 )
-PLACE = {name: k for k, name in enumerate(COUNTERS)}
 
 # From a message's arrival until the system has its answer's message, and has delivered
-# it or woken who is to read it; judging; how late a cycle began; from a message's
+# it or woken its reader; judging; how late a cycle began; from a message's
 # arrival until its answer is handed to the system.
 HISTOGRAMS = ("inside", "judging", "waking", "handed")
 
 # Buckets on a logarithmic scale: 16 for each doubling of nanoseconds, 6 % wide.
 FINE = 4
 BUCKETS = 48 << FINE
-# Then the number of values, their sum and the largest one [ns].
+LAST = BUCKETS - 1
+
+# The head: magic, version, counters, histograms, process, start on the wall clock [ns].
+HEAD, PROCESS = 8, 4
+VERSION = 3
+FIRST_WORDS = (0x41524D434E54, VERSION, len(COUNTERS), len(HISTOGRAMS))
+# Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
+REASONS, FIRST_CAUSE = 256, 200
+
+# A histogram: values in each bucket, their number, their sum and the largest one [ns].
 SPAN = BUCKETS + 3
 COUNT, SUM, MOST = BUCKETS, BUCKETS + 1, BUCKETS + 2
 
-# The head: magic, version, counters, histograms, process, start on the wall clock [ns].
-HEAD = 8
-MAGIC = 0x41524D434E54
-VERSION = 3
-# Place of the process in the head.
-PROCESS = 4
-# Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
-REASONS = 256
-FIRST_CAUSE = 200
+# Where each part begins in the row, and its length.
 STOPS_AT = HEAD + len(COUNTERS)
 HISTOGRAMS_AT = STOPS_AT + REASONS
 WORDS = HISTOGRAMS_AT + len(HISTOGRAMS) * SPAN
+PLACE = {name: HEAD + k for k, name in enumerate(COUNTERS)}
+FIRST = {name: HISTOGRAMS_AT + k * SPAN for k, name in enumerate(HISTOGRAMS)}
 
 
 class CountersError(StationError):
@@ -119,9 +104,6 @@ def bucket_of(nanoseconds: int) -> int:
         return max(nanoseconds, 0)
     shift = nanoseconds.bit_length() - 1 - FINE
     return min(((shift + 1) << FINE) + (nanoseconds >> shift) - (1 << FINE), LAST)
-
-
-LAST = BUCKETS - 1
 
 
 def upper_end(bucket: int) -> int:
@@ -157,30 +139,30 @@ class Counters:
                 f"{path}: no counters can be made: {error.strerror}"
             ) from error
         self._words = memoryview(self._map).cast("q")
-        head = (VERSION, len(COUNTERS), len(HISTOGRAMS), os.getpid(), time.time_ns())
-        for k, word in enumerate(head, 1):
-            self._words[k] = word
-        self._words[0] = MAGIC
+        # The magic number last: a file without it is not read.
+        head = (*FIRST_WORDS, os.getpid(), time.time_ns())
+        for k in reversed(range(len(head))):
+            self._words[k] = head[k]
 
-    def count(self, place: int) -> None:
-        """Count one more; `place` is `PLACE[name]`."""
-        self._words[HEAD + place] += 1
+    def count(self, name: str) -> None:
+        """Count one more."""
+        self._words[PLACE[name]] += 1
 
-    def put(self, place: int, value: int) -> None:
+    def put(self, name: str, value: int) -> None:
         """Set a counter that goes up and down."""
-        self._words[HEAD + place] = value
+        self._words[PLACE[name]] = value
 
-    def value(self, place: int) -> int:
+    def value(self, name: str) -> int:
         """A counter."""
-        return self._words[HEAD + place]
+        return self._words[PLACE[name]]
 
     def stop(self, reason: int) -> None:
         """Count an order to stop."""
         self._words[STOPS_AT + min(max(reason, 0), REASONS - 1)] += 1
 
-    def time(self, histogram: int, nanoseconds: int) -> None:
-        """Count a time; `histogram` is its place in `HISTOGRAMS`."""
-        words, first = self._words, HISTOGRAMS_AT + histogram * SPAN
+    def time(self, histogram: str, nanoseconds: int) -> None:
+        """Count a time in a histogram."""
+        words, first = self._words, FIRST[histogram]
         words[first + bucket_of(nanoseconds)] += 1
         words[first + COUNT] += 1
         words[first + SUM] += nanoseconds
@@ -188,7 +170,7 @@ class Counters:
             words[first + MOST] = nanoseconds
 
     def close(self) -> None:
-        """Remove the file's name; who reads it may go on doing so."""
+        """Remove the file's name; its readers may go on."""
         self.path.unlink(missing_ok=True)
         self._words.release()
         self._map.close()
@@ -196,19 +178,12 @@ class Counters:
 
 @dataclass(frozen=True, slots=True)
 class Histogram:
-    """Times that were counted.
+    """Times that were counted."""
 
-    Attributes:
-        counts: How many fell into each bucket, shape (BUCKETS,).
-        count: How many there were.
-        total: Their sum [s].
-        most: The largest one [s].
-    """
-
-    counts: Longs
+    counts: Longs  # how many fell into each bucket, shape (BUCKETS,)
     count: int
-    total: float
-    most: float
+    total: float  # their sum [s]
+    most: float  # the largest one [s]
 
     def percentile(self, share: float) -> float:
         """Time that a share in [0, 1] of them does not exceed, 6 % too long at most.
@@ -238,11 +213,8 @@ class CountersReader:
                 self._map = mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ)
         except (OSError, ValueError) as error:
             raise CountersError(f"{path}: no counters are there: {error}") from error
-        if len(self._map) != WORDS * 8:
-            raise CountersError(f"{path}: these counters are another version's")
-        self._words = np.frombuffer(self._map, np.int64)
-        head = self._words[:4].tolist()
-        if head != [MAGIC, VERSION, len(COUNTERS), len(HISTOGRAMS)]:
+        self._words = np.frombuffer(self._map, np.int64, len(self._map) // 8)
+        if len(self._words) != WORDS or (*self._words[:4].tolist(),) != FIRST_WORDS:
             raise CountersError(f"{path}: these counters are another version's")
 
     @property
@@ -252,7 +224,7 @@ class CountersReader:
 
     def value(self, name: str) -> int:
         """A counter."""
-        return int(self._words[HEAD + PLACE[name]])
+        return int(self._words[PLACE[name]])
 
     def values(self) -> dict[str, int]:
         """All counters by name."""
@@ -266,7 +238,7 @@ class CountersReader:
 
     def histogram(self, name: str) -> Histogram:
         """A histogram, a copy."""
-        first = HISTOGRAMS_AT + HISTOGRAMS.index(name) * SPAN
+        first = FIRST[name]
         words = self._words[first : first + SPAN].copy()
         return Histogram(
             counts=words[:BUCKETS],

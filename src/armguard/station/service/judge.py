@@ -19,6 +19,7 @@ from armguard.station.desk.desk import (
     ASKED_COUNT,
     ASKED_FORM,
     ENDED,
+    MEASURED,
     NOTHING,
     START,
     USED,
@@ -34,19 +35,17 @@ from armguard.station.recorded import RecordedGuard
 from armguard.station.ring import RingWriter
 from armguard.station.service.scenes import scene_hash
 from armguard.station.service.settings import ServiceSettings
-from armguard.station.service.states import States
-from armguard.station.wire.layout import Form
-from armguard.station.wire.words import Cause
+from armguard.station.wire import Cause, Form
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
 
 TWISTS = int(Form.TWISTS)
 
-# Objects that are told of in one reply.
+# Objects that are listed in one reply.
 OBJECTS = 12
 
-# What a guard is asked for, by why what is wished for does not count.
+# What a guard is asked for, by why the desired motion does not count.
 ASK_OF: dict[Cause, int] = {
     Cause.NONE: AS_WISHED,
     Cause.NO_COMMANDER: NOTHING,
@@ -63,7 +62,7 @@ RESTS = 0.01
 
 
 class Judge:
-    """Asks the guard what robots are to be told.
+    """Asks the guard for the commands of robots.
 
     Attributes:
         guard: The guard; it writes every cycle into the ring.
@@ -71,14 +70,17 @@ class Judge:
         hash: The scene's hash, in hex.
         desk: What a cycle reads and writes.
         address: Address of the desk's ledger.
+        senders: Controller of each robot, 0 for none yet.
+        sequences: Number of the newest state of each robot.
+        complete: Whether every robot has had a state.
 
     Args:
         scene: See there.
         file: The file it came from, or "".
         settings: Settings of the service.
         ring: The ring.
-        message: Where messages come in, as words of eight bytes.
-        answer: Where they go out, likewise.
+        message: Where messages are received, as words of eight bytes.
+        answer: Where COMMANDs are written, likewise.
     """
 
     def __init__(
@@ -103,15 +105,18 @@ class Judge:
         self._ledger = Ledger(self.desk)
         self.address: int = self._ledger.lines.ctypes.data
         self._given = self.desk.given.data
+        self.senders = self.desk.sender.data.cast("B").cast("Q")
+        self.sequences = self.desk.sequence.data.cast("B").cast("Q")
+        self.complete = False
         # Whether a cycle was judged since the guard was made.
         self._judged = False
         # Poses for the frame being written, and the length of its text [bytes].
         self._poses: Floats = np.zeros(0)
         self._text_size = 0
-        # Names of the tools of twists, as a frame tells them.
+        # Names of the tools of twists, as a frame holds them.
         self._texts: dict[tuple[int, ...], bytes] = {}
         self._compile()
-        self._tell_scene()
+        self._describe_scene()
 
     @property
     def last(self) -> Command | None:
@@ -129,7 +134,7 @@ class Judge:
         """One cycle, and its answer on the desk; `write_down` writes it down.
 
         Args:
-            cause: Why what is wished for does not count, if it does not.
+            cause: Why the desired motion does not count, if it does not.
         """
         self._given[ASK] = ASK_OF.get(cause, Reason.SERVICE_FAULT)
         guard = self.guard.guard
@@ -143,7 +148,7 @@ class Judge:
             conclude_judging(unsolved, self.address, *ledgers)
         self._judged = True
 
-    def tell_again(self) -> None:
+    def rewrite_answer(self) -> None:
         """Write the answer anew: why it is not what was judged is known only now."""
         write_answer(self.address)
 
@@ -159,11 +164,21 @@ class Judge:
         length += len(desk.told) + given[USED] + len(self._poses)
         self.guard.write_row(length, self._fill, text)
 
-    def at_rest(self, states: States) -> bool:
-        """Whether no robot moves, or is told to."""
+    def look(self) -> None:
+        """A state was taken over."""
+        self.complete = self.complete or 0 not in self.senders
+
+    def release(self, sender: int) -> None:
+        """A controller has left; its robots may get another one at once."""
+        self.desk.sender[self.desk.sender.view(np.uint64) == sender] = 0
+
+    def at_rest(self) -> bool:
+        """Whether no robot moves, or is commanded to."""
         if not self._judged:
             return True
-        return states.rest(RESTS) and not self.desk.told[: len(self.desk.q)].any()
+        desk, n = self.desk, len(self.desk.q)
+        rests = not self._given[MEASURED] or (abs(desk.velocity) < RESTS).all()
+        return bool(rests) and not desk.told[:n].any()
 
     def do(self, call: GuardCall) -> None:
         """Make a call of the guard, and remember where it leaves an object."""
@@ -180,19 +195,20 @@ class Judge:
     def objects(self, first: int = 0) -> dict[str, Any]:
         """What was put elsewhere, given another shape or taken away since the start.
 
-        For who comes late: the scene's file does not tell. By name: its pose as it was
-        placed, and its shape in words if it was given one; None if it was removed.
+        For a client that connects late: the scene's file does not say. By name: its
+        pose as it was placed, and its shape in words if it was given one; None if it
+        was removed.
 
         Args:
             first: How many are known already: no more than some fit into a message.
         """
         some = [*self._moved.items()][first : first + OBJECTS]
         where = {"pose", "stamp", "shape"}
-        told = {
+        found = {
             name: call.model_dump(include=where) if isinstance(call, Place) else None
             for name, call in some
         }
-        return {"objects": told, "count": len(self._moved)}
+        return {"objects": found, "count": len(self._moved)}
 
     def why(self) -> dict[str, Any]:
         """The last command in words."""
@@ -217,13 +233,10 @@ class Judge:
             "held": {name: list(by) for name, by in self.guard.guard.held.items()},
         }
 
-    def configure(
-        self, states: States, response: Any = None, mode: Any = None
-    ) -> dict[str, Any]:
+    def configure(self, response: Any = None, mode: Any = None) -> dict[str, Any]:
         """Go on with other settings of the scene; only while everything rests.
 
         Args:
-            states: What was measured.
             response: What robots do about what is near, for all of them or by name; as
                 before if None.
             mode: How distances are made, likewise.
@@ -232,7 +245,7 @@ class Judge:
             RefusedError: Something moves, or a gripper holds something.
             SceneError: A setting is none.
         """
-        if not self.at_rest(states):
+        if not self.at_rest():
             raise RefusedError("settings are changed only while every robot rests")
         if self.guard.guard.held:
             raise RefusedError("settings are changed only while no gripper holds")
@@ -262,13 +275,13 @@ class Judge:
         guard.guard.hold(self.guard.guard.ordered)
         guard.shapes.update(self.guard.shapes)
         self.guard, self.hash, self._judged = guard, found, False
-        self._tell_scene()
+        self._describe_scene()
         for call in self._moved.values():
             guard.do(call)
         return {"scene_hash": found}
 
     def checkpoint(self) -> None:
-        """Write down all that the guard remembers, for who replays what follows."""
+        """Write down all that the guard remembers, for a replay of what follows."""
         self.guard.checkpoint()
 
     def note(self, note: str, **more: Any) -> None:
@@ -281,14 +294,14 @@ class Judge:
         return RecordedGuard(guard, self._ring), scene_hash(guard.tables)
 
     def _compile(self) -> None:
-        """Compile, or load, what the loop calls; nothing has come in or was asked."""
+        """Compile, or load, what the loop calls; nothing was received or asked."""
         take_state(self.address)
         take_wish(self.address)
         guard = self.guard.guard
         guard.reset()
         # No state is none that a guard believes: it only refuses.
         self.ask(Cause.WAITING)
-        self.tell_again()
+        self.rewrite_answer()
         begin_judging(self.address, *guard.ledgers)
         conclude_judging(NOT_JUDGED, self.address, *guard.ledgers)
         self._poses = guard.poses.reshape(-1)
@@ -302,14 +315,14 @@ class Judge:
         write_frame(self.address, row, self._poses, monotonic, wall, self._text_size)
 
     def _text_of(self, count: int) -> bytes:
-        """What a frame tells of the tools of so many twists."""
+        """What a frame says of the tools of so many twists."""
         tools = tuple(int(k) for k in self.desk.twists[:count, 0])
         if tools not in self._texts:
             names = [self._tools[k] for k in tools]
             self._texts[tools] = text_of({"fault": "", "tools": names})
         return self._texts[tools]
 
-    def _tell_scene(self) -> None:
+    def _describe_scene(self) -> None:
         """Write down what is guarded."""
         from armguard import __version__
 

@@ -1,4 +1,4 @@
-"""What the loop asks of the machine, and a sentence for each thing it refuses."""
+"""Requests of the loop to the machine, and a sentence for each that it refuses."""
 
 import ctypes
 import os

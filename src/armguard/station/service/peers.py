@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from armguard.station.wire.keys import Role
-from armguard.station.wire.seal import Seal
+from armguard.station.wire import Role, Seal
 
 Address = tuple[str, int]
 
@@ -22,36 +21,22 @@ MOST_CALLS = 16
 
 @dataclass(slots=True)
 class Peer:
-    """A client.
+    """A client."""
 
-    Attributes:
-        sender: Its number.
-        name: What it calls itself.
-        role: What its key allows.
-        seal: Seals messages from it and to it.
-        address: Where it sends from.
-        sequence: Number of its last message.
-        heard: When its last message came in, monotonic [ns].
-        every: Cycles to one COMMAND; 0 for answers to its own states only.
-        here: Whether it gets messages.
-        controls: Whether it has sent states.
-        calls_left: Calls that are still done before the next heartbeat.
-        refused: When it was last sent a REFUSAL, by cause, monotonic [ns].
-        last_call: Its last call, by the number it gave it, and the reply.
-    """
-
-    sender: int
-    name: str
-    role: Role
-    seal: Seal
+    sender: int  # its number
+    name: str  # its own name for itself
+    role: Role  # what its key allows
+    seal: Seal  # seals messages from it and to it
     address: Address
-    sequence: int
-    heard: int
-    every: int = 1
-    here: bool = True
-    controls: bool = False
-    calls_left: int = MOST_CALLS
+    sequence: int  # number of its last message
+    heard: int  # when its last message was received, monotonic [ns]
+    every: int = 1  # cycles to one COMMAND; 0 for answers to its own states only
+    here: bool = True  # whether it gets messages
+    controls: bool = False  # whether it has sent states
+    calls_left: int = MOST_CALLS  # calls that are done before the next heartbeat
+    # When it was last sent a REFUSAL, by cause, monotonic [ns].
     refused: dict[str, int] = field(default_factory=dict)
+    # Its last call, by the client's number of it, and the reply.
     last_call: tuple[int, bytes] | None = None
 
 

@@ -1,9 +1,13 @@
-"""Messages that were let in, and what each of them does."""
+"""Messages that were let in: what each of them does, and what answers a HELLO."""
 
+import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
+from armguard.guard.levels import SENTENCES, Level
+from armguard.scene.tables import SceneTables
 from armguard.station.desk.desk import (
     HAS_WISH,
     NOW,
@@ -15,15 +19,18 @@ from armguard.station.desk.desk import (
     WATCHDOG,
     WISH_OUTCOME,
 )
+from armguard.station.desk.making import bodies_of
 from armguard.station.desk.taking import take_state, take_wish
-from armguard.station.service.calls import Calls, read_call, refusal
-from armguard.station.service.counters import DROPS, PLACE
+from armguard.station.errors import RefusedError
+from armguard.station.service.context import Context
+from armguard.station.service.counters import DROPS
 from armguard.station.service.cycles import NANO, Cycles
-from armguard.station.service.hub import Hub
-from armguard.station.service.objects import AHEAD
+from armguard.station.service.judge import tools_of
 from armguard.station.service.peers import Address, Peer
-from armguard.station.service.welcome import Welcome
-from armguard.station.wire.keys import Role
+from armguard.station.service.rpc import AHEAD, Calls, read_call, refusal
+from armguard.station.service.settings import ServiceSettings
+from armguard.station.wire import Cause, Kind, Role
+from armguard.station.wire.boot import boot_id
 from armguard.station.wire.layout import (
     CHALLENGE,
     CLAIM,
@@ -31,58 +38,48 @@ from armguard.station.wire.layout import (
     GRANT,
     HEADER,
     HELLO,
+    LEAST,
     MOST,
+    PART,
     REPLY,
     SEAL,
-    Kind,
+    VERSION,
+    WELCOME,
 )
-from armguard.station.wire.words import Cause
 
-RECEIVED = PLACE["received"]
-ACCEPTED = PLACE["accepted"]
-STATES = PLACE["states"]
-WISHES = PLACE["wishes"]
-CALLS = PLACE["calls"]
-CALLS_REFUSED = PLACE["calls_refused"]
-HELLOS = PLACE["hellos"]
-CLAIMS = PLACE["claims"]
-CLAIMS_REFUSED = PLACE["claims_refused"]
-
-# What is told of a call has to fit into a message [bytes].
-LONGEST_REPLY = MOST - HEADER.size - SEAL - REPLY.size
+# The answer to a call has to fit into a message [bytes].
+LONGEST_REPLY = MOST - LEAST - REPLY.size
 
 # HELLOs that are answered from one heartbeat to the next.
 MOST_HELLOS = 256
+
+WATCHDOGS = ("wish", "commander", "controller")
 
 
 class Reception:
     """Reads messages, one at a time.
 
     Args:
-        hub: What all parts of the loop share.
-        cycles: Told of states.
+        context: State that all parts of the loop share.
+        cycles: Cycles that states begin.
         calls: Done on request.
-        welcome: What a HELLO is answered with.
-        buffer: Where messages come in; the desk looks at the same bytes.
+        buffer: Where messages are received; the desk looks at the same bytes.
     """
 
     def __init__(
-        self,
-        hub: Hub,
-        cycles: Cycles,
-        calls: Calls,
-        welcome: Welcome,
-        buffer: bytearray,
+        self, context: Context, cycles: Cycles, calls: Calls, buffer: bytearray
     ) -> None:
-        self._hub, self._cycles = hub, cycles
-        self._calls, self._welcome = calls, welcome
+        self._context, self._cycles, self._calls = context, cycles, calls
         self._buffer, self._message = buffer, memoryview(buffer)
-        given = hub.judge.desk.given.data
+        given = context.judge.desk.given.data
         self._given, self._given_u = given, given.cast("B").cast("Q")
-        given[WATCHDOG] = int(hub.settings.controller_watchdog * NANO)
-        self._wish_limit = int(hub.settings.wish_watchdog * NANO)
-        self._call_limit = int(hub.settings.commander_watchdog * NANO)
+        settings = context.settings
+        given[WATCHDOG] = int(settings.controller_watchdog * NANO)
+        self._call_limit = int(settings.commander_watchdog * NANO)
         self._hellos_left = MOST_HELLOS
+        # Why the WISH of the last message does not count because of its age.
+        self._age = ""
+        # What each kind of message does, and the size of its payload if it is fixed.
         self._kinds: dict[int, Callable[[Peer, memoryview, int], str]] = {
             Kind.STATE: self._take_state,
             Kind.WISH: self._take_wish,
@@ -93,38 +90,44 @@ class Reception:
             Kind.STOP: self._take_stop,
             Kind.BYE: self._take_bye,
         }
+        self._sizes: dict[int, int] = {
+            Kind.HEARTBEAT: LEAST,
+            Kind.CLAIM: LEAST + CLAIM.size,
+            Kind.GIVE_BACK: LEAST + GIVE_BACK.size,
+        }
 
     def read(self) -> bool:
         """Take one message over; False if there was none. Raises nothing."""
-        hub = self._hub
-        found = hub.post.receive(self._buffer, hub.complaints)
+        context = self._context
+        found = context.sockets.receive(self._buffer, context.log)
         if found is None:
             return False
         size, address = found
         if size < 0:
             return True
         now = time.monotonic_ns()
-        count = hub.counters.count
-        count(RECEIVED)
+        count, log, check = context.counters.count, context.log, context.authenticator
+        count("received")
         message = self._message[:size]
         peer = None
         try:
-            peer = hub.door.admit(message, address, now)
-            drop = hub.door.drop
-            if not drop and hub.door.kind == Kind.HELLO:
+            peer = check.admit(message, address, now)
+            drop, kind = check.drop, check.head.kind
+            if not drop and kind == Kind.HELLO:
                 drop = self._take_hello(peer, message, address, now)
             elif not drop and peer is not None:
-                drop = self._kinds[hub.door.kind](peer, message, now)
-        except Exception as error:  # nothing of what others send may end the loop
+                fits = self._sizes.get(kind, size) == size
+                drop = self._kinds[kind](peer, message, now) if fits else "payload"
+        except Exception as error:  # no message of a client may end the loop
             drop = "payload"
-            hub.complaints.name("message", f"{type(error).__name__}: {error}", now)
+            log.report("message", f"{type(error).__name__}: {error}", now)
         if drop:
-            count(PLACE[f"dropped_{drop}"])
-            hub.complaints.name(drop, f"{DROPS[drop]}, from {address}", now)
+            count(f"dropped_{drop}")
+            log.report(drop, f"{DROPS[drop]}, from {address}", now)
             if peer is not None:
-                hub.refuse(peer, drop, DROPS[drop], now)
+                context.refuse(peer, drop, now)
         else:
-            count(ACCEPTED)
+            count("accepted")
         return True
 
     def renew(self) -> None:
@@ -141,148 +144,135 @@ class Reception:
         if self._hellos_left <= 0:
             return "busy"
         self._hellos_left -= 1
-        role, every, cookie = HELLO.unpack_from(payload)
-        hub = self._hub
-        door, peers = hub.door, hub.peers
+        hello = HELLO.unpack_from(payload)
+        context, check = self._context, self._context.authenticator
+        head, peers = check.head, context.peers
         if peer is None:
-            assert door.seal is not None
+            assert check.seal is not None
             name = bytes(payload[HELLO.size : HELLO.size + 64]).decode(errors="replace")
-            new = Peer(
-                door.sender, name, Role(role), door.seal, address, door.sequence, now
-            )
-            if not door.opened:
-                self._challenge(new)
+            role = Role(hello.role)
+            new = Peer(head.sender, name, role, check.seal, address, head.sequence, now)
+            if not check.opened:
+                cookie = check.cookies.give(new.sender, address)
+                challenge = CHALLENGE.pack(head.stamp, cookie)
+                context.send(context.outbox.message(Kind.CHALLENGE, challenge), new)
                 return ""
-            if not door.knows(cookie, address):
+            if not check.cookies.take(hello.cookie, new.sender, address):
                 return "challenge"
-            if peers.full(new.role):
-                hub.refuse(new, "too_many_senders", DROPS["too_many_senders"], now)
+            if peers.full(role):
+                context.refuse(new, "too_many_senders", now)
                 return "too_many_senders"
             peer = new
             peers.greet(peer)
             sentence = (
                 f"client '{name}' at {address[0]}:{address[1]} has connected; its key "
-                f"is for '{peer.role.word}'"
+                f"is for '{role.word}'"
             )
-            hub.complaints.name("hello", sentence, now, logging.INFO)
-        peer.every = every
-        hub.counters.count(HELLOS)
-        self._welcome.send(hub, peer, door.stamp, now)
+            context.log.report("hello", sentence, now, logging.INFO)
+        peer.every = hello.every
+        context.counters.count("hellos")
+        send_welcome(context, peer, head.stamp, now)
         return ""
 
-    def _challenge(self, new: Peer) -> None:
-        """Give a client that is not known yet the cookie of its next HELLO."""
-        hub = self._hub
-        cookie = hub.door.challenges.give(new.sender, new.address)
-        CHALLENGE.pack_into(hub.outbox.payload, 0, hub.door.stamp, cookie)
-        hub.send(hub.outbox.seal(Kind.CHALLENGE, CHALLENGE.size), new)
-
     def _take_state(self, peer: Peer, message: memoryview, now: int) -> str:
-        """Take over measured joints, and the wish that may follow them."""
-        hub = self._hub
+        """Take over measured joints, and the WISH that may follow them."""
+        context = self._context
+        judge = context.judge
         self._hand_over(peer, message, now)
-        drop = take_state(hub.judge.address)
+        drop = take_state(judge.address)
         if drop:
             return OUTCOMES[drop]
         if not peer.controls:
             peer.controls = True
-            hub.post.favour(peer.address)
-        hub.states.look()
-        hub.counters.count(STATES)
-        self._cycles.begin_with(peer, hub.door.sequence, now)
-        if not hub.states.complete:
-            stop = hub.answers.write_stop(
-                hub.states, 0, Cause.WAITING, now, hub.command.sender
-            )
-            hub.send(stop, peer)
+            context.sockets.open_own(peer.address)
+        judge.look()
+        context.counters.count("states")
+        self._cycles.begin_with(peer, context.authenticator.head.sequence, now)
+        if not judge.complete:
+            holder = context.command.sender
+            stop = context.answers.write_stop(0, Cause.WAITING, now, holder)
+            context.send(stop, peer)
         if self._given[HAS_WISH]:
             return self._look_at_wish(self._given[WISH_OUTCOME], now)
         return ""
 
     def _take_wish(self, peer: Peer, message: memoryview, now: int) -> str:
-        """Take a wish over."""
+        """Take the desired motion over."""
         self._hand_over(peer, message, now)
-        return self._look_at_wish(take_wish(self._hub.judge.address), now)
+        return self._look_at_wish(take_wish(self._context.judge.address), now)
 
     def _hand_over(self, peer: Peer, message: memoryview, now: int) -> None:
-        """Say on the desk which message lies there."""
-        command, given = self._hub.command, self._given_u
+        """Describe on the desk the message that is there."""
+        context, given = self._context, self._given_u
+        command = context.command
         given[SIZE], given[NOW] = len(message), now
-        given[SENDER], given[SEQUENCE] = peer.sender, self._hub.door.sequence
-        # A wish that does not count because of its age shows a token that never fits.
-        self._age = self._age_of(now, self._wish_limit, "wish_late")
+        given[SENDER] = peer.sender
+        given[SEQUENCE] = context.authenticator.head.sequence
+        # A WISH that does not count because of its age shows a token that never fits.
+        self._age = self._age_of(now, command.watchdog, "wish_late")
         owns = peer.sender == command.sender and not self._age
         given[TOKEN] = command.token if owns else 0
 
     def _look_at_wish(self, outcome: int, now: int) -> str:
-        """Why a wish was dropped, "" if it counts."""
-        hub, drop = self._hub, OUTCOMES[outcome]
+        """Why a WISH was dropped, "" if it counts."""
+        context, drop = self._context, OUTCOMES[outcome]
         if not drop:
-            hub.wishes.heard = min(now, hub.door.stamp)
-            hub.counters.count(WISHES)
+            context.command.heard = min(now, context.authenticator.head.stamp)
+            context.counters.count("wishes")
         elif drop == "wish_not_finite":
-            # A wish that is no number asks for no motion.
-            hub.wishes.drop()
+            # A WISH that is no number asks for no motion.
+            context.command.heard = 0
         elif drop == "not_commander" and self._age:
             return self._age
         return drop
 
     def _age_of(self, now: int, limit: int, late: str) -> str:
         """Why the message that was let in last is too old, or from the future."""
-        age = now - self._hub.door.stamp
+        age = now - self._context.authenticator.head.stamp
         if age > limit:
             return late
         return "ahead" if age < -AHEAD else ""
 
     def _take_nothing(self, peer: Peer, message: memoryview, now: int) -> str:
-        """Note that a client is alive."""
-        return "" if len(message) == HEADER.size + SEAL else "payload"
+        """A client is alive, which is noted already."""
+        return ""
 
     def _take_claim(self, peer: Peer, message: memoryview, now: int) -> str:
         """Grant the command, or say that another client has it."""
-        if len(message) != HEADER.size + CLAIM.size + SEAL:
-            return "payload"
         if drop := self._age_of(now, self._call_limit, "call_late"):
             return drop
-        force, _ = CLAIM.unpack_from(message, HEADER.size)
-        hub = self._hub
-        command, before = hub.command, hub.command.sender
-        granted = command.claim(
-            peer.sender, bool(force) and peer.role >= Role.ADMINISTER
-        )
-        hub.counters.count(CLAIMS if granted else CLAIMS_REFUSED)
+        force = bool(CLAIM.unpack_from(message, HEADER.size).force)
+        context = self._context
+        command, before = context.command, context.command.sender
+        granted = command.claim(peer.sender, force and peer.role >= Role.ADMINISTER)
+        context.counters.count("claims" if granted else "claims_refused")
         if granted and before != peer.sender:
-            hub.wishes.drop()
-            hub.judge.note(
+            context.judge.note(
                 "commander", sender=peer.sender, name=peer.name, before=before
             )
-        GRANT.pack_into(
-            hub.outbox.payload,
-            0,
-            granted,
-            0,
-            command.token if granted else 0,
-            command.sender,
-            hub.settings.commander_watchdog,
-            hub.door.sequence,
+        grant = GRANT.pack(
+            granted=granted,
+            reserved=0,
+            token=command.token if granted else 0,
+            holder=command.sender,
+            watchdog=context.settings.commander_watchdog,
+            sequence=context.authenticator.head.sequence,
         )
-        hub.send(hub.outbox.seal(Kind.GRANT, GRANT.size), peer)
+        context.send(context.outbox.message(Kind.GRANT, grant), peer)
         return ""
 
     def _take_give_back(self, peer: Peer, message: memoryview, now: int) -> str:
         """Take the command back from its holder."""
-        if len(message) != HEADER.size + GIVE_BACK.size + SEAL:
-            return "payload"
-        (token,) = GIVE_BACK.unpack_from(message, HEADER.size)
-        command = self._hub.command
+        token = GIVE_BACK.unpack_from(message, HEADER.size).token
+        command = self._context.command
         if peer.sender != command.sender or token != command.token:
             return "not_commander"
-        self._hub.lose_command("given back")
+        self._context.lose_command("given back")
         return ""
 
     def _take_call(self, peer: Peer, message: memoryview, now: int) -> str:
-        """Do what is called for, and reply."""
-        hub, sequence = self._hub, self._hub.door.sequence
+        """Do a call, and reply."""
+        context, sequence = self._context, self._context.authenticator.head.sequence
         if peer.calls_left <= 0:
             return "busy"
         peer.calls_left -= 1
@@ -291,34 +281,87 @@ class Reception:
         request = read_call(bytes(message[HEADER.size : -SEAL]))
         if request is None:
             return "call_unreadable"
-        hub.counters.count(CALLS)
+        context.counters.count("calls")
         if peer.last_call is not None and peer.last_call[0] == request.number:
             reply = peer.last_call[1]
         else:
-            commands = peer.sender == hub.command.sender
+            commands = peer.sender == context.command.sender
             done, reply = self._calls.do(request, peer, commands)
             if len(reply) > LONGEST_REPLY:
-                done, reply = False, refusal(f"'{request.call}' has too much to tell")
+                long = RefusedError(f"the answer of '{request.call}' is too long")
+                done, reply = False, refusal(long)
             if not done:
-                hub.counters.count(CALLS_REFUSED)
+                context.counters.count("calls_refused")
             peer.last_call = request.number, reply
-        payload = hub.outbox.payload
-        REPLY.pack_into(payload, 0, sequence)
-        payload[REPLY.size : REPLY.size + len(reply)] = reply
-        hub.send(hub.outbox.seal(Kind.REPLY, REPLY.size + len(reply)), peer)
+        message = context.outbox.message(Kind.REPLY, REPLY.pack(sequence), reply)
+        context.send(message, peer)
         return ""
 
     def _take_stop(self, peer: Peer, message: memoryview, now: int) -> str:
         """Stop all robots, which every client may order."""
-        self._hub.order_stop(peer.name)
+        self._context.order_stop(peer.name)
         return ""
 
     def _take_bye(self, peer: Peer, message: memoryview, now: int) -> str:
         """Let a client go."""
-        hub = self._hub
-        hub.peers.leave(peer)
-        hub.post.disfavour(peer.address)
-        hub.states.release(peer.sender)
-        if peer.sender == hub.command.sender:
-            hub.lose_command("said good-bye")
+        context = self._context
+        context.peers.leave(peer)
+        context.sockets.close_own(peer.address)
+        context.judge.release(peer.sender)
+        if peer.sender == context.command.sender:
+            context.lose_command("said good-bye")
         return ""
+
+
+def welcome_parts(
+    tables: SceneTables, settings: ServiceSettings, **more: Any
+) -> Iterator[bytes]:
+    """Parts of the JSON of a WELCOME, each of which fits into a message.
+
+    Home is in the first part.
+    """
+    watchdogs = {name: getattr(settings, f"{name}_watchdog") for name in WATCHDOGS}
+    robots = [
+        {"name": part.name, "first": part.first_joint, "count": part.joint_count}
+        for part in tables.robots
+    ]
+    reasons = {str(int(k)): [k.name, sentence] for k, sentence in SENTENCES.items()}
+    text = {
+        "home": tables.home.tolist(),
+        "names": list(tables.q_names),
+        "robots": robots,
+        "period": tables.period,
+        "late": tables.late,
+        "stale": settings.stale,
+        "bodies": list(bodies_of(tables)),
+        "tools": list(tools_of(tables)),
+        "watchdogs": {
+            **watchdogs,
+            "forget": settings.forget,
+            "heartbeat": settings.heartbeat,
+        },
+        "levels": {str(int(level)): level.name for level in Level},
+        "reasons": reasons,
+        "boot_id": boot_id(),
+        "protocol": VERSION,
+        **more,
+    }
+    data = json.dumps(text).encode()
+    for at in range(0, len(data), PART):
+        yield data[at : at + PART]
+
+
+def send_welcome(context: Context, peer: Peer, asked: int, received: int) -> None:
+    """Send a client all parts.
+
+    Args:
+        context: State that all parts of the loop share.
+        peer: The client.
+        asked: Stamp of the HELLO it answers [ns].
+        received: When that was received, monotonic [ns].
+    """
+    tables, parts = context.judge.guard.guard.tables, context.welcome
+    scene = len(tables.q_names), len(tables.robots), tables.period
+    for k, part in enumerate(parts):
+        head = WELCOME.pack(k, len(parts), *scene, asked, received)
+        context.send(context.outbox.message(Kind.WELCOME, head, part), peer)

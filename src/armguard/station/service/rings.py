@@ -16,7 +16,7 @@ KEPT = 3600.0
 
 
 def new_ring(port: int) -> Path:
-    """Where the ring of this process goes; room is made of what nobody needs.
+    """Where the ring of this process goes; rings that are not needed are removed.
 
     A service that was killed could not remove its ring. It stays until one is started
     on the same port, or for an hour.

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 # Scenes that come with the package.
 BUNDLED = ("bay", "two-pandas")
 
-# Boxes a service holds ready for what nobody foresaw, and half of their sizes until
-# somebody says otherwise [m].
+# Boxes a service holds ready for objects that the scene does not have, and half of
+# their sizes until a client gives others [m].
 SPARE_BOXES = 8
 SPARE = (0.05, 0.05, 0.05)
 
@@ -38,8 +38,8 @@ def open_scene(
     period: float,
     late: float,
     stale: float | None = None,
-    mode: Mode | None = None,
-    response: ResponseName | None = None,
+    mode: str | None = None,
+    response: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Scene, str]:
     """A scene for a service, and its file.
@@ -50,14 +50,20 @@ def open_scene(
         late: How much later than that a cycle may come [s].
         stale: How old states may be before they are not believed; as the scene says if
             None [s].
-        mode: How distances are made; as the scene says if None.
-        response: What robots do about what is near; as the scene says if None.
+        mode: How distances are made, "path" or "speed"; as the scene says if None.
+        response: Response of all robots to what is near; as the scene says if None.
         progress: See `load_scene`.
 
     Raises:
         SceneFileError: The file is wrong.
-        SceneError: There is no such file or scene.
+        SceneError: There is no such file or scene, mode or response.
     """
+    # Without predicted stops there are no commands.
+    if mode not in (None, "path", "speed"):
+        raise SceneError(f"mode is '{mode}'; it must be path or speed")
+    if response not in (None, *CHOICES["kind"]):
+        hint = did_you_mean(str(response), CHOICES["kind"])
+        raise SceneError(f"response is '{response}'; {hint}")
     if what == "bay":
         scene, file = bay_scene("path"), str(bay_path())
     elif what == "two-pandas":
@@ -69,47 +75,16 @@ def open_scene(
             f"'{what}' is no file and no bundled scene; those are " + ", ".join(BUNDLED)
         )
     scene.period, scene.late = period, late
-    hold_boxes_ready(scene)
-    if stale is not None:
-        scene.set_stale(stale)
-    if mode is not None:
-        scene.set_mode(mode)
-    if response is not None:
-        scene.set_response(response)
-    return scene, file
-
-
-def hold_boxes_ready(scene: Scene) -> None:
-    """Add boxes that are not there, for what is put up while the service runs."""
     for k in range(1, SPARE_BOXES + 1):
         if f"box{k}" not in scene.objects:
             scene.add(Box(half_extents=SPARE), name=f"box{k}", present=False)
-
-
-def checked_mode(word: str | None) -> Mode | None:
-    """A mode, from what somebody wrote.
-
-    Raises:
-        SceneError: It is none in which stops are predicted.
-    """
-    if word is None:
-        return None
-    if word not in ("path", "speed"):
-        raise SceneError(f"mode is '{word}'; it must be path or speed")
-    return cast(Mode, word)
-
-
-def checked_response(word: str | None) -> ResponseName | None:
-    """A response, from what somebody wrote.
-
-    Raises:
-        SceneError: There is none of that name.
-    """
-    if word is None:
-        return None
-    if word not in CHOICES["kind"]:
-        raise SceneError(f"response is '{word}'; {did_you_mean(word, CHOICES['kind'])}")
-    return cast(ResponseName, word)
+    if stale is not None:
+        scene.set_stale(stale)
+    if mode is not None:
+        scene.set_mode(cast(Mode, mode))
+    if response is not None:
+        scene.set_response(cast(ResponseName, response))
+    return scene, file
 
 
 def scene_hash(tables: SceneTables) -> str:
@@ -122,9 +97,9 @@ def scene_hash(tables: SceneTables) -> str:
 def add(digest: Any, value: Any) -> None:
     """Add a value to a digest: arrays by their bits, all else by what it says."""
     if isinstance(value, SceneTables):
-        value = replace(value, local_rows=told(value.local_rows, value.kinds))
+        value = replace(value, local_rows=plain_rows(value.local_rows, value.kinds))
     elif isinstance(value, ExactTables):
-        value = replace(value, rows=told(value.rows, value.kinds))
+        value = replace(value, rows=plain_rows(value.rows, value.kinds))
     digest.update(type(value).__name__.encode())
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode())
@@ -144,7 +119,7 @@ def add(digest: Any, value: Any) -> None:
             add(digest, item)
 
 
-def told(rows: Floats, kinds: NDArray[np.int32]) -> Floats:
+def plain_rows(rows: Floats, kinds: NDArray[np.int32]) -> Floats:
     """Rows without addresses, which differ from process to process.
 
     What they lead to is in the shapes, which the tables keep beside them.

@@ -5,6 +5,7 @@ import logging
 import secrets
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -14,34 +15,22 @@ from armguard.station.errors import ServiceError
 from armguard.station.ring import RingWriter
 from armguard.station.service import machine
 from armguard.station.service.answers import Answers
-from armguard.station.service.calls import Calls
+from armguard.station.service.authenticator import Authenticator
 from armguard.station.service.companions import Companions
-from armguard.station.service.complaints import Complaints
-from armguard.station.service.counters import PLACE, Counters, counters_path
+from armguard.station.service.context import Command, Context
+from armguard.station.service.counters import Counters, counters_path
 from armguard.station.service.cycles import NANO, Cycles
-from armguard.station.service.door import Door
-from armguard.station.service.hub import Hub
 from armguard.station.service.judge import Judge, scene_word
 from armguard.station.service.peers import Peers
-from armguard.station.service.post import Post
-from armguard.station.service.reception import Reception
+from armguard.station.service.reception import Reception, send_welcome, welcome_parts
 from armguard.station.service.rings import new_ring, was_killed
+from armguard.station.service.rpc import Calls
 from armguard.station.service.settings import ServiceSettings
-from armguard.station.service.states import States
-from armguard.station.service.welcome import Welcome, welcome_text
-from armguard.station.service.wishes import Command, Wishes
+from armguard.station.service.sockets import Sockets
+from armguard.station.service.throttled_log import ThrottledLog
+from armguard.station.wire import Cause, Kind, Outbox
 from armguard.station.wire.keys import keys_path, new_keys, write_keys
-from armguard.station.wire.layout import (
-    HEARTBEAT,
-    MOST,
-    MOST_ROBOTS,
-    ROBOT,
-    ROBOTS_AT,
-    SEAL,
-    Kind,
-)
-from armguard.station.wire.outbox import Outbox
-from armguard.station.wire.words import Cause
+from armguard.station.wire.layout import HEARTBEAT, MOST, MOST_ROBOTS, command_size
 
 log = logging.getLogger("armguard.service")
 
@@ -51,14 +40,9 @@ BATCH = 8
 # Time from one checkpoint in the ring to the next [ns].
 CHECKPOINT = 10 * NANO
 
-SENDERS = PLACE["senders"]
-COMMANDER_LOST = PLACE["commander_lost"]
-COMPANIONS_ENDED = PLACE["companions_ended"]
-COMPANIONS_RESTARTED = PLACE["companions_restarted"]
-
 
 class Service:
-    """Guards a scene for controllers and a commander that talk to it by messages.
+    """Guards a scene for controllers and a commander that send it messages.
 
     Everything that can be refused is refused here; after that `run` raises nothing.
 
@@ -66,7 +50,7 @@ class Service:
         port: The port it listens on.
         session: Number of this start.
         ring: The ring it writes.
-        counters: What it counts.
+        counters: Its counters.
 
     Args:
         scene: What to guard; its period and lateness must be those of the settings.
@@ -88,15 +72,15 @@ class Service:
                 f"{MOST_ROBOTS}"
             )
         joints = len(scene.q_names)
-        size = ROBOTS_AT + len(scene.robots) * ROBOT.size + 16 * joints + SEAL
+        size = command_size(len(scene.robots), joints)
         if size > MOST:
             raise ServiceError(
-                f"the scene has {joints} joints of {len(scene.robots)} robots; what "
-                f"they are told takes {size} bytes, and a message has {MOST}"
+                f"the scene has {joints} joints of {len(scene.robots)} robots; their "
+                f"COMMAND takes {size} bytes, and a message has {MOST}"
             )
         self._settings, self._file = settings, file
-        post = Post(settings.bind, settings.port)
-        self.port: int = post.port
+        sockets = Sockets(settings.bind, settings.port)
+        self.port: int = sockets.port
         self.session = secrets.randbits(63) | 1
         outbox = Outbox(None, 0, self.session)
         buffer = bytearray(MOST + 8)
@@ -104,46 +88,35 @@ class Service:
         self._keys_file: Path | None = None
         keys = settings.keys or new_keys()
         killed = was_killed(self.port, settings.ring)
-        try:
+        with ExitStack() as opened:
+            opened.callback(sockets.close)
             path = settings.ring or new_ring(self.port)
             self.ring = RingWriter(path, settings.ring_size)
-            try:
-                self.counters = Counters(counters_path(path))
-                judge = Judge(
-                    scene,
-                    file,
-                    settings,
-                    self.ring,
-                    np.frombuffer(buffer, np.float64),
-                    np.frombuffer(outbox.buffer, np.float64),
-                )
-                if not settings.keys:
-                    self._keys_file = keys_path(self.port)
-                    write_keys(self._keys_file, keys)
-            except BaseException:
-                self.ring.close()
-                counters_path(path).unlink(missing_ok=True)
-                raise
-        except BaseException:
-            post.close()
-            raise
+            opened.callback(counters_path(path).unlink, missing_ok=True)
+            opened.callback(self.ring.close)
+            self.counters = Counters(counters_path(path))
+            words = (np.frombuffer(one, np.float64) for one in (buffer, outbox.buffer))
+            judge = Judge(scene, file, settings, self.ring, *words)
+            if not settings.keys:
+                self._keys_file = keys_path(self.port)
+                write_keys(self._keys_file, keys)
+            # All is well: nothing of it is closed before the end.
+            opened.pop_all()
         peers = Peers(int(settings.forget * NANO))
-        self._hub = Hub(
+        self._context = Context(
             settings=settings,
-            post=post,
+            sockets=sockets,
             counters=self.counters,
-            complaints=Complaints(),
+            log=ThrottledLog(),
             peers=peers,
-            door=Door(keys, self.session, 0, peers),
+            authenticator=Authenticator(keys, self.session, peers),
             outbox=outbox,
-            answers=Answers(judge.desk, outbox),
+            answers=Answers(judge, outbox),
             judge=judge,
-            states=States(judge.desk),
-            wishes=Wishes(int(settings.wish_watchdog * NANO)),
-            command=Command(),
+            command=Command(int(settings.wish_watchdog * NANO)),
         )
         if settings.stopped or killed:
-            self._hub.ordered = Cause.RESTARTED
+            self._context.ordered = Cause.RESTARTED
             log.warning(
                 "the last service on this port was killed: robots stay stopped until "
                 "the commander engages them"
@@ -151,13 +124,10 @@ class Service:
                 else "robots stay stopped until the commander engages them"
             )
         self._companions = Companions()
-        self._welcome = Welcome()
         self._adopt_scene()
-        self._cycles = Cycles(self._hub)
-        calls = Calls(self._hub, self._begin_anew)
-        self._reception = Reception(
-            self._hub, self._cycles, calls, self._welcome, buffer
-        )
+        self._cycles = Cycles(self._context)
+        calls = Calls(self._context, self._begin_anew)
+        self._reception = Reception(self._context, self._cycles, calls, buffer)
         self._checkpoint = 0
         self._heartbeat = int(settings.heartbeat * NANO)
         self._beat_at = 0
@@ -165,10 +135,10 @@ class Service:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of the scene."""
-        return self._hub.judge.guard.guard.tables.notes
+        return self._context.judge.guard.guard.tables.notes
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
-        """Serve until told otherwise, then stop every robot and say good-bye.
+        """Serve until asked to end, then stop every robot and say good-bye.
 
         Args:
             until: Asked at least as often as there are heartbeats.
@@ -196,7 +166,7 @@ class Service:
             self._end()
 
     def _loop(self, until: Callable[[], bool]) -> None:
-        """Wait, read, judge, answer, until told otherwise; nothing raises out of it."""
+        """Wait, read, judge, answer, until asked to end; nothing raises out of it."""
         self._beat_at = time.monotonic_ns()
         turn = self._begin
         while not until():
@@ -211,13 +181,13 @@ class Service:
         self._keep_checkpoint(time.monotonic_ns())
 
     def _turn(self) -> None:
-        """Wait for what comes first: a message, a cycle, a heartbeat; do it."""
+        """Wait for a message, a cycle or a heartbeat, and do what is due first."""
         cycles, read = self._cycles, self._reception.read
-        # Who is about to be spoken to stays awake: sleeping costs him his caches.
+        # The loop stays awake while a state is expected: sleeping costs it its caches.
         due = min(self._beat_at, cycles.next, cycles.expected)
         wait = due - time.monotonic_ns()
         if wait > 0:
-            self._hub.post.wait(wait * 1e-9)
+            self._context.sockets.wait(wait * 1e-9)
         for _ in range(BATCH):
             if not read() or time.monotonic_ns() >= cycles.next:
                 break
@@ -230,52 +200,50 @@ class Service:
 
     def _beat(self, now: int) -> None:
         """What is done some twenty times a second."""
-        hub = self._hub
+        context = self._context
         if now >= self._checkpoint:
             self._keep_checkpoint(now)
-        for silent in hub.peers.look(now):
+        for silent in context.peers.look(now):
             silent.controls = False
-            hub.post.disfavour(silent.address)
+            context.sockets.close_own(silent.address)
         self._reception.renew()
-        holder = hub.peers.find(hub.command.sender)
+        holder = context.peers.find(context.command.sender)
         if holder is not None:
             if now - holder.heard > self._settings.commander_watchdog * NANO:
-                hub.lose_command("silent")
-                self.counters.count(COMMANDER_LOST)
+                context.lose_command("silent")
+                self.counters.count("commander_lost")
         for _ in range(self._companions.newly_ended()):
-            self.counters.count(COMPANIONS_ENDED)
+            self.counters.count("companions_ended")
         for _ in range(self._companions.restart()):
-            self.counters.count(COMPANIONS_RESTARTED)
-        self.counters.put(SENDERS, len(hub.peers.here))
-        outbox = hub.outbox
-        HEARTBEAT.pack_into(
-            outbox.payload, 0, hub.judge.guard.cycle, hub.command.sender
-        )
-        hub.send_to_all(outbox.seal(Kind.HEARTBEAT, HEARTBEAT.size))
+            self.counters.count("companions_restarted")
+        self.counters.put("senders", len(context.peers.here))
+        beat = HEARTBEAT.pack(context.judge.guard.cycle, context.command.sender)
+        context.send_to_all(context.outbox.message(Kind.HEARTBEAT, beat))
 
     def _keep_checkpoint(self, now: int) -> None:
         """Write down all that the guard remembers, and when to do so again."""
-        self._hub.judge.checkpoint()
+        self._context.judge.checkpoint()
         self._checkpoint = now + CHECKPOINT
 
     def _begin_anew(self, now: int) -> None:
         """The guard is a new one, of the scene as it is now."""
-        hub = self._hub
+        context = self._context
         self._adopt_scene()
-        # Who replays what follows needs a place to begin.
+        # A replay of what follows needs a place to begin.
         self._keep_checkpoint(now)
         self._cycles.begin_anew(now)
-        for peer in hub.peers.here:
-            self._welcome.send(hub, peer, 0, now)
+        for peer in context.peers.here:
+            send_welcome(context, peer, 0, now)
 
     def _adopt_scene(self) -> None:
         """Take over what follows from the scene as it is now."""
         from armguard import __version__
 
-        hub, settings = self._hub, self._settings
-        judge = hub.judge
-        hub.door.scene = hub.outbox.scene = scene_word(judge.hash)
-        text = welcome_text(
+        context, settings = self._context, self._settings
+        judge = context.judge
+        word = scene_word(judge.hash)
+        context.authenticator.scene = context.outbox.scene = word
+        parts = welcome_parts(
             judge.guard.guard.tables,
             settings,
             scene_file=self._file,
@@ -286,31 +254,25 @@ class Service:
             version=__version__,
             rate=settings.rate,
         )
-        self._welcome.adopt(text)
+        context.welcome = tuple(parts)
 
     def _end(self) -> None:
         """A last stop for every robot, good-bye, and everything closed."""
-        hub = self._hub
+        context = self._context
         try:
-            if hub.states.complete:
+            if context.judge.complete:
                 self._cycles.force(Cause.SHUTDOWN)
                 self._cycles.run()
             else:
-                now = time.monotonic_ns()
-                cycle = hub.judge.guard.cycle
-                hub.send_to_all(
-                    hub.answers.write_stop(hub.states, cycle, Cause.SHUTDOWN, now, 0)
-                )
-            hub.judge.note("end")
-            hub.send_to_all(hub.outbox.message(Kind.BYE))
+                now, cycle = time.monotonic_ns(), context.judge.guard.cycle
+                stop = context.answers.write_stop(cycle, Cause.SHUTDOWN, now, 0)
+                context.send_to_all(stop)
+            context.judge.note("end")
+            context.send_to_all(context.outbox.message(Kind.BYE))
         finally:
-            hub.post.close()
+            context.sockets.close()
             self.ring.close()
             self._companions.end()
             self.counters.close()
-            self._remove_keys()
-
-    def _remove_keys(self) -> None:
-        """Remove the key file that the service has written."""
-        if self._keys_file is not None:
-            self._keys_file.unlink(missing_ok=True)
+            if self._keys_file is not None:
+                self._keys_file.unlink(missing_ok=True)

@@ -14,59 +14,38 @@ PORT = 47800
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceSettings:
-    """How a service runs.
+    """How a service runs."""
 
-    Attributes:
-        bind: Address it listens on; another than loopback needs a key.
-        port: UDP port; 0 for any that is free.
-        keys: Key of each role; new ones for this start, in the file of `keys_path`, if
-            empty.
-        rate: Cycles a second [Hz].
-        late: How much later than its period a cycle may come; the guard counts with
-            it, so it costs distance [s].
-        stale: How old states may be; as the scene says if None [s].
-        wish_watchdog: A wish older than that counts as none [s].
-        commander_watchdog: Who commands and has not been heard for that long does not
-            command any more [s].
-        controller_watchdog: A robot whose controller has been silent for that long
-            may get another one [s].
-        forget: Who has not been heard for that long gets no more messages [s].
-        heartbeat: Time between two heartbeats [s].
-        stopped: Whether robots stay stopped after the start until they are engaged;
-            they do in any case after a service that was killed.
-        spin: For that long before a state is expected the loop does not sleep but looks
-            for it again and again, which takes a processor and saves the time in which
-            a process that slept gets going again [s].
-        budget: See `Guard`.
-        self_test: See `Guard`.
-        ring: The ring's file; one in memory, named after the port, if None.
-        ring_size: Its size [bytes].
-        realtime: Whether to ask for real-time scheduling.
-        lock_memory: Whether to ask for memory that is never swapped out.
-        cpu: Processor to stay on; any if None.
-        companions: Processes to start beside, by name, with their arguments.
-    """
-
-    bind: str = LOOPBACK
-    port: int = PORT
+    bind: str = LOOPBACK  # address it listens on; another than loopback needs keys
+    port: int = PORT  # UDP port; 0 for any that is free
+    # Key of each role; new ones for this start, in the file of `keys_path`, if empty.
     keys: Keys = field(default_factory=dict)
-    rate: float = 250.0
+    rate: float = 250.0  # cycles a second [Hz]
+    # How much later than its period a cycle may be; the guard reckons with it, so it
+    # costs distance [s].
     late: float = 0.004
-    stale: float | None = None
-    wish_watchdog: float = 0.1
-    commander_watchdog: float = 0.5
+    stale: float | None = None  # how old states may be; as the scene says if None [s]
+    wish_watchdog: float = 0.1  # a desired motion older than that counts as none [s]
+    commander_watchdog: float = 0.5  # a commander silent for longer loses it [s]
+    # The robot of a controller that is silent for longer may get another one [s].
     controller_watchdog: float = 0.5
-    forget: float = 3.0
-    heartbeat: float = 0.04
+    forget: float = 3.0  # a client that is silent for longer gets no more messages [s]
+    heartbeat: float = 0.04  # time between two heartbeats [s]
+    # Whether robots stay stopped after the start until they are engaged; they do in any
+    # case after a service that was killed.
     stopped: bool = False
+    # For that long before a state is expected the loop does not sleep: it takes a
+    # processor, and saves the time in which a process that slept gets going again [s].
     spin: float = 0.0
-    budget: int = 1024
-    self_test: bool = True
+    budget: int = 1024  # see `Guard`
+    self_test: bool = True  # see `Guard`
+    # The ring's file; one in memory, named after the port, if None.
     ring: Path | None = None
-    ring_size: int = 64 << 20
-    realtime: bool = False
-    lock_memory: bool = False
-    cpu: int | None = None
+    ring_size: int = 64 << 20  # [bytes]
+    realtime: bool = False  # whether to ask for real-time scheduling
+    lock_memory: bool = False  # whether to ask for memory that is never swapped out
+    cpu: int | None = None  # processor to stay on; any if None
+    # Processes to start beside, by name, with their arguments.
     companions: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
 from armguard.station.client import Client, Welcome
+from armguard.station.wire import Cause
 from armguard.station.wire.keys import Role
-from armguard.station.wire.words import Cause
 
 Floats = NDArray[np.float64]
 

@@ -1,19 +1,7 @@
-"""Messages, byte for byte; what they mean is told in docs/service.md."""
+"""Messages byte for byte; docs/service.md explains them."""
 
 from armguard.station.wire.keys import Keys, Role, read_keys
-from armguard.station.wire.layout import Form, Kind, MessageError
-from armguard.station.wire.outbox import Outbox
-from armguard.station.wire.seal import Seal
-from armguard.station.wire.words import Cause
+from armguard.station.wire.layout import Cause, Form, Kind
+from armguard.station.wire.outbox import Outbox, Seal
 
-__all__ = [
-    "Cause",
-    "Form",
-    "Keys",
-    "Kind",
-    "MessageError",
-    "Outbox",
-    "Role",
-    "Seal",
-    "read_keys",
-]
+__all__ = ["Cause", "Form", "Keys", "Kind", "Outbox", "Role", "Seal", "read_keys"]

@@ -6,7 +6,7 @@ BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
 def boot_id() -> str:
-    """What tells this start of this machine from every other; "" if nothing does."""
+    """Identifies this start of this machine; "" where the system does not."""
     try:
         return BOOT.read_text().strip()
     except OSError:

@@ -1,4 +1,4 @@
-"""Who may do what: a secret key for each role, in a file that its owner alone reads."""
+"""Rights: a secret key for each role, in a file that its owner alone reads."""
 
 import os
 import secrets

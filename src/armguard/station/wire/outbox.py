@@ -1,9 +1,33 @@
-"""Writing messages into a buffer that is there already."""
+"""Messages in a buffer that is there already, and the seal at the end of each."""
 
 import time
+from hashlib import blake2s
+from hmac import compare_digest
 
 from armguard.station.wire.layout import HEADER, MAGIC, MOST, SEAL, VERSION, Kind
-from armguard.station.wire.seal import Seal
+
+
+class Seal:
+    """Seals messages and recognises its own: it cannot be made without the key.
+
+    Args:
+        key: The key, 16 to 32 bytes.
+    """
+
+    def __init__(self, key: bytes) -> None:
+        self._start = blake2s(key=key, digest_size=SEAL)
+
+    def put(self, message: memoryview) -> None:
+        """Seal a message: write its last bytes."""
+        state = self._start.copy()
+        state.update(message[:-SEAL])
+        message[-SEAL:] = state.digest()
+
+    def fits(self, message: memoryview) -> bool:
+        """Whether it is sealed with this key and nothing in it was changed."""
+        state = self._start.copy()
+        state.update(message[:-SEAL])
+        return compare_digest(state.digest(), message[-SEAL:])
 
 
 class Outbox:
@@ -15,6 +39,8 @@ class Outbox:
         sequence: Number of the message written last.
         ahead: How far the service's clock is ahead of this machine's; 0 before that is
             known [ns].
+        buffer: Room for a whole message, its header first.
+        payload: Room for the payload of the next message.
 
     Args:
         seal: Seals them; None if each receiver has a seal of its own.
@@ -26,51 +52,32 @@ class Outbox:
     def __init__(
         self, seal: Seal | None, sender: int, session: int = 0, scene: int = 0
     ) -> None:
-        self.session = session
-        self.scene = scene
+        self.session, self.scene = session, scene
         self.sequence = self.ahead = 0
-        self._seal = seal
-        self._sender = sender
-        self._buffer = memoryview(bytearray(MOST))
-
-    @property
-    def buffer(self) -> memoryview:
-        """Room for a whole message, its header first."""
-        return self._buffer
-
-    @property
-    def payload(self) -> memoryview:
-        """Room for the payload of the next message."""
-        return self._buffer[HEADER.size : MOST - SEAL]
+        self._seal, self._sender = seal, sender
+        self.buffer = memoryview(bytearray(MOST))
+        self.payload = self.buffer[HEADER.size : -SEAL]
 
     def seal(self, kind: Kind, size: int) -> memoryview:
         """The message whose payload was written; good until the next one is written.
 
         Args:
-            kind: What it is.
-            size: Bytes of its payload.
+            kind: Its kind.
+            size: Length of its payload [bytes].
         """
         self.sequence += 1
-        length = HEADER.size + size + SEAL
-        HEADER.pack_into(
-            self._buffer,
-            0,
-            MAGIC,
-            VERSION,
-            kind,
-            length,
-            self.session,
-            self.scene,
-            self._sender,
-            self.sequence,
+        message = self.buffer[: HEADER.size + size + SEAL]
+        HEADER.put(
+            *(message, 0, MAGIC, VERSION, kind, len(message)),
+            *(self.session, self.scene, self._sender, self.sequence),
             time.monotonic_ns() + self.ahead,
         )
-        message = self._buffer[:length]
         if self._seal is not None:
             self._seal.put(message)
         return message
 
-    def message(self, kind: Kind, payload: bytes = b"") -> memoryview:
-        """A message with that payload."""
+    def message(self, kind: Kind, *parts: bytes) -> memoryview:
+        """A message whose payload is these parts one after another."""
+        payload = b"".join(parts)
         self.payload[: len(payload)] = payload
         return self.seal(kind, len(payload))

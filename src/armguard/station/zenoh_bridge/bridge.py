@@ -19,7 +19,7 @@ from armguard.station.calls import CALLS
 from armguard.station.client import Answer, Client
 from armguard.station.client.answer import stop_answer
 from armguard.station.errors import RefusedError, StationError
-from armguard.station.service.complaints import Complaints
+from armguard.station.service.throttled_log import ThrottledLog
 from armguard.station.wire import Cause, Keys, Role
 from armguard.station.wire.keys import found_keys
 from armguard.station.zenoh_bridge.authority import Authority, Controllers, Sequences
@@ -134,7 +134,7 @@ class Bridge:
         self._clients: dict[Role, Client] = {}
         self._keys: Keys = {}
         self._connect(timeout)
-        self._complaints = Complaints()
+        self._log = ThrottledLog()
         self._inbox: deque[Message] = deque(maxlen=WAITING)
         self._woken, self._wake = socket.socketpair()
         self._woken.setblocking(False)
@@ -365,7 +365,7 @@ class Bridge:
     def _drop(self, cause: str, sentence: str) -> None:
         """Count a message that is dropped, and say so now and then."""
         self.counts[f"dropped_{cause}"] += 1
-        self._complaints.name(cause, sentence, time.monotonic_ns())
+        self._log.report(cause, sentence, time.monotonic_ns())
 
     def _take_state(self, mark: Mark, message: dict[str, Any]) -> None:
         """A controller measured joints."""

@@ -5,13 +5,9 @@ import socket
 import time
 
 from armguard.station.errors import ServiceError
-from armguard.station.service.complaints import Complaints
-from armguard.station.service.counters import PLACE, Counters
+from armguard.station.service.counters import Counters
 from armguard.station.service.peers import Address
-
-SENT = PLACE["sent"]
-SEND_WOULD_BLOCK = PLACE["send_would_block"]
-SEND_FAILED = PLACE["send_failed"]
+from armguard.station.service.throttled_log import ThrottledLog
 
 # The option by which sockets share a port; None where the system has none.
 REUSE: int | None = getattr(socket, "SO_REUSEPORT", None)
@@ -20,7 +16,7 @@ REUSE: int | None = getattr(socket, "SO_REUSEPORT", None)
 MOST_OWN = 32
 
 
-class Post:
+class Sockets:
     """Sends and receives without waiting.
 
     A controller gets a socket of its own on the same port: the kernel delivers its
@@ -45,20 +41,20 @@ class Post:
         self.port: int = self._socket.getsockname()[1]
 
     def wait(self, seconds: float) -> None:
-        """Sleep until something comes in, but not for longer than that."""
+        """Sleep until a message is received, but not for longer than that."""
         select.select(self._sockets, (), (), seconds)
 
     def receive(
-        self, buffer: bytearray, complaints: Complaints
+        self, buffer: bytearray, log: ThrottledLog
     ) -> tuple[int, Address] | None:
         """Read one message.
 
         Args:
             buffer: Where it goes.
-            complaints: Names errors of the network.
+            log: Gets errors of the network.
 
         Returns:
-            Its length and where it came from; None if there was none; a length of -1
+            Its length and its sender's address; None if there was none; a length of -1
             for an error of an earlier message, reported late.
         """
         for one in self._sockets:
@@ -67,7 +63,7 @@ class Post:
             except BlockingIOError:
                 continue
             except OSError as error:
-                complaints.name("network", str(error), time.monotonic_ns())
+                log.report("network", str(error), time.monotonic_ns())
                 return -1, ("", 0)
         return None
 
@@ -75,13 +71,13 @@ class Post:
         """Send without waiting; a client that does not read loses messages."""
         try:
             self._socket.sendto(message, address)
-            counters.count(SENT)
+            counters.count("sent")
         except BlockingIOError:
-            counters.count(SEND_WOULD_BLOCK)
+            counters.count("send_would_block")
         except OSError:
-            counters.count(SEND_FAILED)
+            counters.count("send_failed")
 
-    def favour(self, address: Address) -> None:
+    def open_own(self, address: Address) -> None:
         """Receive messages from an address on a socket of their own."""
         if REUSE is None or address in self._own or len(self._own) >= MOST_OWN:
             return
@@ -102,7 +98,7 @@ class Post:
         self._own[address] = own
         self._sockets = [*self._own.values(), self._socket]
 
-    def disfavour(self, address: Address) -> None:
+    def close_own(self, address: Address) -> None:
         """Receive messages from an address on the common socket again."""
         own = self._own.pop(address, None)
         if own is not None:
@@ -110,13 +106,13 @@ class Post:
             self._sockets = [*self._own.values(), self._socket]
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Release the port."""
         for one in self._sockets:
             one.close()
 
 
 def share(sockets: list[socket.socket], option: int, *, shared: bool) -> None:
-    """Say of sockets whether others of this user may bind to their port."""
+    """Set whether other sockets of this user may bind to the port of these."""
     for one in sockets:
         one.setsockopt(socket.SOL_SOCKET, option, int(shared))
 

@@ -369,9 +369,7 @@ def test_a_flood_of_calls_does_not_keep_states_away(served):
         for _ in range(40):
             for _ in range(50):
                 payload = b'{"id": 1, "call": "why"}'
-                outbox = noisy._connection.outbox
-                outbox.payload[: len(payload)] = payload
-                noisy._connection.say(Kind.CALL, len(payload))
+                noisy._connection.say(Kind.CALL, payload)
             noisy._drain()
             arms.drive(WISH, 1)
         assert served.counters.value("dropped_busy") > busy

@@ -1,7 +1,7 @@
-"""What the log says of things that may come a thousand times a second.
+"""The log of the loop: throttled, and written by another thread.
 
-And how it says so without ever making the loop wait: a terminal that is paused, or a
-pipe that nobody reads, would block whoever writes to it.
+A cause may repeat a thousand times a second; and a terminal that is paused, or a pipe
+that is not read, would block the loop if it wrote the lines itself.
 """
 
 import logging
@@ -20,20 +20,20 @@ PAUSE = 1_000_000_000
 MOST_LINES = 1000
 
 
-class Complaints:
-    """Names a cause in the log once a second at most, and how often it came."""
+class ThrottledLog:
+    """Names a cause once a second at most, and how often it was left out before."""
 
     def __init__(self) -> None:
         self._last: dict[str, int] = {}
         self._silent: dict[str, int] = {}
 
-    def name(
+    def report(
         self, cause: str, sentence: str, now: int, level: int = logging.WARNING
     ) -> None:
-        """Say a sentence, or only count it.
+        """Log a sentence, or only count it.
 
         Args:
-            cause: What is complained of.
+            cause: What is logged once a second.
             sentence: The same in words.
             now: Monotonic clock [ns].
             level: Level of the log.
@@ -49,7 +49,7 @@ class Complaints:
 
 
 class PatientHandler(logging.Handler):
-    """Writes lines from a thread of its own; who logs never waits.
+    """Writes lines from a thread of its own; the one that logs never waits.
 
     Args:
         stream: Where lines go; standard error if None.
@@ -84,6 +84,6 @@ class PatientHandler(logging.Handler):
                 stream.write(line)
                 stream.flush()
             except (OSError, ValueError):
-                # Nobody reads the log any more; the loop goes on.
+                # The log is not read any more; the loop goes on.
                 pass
             self._writing = False
