@@ -19,20 +19,16 @@ import argparse
 import sys
 from collections.abc import Mapping
 from dataclasses import fields
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from closed_loop.plan import work
 from closed_loop.settings import FILTERED_TERMS, SCENES, TERMS, Plan
 from closed_loop.summary import EXTREME, beside, derived, digest, sums
-from episodes import records
 from episodes.campaign import Campaign, Episode, LeftOut, parser_of
-
-HERE = Path(__file__).parent
-
-# Files that change no episode.
-REPORTING = ("summary.py",)
+from episodes.records import version_of
+from pages import DOCS
 
 # Guards whose episodes are kept; the others are the tests'.
 GUARDS = ("armguard", "filter", "reference")
@@ -96,13 +92,6 @@ def plans(chosen: argparse.Namespace) -> list[tuple[Plan, int]]:
     return found
 
 
-@cache
-def version(name: str) -> str:
-    """Hash of all that decides what comes of an episode of a plan."""
-    files = sorted((HERE / "closed_loop").glob("*.py"))
-    return records.version(name, [f for f in files if f.name not in REPORTING])
-
-
 def run_episode(plan: Plan, seed: int) -> Episode:
     """An episode; of the reference guard, the same with the real one beside it.
 
@@ -128,15 +117,15 @@ def is_broken(figures: Mapping[str, Any]) -> bool:
 def campaign_of(plans: Mapping[str, Plan]) -> Campaign:
     """The campaign that runs some plans, by their names."""
     return Campaign(
-        results=HERE.parent / "docs" / "closed_loop.json",
+        results=DOCS / "closed_loop.json",
         kinds={name: partial(run_episode, plan) for name, plan in plans.items()},
-        version=version,
+        version=version_of(Path(__file__).parent / "closed_loop"),
         extreme=EXTREME,
         summed_up=lambda name, episodes: sums(plans[name], episodes),
         derived=lambda name, found: derived(plans[name], found),
         digest=digest,
         is_broken=is_broken,
-        is_told=lambda episode: episode["contact"] is not None,
+        is_notable=lambda episode: episode["contact"] is not None,
     )
 
 

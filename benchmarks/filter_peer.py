@@ -23,7 +23,7 @@ from armguard.cli.console import say
 from armguard.respond import Guard
 from closed_loop.judge import Judge
 from episodes.records import keep
-from reach.peer import MinkPeer, is_installed
+from reach.answers import MinkPeer, is_installed
 
 RESULTS = Path(__file__).parents[1] / "docs" / "filter_peer.json"
 

@@ -60,7 +60,7 @@ def toy(tmp_path):
             digest=digest,
             page=" ".join,
             is_broken=lambda figures: figures["contacts"] > 0,
-            is_told=lambda _: False,
+            is_notable=lambda _: False,
             written=2,
         )
 

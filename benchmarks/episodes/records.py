@@ -14,6 +14,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +26,7 @@ Figures = dict[str, Any]
 Extreme = Mapping[str, Callable[[float, float], float]]
 
 # So many seeds in which something was found are listed.
-TOLD = 20
+LISTED = 20
 
 # What figures have beside what was measured.
 BESIDE = ("version", "kernels", "before")
@@ -58,6 +59,25 @@ def version(what: str, files: Iterable[Path]) -> str:
     for path in files:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def version_of(
+    folder: Path, *shared: Path, reporting: Sequence[str] = ("summary.py",)
+) -> Callable[[str], str]:
+    """Gives the version of each kind of episodes of a campaign.
+
+    Args:
+        folder: Its files.
+        shared: Files of others that decide what comes of its episodes.
+        reporting: Names of files that change no episode.
+    """
+
+    @cache
+    def of(kind: str) -> str:
+        files = [*sorted(folder.glob("*.py")), *shared]
+        return version(kind, [path for path in files if path.name not in reporting])
+
+    return of
 
 
 def ranges_of(seeds: Iterable[int]) -> list[list[int]]:
@@ -330,7 +350,7 @@ def merged(one: Figures, other: Figures, extreme: Extreme) -> Figures:
         elif isinstance(b, dict):
             found[key] = merged(a, b, extreme)
         elif isinstance(b, list):
-            found[key] = [*a, *b][:TOLD]
+            found[key] = [*a, *b][:LISTED]
         elif isinstance(b, str):
             found[key] = b
         else:

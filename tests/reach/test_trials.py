@@ -6,11 +6,9 @@ import pytest
 from armguard.respond.command import Action
 from closed_loop.settings import SUBSTEP
 from reach.answers import Answering, Orders, answering
-from reach.arena import arena_of
-from reach.drives import STEPS, Drives
+from reach.arena import PERIOD, STEPS, Drives, arena_of
 from reach.goals import draw_goal
-from reach.scenes import PERIOD
-from reach.slides import SLIDES, slid, start_of
+from reach.runs import SLIDES, slid, start_of
 from reach.trial import Trial
 
 # Seeds of the bay whose operators find their own way certified, by kind of goal.

@@ -9,9 +9,8 @@ from evading.episode import run_episode
 from evading.judge import Findings
 from evading.places import PERIOD, Place, Thing
 from evading.search import Search, spread_out
-from evading.summary import EXTREME, is_broken, share, summed_up
 from evading.throws import BEFORE, drawn_throw
-from evading_campaign import CAMPAIGN
+from evading_campaign import CAMPAIGN, EXTREME, is_broken, share, summed_up
 
 BALL = Thing((0.06, 0.06, 0.06), (0.0, 0.0, 0.0), False, 0.6)
 

@@ -18,7 +18,6 @@ from gripping.panda import (
     PandaJudge,
     scene_of_panda,
 )
-from gripping.summary import EXTREME, is_broken, summed_up
 from gripping.unintended import (
     KINDS,
     SPEEDS,
@@ -28,7 +27,7 @@ from gripping.unintended import (
     drawn_place,
 )
 from gripping.workplace import Workplace, box, cylinder, gaps
-from gripping_campaign import CAMPAIGN
+from gripping_campaign import CAMPAIGN, EXTREME, is_broken, summed_up
 
 
 def test_a_sample_of_things_that_are_picked_and_placed():
