@@ -5,13 +5,14 @@ import re
 import secrets
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from subprocess import PIPE, Popen
+from typing import IO
 
 from armguard.scene.bay import FOLDER, bay_path
 from armguard.station.service.counters import CountersReader
@@ -55,21 +56,10 @@ class Target:
         words = ("serve", str(patient_bay(folder, late)), "--port", str(port), *given)
         how = ("--mode", "path", "--late", str(late), "--no-self-test", *options)
         self._log = (folder / "service.log").open("ab")
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "armguard", *words, *how],
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-        )
-        assert self.process.stdout is not None
-        watch = threading.Timer(START, self.process.kill)
-        watch.start()
-        line = self.process.stdout.readline().decode()
-        watch.cancel()
+        self.process, line = started(("armguard", *words, *how), self._log)
         found = re.fullmatch(r"listening on [\d.]+:(\d+), ring (.*)\n", line)
         if found is None:
-            self.process.wait()
-            self.process.stdout.close()
-            self._log.close()
+            self.end()
             raise RuntimeError(f"no service: {(folder / 'service.log').read_text()}")
         self.port, self.ring = int(found[1]), Path(found[2])
         self.key_file = keys or own_keys(self.port)
@@ -104,6 +94,23 @@ class Target:
         assert self.process.stdout is not None
         self.process.stdout.close()
         self._log.close()
+
+
+def started(words: Sequence[str], log: IO[bytes]) -> tuple[Popen[str], str]:
+    """A process of a Python module, and the first line it wrote; empty if it ended.
+
+    Args:
+        words: The module and its arguments.
+        log: Where its errors go.
+    """
+    command = [sys.executable, "-m", *words]
+    process = Popen(command, stdout=PIPE, stderr=log, text=True)
+    watch = threading.Timer(START, process.kill)
+    watch.start()
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    watch.cancel()
+    return process, line
 
 
 class Arms:
@@ -253,9 +260,9 @@ def new_keys(folder: Path) -> Path:
     return path
 
 
-def free_port() -> int:
-    """A port that is free."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    """A port that is free on loopback, of UDP or of another kind."""
+    with socket.socket(socket.AF_INET, kind) as one:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]
         return port
