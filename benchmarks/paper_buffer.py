@@ -18,7 +18,7 @@ from armguard.robot.stopping import (
     stop_travel,
     stopping_figures,
 )
-from rail import carriage
+from robots import carriage
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "buffer_by_speed.png"
 

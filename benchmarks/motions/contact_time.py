@@ -96,7 +96,7 @@ class Bay:
         scene._margin = MARGIN
         self.guard = Guard(scene, self_test=False)
         tables = self.guard.tables
-        self.judge = Judge(tables)
+        self.judge = Judge(scene, tables)
         self.lower, self.upper = tables.lower, tables.upper
         figures = [part.stopping for part in tables.robots]
         self.top, self.hardest, self.q_error, self.v_error = (

@@ -9,7 +9,7 @@ import numpy as np
 from armguard.geometry import Box, Pose, Sphere
 from armguard.respond import Guard
 from armguard.scene import Scene
-from rail import carriage
+from robots import carriage
 
 # Radius of the carriage, place of the wall's face, how far the joint goes [m].
 RADIUS = 0.05

@@ -17,7 +17,7 @@ from armguard.guard import Level, Verdict
 from armguard.robot.stopping import StoppingFigures, stopping_figures
 from arrays import Floats
 from closed_loop.plant import FREE, HELD, Plant, advance, order_stop, plant_at
-from rail import carriage
+from robots import carriage
 
 # Half the edge of the cube that slides [m], and how far it can [m].
 HALF = 0.05
