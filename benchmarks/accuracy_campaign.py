@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from accuracy.judge import judge, swallowed
-from accuracy.peer_runs import NOTABLE, VERDICTS, compare, tasks
-from accuracy.peers import PEERS
+from accuracy.peers import NOTABLE, PEERS, VERDICTS, compare, tasks
 from accuracy.regimes import REGIMES
 from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, merged, summed_up
 from armguard.geometry.pairs import has_closed_form

@@ -12,9 +12,15 @@ from typing import Any
 
 import matplotlib as mpl
 
-from bay_keyframes import TASK_150, TASK_700, TASK_2000, Keyframe
 from bay_oracle import BayOracle, Floats, Nearest
-from make_bay_tasks import HANDLED, configurations, distance_of, kind_of
+from make_bay_tasks import (
+    HANDLED,
+    TASKS,
+    Keyframe,
+    configurations,
+    distance_of,
+    kind_of,
+)
 from ray_picture import Camera, Solid, render
 
 mpl.use("agg")
@@ -186,9 +192,9 @@ def main() -> None:
     oracle = BayOracle()
     draw_home(oracle)
     for task, kind, azimuth, elevation, name in (
-        (TASK_700, "arm-arm", -150.0, 50.0, "bay.png"),
-        (TASK_150, "arm-fixture", -55.0, 12.0, "bay_150.png"),
-        (TASK_2000, "arm-object", -100.0, 15.0, "bay_2000.png"),
+        (TASKS[700], "arm-arm", -150.0, 50.0, "bay.png"),
+        (TASKS[150], "arm-fixture", -55.0, 12.0, "bay_150.png"),
+        (TASKS[2000], "arm-object", -100.0, 15.0, "bay_2000.png"),
     ):
         q, pair = closest(oracle, task, kind)
         x, y, z = map(float, (pair.point_a + pair.point_b) / 2)

@@ -6,11 +6,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from accuracy import depth, slow
-from accuracy.bodies import Array, Bodies, gather, length, unit
-from accuracy.certificate import half_space_separation, separation, witness_bound
-from accuracy.ours import measure_all
-from accuracy.regimes import Pair, draw, scale
+from accuracy import search
+from accuracy.bodies import (
+    Array,
+    Bodies,
+    gather,
+    half_space_separation,
+    length,
+    separation,
+    unit,
+    witness_bound,
+)
+from accuracy.regimes import Pair, draw, measure_all, scale
 from armguard.geometry import ShapeKind
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import shape_row
@@ -142,7 +149,7 @@ def settle(
     open_ = ~((lower + radii > 0) & (upper - lower <= OPEN * scales))
     apart = np.flatnonzero(open_ & (out[:, 0] + radii > 0))
     if len(apart):
-        low, high = slow.bounds(a.pick(apart), b.pick(apart), out[apart, 7:10])
+        low, high = search.bounds(a.pick(apart), b.pick(apart), out[apart, 7:10])
         lower[apart] = np.maximum(lower[apart], low)
         upper[apart] = np.minimum(upper[apart], high)
     deep = lower + radii <= 0
@@ -150,7 +157,7 @@ def settle(
     overlap = np.flatnonzero(deep | ~(upper - lower <= OPEN * scales))
     if len(overlap):
         one, other = a.pick(overlap), b.pick(overlap)
-        least = depth.least_width(one, other, unit(out[overlap, 7:10]))
+        least = search.least_width(one, other, unit(out[overlap, 7:10]))
         lower[overlap] = np.maximum(lower[overlap], -least)
         upper[overlap] = lower[overlap]
     return lower, upper, deep

@@ -7,8 +7,7 @@ import numpy as np
 from accuracy.bodies import Array
 from accuracy.exact import signed_distance
 from accuracy.judge import Batch
-from accuracy.ours import measure_all
-from accuracy.regimes import KIND_PAIRS
+from accuracy.regimes import KIND_PAIRS, measure_all
 from armguard.geometry import ShapeKind
 from armguard.geometry.pairs import has_closed_form
 

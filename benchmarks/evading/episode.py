@@ -11,8 +11,7 @@ from armguard.respond import Action, Blocked, Command, Guard
 from arrays import Bools, Floats
 from episodes.classes import classes
 from episodes.follower import Follower
-from evading.judge import Findings
-from evading.places import MOVER, PERIOD, Place
+from evading.places import MOVER, PERIOD, Findings, Place
 from evading.search import Search
 from evading.throws import BEFORE, SPEEDS, Throw, drawn_thing, drawn_throw
 

@@ -1,21 +1,147 @@
-"""Where things are thrown at arms: the bay and two Pandas, and one thing that comes."""
+"""Where something is thrown at arms, and what MuJoCo says of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
 
 from armguard.geometry import Box, Pose, Sphere
 from armguard.robot.stopping import StoppingFigures
-from armguard.scene import Scene
+from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseSettings
-from armguard.scene.tables import SceneTables
 from arrays import Floats
+from closed_loop.judge import FAR, SIGHT
+from closed_loop.judge import Judge as PairJudge
 from closed_loop.scenes import bare_scene, filled
 from closed_loop.truth import joined
-from evading.judge import Judge
+
+
+@dataclass(frozen=True)
+class Hit:
+    """How the thing that comes touched an arm first.
+
+    Attributes:
+        geom: Geom of the arm.
+        link: Its link.
+        time: When [s].
+        q: True joint positions then, shape (n,) [rad or m].
+    """
+
+    geom: int
+    link: str
+    time: float
+    q: Floats
+
+
+@dataclass
+class Findings:
+    """What a judge saw in an episode.
+
+    Attributes:
+        mover: Least distance of the thing that comes to an arm, `SIGHT` at most [m].
+        others: The same of all other pairs [m].
+        hit: What the thing touched first; None if nothing.
+        touched: Other pairs that touched, and when each did first [s].
+    """
+
+    mover: float = SIGHT
+    others: float = SIGHT
+    hit: Hit | None = None
+    touched: dict[tuple[str, str], float] = field(default_factory=dict)
+
+
+class Judge:
+    """Distances of all checked pairs on true states, by MuJoCo.
+
+    Attributes:
+        links: Geoms of each arm's links that joints move, by the arm's name.
+        fixtures: Geoms of what stands.
+
+    Args:
+        scene: The scene.
+        tables: Its tables.
+        mover: Name of the thing that comes.
+        origin: Where the scene has it, shape (3,) [m].
+    """
+
+    def __init__(
+        self, scene: Scene, tables: SceneTables, mover: str, origin: Floats
+    ) -> None:
+        self._pairs = PairJudge(scene, tables)
+        self._mover, self._origin = mover, origin
+        owners = self._pairs.owners
+        self.owners = owners
+        self._geom = owners.index(mover)
+        self._checked = {
+            a if b == self._geom else b
+            for a, b in self._pairs.pairs
+            if self._geom in (a, b)
+        }
+        moved = self._pairs.model.body_weldid[self._pairs.model.geom_bodyid] != 0
+        self.links = {
+            name: [g for g in self._checked if self.arm_of(g) == k and moved[g]]
+            for k, name in enumerate(scene.robots)
+        }
+        self.fixtures = [
+            g for g in range(len(owners)) if self.arm_of(g) < 0 and g != self._geom
+        ]
+
+    def arm_of(self, geom: int) -> int:
+        """Number of the arm a geom belongs to, -1 if to none."""
+        return int(self._pairs.arm_of[geom])
+
+    def middle(self, geom: int) -> Floats:
+        """Middle of a geom in the state that was looked at last, shape (3,) [m]."""
+        return np.array(self._pairs.data.geom_xpos[geom])
+
+    def put(self, q: Floats, mover: Floats | None) -> None:
+        """Take a state: joint positions, and where the thing is, None if nowhere."""
+        at = self._origin if mover is None else mover
+        self._pairs.stand_at(self._mover, at - self._origin)
+        self._pairs.place(q)
+
+    def least(self, q: Floats, mover: Floats | None) -> tuple[float, float]:
+        """Least distances of the thing to an arm and of all others, in sight [m]."""
+        self.put(q, mover)
+        distances, geoms = self._pairs.measure(q)
+        ours = (geoms == self._geom).any(axis=1)
+        return (
+            float(distances[ours].min(initial=SIGHT)),
+            float(distances[~ours].min(initial=SIGHT)),
+        )
+
+    def gap(self, geoms: list[int]) -> float:
+        """Least distance of the thing to some geoms in the state put last [m]."""
+        return min((self._pairs.gap((g, self._geom)) for g in geoms), default=FAR)
+
+    def arm(self, robot: int) -> list[int]:
+        """Geoms of an arm that are checked against the thing."""
+        return [g for g in self._checked if self.arm_of(g) == robot]
+
+    def way_off(self, robot: int) -> Floats:
+        """How each joint opens the arm's nearest link to the thing, shape (n,)."""
+        found = (self._pairs.apart((g, self._geom)) for g in self.arm(robot))
+        return min(found, key=lambda f: f[0])[1]
+
+    def look(
+        self, q: Floats, mover: Floats | None, time: float, found: Findings
+    ) -> None:
+        """Judge a true state."""
+        self.put(q, mover)
+        distances, geoms = self._pairs.measure(q)
+        for distance, (a, b) in zip(distances.tolist(), geoms.tolist(), strict=True):
+            if self._geom in (a, b):
+                geom = a if b == self._geom else b
+                if distance <= 0.0 and found.hit is None:
+                    found.hit = Hit(geom, self.owners[geom], time, q)
+                found.mover = min(found.mover, distance)
+                continue
+            if distance <= 0.0:
+                found.touched.setdefault((self.owners[a], self.owners[b]), time)
+            found.others = min(found.others, distance)
+
 
 # Time from one cycle to the next [s], and the distance that is asked for [m].
 PERIOD, BUFFER = 0.004, 0.005

@@ -7,8 +7,16 @@ import pytest
 
 import closed_loop_campaign
 from closed_loop.settings import PROFILES, RATES, SUBSTEP, TERMS, Plan, setting_of
-from closed_loop.summary import EXTREME, bound, derived, digest, summed_up, sums
-from closed_loop_campaign import campaign_of, run_episode
+from closed_loop_campaign import (
+    EXTREME,
+    bound,
+    campaign_of,
+    derived,
+    digest,
+    run_episode,
+    summed_up,
+    sums,
+)
 from episodes.campaign import LeftOut
 from episodes.records import merged, read
 from pages import page

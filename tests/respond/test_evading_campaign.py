@@ -6,8 +6,7 @@ import pytest
 from episodes.classes import percentile
 from episodes.records import Records
 from evading.episode import run_episode
-from evading.judge import Findings
-from evading.places import PERIOD, Place, Thing
+from evading.places import PERIOD, Findings, Place, Thing
 from evading.search import Search, spread_out
 from evading.throws import BEFORE, drawn_throw
 from evading_campaign import CAMPAIGN, EXTREME, is_broken, share, summed_up
