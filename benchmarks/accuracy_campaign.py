@@ -9,7 +9,6 @@ import argparse
 import multiprocessing
 from concurrent.futures import Executor, ProcessPoolExecutor
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 from accuracy.judge import judge, swallowed
@@ -19,9 +18,7 @@ from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, merged, summed_up
 from armguard.geometry.pairs import has_closed_form
 from episodes.kernels import told_of
 from episodes.records import keep, read
-from pages import rendered
-
-DOCS = Path(__file__).parents[1] / "docs"
+from pages import DOCS, rendered
 
 RESULTS = DOCS / "accuracy.json"
 

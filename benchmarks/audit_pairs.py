@@ -26,7 +26,7 @@ from armguard.robot.model import RobotModel
 from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene
 from armguard.scene.scene import SceneRobot
-from pages import rendered
+from pages import DOCS, rendered
 
 
 class MeshContact:
@@ -101,8 +101,6 @@ class MeshContact:
 
 
 ROBOTS = ("panda", "ur5", "xarm7", "baxter")
-DOCS = Path(__file__).parents[1] / "docs"
-
 # Time for the proofs of one robot [s].
 SECONDS = 600.0
 

@@ -8,10 +8,8 @@ settings it has by default, DAQP as its solver, and all pairs that the guard che
 is left out where it is not installed: `pip install mink "qpsolvers"`.
 """
 
-import argparse
 import json
 import sys
-from pathlib import Path
 from time import perf_counter_ns
 
 import numpy as np
@@ -22,10 +20,12 @@ from armguard.benchmark.timing import percentiles, quiet
 from armguard.cli.console import say
 from armguard.respond import Guard
 from closed_loop.judge import Judge
+from episodes.campaign import command
 from episodes.records import keep
+from pages import DOCS
 from reach.answers import MinkPeer, is_installed
 
-RESULTS = Path(__file__).parents[1] / "docs" / "filter_peer.json"
+RESULTS = DOCS / "filter_peer.json"
 
 # Every so many cycles the peer is asked.
 SHARE = 20
@@ -36,9 +36,7 @@ WARM = 500
 
 def main() -> int:
     """Measure; write docs/filter_peer.json."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(__doc__)
     parser.add_argument("--cycles", type=int, default=20_000)
     chosen = parser.parse_args()
     scene = crowded_scene(say)

@@ -19,6 +19,9 @@ STYLE = {
     "legend.frameon": False,
 }
 
+# Legends in a frame.
+FRAMED = {"legend__frameon": True}
+
 
 @contextmanager
 def drawn(

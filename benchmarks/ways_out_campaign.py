@@ -13,11 +13,9 @@ and the pinch is looked for in the same independent way: every joint, both ways,
 some pair nearer that is too near.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -27,9 +25,11 @@ from armguard.scene import Scene, bay_scene
 from arrays import Floats
 from closed_loop.scenes import build_scene
 from closed_loop.settings import setting_of
+from episodes.campaign import command
 from episodes.records import keep
+from pages import DOCS
 
-RESULTS = Path(__file__).parents[1] / "docs" / "ways_out.json"
+RESULTS = DOCS / "ways_out.json"
 
 # How much nearer, or less near, than its buffer the nearest pair is [m].
 NEARER, FARTHER = 0.004, 0.002
@@ -181,9 +181,7 @@ def run(scene: Scene, number: int, seed: int = 0) -> Count:
 
 def main() -> int:
     """Run; write docs/ways_out.json; 1 if a state had neither way nor pinch."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(__doc__)
     parser.add_argument("--states", type=int, default=10_000)
     chosen = parser.parse_args()
     scenes = {
