@@ -21,6 +21,7 @@ from armguard.cli.console import say
 from armguard.respond import Guard
 from closed_loop.judge import Judge
 from episodes.campaign import command
+from episodes.follower import Arms
 from episodes.records import keep
 from pages import DOCS
 from reach.answers import MinkPeer, is_installed
@@ -44,8 +45,7 @@ def main() -> int:
     tables = guard.tables
     peer = None
     if is_installed():
-        velocity = np.concatenate([part.stopping.velocity for part in tables.robots])
-        limits = tables.lower, tables.upper, velocity
+        limits = tables.lower, tables.upper, Arms(tables).joined("velocity")
         peer = MinkPeer(scene, Judge(scene, tables), limits, "mink")
     else:
         say("the peer is left out: mink or qpsolvers is not installed")

@@ -36,7 +36,10 @@ HERE = Path(__file__).parent
 # Kinds with files of their own, whose names begin with the kind's; and files of others
 # that decide what comes of an episode.
 OF_ONE_KIND = ("panda", "unintended")
-SHARED = (HERE / "episodes" / "follower.py", HERE / "closed_loop" / "truth.py")
+SHARED = tuple(
+    HERE / name
+    for name in ("episodes/follower.py", "closed_loop/truth.py", "robots.py")
+)
 
 # Joints miss commands, so a contact may be as much faster than creep: two of
 # the gantry, or those of a Panda, by their levers and that of a finger; and the judge's

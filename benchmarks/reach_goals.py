@@ -33,7 +33,10 @@ from reach.summary import digest, write_page
 HERE = Path(__file__).parent
 
 # Files of others that decide what comes of a trial.
-SHARED = ("judge.py", "judge_model.py", "plant.py", "scenes.py", "settings.py")
+SHARED = (
+    *("closed_loop/judge.py", "closed_loop/judge_model.py", "closed_loop/plant.py"),
+    *("closed_loop/scenes.py", "closed_loop/settings.py", "episodes/follower.py"),
+)
 
 # So many trials are run with one answer before the next one has its turn.
 TURN = 10
@@ -89,9 +92,7 @@ def campaign_of(kinds: list[str]) -> Campaign:
     return Campaign(
         results=DOCS / "reach.json",
         kinds={kind: partial(work, *kind.split("/")) for kind in kinds},
-        version=version_of(
-            HERE / "reach", *(HERE / "closed_loop" / name for name in SHARED)
-        ),
+        version=version_of(HERE / "reach", *(HERE / name for name in SHARED)),
         extreme={"first": lambda one, _: one},
         summed_up=summed_up,
         digest=digest,

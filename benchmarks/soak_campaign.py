@@ -23,6 +23,7 @@ from armguard.benchmark.motion import sway
 from armguard.respond import Action, Guard
 from armguard.scene import bay_scene
 from episodes.campaign import Campaign, Episode
+from episodes.follower import Arms
 from episodes.records import Digest, Figures, version
 from pages import DOCS
 
@@ -118,8 +119,7 @@ class Filtered(Soak):
         self.q = self.guard.home.copy()
         self.v = np.zeros_like(self.q)
         self.time = 0.0
-        robots = self.guard.tables.robots
-        self.top = np.concatenate([part.stopping.velocity for part in robots])
+        self.top = Arms(self.guard.tables).joined("velocity")
 
     def chunk(self, rng: np.random.Generator, count: int) -> Counter[str]:
         """See `Soak`."""

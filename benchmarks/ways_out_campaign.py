@@ -26,6 +26,7 @@ from arrays import Floats
 from closed_loop.scenes import build_scene
 from closed_loop.settings import setting_of
 from episodes.campaign import command
+from episodes.follower import Arms
 from episodes.records import keep
 from pages import DOCS
 
@@ -131,7 +132,7 @@ def leads_out(guard: Guard, q: Floats, velocity: Floats) -> bool:
 def judge(guard: Guard, q: Floats, count: Count) -> None:
     """Look for a way out of a state."""
     count.states += 1
-    top = np.concatenate([p.stopping.velocity for p in guard.tables.robots])
+    top = Arms(guard.tables).joined("velocity")
     before = clearances(guard, q)
     count.too_near += any(c < 0.0 for c in before.values())
     guard.reset()

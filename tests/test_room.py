@@ -5,9 +5,10 @@ import pytest
 
 from armguard import bay_scene
 from armguard.robot.stopping import stop_travel
+from episodes.follower import Arms
 from room import walls
 from room.approaches import next_approach
-from room.lines import FASTEST, PERIOD, ruler_of, tops
+from room.lines import FASTEST, PERIOD, ruler_of
 from room.slides import slide_figures
 
 
@@ -16,7 +17,7 @@ def test_an_approach_ends_in_contact_and_can_be_driven():
     approach = next_approach(ruler, np.random.default_rng(3), "fixture")
     samples = list(approach.line.drive(FASTEST))
     q, v = (np.array([s[k] for s in samples]) for k in (0, 1))
-    assert (np.abs(v) <= tops(ruler.tables)).all()
+    assert (np.abs(v) <= Arms(ruler.tables).joined("velocity")).all()
     accelerations = np.abs(np.diff(v, axis=0)) / PERIOD
     figures = bay_scene("path").robots["left"].stopping
     assert (accelerations <= figures.acceleration.min()).all()

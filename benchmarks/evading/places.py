@@ -1,13 +1,10 @@
 """Where something is thrown at arms, and what MuJoCo says of it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import pi
 
 import numpy as np
 
 from armguard.geometry import Box, Pose, Sphere
-from armguard.robot.stopping import StoppingFigures
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseSettings
@@ -15,7 +12,7 @@ from arrays import Floats
 from closed_loop.judge import FAR, SIGHT
 from closed_loop.judge import Judge as PairJudge
 from closed_loop.scenes import bare_scene, filled
-from closed_loop.truth import joined
+from episodes.follower import Arms
 
 
 @dataclass(frozen=True)
@@ -175,16 +172,12 @@ class Thing:
         return Pose(xyz=tuple(xyz.tolist()), rpy=self.turn)
 
 
-class Place:
-    """A scene with a thing that may come, its figures and its judge.
+class Place(Arms):
+    """A scene with a thing that may come, and its judge; see also `Arms`.
 
     Attributes:
         scene: The scene; the thing is not there.
-        tables: Its tables.
         judge: The judge.
-        robots: Names of the arms.
-        own: Places of each arm's joints in q.
-        figures: Declared figures of each arm.
         limits: Least and greatest positions of the joints, shape (2, n) [rad or m].
 
     Args:
@@ -195,23 +188,9 @@ class Place:
 
     def __init__(self, name: str, thing: Thing, *, evade: bool) -> None:
         self.scene = built(name, thing, evade)
-        self.tables: SceneTables = compile_scene(self.scene)
+        super().__init__(compile_scene(self.scene))
         self.judge = Judge(self.scene, self.tables, MOVER, np.array(AWAY))
-        parts = self.tables.robots
-        self.robots = tuple(part.name for part in parts)
-        self.own = {
-            part.name: slice(part.first_joint, part.first_joint + part.joint_count)
-            for part in parts
-        }
-        self.figures: Mapping[str, StoppingFigures] = {
-            part.name: part.stopping for part in parts
-        }
-        low = np.maximum(self.tables.lower, -pi)
-        self.limits = np.array([low, np.minimum(self.tables.upper, pi)])
-
-    def joined(self, figure: str) -> Floats:
-        """A figure of all joints, shape (n,)."""
-        return joined(self.figures.values(), figure)
+        self.limits = np.array([self.lower, self.upper])
 
 
 def built(name: str, thing: Thing, evade: bool) -> Scene:

@@ -3,6 +3,7 @@
 A carriage on a rail runs at a wall: a guard of one joint whose truth is a line.
 """
 
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from armguard.cli.console import say
 from armguard.geometry import Box, Pose, Sphere
 from armguard.guard import Level
 from armguard.guard.watch import RUNNING
 from armguard.respond import Guard
 from armguard.scene import Scene
-from episodes.records import Digest, Records, ranges_of, version
+from closed_loop import plant
+from closed_loop.plant import stopping_travel
+from episodes.campaign import Campaign, Episode
+from episodes.records import Digest, Figures, version
 from robots import carriage
 
 # Radius of the carriage, place of the wall's face, how far the joint goes [m].
@@ -105,20 +108,9 @@ class Truth:
         """Position [m] and speed [m/s]."""
         if time <= self.effect:
             return self.place + self.speed * time, self.speed
-        since, (_, ramp, least) = time - self.effect, self.stop
-        rising = min(ramp, np.sqrt(2.0 * ramp * self.speed / least))
-        rest = rising
-        if rising == ramp:
-            rest += (self.speed - 0.5 * least * ramp) / least
-        t = min(since, rest)
-        up = min(t, rising)
-        full = t - up
-        jerk = least / ramp if ramp > 0.0 else 0.0
-        risen = self.speed - 0.5 * jerk * up * up
-        way = self.speed * up - jerk * up**3 / 6.0 + risen * full
-        way -= 0.5 * least * full * full
-        left = risen - least * full if t < rest else 0.0
-        return self.place + self.speed * self.effect + way, max(left, 0.0)
+        _, ramp, least = self.stop
+        way, speed = stopping_travel(time - self.effect, self.speed, least, ramp)
+        return self.place + self.speed * self.effect + way, speed
 
 
 Given = dict[str, Any]
@@ -203,7 +195,7 @@ KINDS: dict[str, Callable[[Given], Given]] = {
 NAMES = tuple(KINDS)
 
 
-def episode(seed: int) -> dict[str, Any]:
+def episode(seed: int) -> Episode:
     """A carriage that runs at a wall; a cycle on its way or in its stop is wrong."""
     rng = np.random.default_rng(seed)
     kind = NAMES[seed % len(NAMES)]
@@ -267,7 +259,27 @@ def episode(seed: int) -> dict[str, Any]:
     }
 
 
-def refused_figures(count: int, first: int, folder: Path) -> dict[str, Any]:
+def summed_up(_: str, episodes: list[Episode]) -> Figures:
+    """Figures of episodes, all of which but the least gap are sums."""
+    return {
+        "episodes": len(episodes),
+        **{name: sum(e[name] for e in episodes) for name in COUNTED},
+        "least_gap_mm": min(e["gap_mm"] for e in episodes),
+        "seen": Counter(e["seen"] for e in episodes),
+        "found": [e["seed"] for e in episodes if e["disproved"] or e["contact"]],
+    }
+
+
+COUNTED = ("stopped", "disproved", "contact")
+
+
+def digest(e: Episode) -> Digest:
+    """What came of an episode, in short."""
+    found = next((name for name in COUNTED[1:] if e[name]), "")
+    return Digest(e["seed"], found, e["gap_mm"])
+
+
+def refused_figures(count: int, first: int, folder: Path) -> Figures:
     """Figures of episodes with one wrong cycle; each is kept.
 
     Args:
@@ -275,43 +287,17 @@ def refused_figures(count: int, first: int, folder: Path) -> dict[str, Any]:
         first: First seed.
         folder: Where figures are kept, and in `episodes` what came of each.
     """
-    files = [Path(__file__), Path(__file__).with_name("slide.py")]
-    records = Records(
-        folder / "inputs.json",
-        partial(version, files=files),
-        {"least_gap_mm": min},
+    campaign = Campaign(
+        results=folder / "inputs.json",
+        kinds={"refused": episode},
+        version=partial(version, files=[Path(__file__), Path(plant.__file__)]),
+        extreme={"least_gap_mm": min},
+        summed_up=summed_up,
+        digest=digest,
+        is_broken=lambda figures: figures["disproved"] + figures["contact"] > 0,
+        is_notable=lambda e: bool(e["disproved"] or e["contact"]),
+        written=200,
     )
-    batch: list[dict[str, Any]] = []
-    for seed in records.todo("refused", first, first + count):
-        batch.append(episode(seed))
-        if len(batch) == 200:
-            add(batch, records)
-            say(f"{seed + 1 - first} of {count} episodes with a wrong cycle")
-            batch = []
-    if batch:
-        add(batch, records)
-    return {**records.kinds["refused"], "kinds_of_fault": len(KINDS)}
-
-
-def add(batch: list[dict[str, Any]], records: Records) -> None:
-    """Keep episodes."""
-    figures = {
-        "episodes": len(batch),
-        "seeds": ranges_of(e["seed"] for e in batch),
-        **{name: sum(e[name] for e in batch) for name in COUNTED},
-        "least_gap_mm": min(e["gap_mm"] for e in batch),
-        "seen": Counter(e["seen"] for e in batch),
-        "found": [e["seed"] for e in batch if e["disproved"] or e["contact"]],
-    }
-    digests = [
-        Digest(
-            e["seed"],
-            "disproved" if e["disproved"] else "contact" if e["contact"] else "",
-            round(e["gap_mm"], 2),
-        )
-        for e in batch
-    ]
-    records.add("refused", figures, digests)
-
-
-COUNTED = ("stopped", "disproved", "contact")
+    chosen = Namespace(first=first, processes=1, seconds=None)
+    campaign.go_on("refused", chosen, count)
+    return {**campaign.records.kinds["refused"], "kinds_of_fault": len(KINDS)}

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from armguard import Guard
 from armguard.geometry import Box, Cylinder, PlacedShape
 from armguard.respond.command import Action
-from armguard.robot.stopping import StoppingFigures
 from armguard.scene import Scene, bay_scene, load_scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseName
@@ -26,6 +25,7 @@ from closed_loop.measuring import Measuring
 from closed_loop.scenes import two_pandas
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Styles, Truth, pick
+from episodes.follower import Arms
 
 # Where the public planning scenes lie, beside the project.
 PUBLIC = Path(__file__).parents[2].parent / "shared" / "motionbench"
@@ -111,17 +111,13 @@ ROOM = 0.1
 HEADS = ("head_pan",)
 
 
-class Arena:
-    """Where trials of one scene take place.
+class Arena(Arms):
+    """Where trials of one scene take place; see also `Arms`.
 
     Attributes:
         name: Name of the scene.
         judge: MuJoCo on what is true.
-        robots: Names of the robots.
-        figures: Declared figures of each.
         first: First joint of each robot, and n, shape (r + 1,).
-        lower: Least joint positions, joints without end within one turn, shape (n,).
-        upper: Greatest, shape (n,).
         velocity: Top speeds, shape (n,).
         acceleration: Accelerations, shape (n,).
         home: Home configuration, shape (n,).
@@ -135,20 +131,14 @@ class Arena:
     def __init__(self, name: str) -> None:
         self.name = name
         scene = build_scene(name, "deflect")
-        self.tables = tables = compile_scene(scene)
+        tables = compile_scene(scene)
+        super().__init__(tables)
+        assert len(self.figures) == len(self.robots), f"{name} has no stopping figures"
         self.judge = Judge(scene, tables)
-        self.robots = tuple(scene.robots)
-        figures = [robot.stopping for robot in scene.robots.values()]
-        assert all(f is not None for f in figures), f"{name} has no stopping figures"
-        self.figures: list[StoppingFigures] = [f for f in figures if f is not None]
-        sizes = [len(f.velocity) for f in self.figures]
-        self.joint_counts: Ints = np.array(sizes, dtype=np.int64)
-        self.first: Ints = np.cumsum([0, *sizes]).astype(np.int64)
-        self.lower = np.maximum(tables.lower, -np.pi)
-        self.upper = np.minimum(tables.upper, np.pi)
-        self.velocity = np.concatenate([f.velocity for f in self.figures])
-        self.acceleration = np.concatenate([f.acceleration for f in self.figures])
-        self.deceleration = np.concatenate([f.deceleration for f in self.figures])
+        ends = [own.stop for own in self.own.values()]
+        self.first: Ints = np.array([0, *ends], dtype=np.int64)
+        self.velocity = self.joined("velocity")
+        self.acceleration = self.joined("acceleration")
         self.home = tables.home.copy()
         heads = [q.split("/", 1)[1] in HEADS for q in tables.q_names]
         self.driven = (self.upper - self.lower >= ROOM) & ~np.array(heads)
@@ -272,7 +262,7 @@ class Drives:
     ) -> None:
         styles = Styles(pick(rng, TIMES), pick(rng, STOPS), pick(rng, ERRORS), True)
         self._arena = arena
-        self.truth = truth = Truth(rng, arena.figures, styles)
+        self.truth = truth = Truth(rng, [*arena.figures.values()], styles)
         self.plant = plants.plant_at(
             q, arena.first, truth.velocity, truth.acceleration, truth.brake
         )
@@ -285,9 +275,9 @@ class Drives:
         self._measuring = Measuring(truth, arena.first, self.q_rows, self.v_rows)
         late = [truth.command_delay(r) for r in range(robots)]
         self._late = [int(t / SUBSTEP + 1e-9) for t in late]
-        self._told = np.zeros((cycles + 1, n))
+        self._sent = np.zeros((cycles + 1, n))
         self._nowhere = np.zeros(n)
-        self._error = 0.9 * np.concatenate([f.tracking_error for f in arena.figures])
+        self._error = 0.9 * arena.joined("tracking_error")
         self._waves = 2.0 * np.pi * rng.uniform(*WAVES, n)
         self._phases = rng.uniform(0.0, 2.0 * np.pi, n)
 
@@ -306,7 +296,7 @@ class Drives:
         """Take the orders of a cycle; robots for which a stop is new."""
         stopped = []
         plant = self.plant
-        self._told[self.tick // STEPS] = velocity
+        self._sent[self.tick // STEPS] = velocity
         for r, name in enumerate(self._arena.robots):
             if actions[name] >= Action.STOP:
                 if plant.phase[r] == plants.FREE and plant.stop_at[r] == np.inf:
@@ -342,9 +332,8 @@ class Drives:
         arena = self._arena
         v = np.zeros(len(self._nowhere))
         for r, late in enumerate(self._late):
-            own = slice(int(arena.first[r]), int(arena.first[r + 1]))
-            k = (self.tick - late) // STEPS
+            own, k = arena.own[arena.robots[r]], (self.tick - late) // STEPS
             if k >= 0:
-                v[own] = self._told[k, own]
+                v[own] = self._sent[k, own]
         wave = np.sin(self._waves * self.now + self._phases)
         return v + self._error * wave * np.minimum(np.abs(v) / MISSES, 1.0)

@@ -14,6 +14,7 @@ from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.settings import Mode
 from armguard.scene.tables import SceneTables
 from arrays import Floats
+from episodes.follower import Arms
 
 MODES: tuple[Mode, ...] = ("path", "speed", "fixed")
 
@@ -150,7 +151,7 @@ def knots(
 
     Raises nothing: a line that cannot be driven at FASTEST ends there.
     """
-    top = SPEED_SHARE * tops(tables)
+    top = SPEED_SHARE * Arms(tables).joined("velocity")
     while ((q > tables.lower + ROOM) & (q < tables.upper - ROOM))[hand.joints].all():
         yield q
         slope = next_slope(hand, q, along, swing)
@@ -158,12 +159,6 @@ def knots(
             return
         middle = q + 0.5 * STEP * slope
         q = q + STEP * next_slope(hand, middle, along, swing)
-
-
-def tops(tables: SceneTables) -> Floats:
-    """Declared top speeds of all joints, shape (n,) [rad/s]."""
-    speeds = [part.stopping.velocity for part in tables.robots if part.stopping]
-    return np.concatenate(speeds)
 
 
 def line_through(rows: list[Floats]) -> Line | None:
