@@ -11,12 +11,20 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from importlib.metadata import version
 from typing import Any
 
-from accuracy.judge import judge, swallowed
+from accuracy.judge import (
+    FIGURES,
+    MISSED,
+    NAMES,
+    TARGETS,
+    judge,
+    merged,
+    summed_up,
+    swallowed,
+)
 from accuracy.peers import NOTABLE, PEERS, VERDICTS, compare, tasks
 from accuracy.regimes import REGIMES
-from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, merged, summed_up
 from armguard.geometry.pairs import has_closed_form
-from episodes.kernels import told_of
+from episodes.kernels import kernels_in_words
 from episodes.records import keep, read
 from pages import DOCS, rendered
 
@@ -160,7 +168,7 @@ def page(results: dict[str, Any]) -> str:
         peers=results["peers"],
         notable=NOTABLE,
         verdicts=VERDICTS,
-        kernels=told_of(results),
+        kernels=kernels_in_words(results),
     )
 
 

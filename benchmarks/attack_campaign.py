@@ -19,7 +19,7 @@ from typing import Any
 from armguard.cli.console import jsonable, say
 from attack.row import Row, none, write_table
 from episodes.campaign import command
-from episodes.kernels import GUARD, told_of
+from episodes.kernels import GUARD, kernels_in_words
 from episodes.records import keep, read
 from pages import DOCS
 
@@ -181,7 +181,7 @@ def main() -> int:
             keep(RESULTS, door, found, tried, (*GUARD, "station"))
     known = read(RESULTS)
     results = {name: known[name] for name in DOORS if name in known}
-    write_table(results, RESULTS.with_suffix(".md"), told_of(known, *results))
+    write_table(results, RESULTS.with_suffix(".md"), kernels_in_words(known, *results))
     rows = [row for one in results.values() for row in one["rows"]]
     failed = [row for row in rows if not row["passed"]]
     for row in failed:

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from armguard.benchmark import run
 from armguard.benchmark.index import agree_on_random_states
 from armguard.cli.console import say
-from episodes.kernels import told_of
+from episodes.kernels import kernels_in_words
 from episodes.records import keep, read
 from pages import DOCS, rendered
 from plots import FRAMED, drawn
@@ -56,7 +56,7 @@ def main() -> None:
 
 def write_page(results: dict[str, Any], docs: Path) -> None:
     """Write the page and its plots."""
-    text = rendered("benchmarks", **results, kernels=told_of(results))
+    text = rendered("benchmarks", **results, kernels=kernels_in_words(results))
     (docs / "benchmarks.md").write_text(text, encoding="utf-8")
     plot_index(results["index"], docs / "images" / "bench_index.png")
     plot_scale(results["scale"], docs / "images" / "bench_scale.png")

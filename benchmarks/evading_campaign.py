@@ -8,7 +8,7 @@ It resumes: seeds that were run with the same kernels, plant, throws and judge a
 from docs/evading.json, which is written every twenty episodes.
 
 A ball or a box comes straight at a link of an arm that rests or works. The guard is
-told where it is and how fast it comes; the plant is late and misses what it is told, by
+given its place and its velocity; the plant is late and misses its commands, by
 all that the scene declares. MuJoCo judges true states; an off-line search says whether
 there was a way out at all.
 """

@@ -8,7 +8,7 @@ It resumes: seeds that were run with the same kernels, plant, operators and judg
 known from docs/gripping_campaign.json, which is written every hundred episodes.
 
 An operator drives a gantry with a gripper through `Guard.filter`. Its plant is late and
-misses what it is told, by all that the scene declares. In `placing` he picks one of
+misses its commands by all that the scene declares. In `placing` he picks one of
 several things up among clutter and puts it down where it is free, on a way that is
 proven at rest. In `changing` he is among things 20 mm apart, and changes his mind.
 In `panda` he places with a Panda. In `unintended` he does what nobody means. Judged are

@@ -11,7 +11,7 @@ from typing import Any
 
 from armguard.benchmark.machine import describe_machine
 from episodes.campaign import command
-from episodes.kernels import told_of
+from episodes.kernels import kernels_in_words
 from episodes.records import keep, read
 from motions.clocks import clock_figures
 from motions.contact_time import approach_figures, contact_figures
@@ -82,7 +82,7 @@ def page(results: Figures) -> str:
         **results,
         lags=by_stop,
         lag_kinds=dict.fromkeys((delay, left) for delay, left, _ in by_stop),
-        kernels=told_of(results),
+        kernels=kernels_in_words(results),
     )
 
 

@@ -51,7 +51,7 @@ PAGES.filters |= {
     "power": power,
     "bold": bold,
     "in_cell": in_cell,
-    "kernels": kernels.told,
+    "kernels": kernels.cell_of,
 }
 
 

@@ -112,7 +112,7 @@ class Stepped(Soak):
 
 
 class Filtered(Soak):
-    """An operator of random wishes drives both arms, which do as they are told."""
+    """An operator of random desires drives both arms, which follow all commands."""
 
     def __init__(self, mode: str) -> None:
         super().__init__(mode)

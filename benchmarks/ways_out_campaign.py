@@ -6,11 +6,11 @@ make ways-out ARGS="--states 500"      some of them
 States lie on straight lines between random configurations, where the nearest pair is
 about as near as it may be: up to 4 mm nearer, or up to 2 mm farther. The arms rest
 there. Asked for are the way out that the cues tell, and then each joint alone, both
-ways. A way counts as out if what is told moves, no pair that was too near comes nearer
-by it, and one of them, if there is any, comes to be farther; that is measured anew, at
-rest. Where none is told, `PINCHED` has to be,
-and the pinch is looked for in the same independent way: every joint, both ways, brings
-some pair nearer that is too near.
+ways. A way counts as out if what is commanded moves, no pair that was too near comes
+nearer by it, and one of them, if there is any, comes to be farther; that is measured
+anew, at rest. Where none is commanded, `PINCHED` has to be, and the pinch is looked for
+in the same independent way: every joint, both ways, brings some pair nearer that is too
+near.
 """
 
 import sys

@@ -18,9 +18,8 @@ import fcl
 import mujoco
 import numpy as np
 
-from accuracy.judge import judge
+from accuracy.judge import NAMES, judge
 from accuracy.regimes import REGIMES, Pair
-from accuracy.summary import NAMES
 from armguard.benchmark.peers.coal_pairs import coal_convex
 from armguard.benchmark.peers.frames import along_z, outward_faces
 from armguard.benchmark.peers.shapes import peer_geometry

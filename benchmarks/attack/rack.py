@@ -1,4 +1,4 @@
-"""An arm that drives at what stands there while hostile clients try to take it away.
+"""An arm that drives at a fixture while hostile clients try to take it away.
 
 MuJoCo judges. It has all fixtures where the scene has them.
 """
@@ -65,14 +65,14 @@ class Driver:
         self.arms.engages, self._way = True, 0.0
         self.arms.wait_until(lambda answer: not any(answer.actions), LONGEST)
         self.arms.engages, self._way = False, 1.0
-        stopped = self.arms.wait_until(lambda _: self.stands, LONGEST)
+        stopped = self.arms.wait_until(lambda _: self.rests, LONGEST)
         self.arms.engages, self._way = True, -1.0
         back = self.arms.wait_until(lambda _: self.arms.q[JOINT] <= self._home, LONGEST)
         self._way = 0.0
         return stopped and back
 
     @property
-    def stands(self) -> bool:
+    def rests(self) -> bool:
         """Whether the arm was stopped and rests, or is where it was driven to."""
         arms = self.arms
         stopped = arms.newest is not None and any(arms.newest.actions)

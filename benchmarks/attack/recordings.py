@@ -52,7 +52,7 @@ SHARE = 2000
 # One of so many mutants is a whole file.
 FILES = 50
 
-# What stands before the text of a checkpoint: what it is, layout, length.
+# What comes before the text of a checkpoint: what it is, layout, length.
 BEFORE_TEXT = 8 + 16
 
 # Magnitudes nothing has, and the bits that are worst as a place.

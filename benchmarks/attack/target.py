@@ -16,10 +16,10 @@ from typing import IO
 
 from armguard.scene.bay import FOLDER, bay_path
 from armguard.station.service.counters import CountersReader
-from attack.raw import Kind, Raw, Role, Told, told
+from attack.raw import Heard, Kind, Raw, Role, heard
 
 # How much later than its period a cycle may come, and how old states may be: an attack
-# is told from a machine that is busy by what is done, not by when [s].
+# is distinguished from a machine that is busy by what is done, not by when [s].
 LATE = 0.4
 PERIOD = 0.004
 
@@ -121,7 +121,7 @@ class Arms:
         q: Positions of its arms [rad].
         sent: States it has sent, each with a wish if it commands.
         calls: Calls it has sent.
-        answers: What it was told last, if `keeps`.
+        answers: What it has heard last, if `keeps`.
         trace: Positions it was in, if `keeps`.
         wish: Desired velocities of all joints; may be changed at any time.
         strange: Answers with another commander, or that move an arm which nobody
@@ -129,7 +129,7 @@ class Arms:
         moving: Answers that moved an arm.
         moved_at: When the last such answer came, monotonic [s].
         silent: States that had no answer in time.
-        newest: What it was told last.
+        newest: What it has heard last.
         engages: Whether it engages arms that were stopped.
 
     Args:
@@ -157,10 +157,10 @@ class Arms:
         self.v = [0.0] * len(self.q)
         self.wish: Callable[[float], list[float]] = self.sway
         self.sent = self.calls = self.strange = self.moving = self.silent = 0
-        self.answers: list[Told] = []
+        self.answers: list[Heard] = []
         self.moved_at = 0.0
         self.trace: list[tuple[float, ...]] = []
-        self.newest: Told | None = None
+        self.newest: Heard | None = None
         self._ended = threading.Event()
         self._failed: BaseException | None = None
         if commands and not raw.claim():
@@ -182,7 +182,7 @@ class Arms:
         found[0] = 0.05 if self.q[0] < 0.02 * (-1) ** int(t) else -0.05
         return found
 
-    def wait_until(self, done: Callable[[Told], bool], seconds: float = 30.0) -> bool:
+    def wait_until(self, done: Callable[[Heard], bool], seconds: float = 30.0) -> bool:
         """Wait until an answer is as it is to be; whether it was."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -217,7 +217,7 @@ class Arms:
             self.v = [0.0] * len(self.q)
             self.silent += 1
             return
-        answer = told(message)
+        answer = heard(message)
         odd = self._commands and answer.commander != raw.sender
         odd |= not all(abs(x) < 10.0 for x in answer.velocities)
         odd |= any(answer.velocities[self._still :])

@@ -44,7 +44,7 @@ class Campaign:
     """What is run, and how it is reported.
 
     Attributes:
-        results: Where figures are kept; their page stands beside them.
+        results: Where figures are kept; their page is beside them.
         kinds: What runs the episode of a seed, by kind; it goes to other processes.
         version: Hash of all that decides what comes of an episode of a kind.
         extreme: Figures that are no sums, and how two of one name are put together.

@@ -17,7 +17,7 @@ from episodes.follower import Arms
 
 @dataclass(frozen=True)
 class Hit:
-    """How the thing that comes touched an arm first.
+    """How the projectile touched an arm first.
 
     Attributes:
         geom: Geom of the arm.
@@ -37,9 +37,9 @@ class Findings:
     """What a judge saw in an episode.
 
     Attributes:
-        mover: Least distance of the thing that comes to an arm, `SIGHT` at most [m].
+        mover: Least distance of the projectile to an arm, `SIGHT` at most [m].
         others: The same of all other pairs [m].
-        hit: What the thing touched first; None if nothing.
+        hit: What the projectile touched first; None if nothing.
         touched: Other pairs that touched, and when each did first [s].
     """
 
@@ -54,12 +54,12 @@ class Judge:
 
     Attributes:
         links: Geoms of each arm's links that joints move, by the arm's name.
-        fixtures: Geoms of what stands.
+        fixtures: Geoms of all that is fixed.
 
     Args:
         scene: The scene.
         tables: Its tables.
-        mover: Name of the thing that comes.
+        mover: Name of the projectile.
         origin: Where the scene has it, shape (3,) [m].
     """
 
@@ -94,13 +94,13 @@ class Judge:
         return np.array(self._pairs.data.geom_xpos[geom])
 
     def put(self, q: Floats, mover: Floats | None) -> None:
-        """Take a state: joint positions, and where the thing is, None if nowhere."""
+        """Take a state: joint positions, and where the projectile is, if anywhere."""
         at = self._origin if mover is None else mover
         self._pairs.stand_at(self._mover, at - self._origin)
         self._pairs.place(q)
 
     def least(self, q: Floats, mover: Floats | None) -> tuple[float, float]:
-        """Least distances of the thing to an arm and of all others, in sight [m]."""
+        """Least distances of the projectile to an arm, and of all others [m]."""
         self.put(q, mover)
         distances, geoms = self._pairs.measure(q)
         ours = (geoms == self._geom).any(axis=1)
@@ -110,15 +110,15 @@ class Judge:
         )
 
     def gap(self, geoms: list[int]) -> float:
-        """Least distance of the thing to some geoms in the state put last [m]."""
+        """Least distance of the projectile to some geoms in the state put last [m]."""
         return min((self._pairs.gap((g, self._geom)) for g in geoms), default=FAR)
 
     def arm(self, robot: int) -> list[int]:
-        """Geoms of an arm that are checked against the thing."""
+        """Geoms of an arm that are checked against the projectile."""
         return [g for g in self._checked if self.arm_of(g) == robot]
 
     def way_off(self, robot: int) -> Floats:
-        """How each joint opens the arm's nearest link to the thing, shape (n,)."""
+        """How each joint opens the arm's nearest link to the projectile, shape (n,)."""
         found = (self._pairs.apart((g, self._geom)) for g in self.arm(robot))
         return min(found, key=lambda f: f[0])[1]
 
@@ -152,7 +152,7 @@ SIZES = (0.03, 0.08)
 
 
 @dataclass(frozen=True)
-class Thing:
+class Projectile:
     """What comes; it does not turn.
 
     Attributes:
@@ -173,27 +173,27 @@ class Thing:
 
 
 class Place(Arms):
-    """A scene with a thing that may come, and its judge; see also `Arms`.
+    """A scene with a projectile that may come, and its judge; see also `Arms`.
 
     Attributes:
-        scene: The scene; the thing is not there.
+        scene: The scene; the projectile is not there.
         judge: The judge.
         limits: Least and greatest positions of the joints, shape (2, n) [rad or m].
 
     Args:
         name: Which of the scenes, "bay" or "pandas".
-        thing: What may come.
+        projectile: What may come.
         evade: Whether the arms get out of its way.
     """
 
-    def __init__(self, name: str, thing: Thing, *, evade: bool) -> None:
-        self.scene = built(name, thing, evade)
+    def __init__(self, name: str, projectile: Projectile, *, evade: bool) -> None:
+        self.scene = built(name, projectile, evade)
         super().__init__(compile_scene(self.scene))
         self.judge = Judge(self.scene, self.tables, MOVER, np.array(AWAY))
         self.limits = np.array([self.lower, self.upper])
 
 
-def built(name: str, thing: Thing, evade: bool) -> Scene:
+def built(name: str, projectile: Projectile, evade: bool) -> Scene:
     """The scene of the guard."""
     bare = bare_scene(name)
     scene = Scene(mode="path", period=PERIOD, index=bare.index, buffer=BUFFER)
@@ -203,14 +203,13 @@ def built(name: str, thing: Thing, evade: bool) -> Scene:
         bare,
         lambda name: {"stopping": bare.robots[name].stopping, "response": evades},
     )
-    shape = (
-        Box(half_extents=thing.half) if thing.is_box else Sphere(radius=thing.half[0])
-    )
+    half = projectile.half
+    shape = Box(half_extents=half) if projectile.is_box else Sphere(radius=half[0])
     scene.add(
         shape,
         name=MOVER,
-        pose=thing.at(np.array(AWAY)),
+        pose=projectile.at(np.array(AWAY)),
         present=False,
-        top_speed=thing.top_speed,
+        top_speed=projectile.top_speed,
     )
     return scene

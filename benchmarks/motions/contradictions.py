@@ -143,7 +143,7 @@ def contradiction_figures(count: int, seed: int) -> dict[str, Any]:
     for kind, wrong in KINDS.items():
         say(kind)
         for speed in SPEEDS:
-            # What stands still is measured without errors.
+            # What is still is measured without errors.
             noisy = "still" not in kind
             found = [named(guard, wrong, speed, rng, noisy) for _ in range(count)]
             times = [time for time, _ in found if time is not None]

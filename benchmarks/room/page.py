@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import paper_buffer as paper
-from episodes.kernels import told_of
+from episodes.kernels import kernels_in_words
 from pages import rendered
 from plots import drawn
 from room.lines import MODES
@@ -268,6 +268,6 @@ def write_page(results: Mapping[str, Rows], docs: Path) -> None:
         unknown=needs(rows, "speed")[AT_SPEED]["path"],
         closing=closing_bounds(rows)[AT_SPEED],
         inch=paper.INCH,
-        kernels=told_of(results),
+        kernels=kernels_in_words(results),
     )
     (docs / "room.md").write_text(text, encoding="utf-8")

@@ -15,7 +15,7 @@ import pytest
 
 from accuracy.judge import judge_pairs, swallowed
 from accuracy.regimes import REGIMES, draw
-from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, figures
+from accuracy.judge import FIGURES, MISSED, NAMES, TARGETS, figures
 
 RESULTS = Path(__file__).parents[2] / "docs" / "accuracy.json"
 
