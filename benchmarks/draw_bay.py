@@ -51,33 +51,18 @@ def solids_of(
         alone: Leave out what is neither an arm nor in the pair.
     """
     found = []
-    growth = float(oracle.scene["buffer"])
+    growth, names = float(oracle.scene["buffer"]), () if pair is None else pair[1:3]
     for primitive, frame in zip(oracle.primitives, oracle.placements(q), strict=True):
-        if alone and not primitive.moves and primitive.body not in pair_names(pair):
+        if alone and not primitive.moves and primitive.body not in names:
             continue
-        solid = Solid(
-            primitive.size,
-            frame.rotation,
-            frame.translation,
-            mpl.colors.to_rgb(colour_of(primitive.body)),
-        )
+        colour = mpl.colors.to_rgb(colour_of(primitive.body))
+        solid = Solid(primitive.size, frame.rotation, frame.translation, colour)
         found.append(solid)
-        if primitive.moves and primitive.body in pair_names(pair):
+        if primitive.moves and primitive.body in names:
             radius, *length = primitive.size
-            found.append(
-                replace(
-                    solid,
-                    size=(radius + growth, *length),
-                    colour=mpl.colors.to_rgb(BUFFER),
-                    shell=True,
-                )
-            )
+            size, shell = (radius + growth, *length), mpl.colors.to_rgb(BUFFER)
+            found.append(replace(solid, size=size, colour=shell, shell=True))
     return found
-
-
-def pair_names(pair: Nearest | None) -> tuple[str, ...]:
-    """Both bodies of a pair, none without one."""
-    return () if pair is None else (pair.a, pair.b)
 
 
 def colour_of(body: str) -> str:

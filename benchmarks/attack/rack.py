@@ -4,7 +4,6 @@ MuJoCo judges. It has all fixtures where the scene has them.
 """
 
 import itertools
-import sys
 import tempfile
 import time
 from contextlib import ExitStack
@@ -20,9 +19,6 @@ from attack.raw import Kind, Raw, Role
 from attack.row import Row
 from attack.service import AWAY, GUESSES, fixed
 from attack.target import LATE, Arms, Target, patient_bay
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from closed_loop.judge import Judge
 
 # What is driven into which fixture, by which joint, and how fast [rad/s].

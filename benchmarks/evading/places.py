@@ -49,8 +49,8 @@ class Findings:
     touched: dict[tuple[str, str], float] = field(default_factory=dict)
 
 
-class Judge:
-    """Distances of all checked pairs on true states, by MuJoCo.
+class Judge(PairJudge):
+    """Distances of all checked pairs on true states, by MuJoCo; see also `PairJudge`.
 
     Attributes:
         links: Geoms of each arm's links that joints move, by the arm's name.
@@ -66,60 +66,48 @@ class Judge:
     def __init__(
         self, scene: Scene, tables: SceneTables, mover: str, origin: Floats
     ) -> None:
-        self._pairs = PairJudge(scene, tables)
+        super().__init__(scene, tables)
         self._mover, self._origin = mover, origin
-        owners = self._pairs.owners
-        self.owners = owners
-        self._geom = owners.index(mover)
-        self._checked = {
-            a if b == self._geom else b
-            for a, b in self._pairs.pairs
-            if self._geom in (a, b)
-        }
-        moved = self._pairs.model.body_weldid[self._pairs.model.geom_bodyid] != 0
+        self._geom = own = self.owners.index(mover)
+        self._checked = {a if b == own else b for a, b in self.pairs if own in (a, b)}
+        moved = self.model.body_weldid[self.model.geom_bodyid] != 0
         self.links = {
-            name: [g for g in self._checked if self.arm_of(g) == k and moved[g]]
+            name: [g for g in self.arm(k) if moved[g]]
             for k, name in enumerate(scene.robots)
         }
-        self.fixtures = [
-            g for g in range(len(owners)) if self.arm_of(g) < 0 and g != self._geom
-        ]
-
-    def arm_of(self, geom: int) -> int:
-        """Number of the arm a geom belongs to, -1 if to none."""
-        return int(self._pairs.arm_of[geom])
+        fixed = np.flatnonzero(self.arm_of < 0).tolist()
+        self.fixtures = [g for g in fixed if g != own]
 
     def middle(self, geom: int) -> Floats:
         """Middle of a geom in the state that was looked at last, shape (3,) [m]."""
-        return np.array(self._pairs.data.geom_xpos[geom])
+        return np.array(self.data.geom_xpos[geom])
 
     def put(self, q: Floats, mover: Floats | None) -> None:
         """Take a state: joint positions, and where the projectile is, if anywhere."""
         at = self._origin if mover is None else mover
-        self._pairs.stand_at(self._mover, at - self._origin)
-        self._pairs.place(q)
+        self.stand_at(self._mover, at - self._origin)
+        self.place(q)
 
     def least(self, q: Floats, mover: Floats | None) -> tuple[float, float]:
         """Least distances of the projectile to an arm, and of all others [m]."""
         self.put(q, mover)
-        distances, geoms = self._pairs.measure(q)
+        distances, geoms = self.measure(q)
         ours = (geoms == self._geom).any(axis=1)
-        return (
-            float(distances[ours].min(initial=SIGHT)),
-            float(distances[~ours].min(initial=SIGHT)),
-        )
+        sides = (distances[ours], distances[~ours])
+        one, other = (float(side.min(initial=SIGHT)) for side in sides)
+        return one, other
 
-    def gap(self, geoms: list[int]) -> float:
+    def gap_to(self, geoms: list[int]) -> float:
         """Least distance of the projectile to some geoms in the state put last [m]."""
-        return min((self._pairs.gap((g, self._geom)) for g in geoms), default=FAR)
+        return min((self.gap((g, self._geom)) for g in geoms), default=FAR)
 
     def arm(self, robot: int) -> list[int]:
         """Geoms of an arm that are checked against the projectile."""
-        return [g for g in self._checked if self.arm_of(g) == robot]
+        return [g for g in self._checked if self.arm_of[g] == robot]
 
     def way_off(self, robot: int) -> Floats:
         """How each joint opens the arm's nearest link to the projectile, shape (n,)."""
-        found = (self._pairs.apart((g, self._geom)) for g in self.arm(robot))
+        found = (self.apart((g, self._geom)) for g in self.arm(robot))
         return min(found, key=lambda f: f[0])[1]
 
     def look(
@@ -127,7 +115,7 @@ class Judge:
     ) -> None:
         """Judge a true state."""
         self.put(q, mover)
-        distances, geoms = self._pairs.measure(q)
+        distances, geoms = self.measure(q)
         for distance, (a, b) in zip(distances.tolist(), geoms.tolist(), strict=True):
             if self._geom in (a, b):
                 geom = a if b == self._geom else b

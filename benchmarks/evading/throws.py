@@ -174,7 +174,7 @@ def first_touch(
     while left > -STEP:
         at = aim - left * way
         place.judge.put(q, at)
-        gap = place.judge.gap(geoms)
+        gap = place.judge.gap_to(geoms)
         if gap <= 0.0:
             return at
         # It cannot touch before it has come as far as it is away.
@@ -200,9 +200,9 @@ def is_fair(place: Place, throw: Throw) -> bool:
         if at is None:
             continue
         judge.put(q, at)
-        if judge.gap(judge.fixtures) < WAY_CLEAR or judge.gap(others) < ARM_CLEAR:
+        if judge.gap_to(judge.fixtures) < WAY_CLEAR or judge.gap_to(others) < ARM_CLEAR:
             return False
-        gap = judge.gap(own)
+        gap = judge.gap_to(own)
         if time < BEFORE + 0.5 * throw.until_hit and gap <= 0.0:
             return False
         hit |= gap <= 0.0

@@ -43,7 +43,7 @@ def test_a_projectile_touches_the_arm_it_is_thrown_at_when_it_is_said_to(thrown)
     for off, sign in ((-0.03, 1.0), (0.03, -1.0)):
         time = BEFORE + throw.until_hit + off
         place.judge.put(throw.nominal(time), throw.mover(time))
-        gap = place.judge.gap(place.judge.arm(throw.robot))
+        gap = place.judge.gap_to(place.judge.arm(throw.robot))
         assert sign * gap > 0.0
     assert throw.mover(0.5 * BEFORE) is None
     assert throw.mover(throw.duration) is None
