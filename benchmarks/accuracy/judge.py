@@ -222,12 +222,7 @@ FIGURES = {
 }
 
 
-def name_of(kind_a: ShapeKind, kind_b: ShapeKind) -> str:
-    """Name of a pair of kinds."""
-    return f"{kind_a.name.lower()}-{kind_b.name.lower()}"
-
-
-NAMES = {name_of(a, b): (a, b) for a, b in KIND_PAIRS}
+NAMES = {f"{a.name}-{b.name}".lower(): (a, b) for a, b in KIND_PAIRS}
 
 
 def figures(batch: Batch, exact: int = 0) -> dict[str, Array]:

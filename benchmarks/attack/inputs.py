@@ -175,16 +175,6 @@ def pipe(name: str) -> Bomb:
     return write
 
 
-def mesh_scene(file: str) -> Bomb:
-    """A scene with a mesh."""
-    return text("scene.yaml", f"{SCENE}  m: {{mesh: {{file: '{file}'}}}}\n")
-
-
-def mesh_robot(file: str) -> Bomb:
-    """A robot with a mesh."""
-    return text("x.urdf", ARM.format(geometry=f'<mesh filename="{file}"/>'))
-
-
 def stl(count: int, corner: float = 1.0) -> bytes:
     """A binary STL that says how many triangles it has, and holds three."""
     return (
@@ -262,8 +252,18 @@ def bombs() -> dict[str, Bomb]:
         "urdf zero": link("x.urdf", "/dev/zero"),
         "urdf utf-16": text("x.urdf", f"{doctype}<robot>&b;</robot>".encode("utf-16")),
         "srdf strangers": text("x.srdf", strangers(20_000)),
-        **{f"scene mesh {how}": mesh_scene(name) for how, name in outside.items()},
-        **{f"robot mesh {how}": mesh_robot(name) for how, name in outside.items()},
+        **{
+            f"scene mesh {how}": text(
+                "scene.yaml", f"{SCENE}  m: {{mesh: {{file: '{name}'}}}}\n"
+            )
+            for how, name in outside.items()
+        },
+        **{
+            f"robot mesh {how}": text(
+                "x.urdf", ARM.format(geometry=f'<mesh filename="{name}"/>')
+            )
+            for how, name in outside.items()
+        },
     }
 
 

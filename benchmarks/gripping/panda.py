@@ -492,16 +492,10 @@ def follow(arm: PandaArm, begin: Floats, ends: Floats) -> list[Floats] | None:
             if left <= NEAR:
                 break
             q[:ARM] += STEP * arm.lead(q, way * min(SPEED / left, 0.5 / STEP))
-            if not is_within(arm, q):
+            low, high = arm.limits + np.array([[OFF_LIMITS], [-OFF_LIMITS]])
+            if not ((q[:ARM] >= low) & (q[:ARM] <= high)).all():
                 return None
             rows.append(q.copy())
         else:
             return None
     return rows
-
-
-def is_within(arm: PandaArm, q: Floats) -> bool:
-    """Whether the arm's joints are off their limits."""
-    low, high = arm.limits
-    inside = (q[:ARM] >= low + OFF_LIMITS) & (q[:ARM] <= high - OFF_LIMITS)
-    return bool(inside.all())

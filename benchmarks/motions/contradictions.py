@@ -123,14 +123,6 @@ def guard_of_arm() -> Guard:
     return Guard(scene, self_test=False)
 
 
-def seen_wrong(
-    q: Floats, v: Floats, k: int, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """A measurement with errors at their limits; those of positions alternate."""
-    off = FIGURES["position_error"] * (-1.0) ** k
-    return q + off, v + FIGURES["velocity_error"] * rng.choice([-1.0, 1.0], len(v))
-
-
 def contradiction_figures(count: int, seed: int) -> dict[str, Any]:
     """How soon contradictions are named.
 
@@ -171,7 +163,10 @@ def named(
     for k in range(int((BEGIN + PATIENCE) / PERIOD)):
         t = k * PERIOD
         q, v = moving.at(t) if t <= BEGIN else wrong(t, moving)
-        q, v = seen_wrong(q, v, k, rng) if noisy else (q, v)
+        if noisy:
+            # Errors are at their limits; those of positions alternate.
+            q = q + FIGURES["position_error"] * (-1.0) ** k
+            v = v + FIGURES["velocity_error"] * rng.choice([-1.0, 1.0], len(v))
         verdict = guard.step(q, 5.0 + t, velocity=v, now=5.0 + t + 0.001)
         if verdict.reason >= Reason.NOT_FINITE:
             assert t > BEGIN, verdict.why

@@ -170,21 +170,16 @@ class Track:
             for arm in np.flatnonzero(stopped_by(verdicts, count)):
                 at = (k + age) * PERIOD + figures.command
                 order_stop(plant, int(arm), at, worst_stop(figures, count))
-            if stopped is None and any(v.level >= Level.STOP for v in verdicts):
-                stopped = first_stop(verdicts, k)
+            order = next((v for v in verdicts if v.level >= Level.STOP), None)
+            if stopped is None and order is not None:
+                near = order.nearest
+                distance = np.nan if near is None else near.primitive_distance
+                stopped = Run(distance, np.nan, order, k)
                 if not true_v.max() >= speed - GRAIN:
                     raise RuntimeError(f"stopped on its way to {speed} m/s")
             if stopped and (push_at is None or (plant.phase == HELD).all()):
                 return replace(stopped, least=least)
         raise RuntimeError(f"no stop, or no rest, within {LONGEST} s")
-
-
-def first_stop(verdicts: Sequence[Verdict], k: int) -> Run:
-    """What came of the first stop, ordered in cycle k."""
-    verdict = next(v for v in verdicts if v.level >= Level.STOP)
-    near = verdict.nearest
-    distance = np.nan if near is None else near.primitive_distance
-    return Run(distance, np.nan, verdict, k)
 
 
 def stopped_by(verdicts: Sequence[Verdict], count: int) -> list[bool]:
