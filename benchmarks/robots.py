@@ -23,12 +23,18 @@ def joint(
     child: str,
     axis: Sequence[float],
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    **limits: float,
+    **limits: Any,
 ) -> Joint:
     """A joint whose frame is at a place of its parent's, and not turned [m]."""
-    T, along = Pose(xyz=xyz).matrix(), np.array(axis, dtype=float)
-    ends = {"parent": parent, "child": child}
-    return Joint(name=name, kind=kind, T_parent_joint=T, axis=along, **ends, **limits)
+    return Joint(
+        name=name,
+        kind=kind,
+        parent=parent,
+        child=child,
+        T_parent_joint=Pose(xyz=xyz).matrix(),
+        axis=np.array(axis, dtype=float),
+        **limits,
+    )
 
 
 def robot_of(

@@ -143,10 +143,14 @@ class Records:
             found = merged(known, figures, self.extreme)
             found |= self.derived(kind, found) if found["episodes"] else {}
             marks = {"version": self.of(kind), "kernels": kernels_of()}
-            others = self._others(kind)
-            larger = [f for f in others if f["episodes"] > found["episodes"]]
+            larger = [
+                {key: figure for key, figure in row.items() if key != "before"}
+                for row in versions_of(self.kinds.get(kind, {}))
+                if row.get("version") != marks["version"]
+                and row.get("episodes", 0) > found["episodes"]
+            ]
             if larger:
-                found["before"] = max(larger, key=lambda f: f["episodes"])
+                found["before"] = max(larger, key=lambda row: row["episodes"])
             self.kinds[kind] = jsonable({**found, **marks})
             line = line_of(kind, marks, digests)
             replace(self.episodes, "".join([*self._kept_lines(), line]))
@@ -209,12 +213,6 @@ class Records:
         if figures.get("version") != self.of(kind):
             return {}
         return {key: f for key, f in figures.items() if key not in BESIDE}
-
-    def _others(self, kind: str) -> list[Figures]:
-        """Figures of a kind of other versions."""
-        kept = self.kinds.get(kind, {})
-        found = [kept.pop("before")] if "before" in kept else []
-        return found if self._known(kind) or not kept else [kept, *found]
 
     def _lines(self) -> Iterator[Figures]:
         if self.episodes.exists():
