@@ -9,20 +9,24 @@ import argparse
 import multiprocessing
 from concurrent.futures import Executor, ProcessPoolExecutor
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
-from accuracy.judge import judge, swallowed
-from accuracy.peer_runs import NOTABLE, VERDICTS, compare, tasks
-from accuracy.peers import PEERS
+from accuracy.judge import (
+    FIGURES,
+    MISSED,
+    NAMES,
+    TARGETS,
+    judge,
+    merged,
+    summed_up,
+    swallowed,
+)
+from accuracy.peers import NOTABLE, PEERS, VERDICTS, compare, tasks
 from accuracy.regimes import REGIMES
-from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, merged, summed_up
 from armguard.geometry.pairs import has_closed_form
-from episodes.kernels import told_of
+from episodes.kernels import kernels_in_words
 from episodes.records import keep, read
-from pages import rendered
-
-DOCS = Path(__file__).parents[1] / "docs"
+from pages import DOCS, rendered
 
 RESULTS = DOCS / "accuracy.json"
 
@@ -164,7 +168,7 @@ def page(results: dict[str, Any]) -> str:
         peers=results["peers"],
         notable=NOTABLE,
         verdicts=VERDICTS,
-        kernels=told_of(results),
+        kernels=kernels_in_words(results),
     )
 
 

@@ -9,24 +9,98 @@ pair that is proven apart may touch, and each contact that belies a row must be 
 
 import json
 import sys
+from collections.abc import Mapping
+from math import cos, sin
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
+import pinocchio as pin
 
 from armguard.cli.claims import claim_row
 from armguard.cli.console import jsonable, progress_bar
 from armguard.prove import Budget, RowAudit, audit_srdf
 from armguard.prove.audit import STATUSES
+from armguard.robot.model import RobotModel
 from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene
 from armguard.scene.scene import SceneRobot
-from mesh_contact import MeshContact
-from pages import rendered
+from pages import DOCS, rendered
+
+
+class MeshContact:
+    """A robot in Coal.
+
+    Args:
+        urdf: Its URDF.
+        packages: Folders in which `package://` names are found.
+        model: The same robot of ours; asked only which joints follow others.
+        home: Positions of the joints that are not given [rad or m].
+    """
+
+    def __init__(
+        self,
+        urdf: Path,
+        packages: list[Path],
+        model: RobotModel,
+        home: Mapping[str, float],
+    ) -> None:
+        self._model = pin.buildModelFromUrdf(str(urdf))
+        self._geometry = pin.buildGeomFromUrdf(
+            self._model,
+            str(urdf),
+            pin.GeometryType.COLLISION,
+            package_dirs=[str(folder) for folder in packages],
+        )
+        self._data = self._model.createData()
+        self._placements = self._geometry.createData()
+        self._mimics = {
+            name: joint.mimic for name, joint in model.joints.items() if joint.mimic
+        }
+        self._home = dict(home)
+        self._of_link: dict[str, list[int]] = {}
+        for k, part in enumerate(self._geometry.geometryObjects):
+            link = self._model.frames[part.parentFrame].name
+            self._of_link.setdefault(link, []).append(k)
+
+    def touch(self, link_a: str, link_b: str, q: Mapping[str, float]) -> bool:
+        """Whether two links touch where the joints stand at q [rad or m]."""
+        pin.updateGeometryPlacements(
+            self._model, self._data, self._geometry, self._placements, self._q(q)
+        )
+        request = coal.CollisionRequest()
+        for i in self._of_link.get(link_a, []):
+            for j in self._of_link.get(link_b, []):
+                result = coal.CollisionResult()
+                if coal.collide(*self._placed(i), *self._placed(j), request, result):
+                    return True
+        return False
+
+    def _placed(self, k: int) -> tuple[object, object]:
+        T = self._placements.oMg[k]
+        shape = self._geometry.geometryObjects[k].geometry
+        return shape, coal.Transform3s(T.rotation, T.translation)
+
+    def _q(self, given: Mapping[str, float]) -> np.ndarray:
+        known = {**self._home, **given}
+        q = pin.neutral(self._model)
+        for number in range(1, self._model.njoints):
+            name, joint = self._model.names[number], self._model.joints[number]
+            mimic = self._mimics.get(name)
+            value = (
+                known[name]
+                if mimic is None
+                else mimic.multiplier * known[mimic.joint] + mimic.offset
+            )
+            if joint.nq == 2:
+                q[joint.idx_q : joint.idx_q + 2] = cos(value), sin(value)
+            else:
+                q[joint.idx_q] = value
+        return q
+
 
 ROBOTS = ("panda", "ur5", "xarm7", "baxter")
-DOCS = Path(__file__).parents[1] / "docs"
-
 # Time for the proofs of one robot [s].
 SECONDS = 600.0
 

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 from episodes.kernels import UNKNOWN, is_todays, kernels_of
 from episodes.records import read, versions_of
-
-DOCS = Path(__file__).parents[1] / "docs"
+from pages import DOCS
 
 # How the figures of a file are measured; PART stands for one of its rows.
 COMMANDS = {

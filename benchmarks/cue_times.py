@@ -9,13 +9,11 @@ written.
 Needs playwright and a Chromium that is installed.
 """
 
-import argparse
 import json
 import os
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
@@ -24,10 +22,12 @@ from armguard.cli.console import say
 from armguard.station.frames import Kind, frame_of
 from armguard.station.ring import RingReader
 from armguard.station.simulated.stage import Stage
+from episodes.campaign import command
 from episodes.records import keep
+from pages import DOCS
 from timing import describe_machine
 
-RESULTS = Path(__file__).parents[1] / "docs" / "cue_times.json"
+RESULTS = DOCS / "cue_times.json"
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 FLAGS = (
     "--no-sandbox",
@@ -47,7 +47,7 @@ TARGET = 50.0
 
 def main() -> int:
     """Measure; write docs/cue_times.json; 1 if a cue came too late."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command(__doc__)
     parser.add_argument("--seconds", type=float, default=120.0)
     chosen = parser.parse_args()
     with Stage("bay", "--response", "deflect", *OPTIONS) as stage:

@@ -12,9 +12,15 @@ from typing import Any
 
 import matplotlib as mpl
 
-from bay_keyframes import TASK_150, TASK_700, TASK_2000, Keyframe
 from bay_oracle import BayOracle, Floats, Nearest
-from make_bay_tasks import HANDLED, configurations, distance_of, kind_of
+from make_bay_tasks import (
+    HANDLED,
+    TASKS,
+    Keyframe,
+    configurations,
+    distance_of,
+    kind_of,
+)
 from ray_picture import Camera, Solid, render
 
 mpl.use("agg")
@@ -45,33 +51,18 @@ def solids_of(
         alone: Leave out what is neither an arm nor in the pair.
     """
     found = []
-    growth = float(oracle.scene["buffer"])
+    growth, names = float(oracle.scene["buffer"]), () if pair is None else pair[1:3]
     for primitive, frame in zip(oracle.primitives, oracle.placements(q), strict=True):
-        if alone and not primitive.moves and primitive.body not in pair_names(pair):
+        if alone and not primitive.moves and primitive.body not in names:
             continue
-        solid = Solid(
-            primitive.size,
-            frame.rotation,
-            frame.translation,
-            mpl.colors.to_rgb(colour_of(primitive.body)),
-        )
+        colour = mpl.colors.to_rgb(colour_of(primitive.body))
+        solid = Solid(primitive.size, frame.rotation, frame.translation, colour)
         found.append(solid)
-        if primitive.moves and primitive.body in pair_names(pair):
+        if primitive.moves and primitive.body in names:
             radius, *length = primitive.size
-            found.append(
-                replace(
-                    solid,
-                    size=(radius + growth, *length),
-                    colour=mpl.colors.to_rgb(BUFFER),
-                    shell=True,
-                )
-            )
+            size, shell = (radius + growth, *length), mpl.colors.to_rgb(BUFFER)
+            found.append(replace(solid, size=size, colour=shell, shell=True))
     return found
-
-
-def pair_names(pair: Nearest | None) -> tuple[str, ...]:
-    """Both bodies of a pair, none without one."""
-    return () if pair is None else (pair.a, pair.b)
 
 
 def colour_of(body: str) -> str:
@@ -186,9 +177,9 @@ def main() -> None:
     oracle = BayOracle()
     draw_home(oracle)
     for task, kind, azimuth, elevation, name in (
-        (TASK_700, "arm-arm", -150.0, 50.0, "bay.png"),
-        (TASK_150, "arm-fixture", -55.0, 12.0, "bay_150.png"),
-        (TASK_2000, "arm-object", -100.0, 15.0, "bay_2000.png"),
+        (TASKS[700], "arm-arm", -150.0, 50.0, "bay.png"),
+        (TASKS[150], "arm-fixture", -55.0, 12.0, "bay_150.png"),
+        (TASKS[2000], "arm-object", -100.0, 15.0, "bay_2000.png"),
     ):
         q, pair = closest(oracle, task, kind)
         x, y, z = map(float, (pair.point_a + pair.point_b) / 2)

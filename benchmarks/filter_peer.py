@@ -8,10 +8,8 @@ settings it has by default, DAQP as its solver, and all pairs that the guard che
 is left out where it is not installed: `pip install mink "qpsolvers"`.
 """
 
-import argparse
 import json
 import sys
-from pathlib import Path
 from time import perf_counter_ns
 
 import numpy as np
@@ -19,12 +17,15 @@ import numpy as np
 from armguard.cli.console import say
 from armguard.respond import Guard
 from closed_loop.judge import Judge
+from episodes.campaign import command
+from episodes.follower import Arms
 from episodes.records import keep
-from reach.peer import MinkPeer, is_installed
+from pages import DOCS
+from reach.answers import MinkPeer, is_installed
 from speed.filter import crowded_scene, driven
 from timing import describe_machine, percentiles, quiet
 
-RESULTS = Path(__file__).parents[1] / "docs" / "filter_peer.json"
+RESULTS = DOCS / "filter_peer.json"
 
 # Every so many cycles the peer is asked.
 SHARE = 20
@@ -35,9 +36,7 @@ WARM = 500
 
 def main() -> int:
     """Measure; write docs/filter_peer.json."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(__doc__)
     parser.add_argument("--cycles", type=int, default=20_000)
     chosen = parser.parse_args()
     scene = crowded_scene(say)
@@ -45,8 +44,7 @@ def main() -> int:
     tables = guard.tables
     peer = None
     if is_installed():
-        velocity = np.concatenate([part.stopping.velocity for part in tables.robots])
-        limits = tables.lower, tables.upper, velocity
+        limits = tables.lower, tables.upper, Arms(tables).joined("velocity")
         peer = MinkPeer(scene, Judge(scene, tables), limits, "mink")
     else:
         say("the peer is left out: mink or qpsolvers is not installed")

@@ -8,7 +8,7 @@ It resumes: seeds that were run with the same kernels, plant, operators and judg
 known from docs/gripping_campaign.json, which is written every hundred episodes.
 
 An operator drives a gantry with a gripper through `Guard.filter`. Its plant is late and
-misses what it is told, by all that the scene declares. In `placing` he picks one of
+misses its commands by all that the scene declares. In `placing` he picks one of
 several things up among clutter and puts it down where it is free, on a way that is
 proven at rest. In `changing` he is among things 20 mm apart, and changes his mind.
 In `panda` he places with a Panda. In `unintended` he does what nobody means. Judged are
@@ -17,44 +17,142 @@ the Panda's own meshes by MuJoCo.
 """
 
 import sys
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
+from armguard.scene import Grasp
 from episodes import records
-from episodes.campaign import Campaign, Episode
+from episodes.campaign import Campaign
+from episodes.classes import counted
+from episodes.records import LISTED, Digest, Extreme, Figures
 from gripping import changing_intent, panda, pick_and_place, unintended
-from gripping.summary import EXTREME, digest, is_broken, summed_up
+from gripping.gantry import FIGURES
+from gripping.pick_and_place import UNNAMED
+from pages import DOCS
 
 HERE = Path(__file__).parent
 
-# Files that change no episode; and kinds with files of their own.
-REPORTING = ("summary.py",)
+# Kinds with files of their own, whose names begin with the kind's; and files of others
+# that decide what comes of an episode.
 OF_ONE_KIND = ("panda", "unintended")
+SHARED = tuple(
+    HERE / name
+    for name in ("episodes/follower.py", "closed_loop/truth.py", "robots.py")
+)
+
+# Joints miss commands, so a contact may be as much faster than creep: two of
+# the gantry, or those of a Panda, by their levers and that of a finger; and the judge's
+# rounding on top [m/s].
+LEVERS = {"panda": 4.5}
+CREEP = {
+    kind: Grasp().creep + LEVERS.get(kind, 2.0) * FIGURES["tracking_error"] + 1e-6
+    for kind in ("placing", "changing", "panda", "unintended")
+}
+
+# How far a contact that is intended may go, where what is held is as well known as a
+# measured position [m].
+DEPTH = Grasp().depth + 1e-4
+
+# How far fingers may move that hold something: what the plant misses its commands by in
+# a few cycles [m].
+SLIPPED = 5e-4
+
+# Figures that are no sums: how two of one name are put together.
+EXTREME: Extreme = {
+    "least_not_meant_mm": min,
+    "deepest_mm": max,
+    "fastest_contact_mm_s": max,
+    "fingers_moved_most_mm": max,
+}
 
 
-@cache
-def version(kind: str) -> str:
-    """Hash of all that decides what comes of an episode of a kind.
+def summed_up(kind: str, episodes: list[Figures]) -> Figures:
+    """Figures of episodes of a kind, all of which but extremes are sums."""
+    stops = Counter(s.split(":")[0] for e in episodes for s in e["stops"])
+    touched = [e for e in episodes if e["touched"]]
+    found: Figures = {
+        "episodes": len(episodes),
+        "touched_not_meant": len(touched),
+        "touched_seeds": [e["seed"] for e in touched[:LISTED]],
+        "least_not_meant_mm": 1e3 * min(e["least"] for e in episodes),
+        "deepest_mm": 1e3 * max(e["depth"] for e in episodes),
+        "too_deep": sum(e["depth"] > DEPTH for e in episodes),
+        "fastest_contact_mm_s": 1e3 * max(e["speed"] for e in episodes),
+        "too_fast": sum(e["speed"] > CREEP[kind] for e in episodes),
+        "stops": dict(stops),
+        "episodes_with_a_stop": sum(bool(e["stops"]) for e in episodes),
+        "simulated_s": sum(e["simulated_s"] for e in episodes),
+        "worked_s": sum(e["worked_s"] for e in episodes),
+    }
+    if kind == "unintended":
+        found["of_each"] = counted(e["kind"] for e in episodes)
+        found["touched_of_each"] = counted(e["kind"] for e in touched)
+        found["stopped_of_each"] = counted(e["kind"] for e in episodes if e["stops"])
+    elif kind != "changing":
+        slipped = [e for e in episodes if e["slipped"] > SLIPPED]
+        failed = [e for e in episodes if not e["placed"]]
+        found |= {
+            "certified": sum(e["certified"] for e in episodes),
+            "grasps_done": sum(e["grasped"] for e in episodes),
+            "placements_meant": sum(e["grasped"] for e in episodes),
+            "placements_done": sum(e["placed"] for e in episodes),
+            "tried_again": sum(e["tries_again"] > 0 for e in episodes),
+            "fingers_moved_while_holding": len(slipped),
+            "fingers_moved_most_mm": 1e3 * max(e["slipped"] for e in episodes),
+            "fingers_moved_seeds": [e["seed"] for e in slipped[:LISTED]],
+            "failed": [[e["seed"], e["failed"]] for e in failed[:LISTED]],
+            "failed_without_a_reason": sum(
+                e["failed"].endswith(UNNAMED) for e in failed
+            ),
+        }
+    else:
+        found |= {
+            "changes_of_mind": sum(e["changes"] for e in episodes),
+            "things_touched_as_meant": sum(e["meant"] for e in episodes),
+        }
+    return found
 
-    Files whose names begin with a robot's are of the kind with its name only.
-    """
-    files = [
-        path
-        for path in sorted((HERE / "gripping").glob("*.py"))
-        if path.name not in REPORTING
-        and (path.name.startswith(kind) or not path.name.startswith(OF_ONE_KIND))
-    ]
-    shared = [HERE / "episodes" / "follower.py", HERE / "closed_loop" / "truth.py"]
-    return records.version(kind, [*files, *shared])
+
+def digest(episode: Figures) -> Digest:
+    """What came of an episode, in short."""
+    outcome = str(episode.get("failed") or "")
+    if episode["touched"]:
+        outcome = "unintended contact"
+    counts = {"stops": len(episode["stops"])}
+    return Digest(episode["seed"], outcome, 1e3 * episode["least"], counts)
 
 
-def is_told(episode: Episode) -> bool:
+def is_broken(figures: Figures) -> bool:
+    """Whether a promise is broken."""
+    keys = (
+        "touched_not_meant",
+        "too_deep",
+        "too_fast",
+        "failed_without_a_reason",
+        "fingers_moved_while_holding",
+    )
+    return any(figures.get(key, 0) > 0 for key in keys)
+
+
+def is_notable(episode: Figures) -> bool:
     """Whether something is to be looked at in an episode."""
     return bool(episode["touched"] or episode["stops"] or episode.get("failed"))
 
 
+@cache
+def version(kind: str) -> str:
+    """Hash of all that decides what comes of an episode of a kind."""
+    own = [
+        path
+        for path in sorted((HERE / "gripping").glob("*.py"))
+        if path.name.startswith(kind) or not path.name.startswith(OF_ONE_KIND)
+    ]
+    return records.version(kind, [*own, *SHARED])
+
+
 CAMPAIGN = Campaign(
-    results=HERE.parent / "docs" / "gripping_campaign.json",
+    results=DOCS / "gripping_campaign.json",
     kinds={
         "placing": pick_and_place.run_episode,
         "changing": changing_intent.run_episode,
@@ -66,7 +164,7 @@ CAMPAIGN = Campaign(
     summed_up=summed_up,
     digest=digest,
     is_broken=is_broken,
-    is_told=is_told,
+    is_notable=is_notable,
     shares={"panda": 0.05, "unintended": 0.1},
 )
 

@@ -10,12 +10,14 @@ checks use pinocchio and coal (`bay_oracle.py`) and none of armguard's code.
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from ruamel.yaml import YAML
 
-from bay_keyframes import TASK_150, TASK_700, TASK_2000, Keyframe
-from bay_oracle import BAY, JOINTS, BayOracle, Floats, Nearest
+from bay_oracle import ARMS, BAY, JOINTS, BayOracle, Floats, Nearest
 
 # The paper's cycle [s].
 PERIOD = 0.030
@@ -23,7 +25,12 @@ PERIOD = 0.030
 # Share of a keyframe spent gathering speed, and as much losing it [-].
 RAMP = 0.25
 
-TASKS = {150: TASK_150, 700: TASK_700, 2000: TASK_2000}
+# A keyframe: how many cycles it lasts, what the operator does, and, if any joints move,
+# where those of each arm end up.
+Keyframe = Sequence[Any]
+FILE = Path(__file__).with_name("bay_keyframes.yaml")
+KEYFRAMES = YAML(typ="safe", pure=True).load(FILE)
+TASKS: Mapping[int, Sequence[Keyframe]] = {n: KEYFRAMES[n] for n in (150, 700, 2000)}
 
 # What an arm is there to handle; all else that rests is a fixture.
 HANDLED = ("oru_left", "oru_right", "battery", "tool")
@@ -55,13 +62,13 @@ def trapezoid(u: float) -> float:
 def configurations(home: Floats, keyframes: Sequence[Keyframe]) -> Floats:
     """Positions at every cycle, rounded as in the file, shape (cycles, 14) [rad]."""
     rows, here = [], home
-    for keyframe in keyframes:
+    for cycles, _, *moves in keyframes:
         goal = here.copy()
-        for before, arm in ((-1, keyframe.left), (JOINTS - 1, keyframe.right)):
-            for joint, position in arm.items():
-                goal[before + joint] = position
-        for k in range(1, keyframe.cycles + 1):
-            rows.append(here + trapezoid(k / keyframe.cycles) * (goal - here))
+        for arm, joints in moves[0].items() if moves else ():
+            for joint, position in joints.items():
+                goal[ARMS.index(arm) * JOINTS + joint - 1] = position
+        for k in range(1, cycles + 1):
+            rows.append(here + trapezoid(k / cycles) * (goal - here))
         here = goal
     # Adding zero turns the negative zero that rounding makes into a plain one.
     return np.asarray(np.round(np.array(rows), 6) + 0.0, dtype=np.float64)

@@ -5,12 +5,12 @@ make motion ARGS="--part thin --share 0.02"   some of it, to try it out
 python benchmarks/motion_campaign.py --page   the page anew from the last figures
 """
 
-import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from episodes.kernels import told_of
+from episodes.campaign import command
+from episodes.kernels import kernels_in_words
 from episodes.records import keep, read
 from motions.clocks import clock_figures
 from motions.contact_time import approach_figures, contact_figures
@@ -18,11 +18,9 @@ from motions.contradictions import clean_figures, contradiction_figures
 from motions.refused import refused_figures
 from motions.slower import slower_figures
 from motions.thin import thin_figures
-from pages import rendered
+from pages import DOCS, rendered
 from timing import describe_machine
 
-ROOT = Path(__file__).parents[1]
-DOCS = ROOT / "docs"
 RESULTS = DOCS / "motion.json"
 
 Figures = dict[str, Any]
@@ -55,9 +53,7 @@ PARTS: Mapping[str, Callable[[float, int], Figures]] = {
 
 def main() -> None:
     """Measure; write docs/motion.json and .md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(__doc__)
     parser.add_argument("--part", choices=PARTS, help="all if left out")
     parser.add_argument("--share", type=float, default=1.0, help="of the campaign")
     parser.add_argument("--seed", type=int, default=0)
@@ -86,7 +82,7 @@ def page(results: Figures) -> str:
         **results,
         lags=by_stop,
         lag_kinds=dict.fromkeys((delay, left) for delay, left, _ in by_stop),
-        kernels=told_of(results),
+        kernels=kernels_in_words(results),
     )
 
 

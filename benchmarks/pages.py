@@ -1,11 +1,16 @@
 """Pages of docs/, written from figures and the Markdown of `templates/`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from episodes import kernels
+from episodes.classes import percentile
+from episodes.records import Figures, rows_of
+
+DOCS = Path(__file__).parents[1] / "docs"
 
 
 def number(value: float | None, form: str = "", none: str = "-") -> str:
@@ -46,7 +51,7 @@ PAGES.filters |= {
     "power": power,
     "bold": bold,
     "in_cell": in_cell,
-    "kernels": kernels.told,
+    "kernels": kernels.cell_of,
 }
 
 
@@ -58,3 +63,27 @@ def rendered(template: str, **figures: Any) -> str:
         figures: What its template names.
     """
     return PAGES.get_template(f"{template}.md.j2").render(figures)
+
+
+def page(name: str, results: Mapping[str, Figures]) -> str:
+    """The page of a campaign of episodes.
+
+    Args:
+        name: Its results' file in docs, without the ending; also its template's.
+        results: Figures of all its rows.
+    """
+    text = rendered(
+        name,
+        results=results,
+        rows=[(kind, r) for kind, found in results.items() for r in rows_of(found)],
+        note=kernels.note(),
+        listed=listed,
+        percentile=percentile,
+    )
+    return text.rstrip() + "\n"
+
+
+def listed(counts: Mapping[str, int]) -> str:
+    """Counts in words, the most frequent first."""
+    first = sorted(counts.items(), key=lambda item: -item[1])
+    return ", ".join(f"{n} {name}" for name, n in first) or "none"

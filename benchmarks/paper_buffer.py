@@ -9,7 +9,7 @@ Speeds are those of the tool; the arm is taken as one joint that slides.
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from scipy.optimize import brentq
 
 from armguard.robot.stopping import (
@@ -18,9 +18,11 @@ from armguard.robot.stopping import (
     stop_travel,
     stopping_figures,
 )
-from rail import carriage
+from pages import DOCS
+from plots import FRAMED, drawn
+from robots import carriage
 
-IMAGE = Path(__file__).parents[1] / "docs" / "images" / "buffer_by_speed.png"
+IMAGE = DOCS / "images" / "buffer_by_speed.png"
 
 INCH = 0.0254  # [m]
 TOP, TYPICAL = 24.0 * INCH, 6.0 * INCH  # [m/s]
@@ -98,81 +100,57 @@ def enough_up_to() -> float:
 
 def draw(path: Path) -> None:
     """Buffer against speed, split by cause: controlled and braked stops."""
-    figure = Figure(figsize=(11, 4.4), dpi=110, layout="constrained")
-    left, right = figure.subplots(1, 2)
     speeds = np.linspace(0.0, TOP, 200)
-
     stops = [controlled_stop(v) for v in speeds]
     parts = 1e3 * np.array([(s.reaction, s.braking, s.settle) for s in stops]).T
-    left.stackplot(
-        speeds / INCH,
-        parts,
-        colors=(BLUE, ORANGE, GREEN),
-        alpha=0.85,
-        labels=("latency", "ramp and deceleration", "swing"),
-    )
-    left.errorbar(
-        [6.0, 24.0],
-        [3.0 * INCH * 1e3, 6.0 * INCH * 1e3],
-        yerr=[[1.0 * INCH * 1e3, 0.0], [1.0 * INCH * 1e3, 0.0]],
-        fmt="o",
-        color="black",
-        capsize=4,
-        zorder=5,
-        clip_on=False,
-        label="the paper: 2 to 4 in, about 6 in",
-    )
-    left.set_title("a controlled stop")
-    left.set_ylim(0.0, 180.0)
+    controlled = ("latency", "ramp and deceleration", "swing")
+    braked = ("delivery of joint angles, 50 ms", "detection, 60 ms", "brake, 20 ms")
+    causes = {"colors": (BLUE, ORANGE, GREEN)}
+    with drawn(path, (11, 4.4), 2, axes__axisbelow="line", **FRAMED) as places:
+        left, right = places
+        left.stackplot(speeds / INCH, parts, **causes, alpha=0.85, labels=controlled)
+        left.errorbar(
+            [6.0, 24.0],
+            [3.0 * INCH * 1e3, 6.0 * INCH * 1e3],
+            yerr=[[1.0 * INCH * 1e3, 0.0], [1.0 * INCH * 1e3, 0.0]],
+            **{"fmt": "o", "color": "black", "capsize": 4, "zorder": 5},
+            clip_on=False,
+            label="the paper: 2 to 4 in, about 6 in",
+        )
+        left.set(title="a controlled stop", ylim=(0.0, 180.0))
+        ways = [1e3 * speeds * part for part in SLOWEST]
+        right.stackplot(speeds / INCH, ways, **causes, alpha=0.85, labels=braked)
+        quick = {"lw": 1.2, "label": "the same with 3 + 30 + 10 ms"}
+        right.plot(speeds / INCH, 1e3 * speeds * sum(QUICK), "k--", **quick)
+        right.set_title("a braked stop, the paper's figures at their slowest")
+        right.set_ylim(0.0, 90.0)
+        mark_fixed(left, enough_up_to())
+        mark_fixed(right, FIXED / sum(SLOWEST))
 
-    right.stackplot(
-        speeds / INCH,
-        [1e3 * speeds * part for part in SLOWEST],
-        colors=(BLUE, ORANGE, GREEN),
-        alpha=0.85,
-        labels=(
-            "delivery of joint angles, 50 ms",
-            "detection, 60 ms",
-            "brake, 20 ms",
-        ),
-    )
-    right.plot(
-        speeds / INCH,
-        1e3 * speeds * sum(QUICK),
-        "k--",
-        lw=1.2,
-        label="the same with 3 + 30 + 10 ms",
-    )
-    right.set_title("a braked stop, the paper's figures at their slowest")
-    right.set_ylim(0.0, 90.0)
 
-    for axes, good in ((left, enough_up_to()), (right, FIXED / sum(SLOWEST))):
-        height = axes.get_ylim()[1]
-        axes.plot([good / INCH] * 2, [0.0, FIXED * 1e3], color="black", lw=1.0, ls=":")
-        axes.annotate(
-            f"enough up to\n{good / INCH:.1f} in/s",
-            (good / INCH, FIXED * 1e3),
-            (max(good / INCH - 4.6, 2.6), FIXED * 1e3 + 0.2 * height),
-            fontsize=9,
-            ha="center",
-            arrowprops={"arrowstyle": "->", "lw": 0.8},
-        )
-        axes.axhline(
-            FIXED * 1e3, color=GREY, lw=1.6, label="the paper's buffer, 1.2 in"
-        )
-        axes.set_xlim(0.0, 24.5)
-        axes.set_xticks(range(0, 25, 6))
-        axes.set_xlabel("speed of the tool [in/s]")
-        axes.set_ylabel("way until it rests [mm]")
-        axes.spines[["top", "right"]].set_visible(False)
-        handles, labels = axes.get_legend_handles_labels()
-        axes.legend(handles[::-1], labels[::-1], loc="upper left", fontsize=8.5)
-        metres = axes.secondary_xaxis(
-            "top", functions=(lambda x: x * INCH, lambda x: x / INCH)
-        )
-        metres.set_xlabel("[m/s]", fontsize=8.5)
-        metres.tick_params(labelsize=8.5)
-    figure.savefig(path)
+def mark_fixed(axes: Axes, good: float) -> None:
+    """Mark the fixed buffer, and up to which speed it is enough [m/s]; the axes."""
+    height = axes.get_ylim()[1]
+    axes.plot([good / INCH] * 2, [0.0, FIXED * 1e3], color="black", lw=1.0, ls=":")
+    axes.annotate(
+        f"enough up to\n{good / INCH:.1f} in/s",
+        (good / INCH, FIXED * 1e3),
+        (max(good / INCH - 4.6, 2.6), FIXED * 1e3 + 0.2 * height),
+        fontsize=9,
+        ha="center",
+        arrowprops={"arrowstyle": "->", "lw": 0.8},
+    )
+    axes.axhline(FIXED * 1e3, color=GREY, lw=1.6, label="the paper's buffer, 1.2 in")
+    axes.set(
+        xlim=(0.0, 24.5), xticks=range(0, 25, 6), xlabel="speed of the tool [in/s]"
+    )
+    axes.set_ylabel("way until it rests [mm]")
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], labels[::-1], loc="upper left", fontsize=8.5)
+    both = (lambda x: x * INCH, lambda x: x / INCH)
+    metres = axes.secondary_xaxis("top", functions=both)
+    metres.set_xlabel("[m/s]", fontsize=8.5)
+    metres.tick_params(labelsize=8.5)
 
 
 if __name__ == "__main__":

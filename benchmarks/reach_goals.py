@@ -16,28 +16,27 @@ The peer, mink, is left out where it is not installed: `pip install mink "qpsolv
 import argparse
 import sys
 from collections.abc import Iterator, Mapping
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from armguard.cli.console import say
-from episodes import records
 from episodes.campaign import Campaign, Episode, parser_of
-from episodes.records import Figures
-from reach.answers import ANSWERS
-from reach.page import write_page
-from reach.peer import PEERS, is_installed
+from episodes.records import Figures, version_of
+from pages import DOCS
+from reach.answers import ANSWERS, PEERS, is_installed
+from reach.arena import SCENES, is_there
 from reach.runs import work
-from reach.scenes import SCENES, is_there
-from reach.summary import digest
+from reach.summary import digest, write_page
 
 HERE = Path(__file__).parent
-RESULTS = HERE.parent / "docs" / "reach.json"
 
-# Files that describe trials, and do not change any; and those of others that do.
-TELLING = ("page.py", "plots.py", "summary.py")
-SHARED = ("judge.py", "judge_model.py", "plant.py", "scenes.py", "settings.py")
+# Files of others that decide what comes of a trial.
+SHARED = (
+    *("closed_loop/judge.py", "closed_loop/judge_model.py", "closed_loop/plant.py"),
+    *("closed_loop/scenes.py", "closed_loop/settings.py", "episodes/follower.py"),
+)
 
 # So many trials are run with one answer before the next one has its turn.
 TURN = 10
@@ -52,15 +51,6 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-@cache
-def version(kind: str) -> str:
-    """Hash of all that decides what comes of a trial."""
-    own = sorted((HERE / "reach").glob("*.py"))
-    others = [HERE / "closed_loop" / name for name in SHARED]
-    files = [path for path in [*own, *others] if path.name not in TELLING]
-    return records.version(kind, files)
-
-
 def main() -> int:
     """Run; write docs/reach.json and .md; 1 if a guard let something touch."""
     chosen = arguments()
@@ -70,21 +60,18 @@ def main() -> int:
         return campaign.do(chosen, dict.fromkeys(kinds, chosen.episodes))
     end = None if chosen.seconds is None else monotonic() + chosen.seconds
     broken = False
-    for first in [] if chosen.page else range(0, most(chosen), TURN):
+    for first in (
+        [] if chosen.page else range(0, max(chosen.slides, chosen.episodes), TURN)
+    ):
         for kind in kinds:
             count = chosen.slides if kind.endswith("slides") else chosen.episodes
             if first < count and (end is None or monotonic() < end):
                 turn = argparse.Namespace(**{**vars(chosen), "first": first})
                 turn.seconds = None if end is None else end - monotonic()
                 broken |= campaign.go_on(kind, turn, min(TURN, count - first))
-    write_page(campaign.records, RESULTS.parent)
+    write_page(campaign.records, DOCS)
     say("wrote docs/reach.json and its page")
     return int(broken)
-
-
-def most(chosen: argparse.Namespace) -> int:
-    """Most trials of a kind that are asked for."""
-    return max(chosen.slides, chosen.episodes)
 
 
 def kinds_of(chosen: argparse.Namespace) -> Iterator[str]:
@@ -103,16 +90,16 @@ def kinds_of(chosen: argparse.Namespace) -> Iterator[str]:
 def campaign_of(kinds: list[str]) -> Campaign:
     """The campaign that runs some kinds of trials."""
     return Campaign(
-        results=RESULTS,
+        results=DOCS / "reach.json",
         kinds={kind: partial(work, *kind.split("/")) for kind in kinds},
-        version=version,
+        version=version_of(HERE / "reach", *(HERE / name for name in SHARED)),
         extreme={"first": lambda one, _: one},
         summed_up=summed_up,
         digest=digest,
         sentence=lambda kind, found: f"{kind}: {found['episodes']} trials",
         page=lambda _: "",
         is_broken=is_broken,
-        is_told=lambda trial: False,
+        is_notable=lambda trial: False,
         written=TURN,
     )
 

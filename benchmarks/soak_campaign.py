@@ -20,13 +20,12 @@ import numpy as np
 
 from armguard.respond import Action, Guard
 from armguard.scene import bay_scene
-from episodes import records
 from episodes.campaign import Campaign, Episode
-from episodes.records import Digest, Figures
+from episodes.follower import Arms
+from episodes.records import Digest, Figures, version
+from pages import DOCS
 from speed.memory import resident_kib
 from speed.scenes import sway
-
-HERE = Path(__file__).parent
 
 # Cycles of an episode, and of the first one of a process before memory is looked at.
 CYCLES, WARM = 1_000_000, 50_000
@@ -113,15 +112,14 @@ class Stepped(Soak):
 
 
 class Filtered(Soak):
-    """An operator of random wishes drives both arms, which do as they are told."""
+    """An operator of random desires drives both arms, which follow all commands."""
 
     def __init__(self, mode: str) -> None:
         super().__init__(mode)
         self.q = self.guard.home.copy()
         self.v = np.zeros_like(self.q)
         self.time = 0.0
-        robots = self.guard.tables.robots
-        self.top = np.concatenate([part.stopping.velocity for part in robots])
+        self.top = Arms(self.guard.tables).joined("velocity")
 
     def chunk(self, rng: np.random.Generator, count: int) -> Counter[str]:
         """See `Soak`."""
@@ -169,12 +167,6 @@ def run_episode(kind: str, seed: int) -> Episode:
     return soak_of(kind).episode(seed)
 
 
-@cache
-def version(kind: str) -> str:
-    """Hash of all that decides what comes of an episode."""
-    return records.version(kind, [Path(__file__)])
-
-
 def raised(counts: Mapping[str, int]) -> int:
     """How many exceptions there were."""
     return sum(n for name, n in counts.items() if name.startswith("raised"))
@@ -212,14 +204,14 @@ def is_broken(figures: Figures) -> bool:
 
 
 CAMPAIGN = Campaign(
-    results=HERE.parent / "docs" / "soak.json",
+    results=DOCS / "soak.json",
     kinds={kind: partial(run_episode, kind) for kind in KINDS},
-    version=version,
+    version=partial(version, files=[Path(__file__)]),
     extreme={"most_in_a_row": max, "most_growth_kib": max},
     summed_up=summed_up,
     digest=digest,
     is_broken=is_broken,
-    is_told=lambda episode: not episode["same"] or raised(episode["counts"]) > 0,
+    is_notable=lambda episode: not episode["same"] or raised(episode["counts"]) > 0,
     count=100,
     written=1,
 )

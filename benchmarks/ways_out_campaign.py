@@ -6,18 +6,16 @@ make ways-out ARGS="--states 500"      some of them
 States lie on straight lines between random configurations, where the nearest pair is
 about as near as it may be: up to 4 mm nearer, or up to 2 mm farther. The arms rest
 there. Asked for are the way out that the cues tell, and then each joint alone, both
-ways. A way counts as out if what is told moves, no pair that was too near comes nearer
-by it, and one of them, if there is any, comes to be farther; that is measured anew, at
-rest. Where none is told, `PINCHED` has to be,
-and the pinch is looked for in the same independent way: every joint, both ways, brings
-some pair nearer that is too near.
+ways. A way counts as out if what is commanded moves, no pair that was too near comes
+nearer by it, and one of them, if there is any, comes to be farther; that is measured
+anew, at rest. Where none is commanded, `PINCHED` has to be, and the pinch is looked for
+in the same independent way: every joint, both ways, brings some pair nearer that is too
+near.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -27,9 +25,12 @@ from armguard.scene import Scene, bay_scene
 from arrays import Floats
 from closed_loop.scenes import build_scene
 from closed_loop.settings import setting_of
+from episodes.campaign import command
+from episodes.follower import Arms
 from episodes.records import keep
+from pages import DOCS
 
-RESULTS = Path(__file__).parents[1] / "docs" / "ways_out.json"
+RESULTS = DOCS / "ways_out.json"
 
 # How much nearer, or less near, than its buffer the nearest pair is [m].
 NEARER, FARTHER = 0.004, 0.002
@@ -131,7 +132,7 @@ def leads_out(guard: Guard, q: Floats, velocity: Floats) -> bool:
 def judge(guard: Guard, q: Floats, count: Count) -> None:
     """Look for a way out of a state."""
     count.states += 1
-    top = np.concatenate([p.stopping.velocity for p in guard.tables.robots])
+    top = Arms(guard.tables).joined("velocity")
     before = clearances(guard, q)
     count.too_near += any(c < 0.0 for c in before.values())
     guard.reset()
@@ -181,9 +182,7 @@ def run(scene: Scene, number: int, seed: int = 0) -> Count:
 
 def main() -> int:
     """Run; write docs/ways_out.json; 1 if a state had neither way nor pinch."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(__doc__)
     parser.add_argument("--states", type=int, default=10_000)
     chosen = parser.parse_args()
     scenes = {

@@ -60,7 +60,7 @@ def toy(tmp_path):
             digest=digest,
             page=" ".join,
             is_broken=lambda figures: figures["contacts"] > 0,
-            is_told=lambda _: False,
+            is_notable=lambda _: False,
             written=2,
         )
 
@@ -188,7 +188,7 @@ def test_a_row_is_carried_over_where_enough_of_its_episodes_are_the_same(
     assert asked == [6, 7]
     found = more.records.kinds["toy"]
     assert found["carried"] == [{"kernels": "old", "compared": 4}]
-    assert kernels.told(found) == "new = old in 4 *"
+    assert kernels.cell_of(found) == "new = old in 4 *"
 
 
 def test_episodes_are_shown_and_nothing_is_written(toy, capsys):
@@ -212,12 +212,12 @@ def test_a_smaller_measurement_changes_nothing(tmp_path):
 
 def test_rows_of_other_kernels_are_marked(tmp_path):
     today = kernels.kernels_of()
-    assert kernels.told({"kernels": today}) == today[:8]
-    assert kernels.told({"kernels": "0123456789abcdef"}) == "01234567 *"
-    assert kernels.told({}) == "not recorded *"
+    assert kernels.cell_of({"kernels": today}) == today[:8]
+    assert kernels.cell_of({"kernels": "0123456789abcdef"}) == "01234567 *"
+    assert kernels.cell_of({}) == "not recorded *"
     only = kernels.kernels_of("geometry")
     assert only != today
-    assert kernels.told({"kernels": only, "of": ["geometry"]}) == only[:8]
+    assert kernels.cell_of({"kernels": only, "of": ["geometry"]}) == only[:8]
 
 
 def test_rows_of_other_kernels_are_due(tmp_path):

@@ -1,9 +1,10 @@
-"""Pairs of shapes in the places where distance code breaks; each by its number."""
+"""Pairs of shapes where distance code breaks, each by its number; and measured."""
 
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,33 @@ from armguard.geometry import (
     Sphere,
     Triangle,
 )
+from armguard.geometry.pairs import measure
+from armguard.geometry.shapes import shape_row
 from arrays import Floats
+
+
+def measured(pair: Any) -> Floats:
+    """Witness row of one pair, shape (10,)."""
+    out = np.zeros(10)
+    a, b = pair.shape_a, pair.shape_b
+    measure(
+        int(a.kind), shape_row(a, pair.T_a), int(b.kind), shape_row(b, pair.T_b), out
+    )
+    return out
+
+
+def measure_all(
+    kind_a: int, rows_a: Floats, kind_b: int, rows_b: Floats
+) -> tuple[Floats, Floats]:
+    """Witness rows, shape (n, 10), and seconds of each call, shape (n,)."""
+    out = np.zeros((len(rows_a), 10))
+    seconds = np.zeros(len(rows_a))
+    for k in range(len(rows_a)):
+        begin = perf_counter()
+        measure(int(kind_a), rows_a[k], int(kind_b), rows_b[k], out[k])
+        seconds[k] = perf_counter() - begin
+    return out, seconds
+
 
 Rng = np.random.Generator
 
@@ -203,8 +230,6 @@ def placed(rng: Rng, a: Any, b: Any, nearness: float) -> Pair:
 
 def moved_to(pair: Pair, gap: float, *, cores: bool = False) -> Pair:
     """The pair with B moved along the normal until there is this gap left [m]."""
-    from accuracy.ours import measured
-
     out = measured(pair)
     if cores:
         gap -= pair.shape_a.core_radius + pair.shape_b.core_radius

@@ -12,7 +12,7 @@ import tempfile
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -27,6 +27,7 @@ from websockets.frames import Frame, Opcode
 from armguard.station.errors import NoServiceError
 from armguard.station.simulated.stage import Stage
 from armguard.station.view.live_view import LiveView
+from attack.target import free_port
 
 CHROMIUM = Path("/usr/bin/chromium")
 
@@ -216,12 +217,10 @@ def raw_attack(target: Target, tries: int) -> dict[str, Any]:
     to_channel = [frame(Opcode.TEXT, keys)]
     page, scene = target.ports
     answered = opened = 0
-    each = itertools.product(
-        ways, ((scene, "/", to_viser), (page, "/station", to_channel))
-    )
-    for (host, origin, given), (port, path, frames) in itertools.islice(
-        itertools.cycle(each), tries
-    ):
+    doors = (scene, "/", to_viser), (page, "/station", to_channel)
+    each = itertools.cycle(itertools.product(ways, doors))
+    for (host, origin, given), door in itertools.islice(each, tries):
+        port, path, frames = door
         lines = {
             "Host": f"127.0.0.1:{port}" if host == "" else host,
             "Origin": origin,
@@ -260,52 +259,11 @@ def cookie_of(link: str) -> str:
         return str(answer.headers["Set-Cookie"] or "").partition(";")[0]
 
 
-# Opens sockets, some at a time, and sends messages as soon as one is open.
-OPEN = """async ([port, protocol, messages, count, atATime]) => {
-  let opened = 0;
-  for (let left = count; left > 0; left -= atATime) {
-    await Promise.all(Array.from({ length: Math.min(left, atATime) }, () => {
-      const one = new WebSocket(`ws://127.0.0.1:${port}/`, [protocol]);
-      return new Promise((done) => {
-        one.onopen = () => {
-          opened += 1;
-          for (const bytes of messages) one.send(new Uint8Array(bytes));
-          setTimeout(() => { one.close(); done(); }, 1000);
-        };
-        one.onerror = one.onclose = done;
-      });
-    }));
-  }
-  return opened;
-}"""
-
-# What a page learns of a port, by all the ways there are.
-LEARN = """async (port) => {
-  const at = `http://127.0.0.1:${port}/`;
-  const asked = async (how) => {
-    try { const got = await fetch(at, how); return [got.type, got.status].join(); }
-    catch (error) { return error.name + error.message; }
-  };
-  const loaded = (tag, name) => new Promise((done) => {
-    const one = document.createElement(tag);
-    one.onload = () => done("load");
-    one.onerror = () => done("error");
-    one[name] = at;
-    document.body.append(one);
-  });
-  const socket = await new Promise((done) => {
-    const one = new WebSocket(`ws://127.0.0.1:${port}/`);
-    const seen = [];
-    one.onopen = () => seen.push("open");
-    one.onerror = () => seen.push("error");
-    one.onclose = (event) => done([...seen, event.code, event.reason].join());
-  });
-  return [
-    await asked({ mode: "no-cors" }), await asked({ mode: "no-cors", method: "POST" }),
-    await asked({ mode: "cors" }), await loaded("img", "src"),
-    await loaded("script", "src"), socket,
-  ].join(" | ");
-}"""
+# Functions that run in pages.
+OPEN, LEARN = (
+    Path(__file__).with_name(f"{name}.js").read_text("utf-8")
+    for name in ("open_sockets", "learn_of_port")
+)
 
 
 def page_attack(target: Target, count: int) -> dict[str, Any]:
@@ -335,7 +293,7 @@ def page_attack(target: Target, count: int) -> dict[str, Any]:
             opened += page.evaluate(
                 OPEN, [scene_port, protocol, messages, share, AT_A_TIME]
             )
-            closed = page.evaluate(LEARN, free_tcp_port())
+            closed = page.evaluate(LEARN, free_port(socket.SOCK_STREAM))
             learnt += [
                 port
                 for port in (page_port, scene_port)
@@ -348,12 +306,6 @@ def page_attack(target: Target, count: int) -> dict[str, Any]:
         "opened": opened,
         "ports_told_from_closed_ones": len(learnt),
     }
-
-
-def free_tcp_port() -> int:
-    """A port on loopback at which nobody is."""
-    with socket.create_server(("127.0.0.1", 0)) as one:
-        return int(one.getsockname()[1])
 
 
 @contextmanager
@@ -378,8 +330,3 @@ def other_site() -> Iterator[int]:
     finally:
         server.shutdown()
         server.server_close()
-
-
-def executed(found: Mapping[str, Any]) -> int:
-    """How many deeds of the view an attack brought about, motion counted as one."""
-    return sum(found["done"].values()) + (found["moved_rad"] > 0.0)

@@ -4,13 +4,10 @@ Each is read in a process of its own that may take 1 GB more than the libraries 
 20 s. What counts is how it ends: read, refused in one sentence, or badly.
 """
 
-import json
 import os
 import resource
 import shutil
 import struct
-import subprocess
-import sys
 import tempfile
 import time
 import zipfile
@@ -19,6 +16,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+# Loaded here, so that it does not count where a reader loads it.
+import trimesh  # noqa: F401
+
+from armguard.errors import ArmguardError
+from armguard.robot import load_urdf
+from armguard.robot.meshes import load_triangles
+from armguard.robot.model import MeshFile
+from armguard.robot.srdf import load_srdf
+from armguard.scene import load_scene
+from armguard.scene.trajectory_file import load_trajectory
 
 # What a reader may take beside the libraries [byte], and how long [s].
 MEMORY = 1_000_000_000
@@ -46,50 +54,45 @@ objects:
 """
 
 
-def main() -> int:
-    """Read files named on standard input, one child for each; how each ended."""
-    from armguard.errors import ArmguardError
-    from armguard.robot import load_urdf
-    from armguard.robot.meshes import load_triangles
-    from armguard.robot.model import MeshFile
-    from armguard.robot.srdf import load_srdf
-    from armguard.scene import load_scene
-    from armguard.scene.trajectory_file import load_trajectory
-
-    def read(path: Path) -> object:
-        beside = path.parent / "r.urdf"
-        if path.suffix == ".srdf":
-            return load_srdf(path, load_urdf(beside))
-        if path.suffix == ".urdf":
-            return load_urdf(path)
-        if path.stem.startswith("motion"):
-            return load_trajectory(path)
-        if path.suffix in (".yaml", ".yml"):
-            return load_scene(path)
-        return load_triangles(MeshFile(path))
-
-    # Whatever is loaded late is loaded now, so that it does not count.
-    import trimesh  # noqa: F401
-
-    for line in sys.stdin:
-        child = os.fork()
-        if child == 0:
-            os._exit(outcome(read, Path(line.strip()), ArmguardError))
-        sys.stdout.write(json.dumps(waited(child)) + "\n")
-        sys.stdout.flush()
-    return 0
+def read(path: Path) -> object:
+    """Read a file by the reader of its kind."""
+    if path.suffix == ".srdf":
+        return load_srdf(path, load_urdf(path.with_name("r.urdf")))
+    if path.suffix == ".urdf":
+        return load_urdf(path)
+    if path.stem.startswith("motion"):
+        return load_trajectory(path)
+    if path.suffix in (".yaml", ".yml"):
+        return load_scene(path)
+    return load_triangles(MeshFile(path))
 
 
-def outcome(
-    read: Callable[[Path], object], path: Path, refusal: type[Exception]
-) -> int:
+def ended(path: Path) -> tuple[int, float, float]:
+    """Read a file in a child: its exit code, how long it took [s], its memory [MB]."""
+    start = time.monotonic()
+    child = os.fork()
+    if child == 0:
+        for stream in (1, 2):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+        os._exit(outcome(path))
+    while True:
+        done, status, used = os.wait4(child, os.WNOHANG)
+        took = time.monotonic() - start
+        if done:
+            return os.waitstatus_to_exitcode(status), took, used.ru_maxrss / 1024
+        if took > PATIENCE:
+            os.kill(child, 9)
+        time.sleep(0.002)
+
+
+def outcome(path: Path) -> int:
     """Read a file within the limits; the exit code of the child."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     most = pages * os.sysconf("SC_PAGE_SIZE") + MEMORY
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
     try:
         read(path)
-    except refusal as error:
+    except ArmguardError as error:
         return REFUSED if 0 < len(str(error)) < 10_000 else TRACEBACK
     except MemoryError:
         return NO_MEMORY
@@ -98,35 +101,12 @@ def outcome(
     return READ
 
 
-def waited(child: int) -> dict[str, float]:
-    """How a child ended, how long it took and how much more it held than its start."""
-    start = time.monotonic()
-    while True:
-        done, status, used = os.wait4(child, os.WNOHANG)
-        took = time.monotonic() - start
-        if done:
-            code = os.waitstatus_to_exitcode(status)
-            return {"code": code, "s": took, "MB": used.ru_maxrss / 1024}
-        if took > PATIENCE:
-            os.kill(child, 9)
-        time.sleep(0.002)
-
-
-def text(name: str, content: str) -> Bomb:
-    """A bomb that is a text."""
+def text(name: str, content: str | bytes) -> Bomb:
+    """A bomb that is a text, or bytes."""
 
     def write(folder: Path) -> Path:
-        (folder / name).write_text(content)
-        return folder / name
-
-    return write
-
-
-def data(name: str, content: bytes) -> Bomb:
-    """A bomb that is bytes."""
-
-    def write(folder: Path) -> Path:
-        (folder / name).write_bytes(content)
+        data = content.encode() if isinstance(content, str) else content
+        (folder / name).write_bytes(data)
         return folder / name
 
     return write
@@ -195,16 +175,6 @@ def pipe(name: str) -> Bomb:
     return write
 
 
-def mesh_scene(file: str) -> Bomb:
-    """A scene with a mesh."""
-    return text("scene.yaml", f"{SCENE}  m: {{mesh: {{file: '{file}'}}}}\n")
-
-
-def mesh_robot(file: str) -> Bomb:
-    """A robot with a mesh."""
-    return text("x.urdf", ARM.format(geometry=f'<mesh filename="{file}"/>'))
-
-
 def stl(count: int, corner: float = 1.0) -> bytes:
     """A binary STL that says how many triangles it has, and holds three."""
     return (
@@ -256,9 +226,9 @@ def bombs() -> dict[str, Bomb]:
         "csv names": text("motion.csv", ",".join(f"j{k}" for k in range(200_000))),
         "csv hole": long_file("motion.csv", 10_000_000_000),
         "stl million": long_file("m.stl", 84 + 50 * 10**7, stl(10**7)[:84]),
-        "stl lies": data("m.stl", stl(2**32 - 1)),
-        "stl far": data("m.stl", stl(1, 1e30)),
-        "stl no area": data("m.stl", stl(1)),
+        "stl lies": text("m.stl", stl(2**32 - 1)),
+        "stl far": text("m.stl", stl(1, 1e30)),
+        "stl no area": text("m.stl", stl(1)),
         "stl text": text("m.stl", "solid\n" + "facet normal 0 0 1\n" * 500_000),
         "ply count": text(
             "m.ply",
@@ -280,10 +250,20 @@ def bombs() -> dict[str, Bomb]:
         "urdf chain": text("x.urdf", chain(490)),
         "urdf name": text("x.urdf", f'<robot><link name="{"a" * 10**6}"/></robot>'),
         "urdf zero": link("x.urdf", "/dev/zero"),
-        "urdf utf-16": data("x.urdf", f"{doctype}<robot>&b;</robot>".encode("utf-16")),
+        "urdf utf-16": text("x.urdf", f"{doctype}<robot>&b;</robot>".encode("utf-16")),
         "srdf strangers": text("x.srdf", strangers(20_000)),
-        **{f"scene mesh {how}": mesh_scene(name) for how, name in outside.items()},
-        **{f"robot mesh {how}": mesh_robot(name) for how, name in outside.items()},
+        **{
+            f"scene mesh {how}": text(
+                "scene.yaml", f"{SCENE}  m: {{mesh: {{file: '{name}'}}}}\n"
+            )
+            for how, name in outside.items()
+        },
+        **{
+            f"robot mesh {how}": text(
+                "x.urdf", ARM.format(geometry=f'<mesh filename="{name}"/>')
+            )
+            for how, name in outside.items()
+        },
     }
 
 
@@ -394,33 +374,14 @@ def run(count: int, seed: int) -> dict[str, Any]:
         "no_memory": 0, "peak_MB": 0.0, "longest_s": 0.0, "bad": [],
     }  # fmt: skip
     ends = {READ: "accepted", REFUSED: "refused", NO_MEMORY: "no_memory"}
-    with (
-        tempfile.TemporaryDirectory() as name,
-        subprocess.Popen(
-            [sys.executable, __file__],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        ) as reader,
-    ):
-        assert reader.stdin is not None
-        assert reader.stdout is not None
+    with tempfile.TemporaryDirectory() as name:
         for what, path in inputs(Path(name), count, np.random.default_rng(seed)):
-            reader.stdin.write(f"{path}\n")
-            reader.stdin.flush()
-            ended = json.loads(reader.stdout.readline())
-            code = int(ended["code"])
+            code, seconds, memory = ended(path)
             end = "signals" if code < 0 else ends.get(code, "tracebacks")
             found["tried"] += 1
             found[end] += 1
             if end not in ("accepted", "refused"):
                 found["bad"].append(f"{what}: {end}")
-            found["peak_MB"] = max(found["peak_MB"], round(ended["MB"], 1))
-            found["longest_s"] = max(found["longest_s"], round(ended["s"], 2))
-        reader.stdin.close()
+            found["peak_MB"] = max(found["peak_MB"], round(memory, 1))
+            found["longest_s"] = max(found["longest_s"], round(seconds, 2))
     return found
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,10 +1,9 @@
-"""An arm that drives at what stands there while hostile clients try to take it away.
+"""An arm that drives at a fixture while hostile clients try to take it away.
 
 MuJoCo judges. It has all fixtures where the scene has them.
 """
 
 import itertools
-import sys
 import tempfile
 import time
 from contextlib import ExitStack
@@ -20,9 +19,6 @@ from attack.raw import Kind, Raw, Role
 from attack.row import Row
 from attack.service import AWAY, GUESSES, fixed
 from attack.target import LATE, Arms, Target, patient_bay
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from closed_loop.judge import Judge
 
 # What is driven into which fixture, by which joint, and how fast [rad/s].
@@ -65,14 +61,14 @@ class Driver:
         self.arms.engages, self._way = True, 0.0
         self.arms.wait_until(lambda answer: not any(answer.actions), LONGEST)
         self.arms.engages, self._way = False, 1.0
-        stopped = self.arms.wait_until(lambda _: self.stands, LONGEST)
+        stopped = self.arms.wait_until(lambda _: self.rests, LONGEST)
         self.arms.engages, self._way = True, -1.0
         back = self.arms.wait_until(lambda _: self.arms.q[JOINT] <= self._home, LONGEST)
         self._way = 0.0
         return stopped and back
 
     @property
-    def stands(self) -> bool:
+    def rests(self) -> bool:
         """Whether the arm was stopped and rests, or is where it was driven to."""
         arms = self.arms
         stopped = arms.newest is not None and any(arms.newest.actions)

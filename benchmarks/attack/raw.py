@@ -39,7 +39,7 @@ ROBOT = struct.Struct("<4H2fdQQd")
 PATIENCE = 20.0
 
 
-class Told(NamedTuple):
+class Heard(NamedTuple):
     """What a COMMAND tells.
 
     Attributes:
@@ -248,7 +248,7 @@ def sealed(head: bytes, key: bytes) -> bytes:
     return head + blake2s(head, key=key, digest_size=SEAL).digest()
 
 
-def told(message: bytes) -> Told:
+def heard(message: bytes) -> Heard:
     """What a COMMAND tells."""
     cause, flags = struct.unpack_from("<HxxxxH", message, SUMMARY_AT + 2)
     joints, robots = struct.unpack_from("<HH", message, SUMMARY_AT + 10)
@@ -259,7 +259,7 @@ def told(message: bytes) -> Told:
     numbers = struct.unpack_from(
         f"<{2 * joints}d", message, ROBOTS_AT + robots * ROBOT.size
     )
-    return Told(
+    return Heard(
         time.monotonic(),
         cause,
         commander,

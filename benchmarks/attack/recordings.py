@@ -5,7 +5,6 @@ mutant that takes too long and the memory it took are all seen.
 """
 
 import json
-import mmap
 import os
 import resource
 import signal
@@ -15,6 +14,7 @@ import time
 import traceback
 import zlib
 from collections import Counter
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +52,7 @@ SHARE = 2000
 # One of so many mutants is a whole file.
 FILES = 50
 
-# What stands before the text of a checkpoint: what it is, layout, length.
+# What comes before the text of a checkpoint: what it is, layout, length.
 BEFORE_TEXT = 8 + 16
 
 # Magnitudes nothing has, and the bits that are worst as a place.
@@ -386,13 +386,14 @@ def changed_block(data, rng):
     return pack_block(rows)
 
 
-def work(target, seeds, notes):
-    """Try mutants one after another; `notes` say how far it got."""
+def work(target, seeds, done, answer):
+    """Try mutants one after another; `done` says how many, in the end the answer."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     counted = Counter()
     longest, first_trace = 0.0, ""
     before = most_memory()
     for k, seed in enumerate(seeds):
-        notes[0] = k
+        done.value = k
         rng = np.random.default_rng(seed)
         signal.alarm(PATIENCE)
         start = time.monotonic()
@@ -407,7 +408,8 @@ def work(target, seeds, notes):
         signal.alarm(0)
         longest = max(longest, time.monotonic() - start)
     grown = most_memory() - before
-    return {**counted, "longest_s": longest, "grown_mb": grown, "trace": first_trace}
+    times = {"longest_s": longest, "grown_mb": grown, "trace": first_trace}
+    answer.send({**counted, **times})
 
 
 def most_memory():
@@ -417,34 +419,25 @@ def most_memory():
 
 def try_all(target, seeds, figures):
     """Try mutants in forked workers; what came of it is added to figures."""
+    context = get_context("fork")
     while len(seeds):
         share = seeds[:SHARE]
-        notes = np.frombuffer(mmap.mmap(-1, 8), np.int64)
-        reader, writer = os.pipe()
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                os.close(reader)
-                quiet = os.open(os.devnull, os.O_WRONLY)
-                os.dup2(quiet, 2)
-                answer = json.dumps(work(target, share, notes)).encode()
-                os.write(writer, answer[:60_000])
-                status = 0
-            finally:
-                os._exit(status)
-        os.close(writer)
-        with os.fdopen(reader, "rb") as pipe:
-            told = pipe.read()
-        _, status = os.waitpid(child, 0)
-        if os.WIFSIGNALED(status) or not told:
-            done = int(notes[0]) + 1
+        count = context.RawValue("q")
+        answer, end = context.Pipe(duplex=False)
+        child = context.Process(target=work, args=(target, share, count, end))
+        child.start()
+        end.close()
+        try:
+            found = answer.recv()
+        except EOFError:
+            found = None
+        child.join()
+        done = len(share) if found else count.value + 1
+        if found is None:
             figures["signals"] += 1
-            figures["by_signal"][str(os.WTERMSIG(status))] += 1
+            figures["by_signal"][str(-child.exitcode)] += 1
             figures["seeds"].append(int(share[done - 1]))
         else:
-            done = len(share)
-            found = json.loads(told)
             for name in ("accepted", "refused", "tracebacks"):
                 figures[name] += found.get(name, 0)
             for name in ("longest_s", "grown_mb"):
@@ -453,15 +446,6 @@ def try_all(target, seeds, figures):
                 figures["traces"].append(found["trace"])
         figures["tried"] += done
         seeds = seeds[done:]
-
-
-def new_figures():
-    """Nothing was tried yet."""
-    return {
-        "tried": 0, "signals": 0, "tracebacks": 0, "refused": 0, "accepted": 0,
-        "longest_s": 0.0, "grown_mb": 0.0, "by_signal": Counter(), "seeds": [],
-        "traces": [],
-    }  # fmt: skip
 
 
 def run(count: int, seed: int) -> dict:
@@ -488,14 +472,12 @@ def run(count: int, seed: int) -> dict:
             ("checkpoints", Checkpoints(tape), count - files),
             ("files", Files(recordings, folder), files),
         ):
-            answer[kind] = figures = new_figures()
+            answer[kind] = figures = {
+                **dict.fromkeys(("tried", "signals", "tracebacks"), 0),
+                **{"refused": 0, "accepted": 0, "longest_s": 0.0, "grown_mb": 0.0},
+                **{"by_signal": Counter(), "seeds": [], "traces": []},
+            }
             target.warm(np.random.default_rng(seed))
             first = seed << 32
             try_all(target, np.arange(first, first + tries), figures)
     return answer
-
-
-if __name__ == "__main__":
-    import sys
-
-    print(json.dumps(run(int(sys.argv[1]), int(sys.argv[2])), indent=1))

@@ -41,7 +41,7 @@ GUESSES = (b"armguard", b"armguard-public-", bytes(16), b"0123456789abcdef")
 # Another user of the machine.
 NOBODY = 65534
 
-# Far from where anything stands, as a pose.
+# Far from everything, as a pose.
 AWAY = [[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 
 # Calls that need more than the key for 'sense', with arguments that they would take.
@@ -208,10 +208,10 @@ def other_user(target: Target, arms: Arms, count: int) -> Row:
         finally:
             os._exit(0)
     os.close(writer)
-    told = os.read(reader, 1)
+    found = os.read(reader, 1)
     os.close(reader)
     os.waitpid(child, 0)
-    opened = told[0] if told else len(secret)
+    opened = found[0] if found else len(secret)
     had = ledger.had("hellos", "stop_orders") + opened
     return none(
         attack, ledger.refused, had, wanted=count // 2,
@@ -300,7 +300,7 @@ def fixtures(target: Target, arms: Arms, count: int) -> Row:
 
 
 def fixed() -> list[str]:
-    """Names of what stands in the bay: nothing of it has a top speed."""
+    """Names of the fixtures of the bay: they have no top speed."""
     return [name for name, thing in bay_scene().objects.items() if not thing.top_speed]
 
 

@@ -5,20 +5,21 @@ import re
 import secrets
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from subprocess import PIPE, Popen
+from typing import IO
 
 from armguard.scene.bay import FOLDER, bay_path
 from armguard.station.service.counters import CountersReader
-from attack.raw import Kind, Raw, Role, Told, told
+from attack.raw import Heard, Kind, Raw, Role, heard
 
 # How much later than its period a cycle may come, and how old states may be: an attack
-# is told from a machine that is busy by what is done, not by when [s].
+# is distinguished from a machine that is busy by what is done, not by when [s].
 LATE = 0.4
 PERIOD = 0.004
 
@@ -55,21 +56,10 @@ class Target:
         words = ("serve", str(patient_bay(folder, late)), "--port", str(port), *given)
         how = ("--mode", "path", "--late", str(late), "--no-self-test", *options)
         self._log = (folder / "service.log").open("ab")
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "armguard", *words, *how],
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-        )
-        assert self.process.stdout is not None
-        watch = threading.Timer(START, self.process.kill)
-        watch.start()
-        line = self.process.stdout.readline().decode()
-        watch.cancel()
+        self.process, line = started(("armguard", *words, *how), self._log)
         found = re.fullmatch(r"listening on [\d.]+:(\d+), ring (.*)\n", line)
         if found is None:
-            self.process.wait()
-            self.process.stdout.close()
-            self._log.close()
+            self.end()
             raise RuntimeError(f"no service: {(folder / 'service.log').read_text()}")
         self.port, self.ring = int(found[1]), Path(found[2])
         self.key_file = keys or own_keys(self.port)
@@ -106,6 +96,23 @@ class Target:
         self._log.close()
 
 
+def started(words: Sequence[str], log: IO[bytes]) -> tuple[Popen[str], str]:
+    """A process of a Python module, and the first line it wrote; empty if it ended.
+
+    Args:
+        words: The module and its arguments.
+        log: Where its errors go.
+    """
+    command = [sys.executable, "-m", *words]
+    process = Popen(command, stdout=PIPE, stderr=log, text=True)
+    watch = threading.Timer(START, process.kill)
+    watch.start()
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    watch.cancel()
+    return process, line
+
+
 class Arms:
     """A controller that is commander too: its arms obey at once, as a thread.
 
@@ -114,7 +121,7 @@ class Arms:
         q: Positions of its arms [rad].
         sent: States it has sent, each with a wish if it commands.
         calls: Calls it has sent.
-        answers: What it was told last, if `keeps`.
+        answers: What it has heard last, if `keeps`.
         trace: Positions it was in, if `keeps`.
         wish: Desired velocities of all joints; may be changed at any time.
         strange: Answers with another commander, or that move an arm which nobody
@@ -122,7 +129,7 @@ class Arms:
         moving: Answers that moved an arm.
         moved_at: When the last such answer came, monotonic [s].
         silent: States that had no answer in time.
-        newest: What it was told last.
+        newest: What it has heard last.
         engages: Whether it engages arms that were stopped.
 
     Args:
@@ -150,10 +157,10 @@ class Arms:
         self.v = [0.0] * len(self.q)
         self.wish: Callable[[float], list[float]] = self.sway
         self.sent = self.calls = self.strange = self.moving = self.silent = 0
-        self.answers: list[Told] = []
+        self.answers: list[Heard] = []
         self.moved_at = 0.0
         self.trace: list[tuple[float, ...]] = []
-        self.newest: Told | None = None
+        self.newest: Heard | None = None
         self._ended = threading.Event()
         self._failed: BaseException | None = None
         if commands and not raw.claim():
@@ -175,7 +182,7 @@ class Arms:
         found[0] = 0.05 if self.q[0] < 0.02 * (-1) ** int(t) else -0.05
         return found
 
-    def wait_until(self, done: Callable[[Told], bool], seconds: float = 30.0) -> bool:
+    def wait_until(self, done: Callable[[Heard], bool], seconds: float = 30.0) -> bool:
         """Wait until an answer is as it is to be; whether it was."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -210,7 +217,7 @@ class Arms:
             self.v = [0.0] * len(self.q)
             self.silent += 1
             return
-        answer = told(message)
+        answer = heard(message)
         odd = self._commands and answer.commander != raw.sender
         odd |= not all(abs(x) < 10.0 for x in answer.velocities)
         odd |= any(answer.velocities[self._still :])
@@ -253,9 +260,9 @@ def new_keys(folder: Path) -> Path:
     return path
 
 
-def free_port() -> int:
-    """A port that is free."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    """A port that is free on loopback, of UDP or of another kind."""
+    with socket.socket(socket.AF_INET, kind) as one:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]
         return port

@@ -3,16 +3,11 @@
 The attacker reaches the bridge as a peer, as a client, or through a router of Zenoh
 that passes everything on. It has no key, or the key for `observe`. It writes seals by
 docs/zenoh.md, not with the code under attack.
-
-    python benchmarks/attack/zenoh_bus.py 10000
 """
 
 import json
 import os
-import socket
 import struct
-import subprocess
-import sys
 import threading
 import time
 from collections import Counter
@@ -20,14 +15,15 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from hashlib import blake2s
 from pathlib import Path
-from typing import Any
+from socket import SOCK_STREAM
+from tempfile import TemporaryDirectory
+from typing import IO, Any
 
 import zenoh
 
-from armguard.scene.bay import bay_path
-from armguard.station.service.counters import counters_path
-from armguard.station.wire.keys import Role, keys_path, read_keys
+from armguard.station.wire.keys import Role
 from armguard.station.zenoh_bridge import ZenohClient
+from attack.target import Target, free_port, started
 
 ROOT = "armguard/guard"
 
@@ -48,29 +44,6 @@ OTHERS = zenoh.Locality.REMOTE
 
 # A speed that no command has [rad/s]: it marks forged ones.
 FORGED = 9.75
-
-
-def free_port() -> int:
-    """A TCP port that is free."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
-        return port
-
-
-@contextmanager
-def process(*words: str) -> Iterator[str]:
-    """A module that runs, and the first line it wrote."""
-    command = [sys.executable, "-m", *words]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as one:
-        watch = threading.Timer(PATIENCE, one.kill)
-        watch.start()
-        line = one.stdout.readline() if one.stdout else ""
-        watch.cancel()
-        try:
-            yield line
-        finally:
-            one.kill()
 
 
 @contextmanager
@@ -327,24 +300,26 @@ class Attacker:
             time.sleep(PAUSE)
 
 
-def attack(mode: str, count: int, port: int) -> dict[str, int]:
+def attack(mode: str, count: int, target: Target, log: IO[bytes]) -> dict[str, int]:
     """Attack a bridge in one mode.
 
     Args:
         mode: One of `MODES`.
         count: Tries of each kind.
-        port: Port of the service.
+        target: The service.
+        log: Where the bridge writes its errors.
     """
-    keys = read_keys(keys_path(port))
-    here = f"tcp/127.0.0.1:{free_port()}"
+    port, keys = target.port, target.keys
+    here = f"tcp/127.0.0.1:{free_port(SOCK_STREAM)}"
     bridge = ["armguard.station.zenoh_bridge", "--port", str(port), "--listen", here]
     with ExitStack() as stack:
         place = here
         if mode == "router":
-            place = f"tcp/127.0.0.1:{free_port()}"
+            place = f"tcp/127.0.0.1:{free_port(SOCK_STREAM)}"
             stack.enter_context(opened("router", (place,), ()))
             bridge += ["--connect", place]
-        stack.enter_context(process(*bridge))
+        process = stack.enter_context(started(bridge, log)[0])
+        stack.callback(process.kill)
         kind = "client" if mode == "router" else mode
         victims = Victims(stack.enter_context(opened(kind, (), (place,))), port)
         stack.callback(victims.close)
@@ -395,16 +370,6 @@ def run(count: int) -> dict[str, dict[str, int]]:
     Returns:
         By mode: what was tried, and what of it had an effect.
     """
-    serve = ("serve", str(bay_path()), "--port", "0", "--no-self-test", "--mode=path")
-    with process("armguard", *serve, "--late=0.4") as line:
-        port = int(line.partition(",")[0].rpartition(":")[2])
-        ring = Path(line.strip().rpartition("ring ")[2])
-        try:
-            return {mode: attack(mode, count, port) for mode in MODES}
-        finally:
-            for path in (ring, counters_path(ring), keys_path(port)):
-                path.unlink(missing_ok=True)
-
-
-if __name__ == "__main__":
-    print(json.dumps(run(int(sys.argv[1])), indent=2))
+    with TemporaryDirectory() as name, Target(Path(name)) as target:
+        with (Path(name) / "bridge.log").open("wb") as log:
+            return {mode: attack(mode, count, target, log) for mode in MODES}

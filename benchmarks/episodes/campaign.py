@@ -7,17 +7,17 @@ import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from math import ceil
+from math import ceil, inf
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from armguard.cli.console import jsonable, say
-from episodes.page import page
 from episodes.records import Digest, Extreme, Figures, Records, ranges_of
+from pages import page
 
 Episode = dict[str, Any]
 
@@ -30,7 +30,7 @@ COMPARED = 50
 
 
 class LeftOut(Exception):
-    """An episode that tells nothing: its message is the reason it is counted by."""
+    """An episode without a result: its message is the reason it is counted by."""
 
 
 def numbers(kind: str, figures: Figures) -> str:
@@ -41,17 +41,17 @@ def numbers(kind: str, figures: Figures) -> str:
 
 @dataclass(frozen=True)
 class Campaign:
-    """What is run, and who tells of it.
+    """What is run, and how it is reported.
 
     Attributes:
-        results: Where figures are kept; their page stands beside them.
+        results: Where figures are kept; their page is beside them.
         kinds: What runs the episode of a seed, by kind; it goes to other processes.
         version: Hash of all that decides what comes of an episode of a kind.
         extreme: Figures that are no sums, and how two of one name are put together.
         summed_up: Figures of episodes of a kind.
         digest: What came of an episode, in short.
         is_broken: Whether figures break a promise.
-        is_told: Whether something is to be looked at in an episode.
+        is_notable: Whether an episode is printed: it is to be looked at.
         count: How many episodes of each kind are run if nothing is said.
         shares: How many of them are run of a kind, 1 if left out [-].
         written: After so many what they came to is written down.
@@ -67,7 +67,7 @@ class Campaign:
     summed_up: Callable[[str, list[Episode]], Figures]
     digest: Callable[[Episode], Digest]
     is_broken: Callable[[Figures], bool]
-    is_told: Callable[[Episode], bool]
+    is_notable: Callable[[Episode], bool]
     count: int = 10_000
     shares: Mapping[str, float] = field(default_factory=dict)
     written: int = 100
@@ -96,11 +96,18 @@ class Campaign:
             processes: How many work at a time; 1 works in this one.
             seconds: Time after which no more are waited for [s]; None for no end.
         """
-        end = None if seconds is None else monotonic() + seconds
-        for episode in answers(self.kinds[kind], seeds, processes):
-            yield episode
-            if end is not None and monotonic() > end:
-                return
+        end = inf if seconds is None else monotonic() + seconds
+        attempt = partial(attempted, self.kinds[kind])
+        with ExitStack() as stack:
+            ready: Iterator[Episode] = map(attempt, seeds)
+            if processes > 1:
+                context = multiprocessing.get_context("spawn")
+                pool = stack.enter_context(context.Pool(processes))
+                ready = pool.imap(attempt, seeds)
+            for episode in ready:
+                yield episode
+                if monotonic() > end:
+                    return
 
     def show(self, kind: str, chosen: argparse.Namespace) -> bool:
         """Run episodes and print them, each in full; whether a promise is broken."""
@@ -108,8 +115,9 @@ class Campaign:
         found = list(self.run(kind, seeds, processes=chosen.processes))
         print(json.dumps(jsonable(found), indent=1))
         figures = self.figures_of(kind, found)
-        figures |= self.derived(kind, figures) if figures["episodes"] else {}
-        return figures["episodes"] > 0 and self.is_broken(figures)
+        if figures["episodes"] == 0:
+            return False
+        return self.is_broken(figures | self.derived(kind, figures))
 
     def again(self, kind: str, chosen: argparse.Namespace) -> bool:
         """Run some of the known episodes again; whether the outcome of any differs.
@@ -164,7 +172,7 @@ class Campaign:
         for episode in self.run(
             kind, todo, processes=chosen.processes, seconds=chosen.seconds
         ):
-            if "left_out" in episode or self.is_told(episode):
+            if "left_out" in episode or self.is_notable(episode):
                 print(kind, json.dumps(jsonable(episode)), flush=True)
             waiting.append(episode)
             if len(waiting) >= self.written:
@@ -184,21 +192,19 @@ class Campaign:
         found = records.add(kind, self.figures_of(kind, episodes), digests)
         say(f"{kind}: {found['episodes']} episodes are known")
 
-    def counts(self, chosen: argparse.Namespace) -> dict[str, int]:
-        """How many episodes of each kind are asked for."""
-        if chosen.kind:
-            return {chosen.kind: chosen.episodes}
-        shares = {kind: self.shares.get(kind, 1.0) for kind in self.kinds}
-        return {kind: ceil(share * chosen.episodes) for kind, share in shares.items()}
-
     def main(self, says: str | None) -> int:
         """Do as the command line asks; 1 if a promise is broken.
 
         Args:
             says: What the command says of itself.
         """
-        chosen = self.arguments(says)
-        return self.do(chosen, self.counts(chosen))
+        parser = parser_of(says, self.count)
+        parser.add_argument("--kind", choices=tuple(self.kinds), help="all if left out")
+        chosen = parser.parse_args()
+        count = chosen.episodes
+        shares = {kind: self.shares.get(kind, 1.0) for kind in self.kinds}
+        every = {kind: ceil(share * count) for kind, share in shares.items()}
+        return self.do(chosen, {chosen.kind: count} if chosen.kind else every)
 
     def do(self, chosen: argparse.Namespace, counts: Mapping[str, int]) -> int:
         """Do as the command line asks of some kinds; 1 if a promise is broken."""
@@ -214,11 +220,12 @@ class Campaign:
         say(f"wrote {self.results.name} and its page")
         return int(any(broken))
 
-    def arguments(self, says: str | None) -> argparse.Namespace:
-        """What the user asks for."""
-        parser = parser_of(says, self.count)
-        parser.add_argument("--kind", choices=tuple(self.kinds), help="all if left out")
-        return parser.parse_args()
+
+def command(says: str | None) -> argparse.ArgumentParser:
+    """A parser whose help is what a command says of itself, line by line."""
+    return argparse.ArgumentParser(
+        description=says, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
 
 
 def parser_of(says: str | None, count: int) -> argparse.ArgumentParser:
@@ -228,9 +235,7 @@ def parser_of(says: str | None, count: int) -> argparse.ArgumentParser:
         says: What the command says of itself.
         count: How many episodes of each kind are run if nothing is said.
     """
-    parser = argparse.ArgumentParser(
-        description=says, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(says)
     parser.add_argument("--episodes", type=int, default=count, help="of each kind")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--seconds", type=float, help="bound for each kind [s]")
@@ -244,18 +249,6 @@ def parser_of(says: str | None, count: int) -> argparse.ArgumentParser:
     )
     parser.add_argument("--page", action="store_true", help="from what is known")
     return parser
-
-
-def answers(
-    work: Callable[[int], Episode], seeds: Iterable[int], processes: int
-) -> Iterator[Episode]:
-    """What work gives for each seed, as it becomes ready, in their order."""
-    attempt = partial(attempted, work)
-    if processes == 1:
-        yield from map(attempt, seeds)
-        return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(attempt, seeds)
 
 
 def attempted(work: Callable[[int], Episode], seed: int) -> Episode:

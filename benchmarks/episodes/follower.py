@@ -12,6 +12,7 @@ from collections import deque
 import numpy as np
 
 from armguard.respond import Action, Command, Guard
+from armguard.scene import SceneTables
 from arrays import Bools, Floats
 from closed_loop.truth import joined
 
@@ -19,8 +20,34 @@ from closed_loop.truth import joined
 SAME_ERROR = 0.3
 
 
-class Follower:
-    """All arms of a guard.
+class Arms:
+    """The arms of a scene, and what is declared of them.
+
+    Attributes:
+        tables: The scene's tables.
+        robots: Their names.
+        figures: Declared figures of each arm, by name.
+        own: Places of each arm's joints in q, by name.
+        lower: Least joint positions, joints without end within one turn, shape (n,).
+        upper: Greatest, shape (n,).
+    """
+
+    def __init__(self, tables: SceneTables) -> None:
+        self.tables, parts = tables, tables.robots
+        self.robots = tuple(part.name for part in parts)
+        self.figures = {p.name: p.stopping for p in parts if p.stopping is not None}
+        ends = {p.name: (p.first_joint, p.first_joint + p.joint_count) for p in parts}
+        self.own = {name: slice(*end) for name, end in ends.items()}
+        self.lower = np.maximum(tables.lower, -np.pi)
+        self.upper = np.minimum(tables.upper, np.pi)
+
+    def joined(self, figure: str) -> Floats:
+        """A figure of all joints, shape (n,)."""
+        return joined(self.figures.values(), figure)
+
+
+class Follower(Arms):
+    """All arms of a guard, see also `Arms`.
 
     Attributes:
         guard: The guard.
@@ -29,8 +56,6 @@ class Follower:
         measured: Positions as measured last, shape (n,) [rad or m].
         cycles: Number of cycles.
         period: Time from one cycle to the next [s].
-        figures: Declared figures of each arm, by name.
-        own: Places of each arm's joints in q, by name.
 
     Args:
         guard: The guard.
@@ -42,20 +67,15 @@ class Follower:
     substeps = 1
 
     def __init__(self, guard: Guard, q: Floats, rng: np.random.Generator) -> None:
+        super().__init__(guard.tables)
         self.guard, self.rng = guard, rng
-        parts = guard.tables.robots
-        self.figures = {part.name: part.stopping for part in parts}
-        self.own = {
-            part.name: slice(part.first_joint, part.first_joint + part.joint_count)
-            for part in parts
-        }
         self.period = guard.tables.period
         self.substep = self.period / self.substeps
         self.q, self.v, self.measured = q.copy(), np.zeros_like(q), q.copy()
         self.cycles = 0
         figures = self.figures.values()
         names = ("position_error", "velocity_error", "tracking_error", "acceleration")
-        self._most = {name: joined(figures, name) for name in names}
+        self._most = {name: self.joined(name) for name in names}
         late = min(f.command for f in figures) / self.substep + 1e-9
         aged = min(f.sensing for f in figures) / self.substep + 1e-9
         delay = int(rng.integers(int(late) + 1))

@@ -29,7 +29,7 @@ def is_todays(run: Mapping[str, Any]) -> bool:
     return bool(run.get("kernels") == kernels_of(*run.get("of", ())))
 
 
-def told(run: Mapping[str, Any]) -> str:
+def cell_of(run: Mapping[str, Any]) -> str:
     """A cell of a table: the kernels of a row, marked where they are not today's."""
     kernels = str(run.get("kernels", UNKNOWN))
     text = kernels if kernels == UNKNOWN else kernels[:8]
@@ -48,7 +48,7 @@ def note() -> str:
     )
 
 
-def told_of(results: Mapping[str, Any], *names: str) -> str:
+def kernels_in_words(results: Mapping[str, Any], *names: str) -> str:
     """The kernels of the runs of a page that has no column for them.
 
     Args:
@@ -59,6 +59,6 @@ def told_of(results: Mapping[str, Any], *names: str) -> str:
     chosen = names or [name for name in results if name != "runs"]
     by_kernels: dict[str, list[str]] = {}
     for name in chosen:
-        by_kernels.setdefault(told(runs.get(name, {})), []).append(name)
+        by_kernels.setdefault(cell_of(runs.get(name, {})), []).append(name)
     cells = "; ".join(f"{k} of {', '.join(of)}" for k, of in by_kernels.items())
     return f"Kernels: {cells}. Marked *: other ones than when this page was written."

@@ -14,6 +14,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +26,7 @@ Figures = dict[str, Any]
 Extreme = Mapping[str, Callable[[float, float], float]]
 
 # So many seeds in which something was found are listed.
-TOLD = 20
+LISTED = 20
 
 # What figures have beside what was measured.
 BESIDE = ("version", "kernels", "before")
@@ -58,6 +59,25 @@ def version(what: str, files: Iterable[Path]) -> str:
     for path in files:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def version_of(
+    folder: Path, *shared: Path, reporting: Sequence[str] = ("summary.py",)
+) -> Callable[[str], str]:
+    """Gives the version of each kind of episodes of a campaign.
+
+    Args:
+        folder: Its files.
+        shared: Files of others that decide what comes of its episodes.
+        reporting: Names of files that change no episode.
+    """
+
+    @cache
+    def of(kind: str) -> str:
+        files = [*sorted(folder.glob("*.py")), *shared]
+        return version(kind, [path for path in files if path.name not in reporting])
+
+    return of
 
 
 def ranges_of(seeds: Iterable[int]) -> list[list[int]]:
@@ -123,10 +143,14 @@ class Records:
             found = merged(known, figures, self.extreme)
             found |= self.derived(kind, found) if found["episodes"] else {}
             marks = {"version": self.of(kind), "kernels": kernels_of()}
-            others = self._others(kind)
-            larger = [f for f in others if f["episodes"] > found["episodes"]]
+            larger = [
+                {key: figure for key, figure in row.items() if key != "before"}
+                for row in versions_of(self.kinds.get(kind, {}))
+                if row.get("version") != marks["version"]
+                and row.get("episodes", 0) > found["episodes"]
+            ]
             if larger:
-                found["before"] = max(larger, key=lambda f: f["episodes"])
+                found["before"] = max(larger, key=lambda row: row["episodes"])
             self.kinds[kind] = jsonable({**found, **marks})
             line = line_of(kind, marks, digests)
             replace(self.episodes, "".join([*self._kept_lines(), line]))
@@ -189,12 +213,6 @@ class Records:
         if figures.get("version") != self.of(kind):
             return {}
         return {key: f for key, f in figures.items() if key not in BESIDE}
-
-    def _others(self, kind: str) -> list[Figures]:
-        """Figures of a kind of other versions."""
-        kept = self.kinds.get(kind, {})
-        found = [kept.pop("before")] if "before" in kept else []
-        return found if self._known(kind) or not kept else [kept, *found]
 
     def _lines(self) -> Iterator[Figures]:
         if self.episodes.exists():
@@ -330,7 +348,7 @@ def merged(one: Figures, other: Figures, extreme: Extreme) -> Figures:
         elif isinstance(b, dict):
             found[key] = merged(a, b, extreme)
         elif isinstance(b, list):
-            found[key] = [*a, *b][:TOLD]
+            found[key] = [*a, *b][:LISTED]
         elif isinstance(b, str):
             found[key] = b
         else:

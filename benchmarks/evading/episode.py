@@ -1,4 +1,4 @@
-"""One thing is thrown or pushed at an arm: what came of it, and what could have."""
+"""A projectile comes at an arm: what came of it, and what could have."""
 
 from math import inf
 from time import process_time
@@ -11,10 +11,8 @@ from armguard.respond import Action, Blocked, Command, Guard
 from arrays import Bools, Floats
 from episodes.classes import classes
 from episodes.follower import Follower
-from evading.judge import Findings
-from evading.places import MOVER, PERIOD, Place
-from evading.search import Search
-from evading.throws import BEFORE, SPEEDS, Throw, drawn_thing, drawn_throw
+from evading.places import MOVER, PERIOD, Findings, Place
+from evading.throws import BEFORE, SPEEDS, Search, Throw, drawn_projectile, drawn_throw
 
 
 class Plant(Follower):
@@ -83,7 +81,7 @@ class Plant(Follower):
                 self.guard.engage(name)
 
 
-# How many cycles pass until the thing is seen again, and how old that is, at most.
+# How many cycles pass until the projectile is seen again, and how old that is, at most.
 SEEN_EVERY, SEEN_LATE = 5, 2
 
 # Width of a class of cycle times [us].
@@ -91,7 +89,7 @@ CLASS = 10
 
 
 class Sight:
-    """Who sees the thing now and then, late, and tells the guard.
+    """Who sees the projectile now and then, late, and tells the guard.
 
     Args:
         guard: The guard.
@@ -116,7 +114,7 @@ class Sight:
         time = self._seen = max(plant.time - late, self._seen)
         self.guard.place(
             MOVER,
-            self.throw.thing.at(
+            self.throw.projectile.at(
                 self.throw.begin + (time - BEFORE) * self.throw.velocity
             ),
             plant.clock(time),
@@ -136,9 +134,9 @@ def run_episode(name: str, seed: int, *, evade: bool = True) -> dict[str, Any]:
     begin = process_time()
     rng = np.random.default_rng([seed, 3])
     speed = float(rng.uniform(*SPEEDS))
-    thing = drawn_thing(rng, speed)
-    place = Place(name, thing, evade=evade)
-    throw = drawn_throw(rng, place, thing, speed)
+    projectile = drawn_projectile(rng, speed)
+    place = Place(name, projectile, evade=evade)
+    throw = drawn_throw(rng, place, projectile, speed)
     guard = Guard(place.scene, self_test=False)
     plant = Plant(guard, throw.q, rng)
     sight, found = Sight(guard, throw, rng), Findings()
@@ -182,11 +180,11 @@ def why_not(
     found: Findings,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Why the thing was not evaded, and how far what it hit went along with it.
+    """Why the projectile was not evaded, and how far what it hit went along with it.
 
     Returns:
         `why` and `along`, the share of the way of what was hit between when the arm
-        began to get out of the way and the hit that is along the thing's [-]; None
+        began to get out of the way and the hit that is along the projectile's [-]; None
         where there is none.
     """
     if found.hit is None:

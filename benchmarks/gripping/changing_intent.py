@@ -107,7 +107,10 @@ class Fickle:
             self.changes += 1
         desired = self.desired()
         if self.mind.way == "random":
-            self.intend(self.headed_for(desired[:3]))
+            # From now on he may touch these as well.
+            if not (names := self.headed_for(desired[:3])) <= self.intended:
+                self.look()
+                self.intended |= names
         self.plant.cycle(desired)
         if self.plant.stopped_for > STOPPED:
             self.plant.leave(fingers=True)
@@ -129,12 +132,6 @@ class Fickle:
         points = box(np.zeros(3), middle + way)
         solids = self.judge.solids
         return {n for n in near if float(gaps(points, solids[n]).min()) <= AIM}
-
-    def intend(self, names: set[str]) -> None:
-        """From now on he may touch these as well."""
-        if not names <= self.intended:
-            self.look()
-            self.intended |= names
 
     def forget(self) -> None:
         """Forget what he turned away from, once he has left it."""

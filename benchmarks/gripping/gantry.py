@@ -1,9 +1,8 @@
 """Three axes with a hand that looks down, and two fingers that slide along y."""
 
-import numpy as np
-
-from armguard.geometry import Box, Pose
-from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
+from armguard.geometry import Box
+from armguard.robot.model import RobotModel
+from robots import robot_of, slider
 
 # How it stops, how late it is, and by how much it misses commands [SI].
 FIGURES = {
@@ -32,46 +31,18 @@ CLOSED = 0.006
 WIDEST = 0.05
 
 
-def slider(name, parent, child, axis, lower, upper, xyz=(0.0, 0.0, 0.0)):
-    """A joint that slides."""
-    return Joint(
-        name=name,
-        kind=JointKind.PRISMATIC,
-        parent=parent,
-        child=child,
-        T_parent_joint=Pose(xyz=xyz).matrix(),
-        axis=np.array(axis, dtype=float),
-        lower=lower,
-        upper=upper,
-    )
-
-
-def boxed(name, half):
-    """A link that is a box."""
-    element = CollisionElement(
-        geometry=Box(half_extents=half), T_link_geometry=np.eye(4)
-    )
-    return Link(name=name, collisions=(element,))
-
-
-def gantry():
+def gantry() -> RobotModel:
     """The robot."""
-    links = {
-        "base": Link(name="base"),
-        "bridge": Link(name="bridge"),
-        "trolley": Link(name="trolley"),
-        "hand": boxed("hand", HAND),
-        "left": boxed("left", FINGER),
-        "right": boxed("right", FINGER),
-    }
-    left, right = (0, CLOSED, -BELOW), (0, -CLOSED, -BELOW)
-    joints = {
-        "x": slider("x", "base", "bridge", (1, 0, 0), -1.0, 1.0),
-        "y": slider("y", "bridge", "trolley", (0, 1, 0), -1.0, 1.0),
-        "z": slider("z", "trolley", "hand", (0, 0, 1), 0.0, 1.0),
-        "open_left": slider("open_left", "hand", "left", (0, 1, 0), 0.0, WIDEST, left),
-        "open_right": slider(
-            "open_right", "hand", "right", (0, -1, 0), 0.0, WIDEST, right
-        ),
-    }
-    return RobotModel(name="gantry", path=None, links=links, joints=joints, root="base")
+    far = {"lower": -1.0, "upper": 1.0}
+    opens = {"lower": 0.0, "upper": WIDEST}
+    left, right = (0.0, CLOSED, -BELOW), (0.0, -CLOSED, -BELOW)
+    joints = [
+        slider("x", "base", "bridge", (1, 0, 0), **far),
+        slider("y", "bridge", "trolley", (0, 1, 0), **far),
+        slider("z", "trolley", "hand", (0, 0, 1), lower=0.0, upper=1.0),
+        slider("open_left", "hand", "left", (0, 1, 0), **opens, xyz=left),
+        slider("open_right", "hand", "right", (0, -1, 0), **opens, xyz=right),
+    ]
+    halves = {"hand": HAND, "left": FINGER, "right": FINGER}
+    boxes = {link: Box(half_extents=half) for link, half in halves.items()}
+    return robot_of("gantry", joints, boxes)

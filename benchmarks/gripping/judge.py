@@ -50,7 +50,7 @@ class Judge:
 
     Attributes:
         findings: What was found so far.
-        solids: What stands where, by name.
+        solids: What is where, by name.
         held: Name of what is carried, None if nothing is.
 
     Args:
@@ -74,7 +74,7 @@ class Judge:
         self._fingers = q[3:]
 
     def release(self, q: Floats) -> None:
-        """From now on it stands where it is."""
+        """From now on it stays where it is."""
         if self.held is not None:
             solid = self.solids[self.held]
             self.solids[self.held] = solid.moved_to(q[:3] + self._offset)

@@ -32,7 +32,7 @@ from gripping.plant import Plant
 from gripping.workplace import PERIOD, STOPPING, Solid, Tool, Workplace, box, cluttered
 from peers.mujoco_margin import as_text
 
-# Where it stands: its base is beside the table [m].
+# Where it is: its base is beside the table [m].
 BASE = (-0.6, 0.0, 0.0)
 
 # Links by what the judge calls them; all others by their own names.
@@ -61,7 +61,7 @@ DAMPED = 1e-6 * np.eye(6)
 
 
 class PandaArm:
-    """The arm, its hand and all that stands round it, as a model of MuJoCo.
+    """The arm, its hand and all that is round it, as a model of MuJoCo.
 
     Attributes:
         model: MuJoCo's model.
@@ -72,7 +72,7 @@ class PandaArm:
 
     Args:
         model: The robot.
-        solids: What stands round it, by name.
+        solids: What is round it, by name.
     """
 
     def __init__(self, model: RobotModel, solids: dict[str, Solid]) -> None:
@@ -137,7 +137,7 @@ class PandaArm:
 
 
 def mjcf(model: RobotModel, solids: dict[str, Solid]) -> str:
-    """The robot by its own files, and what stands round it, as text."""
+    """The robot by its own files, and what is round it, as text."""
     assets: list[str] = []
     children: dict[str, list[Joint]] = {}
     for joint in model.joints.values():
@@ -183,7 +183,7 @@ def as_joint(joint: Joint) -> str:
 
 
 def as_geom(name: str, solid: Solid) -> str:
-    """Something that stands, as text."""
+    """A solid, as text."""
     at = f'name="solid:{name}" pos="{as_text(solid.at)}"'
     if solid.radius:
         sizes = f"{solid.radius!r} {float(solid.half[2])!r}"
@@ -225,7 +225,7 @@ class PandaJudge(Judge):
         self._fingers = q[-1:]
 
     def release(self, q: Floats) -> None:
-        """From now on it stands where it is."""
+        """From now on it stays where it is."""
         if self.held is not None:
             T = self.arm.hand(q) @ self._T_hand_held
             self._poses[self.held] = T
@@ -283,12 +283,12 @@ class PandaJudge(Judge):
 
 
 def half_of(solid: Solid) -> Floats:
-    """Half of the sizes of the box round something that stands, shape (3,) [m]."""
+    """Half of the sizes of the box round a solid, shape (3,) [m]."""
     return solid.half + np.array([solid.radius, solid.radius, 0.0])
 
 
 def upright(solid: Solid) -> Floats:
-    """Pose of something that stands, shape (4, 4)."""
+    """Pose of a solid, shape (4, 4)."""
     T = np.eye(4)
     T[:3, 3] = solid.at
     return T
@@ -444,7 +444,7 @@ def certified(
     try:
         guard = Guard(with_panda.scene(), self_test=False)
     except ArmguardError:
-        # Something stands where the arm begins.
+        # Something is where the arm begins.
         return None
     target = place.objects[name]
     guard.remove(name)
@@ -492,16 +492,10 @@ def follow(arm: PandaArm, begin: Floats, ends: Floats) -> list[Floats] | None:
             if left <= NEAR:
                 break
             q[:ARM] += STEP * arm.lead(q, way * min(SPEED / left, 0.5 / STEP))
-            if not is_within(arm, q):
+            low, high = arm.limits + np.array([[OFF_LIMITS], [-OFF_LIMITS]])
+            if not ((q[:ARM] >= low) & (q[:ARM] <= high)).all():
                 return None
             rows.append(q.copy())
         else:
             return None
     return rows
-
-
-def is_within(arm: PandaArm, q: Floats) -> bool:
-    """Whether the arm's joints are off their limits."""
-    low, high = arm.limits
-    inside = (q[:ARM] >= low + OFF_LIMITS) & (q[:ARM] <= high - OFF_LIMITS)
-    return bool(inside.all())

@@ -311,7 +311,7 @@ def rest(picker: Picker) -> None:
 
 
 def misplaced(picker: Picker, name: str, goal: Floats) -> str | None:
-    """What is wrong with where something stands; None if nothing is."""
+    """What is wrong with where something is; None if nothing is."""
     solid = picker.judge.solids[name]
     off = float(np.abs(solid.at[:2] - goal).max())
     above = float(solid.at[2] - solid.half[2])

@@ -14,7 +14,7 @@ from gripping.gantry import BELOW, CLOSED, FIGURES, FINGER, HAND, WIDEST, gantry
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A box along the axes, or a cylinder that stands.
+    """A box along the axes, or an upright cylinder.
 
     Attributes:
         half: Half of its sizes along x, y, z; of a cylinder 0, 0 and half its height,
@@ -43,7 +43,7 @@ def box(half, at) -> Solid:
 
 
 def cylinder(radius: float, half_height: float, at) -> Solid:
-    """A cylinder that stands, by its middle [m]."""
+    """An upright cylinder, by its middle [m]."""
     half = np.array([0.0, 0.0, half_height])
     return Solid(half, radius, np.asarray(at, dtype=np.float64))
 
@@ -116,7 +116,7 @@ class Tool:
         return min(half_width(solid) + BESIDE, self.widest - OFF_WIDEST)
 
     def height_over(self, solid: Solid) -> float:
-        """Height of the hand that grips what stands on the table [m]."""
+        """Height of the hand that grips what is on the table [m]."""
         over_object = 2.0 * float(solid.half[2]) + self.palm + OVER_OBJECT
         return max(self.tips + OVER_TABLE, over_object)
 
@@ -150,14 +150,14 @@ GANTRY = Tool(
 
 @dataclass(frozen=True)
 class Workplace:
-    """What stands where.
+    """What is where.
 
     Attributes:
         objects: Things to grip, by name.
         fixtures: Everything else.
         response: What the robot does about what is near.
         index: Kind of the index.
-        coarse: Whether one box stands for the gripper where nothing is near.
+        coarse: Whether one box is taken for the gripper where nothing is near.
         home: Where the robot is at first, shape (5,) [m].
     """
 

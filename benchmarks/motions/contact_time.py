@@ -8,6 +8,7 @@ from armguard.cli.console import say
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from arrays import Floats
+from episodes.follower import Arms
 from motions.free_motion import Motion, safe_time, state_at
 from motions.judge import Judge
 
@@ -75,14 +76,12 @@ class Estimate(NamedTuple):
     distance: float
 
 
-class Bay:
-    """The bay with its guard and its judge.
+class Bay(Arms):
+    """The bay with its guard and its judge; see also `Arms`.
 
     Attributes:
         guard: The guard.
         judge: The judge.
-        lower: Least joint positions, shape (n,) [rad].
-        upper: Greatest joint positions, shape (n,) [rad].
         top: Top speeds, shape (n,) [rad/s].
         hardest: Greatest accelerations, shape (n,) [rad/s²].
         q_error: Greatest errors of positions, shape (n,) [rad].
@@ -95,21 +94,12 @@ class Bay:
         scene = bay_scene("path")
         scene._margin = MARGIN
         self.guard = Guard(scene, self_test=False)
-        tables = self.guard.tables
-        self.judge = Judge(tables)
-        self.lower, self.upper = tables.lower, tables.upper
-        figures = [part.stopping for part in tables.robots]
-        self.top, self.hardest, self.q_error, self.v_error = (
-            np.concatenate([getattr(f, name) for f in figures])
-            for name in (
-                "velocity",
-                "acceleration",
-                "position_error",
-                "velocity_error",
-            )
-        )
-        assert figures[0] is not None
-        self.age = figures[0].sensing
+        super().__init__(self.guard.tables)
+        self.judge = Judge(scene, self.tables)
+        self.top, self.hardest = self.joined("velocity"), self.joined("acceleration")
+        self.q_error = self.joined("position_error")
+        self.v_error = self.joined("velocity_error")
+        self.age = self.figures[self.robots[0]].sensing
         self.now = 0.0
 
     def ask(self, q: Floats, v: Floats, age: float = 0.0) -> list[Estimate]:

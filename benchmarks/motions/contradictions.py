@@ -1,6 +1,7 @@
 """Velocities and positions that contradict each other; clean ones at their limits."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,10 @@ from armguard.geometry import Pose, Sphere
 from armguard.guard import Reason
 from armguard.guard.watch import RUNNING
 from armguard.respond import Guard
-from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
+from armguard.robot.model import JointKind
 from armguard.scene import Scene
 from arrays import Floats
+from robots import joint, robot_of
 
 # What the arm is: joints, and its figures.
 JOINTS = 6
@@ -108,37 +110,17 @@ KINDS: dict[str, Wrong] = {
 
 def guard_of_arm() -> Guard:
     """A guard of an arm that is far from all else."""
-    links, joints = {"base": Link(name="base")}, {}
-    above = "base"
-    for k in range(JOINTS):
-        ball = CollisionElement(
-            geometry=Sphere(radius=0.02),
-            T_link_geometry=Pose(xyz=(0.15, 0.0, 0.0)).matrix(),
-        )
-        links[f"link{k}"] = Link(name=f"link{k}", collisions=(ball,))
-        joints[f"joint{k}"] = Joint(
-            name=f"joint{k}",
-            kind=JointKind.REVOLUTE,
-            parent=above,
-            child=f"link{k}",
-            T_parent_joint=Pose(xyz=(0.0, 0.0, 0.3)).matrix(),
-            axis=np.array([0.0, 0.0, 1.0]),
-            lower=-20.0,
-            upper=20.0,
-        )
-        above = f"link{k}"
-    model = RobotModel(name="arm", path=None, links=links, joints=joints, root="base")
+    names = ["base", *(f"link{k}" for k in range(JOINTS))]
+    turns = {"lower": -20.0, "upper": 20.0, "xyz": (0.0, 0.0, 0.3)}
+    joints = [
+        joint(f"joint{k}", JointKind.REVOLUTE, *link, (0.0, 0.0, 1.0), **turns)
+        for k, link in enumerate(pairwise(names))
+    ]
+    balls = dict.fromkeys(names[1:], Sphere(radius=0.02))
+    model = robot_of("arm", joints, balls, Pose(xyz=(0.15, 0.0, 0.0)))
     scene = Scene(period=PERIOD, mode="speed")
     scene.add_robot(model, name="arm", stopping=dict(FIGURES))
     return Guard(scene, self_test=False)
-
-
-def seen_wrong(
-    q: Floats, v: Floats, k: int, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """A measurement with errors at their limits; those of positions alternate."""
-    off = FIGURES["position_error"] * (-1.0) ** k
-    return q + off, v + FIGURES["velocity_error"] * rng.choice([-1.0, 1.0], len(v))
 
 
 def contradiction_figures(count: int, seed: int) -> dict[str, Any]:
@@ -153,7 +135,9 @@ def contradiction_figures(count: int, seed: int) -> dict[str, Any]:
     for kind, wrong in KINDS.items():
         say(kind)
         for speed in SPEEDS:
-            found = [named(guard, wrong, speed, rng) for _ in range(count)]
+            # What is still is measured without errors.
+            noisy = "still" not in kind
+            found = [named(guard, wrong, speed, rng, noisy) for _ in range(count)]
             times = [time for time, _ in found if time is not None]
             rows.append(
                 {
@@ -170,7 +154,7 @@ def contradiction_figures(count: int, seed: int) -> dict[str, Any]:
 
 
 def named(
-    guard: Guard, wrong: Wrong, speed: float, rng: np.random.Generator
+    guard: Guard, wrong: Wrong, speed: float, rng: np.random.Generator, noisy: bool
 ) -> tuple[float | None, str]:
     """Time from the beginning of a contradiction until it is named, and how."""
     guard.reset()
@@ -179,17 +163,15 @@ def named(
     for k in range(int((BEGIN + PATIENCE) / PERIOD)):
         t = k * PERIOD
         q, v = moving.at(t) if t <= BEGIN else wrong(t, moving)
-        q, v = seen_wrong(q, v, k, rng) if "still" not in name_of(wrong) else (q, v)
+        if noisy:
+            # Errors are at their limits; those of positions alternate.
+            q = q + FIGURES["position_error"] * (-1.0) ** k
+            v = v + FIGURES["velocity_error"] * rng.choice([-1.0, 1.0], len(v))
         verdict = guard.step(q, 5.0 + t, velocity=v, now=5.0 + t + 0.001)
         if verdict.reason >= Reason.NOT_FINITE:
             assert t > BEGIN, verdict.why
             return t - BEGIN, verdict.reason.name
     return None, ""
-
-
-def name_of(wrong: Wrong) -> str:
-    """Name of a kind."""
-    return next(name for name, kind in KINDS.items() if kind is wrong)
 
 
 def clean_figures(count: int, seed: int) -> dict[str, Any]:

@@ -4,22 +4,25 @@ MuJoCo's own distance will not do: of a capsule that sticks through a plate
 `mj_geomDistance` (4.0) may say that they are apart.
 """
 
+from collections import defaultdict, deque
 from typing import Any
 
 import coal
 import mujoco
 import numpy as np
 
-from armguard.scene import SceneTables
+from armguard.scene import Scene, SceneTables
 from arrays import Floats
-from closed_loop.judge import extent
-from peers.mujoco_margin import model_of
+from closed_loop.judge import Judge as PlacedJudge
 
 
 class Judge:
     """Distances between primitives of a scene, by other people's code.
 
     Attributes:
+        model: MuJoCo's model.
+        data: Where everything was placed.
+        geoms: The geom of each primitive.
         pairs: Checked pairs of primitives, shape (k, 2).
         reach: How far a unit of each joint can move anything, shape (n,) [m/rad].
         levers: The same of each joint for each pair, shape (k, n): 0 for joints that
@@ -27,46 +30,39 @@ class Judge:
         normal: Unit vector from A to B of the last gradient, shape (3,).
 
     Args:
-        tables: The scene's tables: frames, primitives, and what is checked.
+        scene: The scene; its links have no meshes.
+        tables: Its tables: frames, primitives, and what is checked.
     """
 
-    def __init__(self, tables: SceneTables) -> None:
-        self.model = model_of(tables)
-        self.data = mujoco.MjData(self.model)
-        moving = np.flatnonzero(tables.joint_kind != 0)
-        joints = [self.model.joint(f"j{b}") for b in moving]
-        self._address = np.array([int(j.qposadr[0]) for j in joints])
-        self._dof = np.array([int(j.dofadr[0]) for j in joints])
-        self._source = tables.q_index[moving]
-        self._gain = tables.gain[moving]
-        count = len(tables.kinds)
-        self._geoms = [int(self.model.geom(f"p{i}").id) for i in range(count)]
-        self._shapes = [shape_of(self.model, g) for g in self._geoms]
+    def __init__(self, scene: Scene, tables: SceneTables) -> None:
+        self._placed = PlacedJudge(scene, tables)
+        self.model, self.data = self._placed.model, self._placed.data
+        self.reach = self._placed.reach
+        # A geom may be put elsewhere: it is not always where its body is.
+        self.model.geom_sameframe[:] = 0
+        of_owner: dict[str, deque[int]] = defaultdict(deque)
+        for geom, owner in enumerate(self._placed.owners):
+            of_owner[owner].append(geom)
+        self.geoms = [of_owner[owner].popleft() for owner in tables.body_names]
+        self._shapes = [shape_of(self.model, g) for g in self.geoms]
         self._request, self._found = coal.DistanceRequest(), coal.DistanceResult()
         self.pairs = np.array(
             [
                 (i, j)
                 for i in range(tables.moving_count)
-                for j in range(i + 1, count)
+                for j in range(i + 1, len(self.geoms))
                 if tables.checked[tables.groups[i], tables.groups[j]]
             ]
         )
         self._place_of = {(int(i), int(j)): k for k, (i, j) in enumerate(self.pairs)}
-        self.reach = np.zeros(len(tables.q_names))
-        for b, place in zip(moving, self._source, strict=True):
-            body = int(self.model.body(f"b{b}").id)
-            self.reach[place] = extent(self.model, body)
-        self.levers = np.array([self._levers(tables, i, j) for i, j in self.pairs])
+        self.levers = np.array([self._levers(tables, *pair) for pair in self.pairs])
         self.normal = np.zeros(3)
-        self._jacobian = np.zeros((2, 3, self.model.nv))
 
     def _levers(self, tables: SceneTables, i: int, j: int) -> Floats:
         """Reaches of the joints that move one side of a pair and not the other."""
-        moved = [joints_above(tables, int(tables.bodies[k])) for k in (i, j)]
-        levers = np.zeros_like(self.reach)
-        for b in moved[0] ^ moved[1]:
-            levers[tables.q_index[b]] = self.reach[tables.q_index[b]]
-        return levers
+        one, other = (joints_above(tables, int(tables.bodies[k])) for k in (i, j))
+        moving = tables.q_index[list(one ^ other)]
+        return np.where(np.isin(np.arange(len(self.reach)), moving), self.reach, 0.0)
 
     def place_of(self, i: int, j: int) -> int:
         """Where a pair of primitives is in `pairs`."""
@@ -76,32 +72,22 @@ class Judge:
         """Put a primitive of the world elsewhere; its frame is that of its geom."""
         quat = np.zeros(4)
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).reshape(9))
-        geom = self._geoms[primitive]
+        geom = self.geoms[primitive]
         self.model.geom_pos[geom], self.model.geom_quat[geom] = T[:3, 3], quat
 
     def place(self, q: Floats) -> None:
         """Kinematics of joint positions, shape (n,) [rad or m]."""
-        self.data.qpos[self._address] = self._gain[:, 0] * q[self._source]
-        mujoco.mj_kinematics(self.model, self.data)
+        self._placed.place(q)
 
     def gap(self, k: int) -> float:
         """Signed distance of a pair where it was placed [m]."""
-        i, j = self.pairs[k]
         self._found.clear()
-        distance = coal.distance(
-            self._shapes[i],
-            self._frame(i),
-            self._shapes[j],
-            self._frame(j),
-            self._request,
-            self._found,
-        )
-        return float(distance)
-
-    def _frame(self, primitive: int) -> Any:
-        """Where a primitive was placed."""
-        g, data = self._geoms[primitive], self.data
-        return coal.Transform3s(data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g])
+        sides = []
+        for primitive in self.pairs[k]:
+            g, data = self.geoms[primitive], self.data
+            frame = data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g]
+            sides += [self._shapes[primitive], coal.Transform3s(*frame)]
+        return float(coal.distance(*sides, self._request, self._found))
 
     def gaps(self) -> Floats:
         """Signed distances of all pairs where they were placed [m]."""
@@ -113,19 +99,11 @@ class Judge:
         one = np.array(self._found.getNearestPoint1())
         other = np.array(self._found.getNearestPoint2())
         length = float(np.linalg.norm(other - one))
-        found = np.zeros(len(self.reach))
         if length == 0.0:
-            return found
-        normal = (other - one) / (length if gap > 0.0 else -length)
-        self.normal = normal
-        mujoco.mj_comPos(self.model, self.data)
-        a, b = (self.model.geom_bodyid[self._geoms[i]] for i in self.pairs[k])
-        first, second = self._jacobian
-        mujoco.mj_jac(self.model, self.data, first, None, one, a)
-        mujoco.mj_jac(self.model, self.data, second, None, other, b)
-        by_dof = normal @ (second - first)
-        np.add.at(found, self._source, self._gain[:, 0] * by_dof[self._dof])
-        return found
+            return np.zeros(len(self.reach))
+        self.normal = (other - one) / (length if gap > 0.0 else -length)
+        a, b = (self.geoms[i] for i in self.pairs[k])
+        return self._placed.gradient((a, b), self.normal, one, other)
 
     def point_jacobian(self, primitive: int, point: Floats) -> Floats:
         """Change of a point of a primitive by each joint, shape (3, n) [m/rad].
@@ -134,12 +112,13 @@ class Judge:
             primitive: The primitive, where it was placed.
             point: The point, in the frame of its body [m].
         """
-        body = int(self.model.geom_bodyid[self._geoms[primitive]])
-        at = self.data.xpos[body] + self.data.xmat[body].reshape(3, 3) @ point
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_jac(self.model, self.data, self._jacobian[0], None, at, body)
-        found = np.zeros((3, len(self.reach)))
-        found[:, self._source] = self._gain[:, 0] * self._jacobian[0][:, self._dof]
+        model, data, placed = self.model, self.data, self._placed
+        body = int(model.geom_bodyid[self.geoms[primitive]])
+        at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point
+        jacobian, found = np.zeros((3, model.nv)), np.zeros((3, len(self.reach)))
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jac(model, data, jacobian, None, at, body)
+        found[:, placed.source] = placed.gain[:, 0] * jacobian[:, placed.address]
         return found
 
     def least_on_line(

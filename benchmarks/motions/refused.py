@@ -1,18 +1,120 @@
-"""One wrong cycle, and a plant that stops as declared: is it called a liar?"""
+"""One wrong cycle, and a plant that stops as declared: is it called a liar?
 
+A carriage on a rail runs at a wall: a guard of one joint whose truth is a line.
+"""
+
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from armguard.cli.console import say
+from armguard.geometry import Box, Pose, Sphere
 from armguard.guard import Level
 from armguard.guard.watch import RUNNING
-from episodes.records import Digest, Records, ranges_of, version
-from motions.slide import RADIUS, WALL, Given, Truth, guard_of
+from armguard.respond import Guard
+from armguard.scene import Scene
+from closed_loop import plant
+from closed_loop.plant import stopping_travel
+from episodes.campaign import Campaign, Episode
+from episodes.records import Digest, Figures, version
+from robots import carriage
+
+# Radius of the carriage, place of the wall's face, how far the joint goes [m].
+RADIUS = 0.05
+WALL = 10.0
+LIMIT = 40.0
+
+# What every pair keeps [m].
+BUFFER = 0.005
+
+
+@dataclass(frozen=True)
+class Corner:
+    """Declared figures at a corner of what they may be.
+
+    Attributes:
+        period: Time from one cycle to the next [s].
+        late: How much later one may come [s].
+        figures: Stopping figures.
+    """
+
+    period: float
+    late: float
+    figures: dict[str, float]
+
+
+def corner_of(rng: np.random.Generator) -> Corner:
+    """Some figures: each of them small or large."""
+
+    def either(low: float, high: float) -> float:
+        return float(rng.choice([low, high]))
+
+    deceleration = either(2.0, 8.0)
+    sensing = either(0.0, 0.003)
+    figures = {
+        "velocity": 1.5,
+        "acceleration": either(2.0, 10.0),
+        "deceleration": deceleration,
+        "deceleration_most": either(2.0 * deceleration, np.inf),
+        "ramp": either(0.0, 0.05),
+        "position_error": either(0.0, 2e-4),
+        "velocity_error": either(5e-4, 0.02),
+        "sensing": sensing,
+        "command": either(0.0, 0.01),
+        "stale": sensing + 0.02,
+    }
+    return Corner(either(0.001, 0.004), either(0.0, 0.001), figures)
+
+
+@cache
+def guard_of(number: int) -> tuple[Corner, Guard]:
+    """Figures of a number, and a guard of a carriage that has them."""
+    corner = corner_of(np.random.default_rng(number))
+    scene = Scene(
+        period=corner.period, late=corner.late, buffer=BUFFER, margin=0.5, mode="path"
+    )
+    ball = carriage(Sphere(radius=RADIUS), LIMIT)
+    scene.add_robot(ball, name="carriage", stopping=dict(corner.figures))
+    wall = Pose(xyz=(WALL + 0.5, 0.0, 0.0))
+    scene.add(Box(half_extents=(0.5, 1.0, 1.0)), name="wall", pose=wall)
+    return corner, Guard(scene, self_test=False)
+
+
+class Truth:
+    """Where the carriage truly is: it goes evenly until a stop takes effect.
+
+    Args:
+        place: Where it is at time 0 [m].
+        speed: Its speed [m/s].
+        stop: Delay [s], ramp [s] and deceleration [m/s²] of its stop.
+    """
+
+    def __init__(
+        self, place: float, speed: float, stop: tuple[float, float, float]
+    ) -> None:
+        self.place, self.speed, self.stop = place, speed, stop
+        self.effect = np.inf
+
+    def order(self, now: float) -> None:
+        """Have it stop, unless it was to already."""
+        self.effect = min(self.effect, now + self.stop[0])
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Position [m] and speed [m/s]."""
+        if time <= self.effect:
+            return self.place + self.speed * time, self.speed
+        _, ramp, least = self.stop
+        way, speed = stopping_travel(time - self.effect, self.speed, least, ramp)
+        return self.place + self.speed * self.effect + way, speed
+
+
+Given = dict[str, Any]
+
 
 # Corners of figures that episodes take turns with, and cycles before the wrong one.
 CORNERS = 24
@@ -93,7 +195,7 @@ KINDS: dict[str, Callable[[Given], Given]] = {
 NAMES = tuple(KINDS)
 
 
-def episode(seed: int) -> dict[str, Any]:
+def episode(seed: int) -> Episode:
     """A carriage that runs at a wall; a cycle on its way or in its stop is wrong."""
     rng = np.random.default_rng(seed)
     kind = NAMES[seed % len(NAMES)]
@@ -157,7 +259,27 @@ def episode(seed: int) -> dict[str, Any]:
     }
 
 
-def refused_figures(count: int, first: int, folder: Path) -> dict[str, Any]:
+def summed_up(_: str, episodes: list[Episode]) -> Figures:
+    """Figures of episodes, all of which but the least gap are sums."""
+    return {
+        "episodes": len(episodes),
+        **{name: sum(e[name] for e in episodes) for name in COUNTED},
+        "least_gap_mm": min(e["gap_mm"] for e in episodes),
+        "seen": Counter(e["seen"] for e in episodes),
+        "found": [e["seed"] for e in episodes if e["disproved"] or e["contact"]],
+    }
+
+
+COUNTED = ("stopped", "disproved", "contact")
+
+
+def digest(e: Episode) -> Digest:
+    """What came of an episode, in short."""
+    found = next((name for name in COUNTED[1:] if e[name]), "")
+    return Digest(e["seed"], found, e["gap_mm"])
+
+
+def refused_figures(count: int, first: int, folder: Path) -> Figures:
     """Figures of episodes with one wrong cycle; each is kept.
 
     Args:
@@ -165,43 +287,17 @@ def refused_figures(count: int, first: int, folder: Path) -> dict[str, Any]:
         first: First seed.
         folder: Where figures are kept, and in `episodes` what came of each.
     """
-    files = [Path(__file__), Path(__file__).with_name("slide.py")]
-    records = Records(
-        folder / "inputs.json",
-        partial(version, files=files),
-        {"least_gap_mm": min},
+    campaign = Campaign(
+        results=folder / "inputs.json",
+        kinds={"refused": episode},
+        version=partial(version, files=[Path(__file__), Path(plant.__file__)]),
+        extreme={"least_gap_mm": min},
+        summed_up=summed_up,
+        digest=digest,
+        is_broken=lambda figures: figures["disproved"] + figures["contact"] > 0,
+        is_notable=lambda e: bool(e["disproved"] or e["contact"]),
+        written=200,
     )
-    batch: list[dict[str, Any]] = []
-    for seed in records.todo("refused", first, first + count):
-        batch.append(episode(seed))
-        if len(batch) == 200:
-            add(batch, records)
-            say(f"{seed + 1 - first} of {count} episodes with a wrong cycle")
-            batch = []
-    if batch:
-        add(batch, records)
-    return {**records.kinds["refused"], "kinds_of_fault": len(KINDS)}
-
-
-def add(batch: list[dict[str, Any]], records: Records) -> None:
-    """Keep episodes."""
-    figures = {
-        "episodes": len(batch),
-        "seeds": ranges_of(e["seed"] for e in batch),
-        **{name: sum(e[name] for e in batch) for name in COUNTED},
-        "least_gap_mm": min(e["gap_mm"] for e in batch),
-        "seen": Counter(e["seen"] for e in batch),
-        "found": [e["seed"] for e in batch if e["disproved"] or e["contact"]],
-    }
-    digests = [
-        Digest(
-            e["seed"],
-            "disproved" if e["disproved"] else "contact" if e["contact"] else "",
-            round(e["gap_mm"], 2),
-        )
-        for e in batch
-    ]
-    records.add("refused", figures, digests)
-
-
-COUNTED = ("stopped", "disproved", "contact")
+    chosen = Namespace(first=first, processes=1, seconds=None)
+    campaign.go_on("refused", chosen, count)
+    return {**campaign.records.kinds["refused"], "kinds_of_fault": len(KINDS)}

@@ -115,7 +115,7 @@ class ThinWorld:
             self.bodies.append(name)
         self.guard = Guard(scene)
         tables = self.guard.tables
-        self.judge = Judge(tables)
+        self.judge = Judge(scene, tables)
         self._first = len(tables.kinds) - len(self.bodies)
         self._links = tables.moving_count
         self._rows = tables.local_rows
@@ -167,7 +167,7 @@ class ThinWorld:
         """A random frame beside one of the moving primitives, shape (4, 4)."""
         self.judge.place(q)
         i = int(rng.integers(1, self._links))
-        geom = self.judge.model.geom(f"p{i}").id
+        geom = self.judge.geoms[i]
         centre = self.judge.data.geom_xpos[geom]
         axis = self.judge.data.geom_xmat[geom].reshape(3, 3)[:, 2]
         radius, half = self.judge.model.geom_size[geom, :2]

@@ -1,19 +1,109 @@
-"""A scene with its judge and its guards, built once for many trials."""
+"""Where trials take place: scenes, their judge and guards, and robots that obey late.
 
-from collections.abc import Sequence
-from functools import cached_property
+Scenes and guards are built once for many trials. Robots do as they are ordered, late
+and not quite, within their figures.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache, cached_property
+from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard import Guard
-from armguard.robot.stopping import StoppingFigures
+from armguard.geometry import Box, Cylinder, PlacedShape
+from armguard.respond.command import Action
+from armguard.scene import Scene, bay_scene, load_scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseName
 from arrays import Floats, Ints
+from closed_loop import plant as plants
 from closed_loop.judge import Judge
-from reach.scenes import TOOLS, build_scene
+from closed_loop.measuring import Measuring
+from closed_loop.scenes import two_pandas
+from closed_loop.settings import SUBSTEP
+from closed_loop.truth import Styles, Truth, pick
+from episodes.follower import Arms
+
+# Where the public planning scenes lie, beside the project.
+PUBLIC = Path(__file__).parents[2].parent / "shared" / "motionbench"
+
+# Time from one cycle to the next [s].
+PERIOD = 0.001
+
+# Public scenes by name, and the file of each.
+FILES: Mapping[str, str] = {
+    "panda_table": "table_pick_panda/scene0001.yaml",
+    "panda_shelf": "bookshelf_small_panda/scene0001.yaml",
+    "baxter_shelf": "bookshelf_tall_both_arms_easy_baxter/scene0001.yaml",
+}
+
+SCENES = ("bay", "pandas", *FILES)
+
+# Links operators move, where a robot has more tools than one.
+TOOLS: Mapping[str, tuple[str, ...]] = {
+    "baxter_shelf": ("baxter/left_gripper", "baxter/right_gripper"),
+}
+
+
+def is_there(name: str) -> bool:
+    """Whether what a scene is made of is on this machine."""
+    return name not in FILES or (PUBLIC / FILES[name]).exists()
+
+
+@cache
+def bare_scene(name: str) -> Scene:
+    """A scene as it is published."""
+    if name == "bay":
+        return bay_scene("path")
+    if name == "pandas":
+        return two_pandas()
+    return load_scene(PUBLIC / FILES[name])
+
+
+def build_scene(name: str, response: ResponseName) -> Scene:
+    """A scene in mode "path", all its robots with one response.
+
+    Cylinders that stand upright become the boxes round them, for the guard as for the
+    judge, which has no cylinders.
+
+    Args:
+        name: One of `SCENES`.
+        response: What its robots do about what is near.
+    """
+    bare = bare_scene(name)
+    scene = Scene(mode="path", period=PERIOD, index=bare.index)
+    for robot in bare.robots.values():
+        scene.add_robot(
+            robot.model,
+            name=robot.name,
+            base=robot.base,
+            home=robot.home,
+            stopping=robot.stopping,
+            response=response,
+        )
+    for body in bare.objects.values():
+        assert body.attached_to is None and not body.surfaces, body.name
+        scene.add(
+            [boxed(part) for part in body.shapes],
+            name=body.name,
+            pose=body.pose,
+        )
+    for pair in bare.allowances:
+        scene.allow(pair.a, pair.b, reason=pair.reason)
+    return scene
+
+
+def boxed(part: PlacedShape) -> PlacedShape:
+    """A placed shape; a cylinder as the box round it."""
+    shape = part.shape
+    if not isinstance(shape, Cylinder):
+        return part
+    half = (shape.radius, shape.radius, shape.height / 2.0)
+    return PlacedShape(Box(half_extents=half), part.pose)
+
 
 # Joints with less room than this, grippers, keep their place [rad or m]; so does a
 # head.
@@ -21,17 +111,13 @@ ROOM = 0.1
 HEADS = ("head_pan",)
 
 
-class Arena:
-    """Where trials of one scene take place.
+class Arena(Arms):
+    """Where trials of one scene take place; see also `Arms`.
 
     Attributes:
         name: Name of the scene.
         judge: MuJoCo on what is true.
-        robots: Names of the robots.
-        figures: Declared figures of each.
         first: First joint of each robot, and n, shape (r + 1,).
-        lower: Least joint positions, joints without end within one turn, shape (n,).
-        upper: Greatest, shape (n,).
         velocity: Top speeds, shape (n,).
         acceleration: Accelerations, shape (n,).
         home: Home configuration, shape (n,).
@@ -45,20 +131,14 @@ class Arena:
     def __init__(self, name: str) -> None:
         self.name = name
         scene = build_scene(name, "deflect")
-        self.tables = tables = compile_scene(scene)
+        tables = compile_scene(scene)
+        super().__init__(tables)
+        assert len(self.figures) == len(self.robots), f"{name} has no stopping figures"
         self.judge = Judge(scene, tables)
-        self.robots = tuple(scene.robots)
-        figures = [robot.stopping for robot in scene.robots.values()]
-        assert all(f is not None for f in figures), f"{name} has no stopping figures"
-        self.figures: list[StoppingFigures] = [f for f in figures if f is not None]
-        sizes = [len(f.velocity) for f in self.figures]
-        self.joint_counts: Ints = np.array(sizes, dtype=np.int64)
-        self.first: Ints = np.cumsum([0, *sizes]).astype(np.int64)
-        self.lower = np.maximum(tables.lower, -np.pi)
-        self.upper = np.minimum(tables.upper, np.pi)
-        self.velocity = np.concatenate([f.velocity for f in self.figures])
-        self.acceleration = np.concatenate([f.acceleration for f in self.figures])
-        self.deceleration = np.concatenate([f.deceleration for f in self.figures])
+        ends = [own.stop for own in self.own.values()]
+        self.first: Ints = np.array([0, *ends], dtype=np.int64)
+        self.velocity = self.joined("velocity")
+        self.acceleration = self.joined("acceleration")
         self.home = tables.home.copy()
         heads = [q.split("/", 1)[1] in HEADS for q in tables.q_names]
         self.driven = (self.upper - self.lower >= ROOM) & ~np.array(heads)
@@ -139,3 +219,121 @@ def arena_of(name: str) -> Arena:
     if name not in _arenas:
         _arenas[name] = Arena(name)
     return _arenas[name]
+
+
+# Substeps of a cycle.
+STEPS = round(PERIOD / SUBSTEP)
+
+# How the figures of a trial are drawn: operators mean no harm, and nothing conspires.
+TIMES = {"most": 0.4, "random": 0.5, "least": 0.1}
+STOPS = {"least": 0.3, "corner": 0.2, "most": 0.1, "random": 0.4}
+ERRORS = {"bias": 0.3, "noise": 0.4, "alternating": 0.1, "none": 0.2}
+
+# Speed from which on a drive misses its velocity by all it may [rad/s or m/s].
+MISSES = 0.1
+
+# How often that changes its sign, least and most [1/s].
+WAVES = (0.3, 3.0)
+
+
+class Drives:
+    """The robots of a trial, and what is measured of them.
+
+    Each follows commands by a delay of its own, as fast as its acceleration lets it,
+    and misses them by up to the error of tracking. A stop that is ordered is carried
+    out as declared; until it rests the robot hears nothing else.
+
+    Attributes:
+        plant: Their true state.
+        truth: Their true figures.
+        tick: Substeps done.
+        q_rows: True positions after each substep, shape (k + 1, n).
+        v_rows: True velocities, the same.
+
+    Args:
+        arena: Where.
+        rng: Of the trial.
+        q: Where they are at first, shape (n,).
+        cycles: How many there will be at most.
+    """
+
+    def __init__(
+        self, arena: Arena, rng: np.random.Generator, q: Floats, cycles: int
+    ) -> None:
+        styles = Styles(pick(rng, TIMES), pick(rng, STOPS), pick(rng, ERRORS), True)
+        self._arena = arena
+        self.truth = truth = Truth(rng, [*arena.figures.values()], styles)
+        self.plant = plants.plant_at(
+            q, arena.first, truth.velocity, truth.acceleration, truth.brake
+        )
+        n, robots = len(q), len(arena.robots)
+        ticks = cycles * STEPS
+        self.tick = 0
+        self.q_rows = np.tile(q, (ticks + 1, 1))
+        self.v_rows = np.zeros_like(self.q_rows)
+        self._free = np.zeros((ticks + 1, robots), dtype=bool)
+        self._measuring = Measuring(truth, arena.first, self.q_rows, self.v_rows)
+        late = [truth.command_delay(r) for r in range(robots)]
+        self._late = [int(t / SUBSTEP + 1e-9) for t in late]
+        self._sent = np.zeros((cycles + 1, n))
+        self._nowhere = np.zeros(n)
+        self._error = 0.9 * arena.joined("tracking_error")
+        self._waves = 2.0 * np.pi * rng.uniform(*WAVES, n)
+        self._phases = rng.uniform(0.0, 2.0 * np.pi, n)
+
+    @property
+    def now(self) -> float:
+        """Time [s]."""
+        return self.tick * SUBSTEP
+
+    def measure(self) -> tuple[Floats, Floats, dict[str, float]]:
+        """What arrives: positions, velocities, and the stamp of each robot."""
+        cycle = self.tick // STEPS
+        q, v, stamps = self._measuring.measure(self.tick, cycle, self._nowhere)
+        return q, v, dict(zip(self._arena.robots, stamps, strict=True))
+
+    def obey(self, velocity: Floats, actions: dict[str, Action]) -> list[str]:
+        """Take the orders of a cycle; robots for which a stop is new."""
+        stopped = []
+        plant = self.plant
+        self._sent[self.tick // STEPS] = velocity
+        for r, name in enumerate(self._arena.robots):
+            if actions[name] >= Action.STOP:
+                if plant.phase[r] == plants.FREE and plant.stop_at[r] == np.inf:
+                    stopped.append(name)
+                    at = self.now + self._late[r] * SUBSTEP
+                    plants.order_stop(plant, r, at, self.truth.stop(self._nowhere))
+            else:
+                plants.release(plant, r)
+            if actions[name] >= Action.BRAKE:
+                delay = self.truth.brake_delay(r)
+                plants.order_brake(plant, r, self.now + delay)
+        return stopped
+
+    def move(self) -> slice:
+        """Let a cycle pass; the rows of its states."""
+        first = self.tick + 1
+        for _ in range(STEPS):
+            row = slice(self.tick + 1, self.tick + 2)
+            plants.advance(
+                self.plant,
+                self.tick,
+                SUBSTEP,
+                self._driven(),
+                self.q_rows[row],
+                self.v_rows[row],
+                self._free[row],
+            )
+            self.tick += 1
+        return slice(first, self.tick + 1)
+
+    def _driven(self) -> Floats:
+        """Velocities the drives go for in this substep, shape (n,)."""
+        arena = self._arena
+        v = np.zeros(len(self._nowhere))
+        for r, late in enumerate(self._late):
+            own, k = arena.own[arena.robots[r]], (self.tick - late) // STEPS
+            if k >= 0:
+                v[own] = self._sent[k, own]
+        wave = np.sin(self._waves * self.now + self._phases)
+        return v + self._error * wave * np.minimum(np.abs(v) / MISSES, 1.0)

@@ -131,11 +131,7 @@ class Joints(Operator):
 
     def goals(self, arena: Arena) -> Mapping[str, Floats]:
         """See `Operator`; places on the way are left out."""
-        ends = zip(arena.first, arena.first[1:], strict=False)
-        return {
-            name: self._way[-1][first:end]
-            for name, (first, end) in zip(arena.robots, ends, strict=True)
-        }
+        return {name: self._way[-1][own] for name, own in arena.own.items()}
 
     def _time(self, way: Floats) -> float:
         """Time a way takes at top speed [s]."""
@@ -244,12 +240,11 @@ def joints_for(
 ) -> Floats:
     """Joint velocities for twists of tools, by damped least squares, shape (n,)."""
     v = np.zeros(len(arena.velocity))
-    for r in range(len(arena.robots)):
-        own = slice(int(arena.first[r]), int(arena.first[r + 1]))
+    for robot, own in arena.own.items():
         wanted = [
             (J[:, own], twists[name])
             for name, J in zip(arena.tools, jacobians, strict=True)
-            if name in twists and name.split("/", 1)[0] == arena.robots[r]
+            if name in twists and name.split("/", 1)[0] == robot
         ]
         if wanted:
             J = np.concatenate([J for J, _ in wanted])

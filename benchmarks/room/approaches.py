@@ -1,23 +1,32 @@
 """Approaches in the bay: a tool led straight at a fixture, or at the other arm."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from armguard import Guard, bay_scene
-from armguard.cli.console import progress_bar
+from armguard.scene.settings import Mode
 from armguard.scene.tables import SceneTables
 from arrays import Floats
-from room.lines import JOINTS, STEP, Hand, Line, knots, line_through
-from room.warned import MODES, first_warnings, plain
+from room.lines import (
+    JOINTS,
+    MODES,
+    SIGHT,
+    STEP,
+    Hand,
+    Line,
+    drawn_swing,
+    first_warnings,
+    knots,
+    line_through,
+    rows_of,
+    ruler_of,
+)
 
 ARMS = ("left", "right")
 KINDS = ("fixture", "arm")
-
-# How far the ruler sees [m]: across the bay.
-SIGHT = 3.0
 
 # How far the tool is from its aim at the start, and least of anything else [m].
 NEAREST, FARTHEST = 0.3, 0.8
@@ -32,9 +41,6 @@ TOUCH = 0.002
 
 # Random starts that are tried for each approach before that counts as impossible.
 TRIES = 2000
-
-# How much the arm swings besides leading its tool [-].
-SWINGS = (0.0, 0.5, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +63,9 @@ def approaches(count: int, seed: int = 11) -> Iterator[Approach]:
         RuntimeError: None was found in TRIES tries.
     """
     rng = np.random.default_rng(seed)
-    ruler = bay_ruler()
+    ruler = ruler_of(bay_scene())
     for k in range(count):
         yield next_approach(ruler, rng, KINDS[k % len(KINDS)])
-
-
-def bay_ruler() -> Guard:
-    """A guard that measures every pair of the bay."""
-    scene = bay_scene()
-    scene.set_margin(SIGHT)
-    return Guard(scene, self_test=False)
 
 
 def next_approach(ruler: Guard, rng: np.random.Generator, kind: str) -> Approach:
@@ -78,10 +77,8 @@ def next_approach(ruler: Guard, rng: np.random.Generator, kind: str) -> Approach
         if aim is None:
             continue
         hand = Hand(ruler.tables, arm, np.zeros(3)).holding(q, aim[0])
-        swing = rng.normal(size=JOINTS)
-        swing *= rng.choice(SWINGS) / np.linalg.norm(swing)
         rows = []
-        for row in knots(ruler.tables, hand, q, aim[1], swing):
+        for row in knots(ruler.tables, hand, q, aim[1], drawn_swing(rng)):
             rows.append(row)
             if nearest(ruler, row) < TOUCH:
                 line = line_through(rows)
@@ -137,19 +134,12 @@ def nearest(ruler: Guard, q: Floats) -> float:
 def measure(count: int, speeds: Sequence[float]) -> list[dict[str, Any]]:
     """First warnings of each approach, for each speed and mode."""
     guards = {mode: Guard(bay_scene(mode)) for mode in MODES}
-    rows: list[dict[str, Any]] = []
-    with progress_bar("approaching", count * len(speeds)) as advance:
-        for number, approach in enumerate(approaches(count)):
-            for speed in speeds:
-                row: dict[str, Any] = {
-                    "approach": number,
-                    "kind": approach.kind,
-                    "tool_speed": speed,
-                    "modes": {},
-                }
-                for mode, guard in guards.items():
-                    slow, stop = first_warnings(guard, approach.line.drive(speed))
-                    row["modes"][mode] = {"SLOW": plain(slow), "STOP": plain(stop)}
-                rows.append(row)
-                advance(1)
-    return rows
+
+    def warned(approach: Approach, mode: Mode, speed: float) -> dict[str, Any]:
+        found = first_warnings(guards[mode], approach.line.drive(speed))
+        return {
+            level: one and asdict(one)
+            for level, one in zip(("SLOW", "STOP"), found, strict=True)
+        }
+
+    return rows_of("approach", approaches(count), count, speeds, warned)

@@ -1,14 +1,22 @@
-"""Straight lines of a tool, as joint motions of a bay arm, driven at a given speed."""
+"""Straight lines of a tool of the bay, driven at a speed, and what a guard says."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from armguard import Guard, Level, Scene
+from armguard.cli.console import progress_bar
 from armguard.robot.kinematics import forward_kinematics
+from armguard.scene.settings import Mode
 from armguard.scene.tables import SceneTables
 from arrays import Floats
+from episodes.follower import Arms
+
+MODES: tuple[Mode, ...] = ("path", "speed", "fixed")
 
 JOINTS = 7
 PERIOD = 1e-3  # [s]
@@ -25,6 +33,12 @@ ACCELERATION = 4.0
 
 # Joints keep this distance from their limits [rad].
 ROOM = 0.05
+
+# How much an arm swings besides leading its tool [-].
+SWINGS = (0.0, 0.5, 1.0)
+
+# How far a ruler sees [m]: across the bay.
+SIGHT = 3.0
 
 
 class Hand:
@@ -137,7 +151,7 @@ def knots(
 
     Raises nothing: a line that cannot be driven at FASTEST ends there.
     """
-    top = SPEED_SHARE * tops(tables)
+    top = SPEED_SHARE * Arms(tables).joined("velocity")
     while ((q > tables.lower + ROOM) & (q < tables.upper - ROOM))[hand.joints].all():
         yield q
         slope = next_slope(hand, q, along, swing)
@@ -147,15 +161,109 @@ def knots(
         q = q + STEP * next_slope(hand, middle, along, swing)
 
 
-def tops(tables: SceneTables) -> Floats:
-    """Declared top speeds of all joints, shape (n,) [rad/s]."""
-    speeds = [part.stopping.velocity for part in tables.robots if part.stopping]
-    return np.concatenate(speeds)
-
-
 def line_through(rows: list[Floats]) -> Line | None:
     """The line through its knots; None if it bends too much to be driven."""
     ways = STEP * np.arange(len(rows))
     q_of = CubicSpline(ways, np.array(rows))
     bend = np.abs(q_of(ways, 2)).max() * FASTEST**2
     return Line(float(ways[-1]), q_of) if bend < ACCELERATION else None
+
+
+def drawn_swing(rng: np.random.Generator) -> Floats:
+    """What an arm does besides leading its tool, see `next_slope`."""
+    swing = rng.normal(size=JOINTS)
+    return swing * (rng.choice(SWINGS) / np.linalg.norm(swing))
+
+
+def ruler_of(scene: Scene) -> Guard:
+    """A guard that measures every pair of a scene."""
+    scene.set_margin(SIGHT)
+    return Guard(scene, self_test=False)
+
+
+# Reasons from here on are about the input, which is as it should be here [-].
+FAULTS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Warned:
+    """A warning.
+
+    Attributes:
+        distance: True distance of the pair it is for [m].
+        pair: Its two bodies.
+        speed: Speed of the tool [m/s].
+        budget: What the pair needs, by cause [m]; None where buffers are fixed.
+        closing: Closing speed the guard counts with for the time left [m/s]; None
+            where there is none left.
+    """
+
+    distance: float
+    pair: tuple[str, str]
+    speed: float
+    budget: dict[str, float] | None
+    closing: float | None
+
+
+def first_warnings(
+    guard: Guard, motion: Iterable[tuple[Floats, Floats, float]]
+) -> tuple[Warned | None, Warned | None]:
+    """The first slow and the first stop of a motion, which ends there.
+
+    The guard gets every sample with its stamp and its velocity, all exact, and does not
+    know how old it is: it counts as late as declared.
+
+    Raises:
+        RuntimeError: The guard refused the input: the motion is not what it should be.
+    """
+    guard.reset()
+    slow: Warned | None = None
+    for k, (q, v, speed) in enumerate(motion):
+        verdict = guard.step(q, k * PERIOD, velocity=v)
+        if verdict.reason >= FAULTS:
+            raise RuntimeError(verdict.why)
+        if verdict.level < Level.SLOW:
+            continue
+        near, budget = verdict.near, verdict.budget
+        stopped = verdict.level >= Level.STOP
+        # A stop is for what lacks most, a slow for what has least time.
+        lacks = "clearance" if stopped else "time_left"
+        pair = min(near, key=attrgetter(lacks))
+        warning = Warned(
+            pair.primitive_distance,
+            (pair.a, pair.b),
+            speed,
+            None if budget is None else asdict(budget),
+            pair.clearance / pair.time_left if pair.time_left > 0.0 else None,
+        )
+        if stopped:
+            return slow or warning, warning
+        slow = slow or warning
+    return slow, None
+
+
+def rows_of(
+    name: str,
+    motions: Iterable[Any],
+    count: int,
+    speeds: Sequence[float],
+    of: Callable[[Any, Mode, float], Any],
+) -> list[dict[str, Any]]:
+    """What comes of motions at some speeds in each mode.
+
+    Args:
+        name: What they are.
+        motions: The motions; those with a kind have it in their rows.
+        count: How many.
+        speeds: Speeds of the tool [m/s].
+        of: What comes of one.
+    """
+    rows = []
+    with progress_bar(f"{name}s", count * len(speeds)) as advance:
+        for number, motion in enumerate(motions):
+            kind = {"kind": motion.kind} if hasattr(motion, "kind") else {}
+            for speed in speeds:
+                modes = {mode: of(motion, mode, speed) for mode in MODES}
+                rows.append({name: number, **kind, "tool_speed": speed, "modes": modes})
+                advance(1)
+    return rows

@@ -8,11 +8,21 @@ from typing import Any
 import numpy as np
 
 from armguard import Box, Guard, Level, Scene, bay_scene
-from armguard.cli.console import progress_bar
 from armguard.scene.settings import Mode
 from arrays import Floats
-from room.lines import JOINTS, STEP, Hand, Line, knots, line_through
-from room.warned import MODES, first_warnings
+from room.lines import (
+    JOINTS,
+    MODES,
+    STEP,
+    Hand,
+    Line,
+    drawn_swing,
+    first_warnings,
+    knots,
+    line_through,
+    rows_of,
+    ruler_of,
+)
 
 ARM, PANEL = "left", "panel"
 
@@ -29,12 +39,10 @@ HALF_PANEL = (0.15, 0.02, 0.10)
 NEAR_FACE, FAR_FACE = 0.10, 0.80
 GRAIN = 2e-3
 
-# How far the ruler sees [m], and which of a line's knots it looks at.
-SIGHT = 3.0
+# Which of a line's knots the ruler looks at.
 EVERY = 3
 
 TRIES = 5000
-SWINGS = (0.0, 0.5, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +80,6 @@ def passing_scene(mode: Mode) -> Scene:
     return scene
 
 
-def panel_ruler() -> Guard:
-    """A guard that measures every pair of that scene."""
-    scene = passing_scene("fixed")
-    scene.set_margin(SIGHT)
-    return Guard(scene, self_test=False)
-
-
 def passages(ruler: Guard, count: int, seed: int = 5) -> Iterator[Passage]:
     """Passages on which the last link is what the panel meets first.
 
@@ -99,8 +100,7 @@ def next_passage(ruler: Guard, rng: np.random.Generator) -> Passage:
         T = np.eye(4)
         T[:3, :3] = frame(rng)
         T[:3, 3] = hand.at(q)
-        swing = rng.normal(size=JOINTS)
-        swing *= rng.choice(SWINGS) / np.linalg.norm(swing)
+        swing = drawn_swing(rng)
         half = int(HALF_WAY / STEP) + 1
         on, back = (
             list(islice(knots(t, hand, q, sign * T[:3, 0], sign * swing), half))
@@ -179,19 +179,11 @@ def nearest_passed(
 
 def measure(count: int, speeds: Sequence[float]) -> list[dict[str, Any]]:
     """Least distances of each passage, for each speed and mode."""
-    ruler = panel_ruler()
+    ruler = ruler_of(passing_scene("fixed"))
     guards = {mode: Guard(passing_scene(mode)) for mode in MODES}
-    rows: list[dict[str, Any]] = []
-    with progress_bar("passing", count * len(speeds)) as advance:
-        for number, passage in enumerate(passages(ruler, count)):
-            for speed in speeds:
-                modes: dict[str, dict[str, float | None] | None] = {}
-                for mode, guard in guards.items():
-                    found = nearest_passed(guard, ruler, passage, speed)
-                    if found is not None:
-                        modes[mode] = {k.name: d for k, d in found.items()}
-                    else:
-                        modes[mode] = None
-                rows.append({"passage": number, "tool_speed": speed, "modes": modes})
-                advance(1)
-    return rows
+
+    def passed(passage: Passage, mode: Mode, speed: float) -> dict[str, Any] | None:
+        found = nearest_passed(guards[mode], ruler, passage, speed)
+        return found and {level.name: distance for level, distance in found.items()}
+
+    return rows_of("passage", passages(ruler, count), count, speeds, passed)

@@ -5,7 +5,7 @@ as they may be and seem farther and slower, the operator pushes with all he has 
 last measurement on that does not stop him, and stops are as late and soft as declared.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from armguard.guard import Level, Verdict
 from armguard.robot.stopping import StoppingFigures, stopping_figures
 from arrays import Floats
 from closed_loop.plant import FREE, HELD, Plant, advance, order_stop, plant_at
-from rail import carriage
+from robots import carriage
 
 # Half the edge of the cube that slides [m], and how far it can [m].
 HALF = 0.05
@@ -35,10 +35,12 @@ GRAIN = 1e-9
 # first one was stopped [m].
 LEAD = 0.03
 
+# What a pair needs by cause.
+TERMS = ("floor", "base", "object", "error", "reaction", "stopping", "path")
+
 # The verdict of a cycle: its time and the stamp of its measurement [s], and measured
 # positions and velocities of all slides.
 Judge = Callable[[float, float, Floats, Floats], Sequence[Verdict]]
-
 
 CUBE = Box(half_extents=(HALF, HALF, HALF))
 
@@ -84,139 +86,116 @@ class Run:
     order_cycle: int
 
 
-def worst_run(
-    judge: Judge,
-    figures: StoppingFigures,
-    starts: Sequence[float],
-    speed: float,
-    gap_of: Callable[[Floats], float],
-) -> Run:
-    """The run in which the operator pushes at the last moment.
+@dataclass(frozen=True)
+class Track:
+    """Slides that all start at one place, on their way to what they may touch.
 
-    Where that is follows from a run in which he does not.
-
-    Args:
+    Attributes:
         judge: Makes a cycle of the guard, or of each arm's.
-        figures: Of every slide.
-        starts: Where the slides start, at rest [m].
-        speed: Speed the operator wants [m/s].
-        gap_of: Distance of what may touch, from the positions [m].
-    """
-    calm = run(judge, figures, starts, speed, gap_of)
-    push_at = (calm.order_cycle - 1) * PERIOD
-    return run(judge, figures, starts, speed, gap_of, push_at)
-
-
-def worst_runs(
-    judge: Judge,
-    figures: StoppingFigures,
-    begin: Sequence[float],
-    speed: float,
-    phases: int,
-    gap_of: Callable[[Floats], float],
-) -> Iterator[Run]:
-    """The same from starts that are spread over the way of one cycle.
-
-    Args:
-        judge: See `worst_run`.
-        figures: See there.
-        begin: The foremost start of each slide [m].
-        speed: See there.
-        phases: How many starts.
-        gap_of: See there.
-    """
-    backs = speed * PERIOD * np.arange(phases) / phases
-    for back in backs:
-        yield worst_run(judge, figures, [x - back for x in begin], speed, gap_of)
-
-
-def run(
-    judge: Judge,
-    figures: StoppingFigures,
-    starts: Sequence[float],
-    speed: float,
-    gap_of: Callable[[Floats], float],
-    push_at: float | None = None,
-) -> Run:
-    """One run until all slides are at rest; see `worst_run`.
-
-    Args:
-        judge: Makes a cycle of the guard.
         figures: Of every slide; `sensing` is a number of periods.
-        starts: Where the slides start, at rest [m].
-        speed: Speed the operator wants [m/s].
-        gap_of: Distance of what may touch [m].
-        push_at: Time from which on he wants top speed [s]; None if he never does, and
-            the run ends with the first order.
-
-    Raises:
-        RuntimeError: No stop was ordered while the slides moved at their speed.
+        count: How many slides.
+        gap_of: Distance of what may touch, from the positions [m].
+        start_of: Where all slides start for a gap [m].
     """
-    plant, count = plant_of(figures, starts), len(starts)
-    age = round(figures.sensing / PERIOD)
-    q_rows, v_rows = np.zeros((2, SUBSTEPS, count))
-    free_rows = np.zeros((SUBSTEPS, count), dtype=np.bool_)
-    # States at the beginning of each period; measurements look back into them.
-    past = [(plant.q.copy(), plant.v.copy())]
-    stopped: Run | None = None
-    least = np.inf
-    for k in range(round(LONGEST / PERIOD)):
-        while len(past) <= k + age:
-            began = len(past) - 1
-            pushes = push_at is not None and began * PERIOD >= push_at
-            desired = np.where(pushes, figures.velocity, speed).repeat(count)
-            tick = began * SUBSTEPS
-            advance(plant, tick, SUBSTEP, desired, q_rows, v_rows, free_rows)
-            past.append((plant.q.copy(), plant.v.copy()))
-            least = min(least, *(gap_of(q) for q in q_rows))
-        true_q, true_v = past[k]
-        verdicts = judge(
-            (k + age) * PERIOD,
-            k * PERIOD,
-            true_q - figures.position_error,
-            true_v - figures.velocity_error * (true_v > 0.0),
-        )
-        for arm, stops in enumerate(stopped_by(verdicts, count)):
-            if stops:
+
+    judge: Judge
+    figures: StoppingFigures
+    count: int
+    gap_of: Callable[[Floats], float]
+    start_of: Callable[[float], float]
+
+    def at_stop(self, first: float, speed: float, phases: int) -> list[Run]:
+        """Worst runs from where a first one, which begins at a gap, is stopped [m]."""
+        calm = self.run(self.start_of(first), speed)
+        return self.worst_runs(calm.distance, speed, phases)
+
+    def worst_runs(self, gap: float, speed: float, phases: int) -> list[Run]:
+        """Worst runs that get their speed before a gap [m].
+
+        Their starts are spread over the way of one cycle.
+        """
+        gap += LEAD + self.speeding_up(speed)
+        backs = speed * PERIOD * np.arange(phases) / phases
+        return [self.worst_run(self.start_of(gap) - back, speed) for back in backs]
+
+    def speeding_up(self, speed: float) -> float:
+        """What a gap shrinks by until the slides have a speed [m]."""
+        return 0.5 * self.count * speed * speed / float(self.figures.acceleration[0])
+
+    def worst_run(self, start: float, speed: float) -> Run:
+        """The run in which the operator pushes at the last moment.
+
+        Where that is follows from a run in which he does not.
+        """
+        calm = self.run(start, speed)
+        return self.run(start, speed, (calm.order_cycle - 1) * PERIOD)
+
+    def run(self, start: float, speed: float, push_at: float | None = None) -> Run:
+        """One run until all slides are at rest.
+
+        Args:
+            start: Where the slides start, at rest [m].
+            speed: Speed the operator wants [m/s].
+            push_at: Time from which on he wants top speed [s]; None if he never does,
+                and the run ends with the first order.
+
+        Raises:
+            RuntimeError: No stop was ordered while the slides moved at their speed.
+        """
+        figures, count = self.figures, self.count
+        plant = plant_of(figures, np.full(count, start))
+        age = round(figures.sensing / PERIOD)
+        q_rows, v_rows = np.zeros((2, SUBSTEPS, count))
+        free_rows = np.zeros((SUBSTEPS, count), dtype=np.bool_)
+        # States at the beginning of each period; measurements look back into them.
+        past = [(plant.q.copy(), plant.v.copy())]
+        stopped: Run | None = None
+        least = np.inf
+        for k in range(round(LONGEST / PERIOD)):
+            while len(past) <= k + age:
+                began = len(past) - 1
+                pushes = push_at is not None and began * PERIOD >= push_at
+                desired = np.where(pushes, figures.velocity, speed).repeat(count)
+                tick = began * SUBSTEPS
+                advance(plant, tick, SUBSTEP, desired, q_rows, v_rows, free_rows)
+                past.append((plant.q.copy(), plant.v.copy()))
+                least = min(least, *map(self.gap_of, q_rows))
+            true_q, true_v = past[k]
+            verdicts = self.judge(
+                (k + age) * PERIOD,
+                k * PERIOD,
+                true_q - figures.position_error,
+                true_v - figures.velocity_error * (true_v > 0.0),
+            )
+            for arm in np.flatnonzero(stopped_by(verdicts, count)):
                 at = (k + age) * PERIOD + figures.command
-                order_stop(plant, arm, at, worst_stop(figures, count))
-        if stopped is None and any(v.level >= Level.STOP for v in verdicts):
-            stopped = first_stop(verdicts, k)
-            if not true_v.max() >= speed - GRAIN:
-                raise RuntimeError(f"stopped on its way to {speed} m/s")
-        if stopped is not None and (push_at is None or (plant.phase == HELD).all()):
-            return replace(stopped, least=least)
-    raise RuntimeError(f"no stop, or no rest, within {LONGEST} s")
-
-
-def first_stop(verdicts: Sequence[Verdict], k: int) -> Run:
-    """What came of the first stop, ordered in cycle k."""
-    verdict = next(v for v in verdicts if v.level >= Level.STOP)
-    near = verdict.nearest
-    distance = np.nan if near is None else near.primitive_distance
-    return Run(distance, np.nan, verdict, k)
+                order_stop(plant, int(arm), at, worst_stop(figures, count))
+            order = next((v for v in verdicts if v.level >= Level.STOP), None)
+            if stopped is None and order is not None:
+                near = order.nearest
+                distance = np.nan if near is None else near.primitive_distance
+                stopped = Run(distance, np.nan, order, k)
+                if not true_v.max() >= speed - GRAIN:
+                    raise RuntimeError(f"stopped on its way to {speed} m/s")
+            if stopped and (push_at is None or (plant.phase == HELD).all()):
+                return replace(stopped, least=least)
+        raise RuntimeError(f"no stop, or no rest, within {LONGEST} s")
 
 
 def stopped_by(verdicts: Sequence[Verdict], count: int) -> list[bool]:
     """Which of the slides are to stop, by one guard for all or one for each."""
     if len(verdicts) == count > 1:
         return [v.level >= Level.STOP for v in verdicts]
-    levels = list(verdicts[0].levels.values())
-    if not levels:
-        return [verdicts[0].level >= Level.STOP] * count
+    levels = list(verdicts[0].levels.values()) or [verdicts[0].level] * count
     return [level >= Level.STOP for level in levels]
 
 
-def plant_of(figures: StoppingFigures, starts: Sequence[float]) -> Plant:
+def plant_of(figures: StoppingFigures, starts: Floats) -> Plant:
     """Slides at rest that are their operators', with the figures as declared."""
     count = len(starts)
-    plant = plant_at(
-        np.array(starts, dtype=np.float64),
-        np.arange(count + 1),
-        np.repeat(figures.velocity, count),
-        np.repeat(figures.acceleration, count),
-        np.repeat(figures.brake_deceleration, count),
-    )
+    names = ("velocity", "acceleration", "brake_deceleration")
+    own = (np.repeat(getattr(figures, name), count) for name in names)
+    plant = plant_at(starts, np.arange(count + 1), *own)
     plant.phase[:] = FREE
     return plant
 
@@ -233,10 +212,9 @@ def worst_stop(
     )
 
 
-def terms(verdict: Verdict) -> dict[str, float]:
-    """What the nearest pair needs, by cause [m]; empty where buffers are fixed."""
-    budget = verdict.budget
-    if budget is None:
-        return {}
-    names = ("floor", "base", "object", "error", "reaction", "stopping", "path")
-    return {name: float(getattr(budget, name)) for name in names}
+def figures_of(runs: Sequence[Run]) -> tuple[float, dict[str, Any]]:
+    """Mean distance at the stop, the least of all runs [m], and the need by cause."""
+    budget = runs[0].verdict.budget
+    terms = {name: float(getattr(budget, name)) for name in TERMS if budget is not None}
+    distance = float(np.mean([r.distance for r in runs]))
+    return distance, {"least": min(r.least for r in runs), "terms": terms}

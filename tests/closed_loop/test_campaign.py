@@ -7,11 +7,19 @@ import pytest
 
 import closed_loop_campaign
 from closed_loop.settings import PROFILES, RATES, SUBSTEP, TERMS, Plan, setting_of
-from closed_loop.summary import EXTREME, bound, derived, digest, summed_up, sums
-from closed_loop_campaign import campaign_of, run_episode
+from closed_loop_campaign import (
+    EXTREME,
+    bound,
+    campaign_of,
+    derived,
+    digest,
+    run_episode,
+    summed_up,
+    sums,
+)
 from episodes.campaign import LeftOut
-from episodes.page import page
 from episodes.records import merged, read
+from pages import page
 
 PLAN = Plan(guard="threshold", floor=0.02, duration=0.3)
 
@@ -130,14 +138,14 @@ def test_published_pages_agree_with_their_figures(name):
     def of_any_kernels(text):
         return re.sub(r" \*(?= \||\.|$)|(?<=than )[0-9a-f]{8}", "", text, flags=re.M)
 
-    docs = closed_loop_campaign.HERE.parent / "docs"
+    docs = closed_loop_campaign.DOCS
     text = (docs / f"{name}.md").read_text("utf-8")
     made = page(name, read(docs / f"{name}.json"))
     assert of_any_kernels(made) == of_any_kernels(text)
 
 
 def test_unintended_grasps_are_a_row_of_their_own():
-    docs = closed_loop_campaign.HERE.parent / "docs"
+    docs = closed_loop_campaign.DOCS
     found = read(docs / "gripping_campaign.json")["unintended"]
     assert found["episodes"] >= 1000 and found["touched_not_meant"] == 0
     assert sum(found["of_each"].values()) == found["episodes"]

@@ -5,7 +5,7 @@ import pytest
 
 from closed_loop.plan import work
 from closed_loop.settings import Plan
-from closed_loop.summary import summed_up
+from closed_loop_campaign import summed_up
 
 BATCH = 25
 

@@ -13,9 +13,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from accuracy.judge import judge_pairs, swallowed
+from accuracy.judge import (
+    FIGURES,
+    MISSED,
+    NAMES,
+    TARGETS,
+    figures,
+    judge_pairs,
+    swallowed,
+)
 from accuracy.regimes import REGIMES, draw
-from accuracy.summary import FIGURES, MISSED, NAMES, TARGETS, figures
 
 RESULTS = Path(__file__).parents[2] / "docs" / "accuracy.json"
 

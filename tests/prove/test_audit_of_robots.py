@@ -6,7 +6,7 @@ import pytest
 from armguard.prove import Budget, prove_pairs
 from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene
-from mesh_contact import MeshContact
+from audit_pairs import MeshContact
 
 # Configurations that Coal is asked for, all pairs together.
 SAMPLES = 10_000

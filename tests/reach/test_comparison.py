@@ -7,9 +7,7 @@ from matplotlib.figure import Figure
 
 from episodes.kernels import kernels_of
 from episodes.records import Digest, Records, ranges_of, replace
-from reach.page import write_page
-from reach.plots import legend
-from reach.summary import compared, digest
+from reach.summary import compared, digest, legend, write_page
 
 RUN = {
     "stops": [],
@@ -79,6 +77,6 @@ def test_a_legend_has_the_responses_of_all_scenes():
     places[0].plot([0.0, 1.0], label="deflect")
     places[1].plot([0.0, 1.0], label="mink")
     places[1].plot([0.0, 2.0], label="deflect")
-    legend(figure, list(places))
+    legend(list(places))
     (drawn,) = figure.legends
     assert [text.get_text() for text in drawn.get_texts()] == ["deflect", "mink"]

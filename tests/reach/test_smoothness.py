@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reach.smoothness import chatter, held_back, jerk, share_blocked
+from reach.trial import chatter, held_back, jerk, share_blocked
 
 DT = 0.001
 

@@ -6,11 +6,9 @@ import pytest
 from armguard.respond.command import Action
 from closed_loop.settings import SUBSTEP
 from reach.answers import Answering, Orders, answering
-from reach.arena import arena_of
-from reach.drives import STEPS, Drives
+from reach.arena import PERIOD, STEPS, Drives, arena_of
 from reach.goals import draw_goal
-from reach.scenes import PERIOD
-from reach.slides import SLIDES, slid, start_of
+from reach.runs import SLIDES, slid, start_of
 from reach.trial import Trial
 
 # Seeds of the bay whose operators find their own way certified, by kind of goal.
@@ -55,8 +53,8 @@ def test_drives_stay_within_their_figures(arena):
         drives.move()
     v = drives.v_rows[: drives.tick + 1]
     assert (np.abs(np.diff(v, axis=0)) <= arena.acceleration * SUBSTEP + 1e-9).all()
-    late = max(f.command for f in arena.figures)
-    error = np.concatenate([f.tracking_error for f in arena.figures])
+    late = max(f.command for f in arena.figures.values())
+    error = arena.joined("tracking_error")
     back = int(np.ceil(late / PERIOD)) + 1
     sent = np.concatenate([np.zeros((back, told.shape[1])), told[1:]])
     for k in range(50, cycles - 1):

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from reach.ways import find_way
+from reach.goals import find_way
 
 LOW, HIGH = np.zeros(2), np.ones(2)
 

@@ -6,14 +6,11 @@ import pytest
 from episodes.classes import percentile
 from episodes.records import Records
 from evading.episode import run_episode
-from evading.judge import Findings
-from evading.places import PERIOD, Place, Thing
-from evading.search import Search, spread_out
-from evading.summary import EXTREME, is_broken, share, summed_up
-from evading.throws import BEFORE, drawn_throw
-from evading_campaign import CAMPAIGN
+from evading.places import PERIOD, Findings, Place, Projectile
+from evading.throws import BEFORE, Search, drawn_throw, spread_out
+from evading_campaign import CAMPAIGN, EXTREME, is_broken, share, summed_up
 
-BALL = Thing((0.06, 0.06, 0.06), (0.0, 0.0, 0.0), False, 0.6)
+BALL = Projectile((0.06, 0.06, 0.06), (0.0, 0.0, 0.0), False, 0.6)
 
 
 @pytest.fixture(scope="module")
@@ -41,18 +38,18 @@ def test_arms_that_evade_touch_nothing_else():
     assert found["evaded"] > 0
 
 
-def test_a_thing_touches_the_arm_it_is_thrown_at_when_it_is_said_to(thrown):
+def test_a_projectile_touches_the_arm_it_is_thrown_at_when_it_is_said_to(thrown):
     place, throw = thrown
     for off, sign in ((-0.03, 1.0), (0.03, -1.0)):
         time = BEFORE + throw.until_hit + off
         place.judge.put(throw.nominal(time), throw.mover(time))
-        gap = place.judge.gap(place.judge.arm(throw.robot))
+        gap = place.judge.gap_to(place.judge.arm(throw.robot))
         assert sign * gap > 0.0
     assert throw.mover(0.5 * BEFORE) is None
     assert throw.mover(throw.duration) is None
 
 
-def test_the_judge_tells_the_thing_from_all_else(thrown):
+def test_the_judge_tells_the_projectile_from_all_else(thrown):
     place, throw = thrown
     found = Findings()
     place.judge.look(throw.q, None, 0.0, found)
@@ -88,7 +85,7 @@ def test_a_way_of_the_search_is_as_fast_as_declared_and_ends_where_it_should(thr
 
 def test_the_search_finds_no_way_past_what_comes_at_once(thrown):
     place, throw = thrown
-    # It acts only when the thing is a cycle from touching the arm.
+    # It acts only when the projectile is a cycle from touching the arm.
     late = BEFORE + throw.until_hit - PERIOD
     state = (late, throw.nominal(late), np.zeros_like(throw.q))
     search = Search(place, throw, state, np.random.default_rng(0))

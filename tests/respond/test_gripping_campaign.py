@@ -17,7 +17,6 @@ from gripping.panda import (
     PandaJudge,
     scene_of_panda,
 )
-from gripping.summary import EXTREME, is_broken, summed_up
 from gripping.unintended import (
     KINDS,
     SPEEDS,
@@ -27,7 +26,7 @@ from gripping.unintended import (
     drawn_place,
 )
 from gripping.workplace import Workplace, box, cylinder, gaps
-from gripping_campaign import CAMPAIGN
+from gripping_campaign import CAMPAIGN, EXTREME, is_broken, summed_up
 from peers.shapes import coal_pair
 
 
