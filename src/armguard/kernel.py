@@ -6,13 +6,14 @@ import stat
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar, cast, overload
 
 import numba
 from numba.core import config
 from numba.core.registry import CPUDispatcher
 
 from armguard.errors import ArmguardError
+from armguard.ready import KernelCache, place_of_ready_code, usable
 from armguard.separate import SeparateKernel, link, link_missing
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -121,7 +122,12 @@ def private_folder(path: Path) -> Path:
     return path
 
 
-KERNEL_CACHE = cache_home() / f"kernels-{kernel_digest()}"
+DIGEST = kernel_digest()
+
+KERNEL_CACHE = cache_home() / f"kernels-{DIGEST}"
+
+# Where the object code lies that the wheel brought; None if there is none for here.
+READY_CODE = usable(place_of_ready_code(PACKAGE, DIGEST))
 
 # Why nothing is kept there, and nothing of it is run; None if all is well.
 CACHE_FAULT: CacheError | None = None
@@ -186,7 +192,15 @@ def kernel(
     return decorate
 
 
-class EntryDispatcher(CPUDispatcher):  # type: ignore[misc]
+class KernelDispatcher(CPUDispatcher):  # type: ignore[misc]
+    """A kernel."""
+
+    def enable_caching(self) -> None:
+        """Look for its object code where that of kernels is kept."""
+        self._cache = KernelCache(self.py_func, READY_CODE)
+
+
+class EntryDispatcher(KernelDispatcher):
     """A kernel that Python calls."""
 
     def compile(self, signature: Any) -> Any:
@@ -196,7 +210,7 @@ class EntryDispatcher(CPUDispatcher):  # type: ignore[misc]
         return super().compile(signature)
 
 
-class InnerDispatcher(CPUDispatcher):  # type: ignore[misc]
+class InnerDispatcher(KernelDispatcher):
     """A kernel without an entry for Python; Numba would jump to address 0."""
 
     def compile(self, signature: Any) -> Any:
@@ -224,8 +238,7 @@ def compiled(
     previous = config.CACHE_DIR
     config.CACHE_DIR = str(KERNEL_CACHE)
     try:
-        jitted: Callable[..., Any] = numba.njit(
-            cache=CACHE_FAULT is None,
+        jitted: Any = numba.njit(
             error_model="numpy",
             nogil=True,
             forceinline=inline,
@@ -234,6 +247,8 @@ def compiled(
         )(function)
         if not config.DISABLE_JIT:
             jitted.__class__ = EntryDispatcher if entry else InnerDispatcher
-        return jitted
+            if CACHE_FAULT is None:
+                jitted.enable_caching()
+        return cast(Callable[..., Any], jitted)
     finally:
         config.CACHE_DIR = previous

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 import numba
 
-from armguard.kernel import KERNEL_CACHE
+from armguard.kernel import KERNEL_CACHE, READY_CODE
 
 # Longest the other process is waited for [s]; without it this one compiles all.
 PATIENCE = 600.0
@@ -27,8 +27,11 @@ LOCK = "compiling.lock"
 
 
 def is_compiled(guarded: bool) -> bool:
-    """Whether a guard's machine code lies in the cache of this installation."""
-    return (KERNEL_CACHE / (GUARDED_READY if guarded else READY)).exists()
+    """Whether a guard's machine code came with the wheel or lies in the cache."""
+    return (
+        READY_CODE is not None
+        or (KERNEL_CACHE / (GUARDED_READY if guarded else READY)).exists()
+    )
 
 
 @contextmanager
