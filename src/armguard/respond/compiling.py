@@ -9,9 +9,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from time import monotonic
+from typing import Any
 
 import numba
+from numba.core import event
 
 from armguard.kernel import KERNEL_CACHE, READY_CODE
 
@@ -21,6 +24,12 @@ PATIENCE = 600.0
 # Written to the cache when all is there that a guard needs, without and with stops.
 READY = "fixed.ready"
 GUARDED_READY = "guarded.ready"
+
+# Roughly how many files that are, without and with stops.
+FILES, GUARDED_FILES = 280, 700
+
+# Between two such sentences [s].
+SAYS = 10.0
 
 # Held by who compiles. It is let go of when he ends, however he does.
 LOCK = "compiling.lock"
@@ -47,6 +56,54 @@ def only_compiler() -> Iterator[None]:
         yield
 
 
+class TimeLeft(event.Listener):  # type: ignore[misc]
+    """Says now and then, between two kernels, how much is compiled.
+
+    Args:
+        say: Is given the sentence.
+        files: How many files there will be.
+    """
+
+    def __init__(self, say: Callable[[str], None], files: int) -> None:
+        self._say, self._files = say, files
+        self._begin = self._said = monotonic()
+        self._kept = count_files()
+
+    def on_start(self, _event: Any) -> None:
+        """Nothing: a kernel is begun."""
+
+    def on_end(self, _event: Any) -> None:
+        """A kernel is compiled, here."""
+        now = monotonic()
+        if now - self._said < SAYS:
+            return
+        self._said = now
+        took = now - self._begin
+        self._say(time_left(count_files(), self._kept, self._files, took))
+
+
+def count_files() -> int:
+    """How many kernels are kept, of both processes."""
+    return sum(1 for _ in KERNEL_CACHE.rglob("*.nbc"))
+
+
+def time_left(done: int, kept: int, files: int, took: float) -> str:
+    """How much is compiled, and how long the rest will take.
+
+    Args:
+        done: Files there are.
+        kept: Files there were.
+        files: Files there will be.
+        took: What those between have taken [s].
+    """
+    done = min(done, files - 1)
+    percent = 100 * done // files
+    if done <= kept:
+        return f"compiling kernels: {percent} %"
+    left = took * (files - done) / (done - kept)
+    return f"compiling kernels: {percent} %, about {left:.0f} s left"
+
+
 def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None:
     """Compile here and in another process, unless all is kept.
 
@@ -56,15 +113,19 @@ def compile_ahead(progress: Callable[[str], None] | None, guarded: bool) -> None
     stops are begun at both ends.
 
     Args:
-        progress: Told before, since it takes a minute or more.
+        progress: Given a sentence before, since it takes a minute or more, and now and
+            then how much is left.
         guarded: Whether stops are to be predicted; their kernels take as long again.
     """
     if numba.config.DISABLE_JIT or is_compiled(guarded):
         return
-    if progress is not None:
-        minutes = "three or four minutes" if guarded else "over a minute"
-        progress(f"compiling kernels for this machine; first start only, {minutes}")
-    with only_compiler():
+    with ExitStack() as stack:
+        if progress is not None:
+            minutes = "three or four minutes" if guarded else "over a minute"
+            progress(f"compiling kernels for this machine; first start only, {minutes}")
+            left = TimeLeft(progress, GUARDED_FILES if guarded else FILES)
+            stack.enter_context(event.install_listener("numba:compile", left))
+        stack.enter_context(only_compiler())
         if not is_compiled(guarded):
             compile_by_two(guarded)
             for ready in (READY, GUARDED_READY) if guarded else (READY,):
