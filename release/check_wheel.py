@@ -75,7 +75,7 @@ def main() -> None:
     """
     cache = BUILD / "empty_cache"
     shutil.rmtree(cache, ignore_errors=True)
-    ready = played(install(), ARMGUARD_CACHE=str(cache))
+    ready = played(install(), ARMGUARD_CACHE=str(cache), PYTHONPATH="")
     compiled = [path.name for path in cache.rglob("*.nbc")]
     if compiled:
         sys.exit(f"the wheel lacks code of {len(compiled)} kernels: {compiled}")
