@@ -10,9 +10,12 @@ from typing import Any, TypeVar, cast, overload
 
 import numba
 from numba.core import config
+from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
+from numba.core.types.misc import unliteral
 
 from armguard.errors import ArmguardError
+from armguard.inlined import InlinedCompiler
 from armguard.ready import KernelCache, place_of_ready_code, usable
 from armguard.separate import SeparateKernel, link, link_missing
 
@@ -65,8 +68,8 @@ def kernel_digest(*folders: str) -> str:
     ]
     used = {path for holder in holders for path in sources_of(sources[holder])}
     # What compiles a field of a table is imported where tables are declared, and what
-    # compiles a call of a separate kernel below.
-    used.update((PACKAGE / "table.py", PACKAGE / "separate.py"))
+    # compiles a kernel, or a call of a separate one, below.
+    used.update(PACKAGE / f"{name}.py" for name in ("table", "inlined", "separate"))
     for path in sorted(used.intersection(sources).union(holders)):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(sources[path])
@@ -183,10 +186,10 @@ def kernel(
             kernels, above all where several call them.
     """
     if function is not None:
-        return compiled(function, inline, entry)
+        return compiled(function, inline, entry, separate)
 
     def decorate(wrapped: Callable[..., Any]) -> Callable[..., Any]:
-        made = compiled(wrapped, inline and not separate, entry)
+        made = compiled(wrapped, inline, entry, separate)
         return SeparateKernel(made) if separate and made is not wrapped else made
 
     return decorate
@@ -198,6 +201,14 @@ class KernelDispatcher(CPUDispatcher):  # type: ignore[misc]
     def enable_caching(self) -> None:
         """Look for its object code where that of kernels is kept."""
         self._cache = KernelCache(self.py_func, READY_CODE)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What a call of it is typed with: a literal as the number it is.
+
+        Otherwise it would be compiled once for every value.
+        """
+        names = {name: unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(unliteral, args)), names)
 
 
 class EntryDispatcher(KernelDispatcher):
@@ -232,7 +243,7 @@ class InnerDispatcher(KernelDispatcher):
 
 
 def compiled(
-    function: Callable[..., Any], inline: bool, entry: bool
+    function: Callable[..., Any], inline: bool, entry: bool, separate: bool
 ) -> Callable[..., Any]:
     """The function as Numba's dispatcher, which compiles when it is first called."""
     previous = config.CACHE_DIR
@@ -241,7 +252,8 @@ def compiled(
         jitted: Any = numba.njit(
             error_model="numpy",
             nogil=True,
-            forceinline=inline,
+            forceinline=inline and not separate,
+            pipeline_class=Compiler if entry or separate else InlinedCompiler,
             no_cpython_wrapper=not entry,
             no_cfunc_wrapper=True,
         )(function)
