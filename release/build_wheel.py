@@ -110,6 +110,8 @@ def main() -> None:
     os.environ["NUMBA_CPU_NAME"] = "x86-64-v3"
     os.environ["NUMBA_CPU_FEATURES"] = ""
     os.environ["ARMGUARD_CACHE"] = str(BUILD / "cache")
+    # What an earlier build has fitted needs no kernels, and the wheel would lack them.
+    shutil.rmtree(BUILD / "cache", ignore_errors=True)
     compile_kernels()
     build(stage())
 
