@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | attack | mutants | soak | campaigns-due | golden   ARGS="..." is passed on
+#   make demo | test | lint | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | attack | mutants | soak | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach attack mutants soak campaigns-due golden format clean
+.PHONY: demo test lint bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach attack mutants soak campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -95,6 +95,14 @@ mutants: .venv/dev
 # Plays whose every cycle is known by its hashes: the first cycle and field that differ.
 golden: .venv/dev
 	$(BIN)/python benchmarks/golden_campaign.py $(ARGS)
+
+# The wheel with its kernels compiled, for this version of Python and any x86-64-v3.
+dist: .venv/core
+	$(BIN)/python release/build_wheel.py
+
+# The same, installed into an empty environment: compiles nothing, and has the same bits.
+dist-check: dist
+	$(BIN)/python release/check_wheel.py
 
 format: .venv/dev
 	$(BIN)/ruff format .

@@ -172,3 +172,34 @@ def test_every_separate_kernel_can_be_reached_from_one_that_python_calls():
         if isinstance(one, SeparateKernel)
     }
     assert {"measure_at", "rebuild_world", "prove_pair", "read_intents"} <= names
+
+
+def test_a_kernel_that_is_only_inlined_is_kept_as_bitcode(tmp_path):
+    code = """
+import calls
+calls.call(1.5)
+for one in calls.inlined, calls.call, calls.twice.dispatcher:
+    (made,) = one.overloads.values()
+    _, _, (machine_code, bitcode) = made.library.serialize_using_object_code()
+    name = made.fndesc.mangled_name.encode()
+    print(name in machine_code, name in bitcode)
+"""
+    made = run(tmp_path, code)
+    assert made.stdout == "False True\n" + 2 * "True True\n", made.stderr
+
+
+def test_a_literal_is_compiled_as_the_number_it_is(tmp_path):
+    (tmp_path / "literals.py").write_text("""
+from armguard.kernel import kernel
+
+@kernel
+def plus(x, k):
+    return x + k
+
+@kernel(entry=True)
+def call(x):
+    return plus(x, 1) + plus(x, k=2) + plus(x, 3)
+""")
+    code = "import literals as m; print(m.call(1.0), len(m.plus.overloads))"
+    made = run(tmp_path, code)
+    assert made.stdout == "9.0 1\n", made.stderr

@@ -6,13 +6,17 @@ import stat
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar, cast, overload
 
 import numba
 from numba.core import config
+from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
+from numba.core.types.misc import unliteral
 
 from armguard.errors import ArmguardError
+from armguard.inlined import InlinedCompiler
+from armguard.ready import KernelCache, place_of_ready_code, usable
 from armguard.separate import SeparateKernel, link, link_missing
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -64,8 +68,10 @@ def kernel_digest(*folders: str) -> str:
     ]
     used = {path for holder in holders for path in sources_of(sources[holder])}
     # What compiles a field of a table is imported where tables are declared, and what
-    # compiles a call of a separate kernel below.
-    used.update(PACKAGE / name for name in ("table.py", "record.py", "separate.py"))
+    # compiles a kernel, or a call of a separate one, below.
+    used.update(
+        PACKAGE / f"{name}.py" for name in ("table", "record", "inlined", "separate")
+    )
     for path in sorted(used.intersection(sources).union(holders)):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(sources[path])
@@ -121,7 +127,12 @@ def private_folder(path: Path) -> Path:
     return path
 
 
-KERNEL_CACHE = cache_home() / f"kernels-{kernel_digest()}"
+DIGEST = kernel_digest()
+
+KERNEL_CACHE = cache_home() / f"kernels-{DIGEST}"
+
+# Where the object code lies that the wheel brought; None if there is none for here.
+READY_CODE = usable(place_of_ready_code(PACKAGE, DIGEST))
 
 # Why nothing is kept there, and nothing of it is run; None if all is well.
 CACHE_FAULT: CacheError | None = None
@@ -177,16 +188,32 @@ def kernel(
             kernels, above all where several call them.
     """
     if function is not None:
-        return compiled(function, inline, entry)
+        return compiled(function, inline, entry, separate)
 
     def decorate(wrapped: Callable[..., Any]) -> Callable[..., Any]:
-        made = compiled(wrapped, inline and not separate, entry)
+        made = compiled(wrapped, inline, entry, separate)
         return SeparateKernel(made) if separate and made is not wrapped else made
 
     return decorate
 
 
-class EntryDispatcher(CPUDispatcher):  # type: ignore[misc]
+class KernelDispatcher(CPUDispatcher):  # type: ignore[misc]
+    """A kernel."""
+
+    def enable_caching(self) -> None:
+        """Look for its object code where that of kernels is kept."""
+        self._cache = KernelCache(self.py_func, READY_CODE)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What a call of it is typed with: a literal as the number it is.
+
+        Otherwise it would be compiled once for every value.
+        """
+        names = {name: unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(unliteral, args)), names)
+
+
+class EntryDispatcher(KernelDispatcher):
     """A kernel that Python calls."""
 
     def compile(self, signature: Any) -> Any:
@@ -196,7 +223,7 @@ class EntryDispatcher(CPUDispatcher):  # type: ignore[misc]
         return super().compile(signature)
 
 
-class InnerDispatcher(CPUDispatcher):  # type: ignore[misc]
+class InnerDispatcher(KernelDispatcher):
     """A kernel without an entry for Python; Numba would jump to address 0."""
 
     def compile(self, signature: Any) -> Any:
@@ -218,22 +245,24 @@ class InnerDispatcher(CPUDispatcher):  # type: ignore[misc]
 
 
 def compiled(
-    function: Callable[..., Any], inline: bool, entry: bool
+    function: Callable[..., Any], inline: bool, entry: bool, separate: bool
 ) -> Callable[..., Any]:
     """The function as Numba's dispatcher, which compiles when it is first called."""
     previous = config.CACHE_DIR
     config.CACHE_DIR = str(KERNEL_CACHE)
     try:
-        jitted: Callable[..., Any] = numba.njit(
-            cache=CACHE_FAULT is None,
+        jitted: Any = numba.njit(
             error_model="numpy",
             nogil=True,
-            forceinline=inline,
+            forceinline=inline and not separate,
+            pipeline_class=Compiler if entry or separate else InlinedCompiler,
             no_cpython_wrapper=not entry,
             no_cfunc_wrapper=True,
         )(function)
         if not config.DISABLE_JIT:
             jitted.__class__ = EntryDispatcher if entry else InnerDispatcher
-        return jitted
+            if CACHE_FAULT is None:
+                jitted.enable_caching()
+        return cast(Callable[..., Any], jitted)
     finally:
         config.CACHE_DIR = previous

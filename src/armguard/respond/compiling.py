@@ -9,11 +9,13 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from time import monotonic
 from typing import Any
 
 import numba
 import numpy as np
+from numba.core import event
 
 from armguard.geometry import Capsule, Pose, Sphere
 from armguard.geometry.pairs import measure
@@ -21,7 +23,7 @@ from armguard.geometry.shapes import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.index.small_tree import compile_octree
-from armguard.kernel import KERNEL_CACHE
+from armguard.kernel import KERNEL_CACHE, READY_CODE
 from armguard.respond.whole_cycle import (
     begin_filtered_cycle,
     end_filtered_cycle,
@@ -43,13 +45,22 @@ PATIENCE = 600.0
 READY = "fixed.ready"
 GUARDED_READY = "guarded.ready"
 
+# Roughly how many files that are, without and with stops.
+FILES, GUARDED_FILES = 280, 700
+
+# Between two such sentences [s].
+SAYS = 10.0
+
 # Held by who compiles. It is let go of when he ends, however he does.
 LOCK = "compiling.lock"
 
 
 def is_compiled(guarded: bool) -> bool:
-    """Whether a guard's machine code lies in the cache of this installation."""
-    return (KERNEL_CACHE / (GUARDED_READY if guarded else READY)).exists()
+    """Whether a guard's machine code came with the wheel or lies in the cache."""
+    return (
+        READY_CODE is not None
+        or (KERNEL_CACHE / (GUARDED_READY if guarded else READY)).exists()
+    )
 
 
 @contextmanager
@@ -65,6 +76,54 @@ def only_compiler() -> Iterator[None]:
         yield
 
 
+class TimeLeft(event.Listener):  # type: ignore[misc]
+    """Says now and then, between two kernels, how much is compiled.
+
+    Args:
+        say: Is given the sentence.
+        files: How many files there will be.
+    """
+
+    def __init__(self, say: Callable[[str], None], files: int) -> None:
+        self._say, self._files = say, files
+        self._begin = self._said = monotonic()
+        self._kept = count_files()
+
+    def on_start(self, _event: Any) -> None:
+        """Nothing: a kernel is begun."""
+
+    def on_end(self, _event: Any) -> None:
+        """A kernel is compiled, here."""
+        now = monotonic()
+        if now - self._said < SAYS:
+            return
+        self._said = now
+        took = now - self._begin
+        self._say(time_left(count_files(), self._kept, self._files, took))
+
+
+def count_files() -> int:
+    """How many kernels are kept, of both processes."""
+    return sum(1 for _ in KERNEL_CACHE.rglob("*.nbc"))
+
+
+def time_left(done: int, kept: int, files: int, took: float) -> str:
+    """How much is compiled, and how long the rest will take.
+
+    Args:
+        done: Files there are.
+        kept: Files there were.
+        files: Files there will be.
+        took: What those between have taken [s].
+    """
+    done = min(done, files - 1)
+    percent = 100 * done // files
+    if done <= kept:
+        return f"compiling kernels: {percent} %"
+    left = took * (files - done) / (done - kept)
+    return f"compiling kernels: {percent} %, about {left:.0f} s left"
+
+
 def compile_ahead(
     progress: Callable[[str], None] | None, guarded: bool, try_out: TryOut
 ) -> None:
@@ -76,16 +135,20 @@ def compile_ahead(
     stops are begun at both ends.
 
     Args:
-        progress: Told before, since it takes a minute or more.
+        progress: Given a sentence before, since it takes a minute or more, and now and
+            then how much is left.
         guarded: Whether stops are to be predicted; their kernels take as long again.
         try_out: Makes a guard of a scene, and calls what its cycles call.
     """
     if numba.config.DISABLE_JIT or is_compiled(guarded):
         return
-    if progress is not None:
-        minutes = "three or four minutes" if guarded else "over a minute"
-        progress(f"compiling kernels for this machine; first start only, {minutes}")
-    with only_compiler():
+    with ExitStack() as stack:
+        if progress is not None:
+            minutes = "three or four minutes" if guarded else "over a minute"
+            progress(f"compiling kernels for this machine; first start only, {minutes}")
+            left = TimeLeft(progress, GUARDED_FILES if guarded else FILES)
+            stack.enter_context(event.install_listener("numba:compile", left))
+        stack.enter_context(only_compiler())
         if not is_compiled(guarded):
             compile_by_two(guarded, try_out)
             for ready in (READY, GUARDED_READY) if guarded else (READY,):

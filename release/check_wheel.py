@@ -1,0 +1,88 @@
+"""Checks the wheel in dist/: it leaves nothing to compile and has the same bits.
+
+make dist-check
+
+Installs it into an environment of its own and plays there and here: here the kernels
+are those of this environment, compiled on the spot.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+BUILD = ROOT / "build" / "wheel"
+PIP = ("-m", "pip", "install", "--quiet", "--no-deps", "--disable-pip-version-check")
+
+# A guarded bay, two Pandas, gripping, evasion and the service: all ways to stop.
+PLAYS = (
+    "bay step path",
+    "bay deflect",
+    "bay evading",
+    "pandas deflect",
+    "gantry contract",
+    "wire twists",
+)
+
+# Prints the hash of what every cycle of some plays answers.
+PLAY = """
+import sys
+from hashlib import sha256
+sys.path.insert(0, "benchmarks")
+from golden_campaign import hashes_of
+for name in sys.argv[1:]:
+    found = hashes_of(name)
+    print(name, sha256(found.cycles.tobytes() + found.blocks.tobytes()).hexdigest())
+"""
+
+
+def install() -> str:
+    """Install the wheel into an empty environment.
+
+    Returns:
+        Its Python.
+    """
+    folder = BUILD / "environment"
+    shutil.rmtree(folder, ignore_errors=True)
+    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+    python = str(folder / "bin" / "python")
+    (wheel,) = (ROOT / "dist").glob("armguard-*.whl")
+    needed = ("--require-hashes", "-r", str(ROOT / "requirements" / "core.txt"))
+    for what in needed, (str(wheel),):
+        subprocess.run([python, *PIP, *what], check=True)
+    return python
+
+
+def played(python: str, **environment: str) -> str:
+    """What a Python answers to the plays."""
+    return subprocess.run(
+        [python, "-c", PLAY, *PLAYS],
+        check=True,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        text=True,
+    ).stdout
+
+
+def main() -> None:
+    """Install, play, compare.
+
+    Raises:
+        SystemExit: Code was compiled, or a play differs.
+    """
+    cache = BUILD / "empty_cache"
+    shutil.rmtree(cache, ignore_errors=True)
+    ready = played(install(), ARMGUARD_CACHE=str(cache), PYTHONPATH="")
+    compiled = [path.name for path in cache.rglob("*.nbc")]
+    if compiled:
+        sys.exit(f"the wheel lacks code of {len(compiled)} kernels: {compiled}")
+    if ready != played(sys.executable):
+        sys.exit("the wheel's code answers otherwise than code compiled here")
+    print(f"{len(PLAYS)} plays with the wheel's code, bit for bit as compiled here")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""Object code that a wheel brings, so that the first start compiles nothing.
+
+`make dist` compiles the kernels for x86-64-v3, which is all processors with AVX2, and
+puts them into the wheel. Each kernel has a file, below a folder that is named after the
+kernels' sources, Python's binary interface and the processor. Where no such folder is,
+or a file is damaged, kernels are compiled as in a clone. The code has the bits of code
+that is compiled on the spot: Numba neither reorders nor contracts arithmetic.
+
+Only the package's own folder is looked into: who may write there may change the
+package too.
+"""
+
+import pickle
+import sysconfig
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from llvmlite import binding  # type: ignore[import-untyped]
+from numba.core import config
+from numba.core.caching import FunctionCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+TARGET = "x86-64-v3"
+
+# What a processor of that level has, in LLVM's words.
+FEATURES = """
+    avx avx2 bmi bmi2 cmov crc32 cx16 cx8 f16c fma fxsr lzcnt mmx movbe popcnt sahf
+    sse sse2 sse3 sse4.1 sse4.2 ssse3 xsave
+""".split()
+
+# Bytes of the hash that a file begins with.
+HASH = sha256().digest_size
+
+
+def place_of_ready_code(package: Path, kernels: str) -> Path:
+    """Where the object code for this Python belongs.
+
+    Args:
+        package: Folder of the package.
+        kernels: Hash of the kernels' sources.
+    """
+    python = sysconfig.get_config_var("SOABI")
+    return package / "ready" / f"{kernels}-{python}-{TARGET}"
+
+
+def usable(folder: Path) -> Path | None:
+    """The folder; None if it is not there, or its code is not for this process.
+
+    It is not where the processor lacks an instruction, or where Numba is asked for code
+    of another kind.
+    """
+    asked = (config.CPU_NAME, config.CPU_FEATURES, config.BOUNDSCHECK)
+    if not folder.is_dir() or any(one is not None for one in asked):
+        return None
+    features = binding.get_host_cpu_features()
+    return folder if all(features.get(name) for name in FEATURES) else None
+
+
+def write_ready(file: Path, code: dict[Any, bytes]) -> None:
+    """Write the object code of a kernel.
+
+    Args:
+        file: Where to.
+        code: By signature, as `KernelCache.kept` has it.
+    """
+    content = dumps(code)
+    file.write_bytes(sha256(content).digest() + content)
+
+
+def read_ready(file: Path) -> dict[Any, bytes]:
+    """The object code of a kernel by signature; empty if it is damaged or missing."""
+    try:
+        found = file.read_bytes()
+    except OSError:
+        return {}
+    if sha256(found[HASH:]).digest() != found[:HASH]:
+        return {}
+    code: dict[Any, bytes] = pickle.loads(found[HASH:])
+    return code
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]
+    """Where the object code of a kernel is: in the wheel, else in the user's cache.
+
+    Attributes:
+        name: Of the kernel's file in the wheel.
+
+    Args:
+        function: The kernel's function.
+        ready: What `usable` returned.
+    """
+
+    def __init__(self, function: Callable[..., Any], ready: Path | None) -> None:
+        super().__init__(function)
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        self._ready = ready and ready / self.name
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is kept for a signature, loaded; None if nothing is."""
+        code = None if self._ready is None else read_ready(self._ready).get(sig)
+        if code is None:
+            return super().load_overload(sig, target_context)
+        target_context.refresh()
+        return CompileResult._rebuild(target_context, *pickle.loads(code))
+
+    def kept(self) -> dict[Any, bytes]:
+        """What the user's cache has, by signature.
+
+        Raises:
+            ValueError: It has code for this processor alone.
+        """
+        found = {}
+        index = self._cache_file._load_index()
+        for (signature, (_, *processor), _), name in index.items():
+            if processor != [TARGET, ""]:
+                raise ValueError(
+                    f"{name} is compiled for {processor}, not {[TARGET, '']}"
+                )
+            path = Path(self._cache_file._data_path(name))
+            found[signature] = path.read_bytes()
+        return found
