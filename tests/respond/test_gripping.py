@@ -7,7 +7,14 @@ from armguard.errors import GraspError, UnknownNameError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason
 from armguard.guard.grips import MEANT
+from armguard.guard.layout import NEAR_COUNT, PROOF
+from armguard.guard.near_pairs import row_place
+from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
+from armguard.motion.pair_state import ALLOWED
 from armguard.respond import Action
+from armguard.respond.program import add_pair
+from armguard.respond.state import ROW_COUNT, open_response
 from armguard.scene import Grasp, Scene
 from armguard.scene.settings import IndexSettings
 from grippers import (
@@ -143,6 +150,40 @@ def test_drift_does_not_use_the_depth_of_a_contract_up(response):
     assert gaps(loop, "arm/right", "block").min() >= -0.002
     assert np.abs(loop.commands[-1].velocity).max() <= 0.006
     guard.grasp("arm", "block")
+
+
+@kernel(inline=False, entry=True)
+def rows_of_contract(response, lines):
+    """Rows of the first robot's program: those of the first pair under a contract."""
+    a, w = open_response(response), open_workspace(lines)
+    a.notes[0, ROW_COUNT] = 0
+    for k in range(int(w.out[NEAR_COUNT])):
+        place = row_place(k, w)
+        if w.out[place + PROOF] == ALLOWED:
+            add_pair(place, False, a, w, w.watch, w.motion)
+            break
+    return a.notes[0, ROW_COUNT]
+
+
+@pytest.mark.parametrize(("response", "harder"), [("slow", False), ("deflect", True)])
+def test_a_robot_that_keeps_its_path_brakes_for_a_contract_as_declared(
+    response, harder
+):
+    guard = guard_of(pick_scene(response=response))
+    loop = Loop(guard)
+    assert loop.go({"arm/z": DOWN}, speed=0.08)
+    loop.push(dict.fromkeys(FINGER_JOINTS, -0.02), 500)
+    answers, ledgers = guard._response, (guard._response_lines, guard._lines)
+    assert rows_of_contract(*ledgers) >= 0
+    # It closes faster than its contract allows, and cannot stop in a cycle.
+    away = answers.raw / np.linalg.norm(answers.raw)
+    answers.brake[:] = answers.target[:] = away
+    answers.high[:], answers.low[:] = 3.0 * np.abs(away), -3.0 * np.abs(away)
+    last = rows_of_contract(*ledgers) - 1
+    assert last >= 0
+    least = answers.rows[last] @ answers.brake
+    assert answers.eased[last] == pytest.approx(least)
+    assert (answers.limits[last] < answers.eased[last]) == harder
 
 
 def test_a_finger_that_touches_does_not_hold_the_other_one_back():
