@@ -108,7 +108,7 @@ def waiting(ended: threading.Event) -> Callable[[float], None]:
             last = so_far
             say(
                 f"waiting for the service, {so_far:.0f} s; the first start on a "
-                "machine compiles for some minutes"
+                "machine compiles for one or two minutes"
             )
 
     return wait

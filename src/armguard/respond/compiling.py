@@ -144,7 +144,7 @@ def compile_ahead(
         return
     with ExitStack() as stack:
         if progress is not None:
-            minutes = "three or four minutes" if guarded else "over a minute"
+            minutes = "one or two minutes" if guarded else "a minute"
             progress(f"compiling kernels for this machine; first start only, {minutes}")
             left = TimeLeft(progress, GUARDED_FILES if guarded else FILES)
             stack.enter_context(event.install_listener("numba:compile", left))
