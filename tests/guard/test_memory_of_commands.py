@@ -76,8 +76,8 @@ def memory(rng, count=0, now=10.0):
         under_way=np.zeros((JOINTS, 2)),
         driven_to=np.zeros((JOINTS, 2)),
         wanted=rng.uniform(-0.6, 0.6, JOINTS),
-        told=rng.uniform(-0.6, 0.6, JOINTS),
-        told_at=np.array([sent_at[-1]]),
+        commanded=rng.uniform(-0.6, 0.6, JOINTS),
+        commanded_at=np.array([sent_at[-1]]),
         phase=np.array([RUNNING] * JOINTS),
         band=np.zeros((JOINTS, 2)),
         fastest=rng.uniform(0.1, 0.3, JOINTS),
@@ -296,7 +296,7 @@ def test_the_time_since_the_last_commands_is_no_longer_than_a_cycle_may_take():
         (0.02, 0.007),
         (-1.0, 0.004),
     ):
-        v.told_at[0] = v.given[NOW_TIME] - since
+        v.commanded_at[0] = v.given[NOW_TIME] - since
         assert passed(v) == pytest.approx(known)
     v.sent_count[0] = 0
     assert passed(v) == 0.004
@@ -312,7 +312,7 @@ def test_a_robot_is_led_to_rest_as_its_stop_is_declared():
         assert v.wanted[1] == 0.0
         effect = v.ordered[0] + DELAY
         most = v.fastest[0] + 2.0 * max(effect - v.fastest_at[0], 0.0)
-        last = np.sign(v.told[0]) * min(abs(v.told[0]), most)
+        last = np.sign(v.commanded[0]) * min(abs(v.commanded[0]), most)
         assert v.wanted[0] == pytest.approx(np.sign(last) * max(abs(last) - 0.04, 0.0))
 
 
@@ -324,10 +324,10 @@ def test_what_is_sent_is_remembered_with_who_is_held():
         v.sent_count[0] = count
         wanted = v.wanted.copy()
         send(v, m)
-        assert v.told == pytest.approx([wanted[0], 0.0])
+        assert v.commanded == pytest.approx([wanted[0], 0.0])
         assert v.sent[count % ROOM] == pytest.approx([wanted[0], 0.0])
         assert v.held[count % ROOM].tolist() == [0, 1]
-        assert v.sent_at[count % ROOM] == v.told_at[0] == v.given[NOW_TIME]
+        assert v.sent_at[count % ROOM] == v.commanded_at[0] == v.given[NOW_TIME]
         assert v.sent_count[0] == count + 1
         assert (v.band[:, 0] == np.minimum(v.under_way[:, 0], m.v_low)).all()
         assert (v.band[:, 1] == np.maximum(v.under_way[:, 1], m.v_high)).all()

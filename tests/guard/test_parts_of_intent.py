@@ -15,7 +15,7 @@ from armguard.guard.grips import (
     FIRST_FINGER,
     GRIPPER_WIDTH,
     IN_FORCE,
-    MEANT,
+    INTENDED,
     NEAR,
     NEAREST,
     NONE,
@@ -26,7 +26,12 @@ from armguard.guard.grips import (
     SPENT_ON,
     STATE,
 )
-from armguard.guard.intent import comes_slowly, read_gripper, score_of, settle_meant
+from armguard.guard.intent import (
+    approaches_slowly,
+    read_gripper,
+    score_of,
+    settle_intended,
+)
 from armguard.guard.workspace import open_workspace
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene import Grasp, Scene
@@ -36,12 +41,12 @@ from records import record
 
 @numba.njit
 def settle(h):
-    settle_meant(1, h)
+    settle_intended(1, h)
 
 
 @numba.njit
 def slowly(c, again, u, w, m):
-    return comes_slowly(c, again, u, w, m)
+    return approaches_slowly(c, again, u, w, m)
 
 
 # States of the contracts of two fingers, whether that is over, and was spent.
@@ -67,9 +72,9 @@ def test_what_was_meant_is_forgotten_once_all_its_contracts_are_over(
     h.contracts[:, STATE] = IN_FORCE
     h.contracts[3:5, STATE] = one, other
     for meant in (-1, 0, 5):
-        own[MEANT], own[SPENT_ON] = meant, 7
+        own[INTENDED], own[SPENT_ON] = meant, 7
         settle(h)
-        assert own[MEANT] == (-1 if over else meant)
+        assert own[INTENDED] == (-1 if over else meant)
         assert own[SPENT_ON] == (meant if spent and meant >= 0 else 7)
 
 
@@ -178,7 +183,7 @@ def test_what_is_meant_most_is_nearest_to_the_way_and_to_the_middle(speed, meant
     """A way straight down leads past the first block as far as it is beside it."""
     for offset in (-BLOCK[0], 0.005, 0.97 * AIMED):
         guard = over_blocks(offset)
-        guard._grips.grippers[0, MEANT] = meant
+        guard._grips.grippers[0, INTENDED] = meant
         beside = max(offset, 0.0)
         known = beside + 0.25 * np.hypot(beside, HEIGHT)
         # What was in the scratch does not matter.
@@ -193,7 +198,7 @@ def test_a_way_that_leads_past_it_means_nothing(meant):
     most = (1.25 if meant else 1.0) * AIMED
     for share in (0.97, 1.03):
         guard = over_blocks(share * most)
-        guard._grips.grippers[0, MEANT] = 0 if meant else -1
+        guard._grips.grippers[0, INTENDED] = 0 if meant else -1
         found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
         assert (found == np.inf) == (share > 1.0)
 
@@ -203,7 +208,7 @@ def test_what_a_contract_was_spent_on_is_meant_only_by_who_still_means_it():
     own = guard._grips.grippers[0]
     own[SPENT_ON] = 0
     for meant, spent in ((-1, True), (1, True), (0, False)):
-        own[MEANT] = meant
+        own[INTENDED] = meant
         found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
         assert (found == np.inf) == spent
         assert own[SPENT_ON] == 0
@@ -228,7 +233,7 @@ def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
     guard = over_blocks(low, apart)
     grips = guard._grips
     own = grips.grippers[0]
-    own[MEANT] = 0
+    own[INTENDED] = 0
     states = grips.contracts[own[SLOT] : own[SLOT] + 2, STATE]
     for before in (IN_FORCE, ENDING):
         states[:] = before
@@ -247,4 +252,4 @@ def test_what_is_meant_is_read_from_what_is_asked_or_measured(speed, filtered):
             guard.filter(guard.home, velocity, time, velocity=still, now=time)
         else:
             guard.step(guard.home, time, velocity=velocity, now=time)
-    assert guard._grips.grippers[0, MEANT] == (0 if speed > 0.0 else -1)
+    assert guard._grips.grippers[0, INTENDED] == (0 if speed > 0.0 else -1)

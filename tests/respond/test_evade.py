@@ -15,7 +15,7 @@ from armguard.kernel import kernel
 from armguard.respond import Blocked, Guard
 from armguard.respond.escape_path import POSTURES, STEPS
 from armguard.respond.escape_state import (
-    COMER_COUNT,
+    APPROACHING_COUNT,
     DONE,
     EVADING,
     HAS_WAY,
@@ -362,10 +362,10 @@ def test_one_that_recovers_is_held_for_a_while_when_nothing_comes_any_more(
     escape, response = guard._escape, guard._response
     guard._watch.phase[0] = phase
     escape.notes[0, EVADING], escape.memory[0, DONE] = 1, since - PERIOD
-    response.asked[0] = asked
+    response.requested[0] = asked
     look(guard._response_lines, guard._lines)
     assert (escape.notes[0, EVADING], guard._watch.evades[0]) == (evading, evading)
-    assert response.asked[0] == (0.0 if evading else asked)
+    assert response.requested[0] == (0.0 if evading else asked)
 
 
 # Distance that is asked for at rest, and gap of the cart at x to an arm along x [m].
@@ -437,7 +437,7 @@ def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
     command = comes_at(guard, TIP + 0.06, 0.1, asked=turn, velocity=turn)
     assert command.verdict.level is Level.STOP
     # The cart is near, and comes.
-    assert guard._escape.counts[COMER_COUNT] == 1
+    assert guard._escape.counts[APPROACHING_COUNT] == 1
     (clearance,) = (
         pair.clearance
         for pair in command.verdict.near

@@ -9,7 +9,7 @@ from armguard.geometry import Pose
 from armguard.guard.workspace import open_workspace
 from armguard.respond import Action, Blocked
 from armguard.respond.field import STEEPEST, field_at, repel
-from armguard.respond.lead_state import BY_FIELD, LED, NOBODY
+from armguard.respond.lead_state import BY_FIELD, LED, OPERATOR
 from armguard.respond.lead_state import LEFT as WAY_LEFT
 from armguard.respond.state import INFLUENCE, REPULSION, open_response
 from armguard.respond.tool_motion import solve_positive, turn_between
@@ -359,7 +359,11 @@ def test_positive_systems_are_solved():
 @pytest.mark.parametrize("margin", [0.06, 0.5])
 def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(margin):
     guard = slides({}, {}, response="field", buffer=FLOOR, margin=margin)
-    for left, right in ((BY_FIELD, NOBODY), (NOBODY, BY_FIELD), (BY_FIELD, BY_FIELD)):
+    for left, right in (
+        (BY_FIELD, OPERATOR),
+        (OPERATOR, BY_FIELD),
+        (BY_FIELD, BY_FIELD),
+    ):
         for share in (0.5, 0.98, 1.02):
             guard.reset()
             # It sees no farther than the margin.

@@ -35,11 +35,11 @@ from armguard.respond.escape_state import (
     FALL,
     GO,
     HALT,
+    OBSTACLE_PRIMITIVE,
     OWN_COUNT,
     RISE,
+    ROBOT_PRIMITIVE,
     SPENT,
-    WHO,
-    WHOM,
 )
 from armguard.respond.escape_ways import (
     FORMS,
@@ -55,7 +55,7 @@ from armguard.respond.lead_state import (
     LEAD_NOTES,
     LED,
     LEFT,
-    NOBODY,
+    OPERATOR,
     PULL,
     STANDS,
     TOOL_AIM,
@@ -101,8 +101,8 @@ def watch(rng):
     given, pace = np.zeros(GIVEN), np.zeros(PACE)
     given[NOW_TIME], pace[PERIOD], pace[LATE] = 5.0, 0.01, 0.0
     return record(
-        told=rng.uniform(-0.5, 0.5, JOINTS),
-        told_at=np.array([5.0 - DT]),
+        commanded=rng.uniform(-0.5, 0.5, JOINTS),
+        commanded_at=np.array([5.0 - DT]),
         sent_count=np.array([3]),
         given=given,
         pace=pace,
@@ -133,7 +133,7 @@ def answers(rng):
         closing_time=rng.uniform(0.05, 0.2, JOINTS),
         opening_time=rng.uniform(0.0, 0.05, JOINTS),
         missed=rng.uniform(-0.05, 0.05, JOINTS),
-        asked=rng.normal(size=JOINTS),
+        requested=rng.normal(size=JOINTS),
     )
 
 
@@ -257,14 +257,14 @@ def test_a_velocity_costs_a_pair_its_delay_and_its_stop():
     opening = 0
     for _ in range(30):
         a, v, m = answers(rng), watch(rng), motion(rng)
-        v.told[0] *= 0.05
+        v.commanded[0] *= 0.05
         costs(a, v, m)
         f = m.joint_figures
         d, gain = f.deceleration, f.acceleration * DT
         # Reaction, ramp and swing, and the stop of what it can be told in a cycle.
         time = DELAY + 0.5 * RAMP + f.settle / f.velocity
         braking = 0.5 * gain / d
-        last = np.abs(v.told)
+        last = np.abs(v.commanded)
         assert a.closing_time == pytest.approx(time + last / d + braking)
         turned = np.maximum(1.0 - last / gain, 0.0)
         assert a.opening_time == pytest.approx(turned * (time + braking))
@@ -277,7 +277,7 @@ def test_until_it_matters_a_pair_loses_what_was_told_and_what_drives_miss():
     closed = 0
     for _ in range(30):
         a, v, m = answers(rng), watch(rng), motion(rng)
-        closing = max(float(a.raw @ v.told), 0.0)
+        closing = max(float(a.raw @ v.commanded), 0.0)
         missed = np.abs(a.raw) @ m.joint_figures.tracking_error
         assert lost(a, v, m) == pytest.approx(DELAY * (closing + missed))
         closed += closing > 0.0
@@ -331,10 +331,10 @@ def test_a_joint_that_opens_a_pair_is_given_no_credit_for_going_on():
         a, v, m = answers(rng), watch(rng), motion(rng)
         a.low[:], a.high[:] = -50.0, 50.0
         hold(0.01, a, v, m)
-        opens = a.raw * v.told < 0.0
+        opens = a.raw * v.commanded < 0.0
         time = np.where(opens, a.opening_time, a.closing_time)
         row = a.raw * (DT + time)
-        limit = 0.4 * 0.01 + a.raw @ (time * v.told)
+        limit = 0.4 * 0.01 + a.raw @ (time * v.commanded)
         limit -= DT * np.maximum(a.raw * a.missed, 0.0).sum()
         length = np.linalg.norm(row)
         assert a.rows[0] == pytest.approx(row / length)
@@ -370,18 +370,18 @@ def lead(rng):
 def test_what_leads_a_robot_passes_two_lags_of_20_ms():
     rng = np.random.default_rng(6)
     a, v, m, s = answers(rng), watch(rng), motion(rng), lead(rng)
-    s.notes[0, LED] = NOBODY
+    s.notes[0, LED] = OPERATOR
     smooth(a, s, v, m)
-    assert (s.first_lag == v.told).all()
-    assert (s.second_lag == v.told).all()
+    assert (s.first_lag == v.commanded).all()
+    assert (s.second_lag == v.commanded).all()
     s.notes[0, LED] = BY_FIELD
-    wanted, kept = a.asked.copy(), np.exp(-DT / 0.02)
+    wanted, kept = a.requested.copy(), np.exp(-DT / 0.02)
     for k in range(1, 20):
-        a.asked[:] = wanted
+        a.requested[:] = wanted
         smooth(a, s, v, m)
         # Steps of two equal lags, one after the other.
         left = kept**k * (1.0 + k * (1.0 - kept))
-        assert a.asked == pytest.approx(wanted + left * (v.told - wanted))
+        assert a.requested == pytest.approx(wanted + left * (v.commanded - wanted))
 
 
 def test_a_field_pulls_gently_and_less_towards_its_goal():
@@ -574,7 +574,7 @@ def test_on_its_way_a_robot_goes_on_then_turns_to_it_and_comes_to_rest():
             times = np.linspace(0.0, min(time, halt), 20_001)
             moments = delay + np.array([0.0, rise, go, go + fall])
             for j in range(JOINTS):
-                speeds = [v.told[j], e.trial[j], e.trial[j], 0.0]
+                speeds = [v.commanded[j], e.trial[j], e.trial[j], 0.0]
                 way = np.trapezoid(np.interp(times, moments, speeds), times)
                 away = 2.0 * m.joint_figures[j].position_error + LIMIT_ROOM
                 low, high = min(away - 1.0, m.q[j]), max(1.0 - away, m.q[j])
@@ -593,7 +593,7 @@ def test_aside_is_away_from_what_comes_and_across_its_way():
         v = record(object_velocity=rng.normal(size=(1, 3)))
         n = rng.normal(size=3)
         n /= np.linalg.norm(n)
-        e.plan[[WHO, WHOM]] = 0, 0
+        e.plan[[ROBOT_PRIMITIVE, OBSTACLE_PRIMITIVE]] = 0, 0
         point = rng.normal(size=3)
         e.closest[1:4], e.closest[7:] = point, n
         across_of(e, record(bodies=np.array([2], dtype=np.int32)), v, m)
@@ -673,8 +673,8 @@ def test_a_retreat_is_held_up_when_no_joint_goes_at_5_percent_of_what_it_asks(sh
     rng = np.random.default_rng(17)
     a, v, m, s = answers(rng), watch(rng), motion(rng), lead(rng)
     top = m.joint_figures.velocity
-    a.asked[:] = [0.2, -0.4, 0.1] * top
-    v.told[:] = [0.0, 0.0, share * 0.05 * 0.4] * top
+    a.requested[:] = [0.2, -0.4, 0.1] * top
+    v.commanded[:] = [0.0, 0.0, share * 0.05 * 0.4] * top
     for pull in (0.5, 0.01):
         s.memory[0, PULL] = pull
         # It is said after 0.1 s.

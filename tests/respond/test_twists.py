@@ -26,7 +26,7 @@ def asked_for(guard, q, twists):
     still = np.zeros(len(q))
     command = guard.filter_twists(q, twists, 0.0, velocity=still)
     assert command.verdict.reason is not Reason.WRONG_COMMAND
-    return guard._response.asked.copy()
+    return guard._response.requested.copy()
 
 
 def twist_of(guard, q, v, name):

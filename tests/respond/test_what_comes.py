@@ -10,13 +10,13 @@ from armguard.index.octree_state import ABSENT, RESIDENCY_WIDTH, STATUS
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
 from armguard.respond.escape_state import (
-    COMER_COUNT,
+    APPROACHING_COUNT,
     COUNTS,
     HORIZON,
     OWN_COUNT,
     PLAN,
 )
-from armguard.respond.evasion import BEHIND, BESIDE, FORESIGHT, look_for_comers
+from armguard.respond.evasion import BEHIND, BESIDE, FORESIGHT, look_for_approaching
 from armguard.respond.state import EVADE_TIME, SETTINGS
 from records import record
 
@@ -38,7 +38,7 @@ TIME, AGE = 0.4, 0.07
 
 @numba.njit
 def look(a, e, w, v, m):
-    look_for_comers(0, a, e, w, v, m)
+    look_for_approaching(0, a, e, w, v, m)
 
 
 def found(centre, velocity, half=0.05, present=True):
@@ -55,7 +55,7 @@ def found(centre, velocity, half=0.05, present=True):
         counts=np.zeros(COUNTS, dtype=np.int64),
         reach=np.zeros(6),
         own=np.zeros(4, dtype=np.int32),
-        comers=np.zeros(16, dtype=np.int32),
+        approaching=np.zeros(16, dtype=np.int32),
         plan=np.zeros(PLAN),
     )
     w = record(
@@ -75,7 +75,7 @@ def found(centre, velocity, half=0.05, present=True):
     look(record(settings=settings), e, w, v, m)
     assert e.counts[OWN_COUNT] == 2
     assert e.reach == pytest.approx(np.concatenate([LOW, HIGH]))
-    return e.counts[COMER_COUNT] == 1, e.plan[HORIZON]
+    return e.counts[APPROACHING_COUNT] == 1, e.plan[HORIZON]
 
 
 def comes(centre, velocity, half=0.05):

@@ -110,8 +110,8 @@ def proves_change(w: Workspace) -> bool:
 def is_known(w: Workspace, v: Watch) -> bool:
     """Whether all pairs that were judged could be noted and told."""
     reason = int(w.out[REASON])
-    told = reason != CAPACITY and reason != NO_DISTANCE
-    return bool(told and v.judged_count[0] != TOO_MANY)
+    commanded = reason != CAPACITY and reason != NO_DISTANCE
+    return bool(commanded and v.judged_count[0] != TOO_MANY)
 
 
 @kernel

@@ -102,6 +102,18 @@ def kept_of_tables(tables: SceneTables) -> dict[str, NDArray[Any]]:
     return {f"tables.{name}": getattr(tables, name) for name in TABLES_KEPT}
 
 
+# Arrays whose fields have another name in the digests of checkpoints.
+IN_DIGEST = {
+    "watch.commanded": "watch.told",
+    "watch.commanded_at": "watch.told_at",
+    "watch.stuck": "watch.hangs",
+    "response.commanded": "response.told",
+    "response.requested": "response.asked",
+    "escape.approaching": "escape.comers",
+    "escape.obstacle": "escape.comer",
+}
+
+
 def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
     """What a guard must have in common with one whose checkpoint it takes over.
 
@@ -109,7 +121,10 @@ def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
         arrays: The arrays that are kept.
         about: What else must be the same, ready for JSON.
     """
-    shapes = [[name, str(a.dtype), list(a.shape)] for name, a in arrays.items()]
+    shapes = [
+        [IN_DIGEST.get(name, name), str(a.dtype), list(a.shape)]
+        for name, a in arrays.items()
+    ]
     text = json.dumps([shapes, *about])
     return blake2b(text.encode(), digest_size=DIGEST).digest()
 

@@ -111,7 +111,7 @@ BOUNDS: Rules = {
         ),
         Whole(at.AUTO, at.DETAILED, (at.MODEL,)),
         Whole(0, 1, (at.COARSE_NOW,)),
-        Whole(-1, "objects", (at.MEANT, at.SPENT_ON)),
+        Whole(-1, "objects", (at.INTENDED, at.SPENT_ON)),
     ],
     "grips.objects": [
         Own((at.FIRST, at.END, at.OBJECT_BODY, at.GROUP, at.HOLDER, at.SECOND))

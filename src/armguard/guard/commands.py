@@ -139,7 +139,7 @@ def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
 
 
 @kernel
-def is_as_told(v: Watch, m: Motion, out: Floats) -> bool:
+def is_as_commanded(v: Watch, m: Motion, out: Floats) -> bool:
     """Whether joints move as they did or were told; narrows what they may do to that.
 
     Args:
@@ -248,7 +248,7 @@ def time_passed(v: Watch) -> float:
     longest = v.pace[PERIOD] + v.pace[LATE]
     if v.sent_count[0] == 0:
         return float(v.pace[PERIOD])
-    return float(min(moment(v) - v.told_at[0], longest))
+    return float(min(moment(v) - v.commanded_at[0], longest))
 
 
 @kernel
@@ -258,7 +258,7 @@ def moment(v: Watch) -> float:
     Where nobody can tell, or it is not after the last commands, it is thought to be a
     cycle after them: an arm that is led to rest has to get there.
     """
-    now, last = now_of(v), v.told_at[0]
+    now, last = now_of(v), v.commanded_at[0]
     if isfinite(v.last[ORDERED_AT]) and isfinite(now) and now > last:
         return float(now)
     return last + v.pace[PERIOD] if isfinite(last) else 0.0
@@ -284,7 +284,7 @@ def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
             figures = m.joint_figures[j]
             rises = max(effect_time(r, v, m) - v.fastest_at[r], 0.0)
             most = v.fastest[j] + figures.acceleration * rises
-            last = v.told[j]
+            last = v.commanded[j]
             if abs(last) > most:
                 last = most if last > 0.0 else -most
             lost = figures.deceleration * time
@@ -300,9 +300,9 @@ def send(v: Watch, m: Motion) -> None:
         v.held[k, r] = int(v.phase[r] == RESTING)
         if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
             lead_to_rest(r, time, v, m)
-    v.sent_at[k] = v.told_at[0] = moment(v)
+    v.sent_at[k] = v.commanded_at[0] = moment(v)
     for j in range(v.wanted.shape[0]):
-        v.sent[k, j] = v.told[j] = v.wanted[j]
+        v.sent[k, j] = v.commanded[j] = v.wanted[j]
     v.sent_count[0] = count + 1
     look_under_way(v, m)
     next_slot = v.sent_count[0] % v.sent_at.shape[0]

@@ -31,11 +31,11 @@ GRANTED = 0.8
 
 # Share of it that is told anew at most. What is under way goes on for a while, as it is
 # or as it misses what it is told, when the pair is nearer than it was [-].
-TOLD_ANEW = 0.95
+COMMANDED_ANEW = 0.95
 
 
 @kernel
-def closing_told(
+def closing_commanded(
     i: int,
     j: int,
     plan_i: int,

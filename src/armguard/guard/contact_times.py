@@ -19,7 +19,7 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.near_pairs import row_place
-from armguard.guard.needs import closing_speed, object_speed, robot_of, standing_need
+from armguard.guard.needs import closing_speed, object_speed, robot_of, static_need
 from armguard.guard.proofs import coarse, describe_pair
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
@@ -136,7 +136,7 @@ def lever_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
 @kernel
 def unknown_way(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """How much nearer a pair may be than it was measured, joints aside [m]."""
-    need = standing_need(i, j, w, v, m)
+    need = static_need(i, j, w, v, m)
     return float(need - w.buffers[w.groups[i], w.groups[j]])
 
 

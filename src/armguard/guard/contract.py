@@ -251,7 +251,7 @@ class ContractTable:
     def forget_intent(self, g: int) -> None:
         """End a gripper's contracts by intent."""
         own = self.grippers.grips.grippers[g]
-        own[at.MEANT] = -1
+        own[at.INTENDED] = -1
         count = own[at.END_FINGER] - own[at.FIRST_FINGER]
         self.grippers.grips.contracts[own[at.SLOT] :][:count, at.STATE] = at.NONE
 

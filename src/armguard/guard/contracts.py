@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from armguard.address import stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
-from armguard.guard.contact_speed import TOLD_ANEW, closing_told, speed_at
+from armguard.guard.contact_speed import COMMANDED_ANEW, closing_commanded, speed_at
 from armguard.guard.grips import (
     DEPTH,
     DORMANT,
@@ -133,9 +133,9 @@ def prove_with_contract(
         recovers |= v.phase[robot_j] == RECOVERING
     if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
         spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], w)
-        closing, time = closing_told(i, j, plan_i, plan_j, place, w, v, m)
-        known, _ = closing_told(i, j, NOW, NOW, place, w, v, m)
-        share = TOLD_ANEW if closing > known + GRAIN else 1.0
+        closing, time = closing_commanded(i, j, plan_i, plan_j, place, w, v, m)
+        known, _ = closing_commanded(i, j, NOW, NOW, place, w, v, m)
+        share = COMMANDED_ANEW if closing > known + GRAIN else 1.0
         # What moves by itself may have come nearer since it was seen, and comes on.
         drift = object_speed(j, v)
         if drift > 0.0:

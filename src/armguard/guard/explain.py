@@ -30,7 +30,7 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.near_pairs import row_place
-from armguard.guard.needs import object_speed, robot_of, standing_need
+from armguard.guard.needs import object_speed, robot_of, static_need
 from armguard.guard.proofs import OF_EXACT, OF_PRIMITIVES
 from armguard.guard.refine import refine_pair
 from armguard.guard.watch import Watch
@@ -92,7 +92,7 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
     if robot_i != robot_j:
         terms[TERM_BASE] = v.base[i] + (v.base[j] if robot_j >= 0 else 0.0)
     standing = terms[TERM_FLOOR] + terms[TERM_MODEL] + terms[TERM_BASE]
-    seen = standing_need(i, j, w, v, m) - standing
+    seen = static_need(i, j, w, v, m) - standing
     terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[SETTLED]
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])

@@ -67,7 +67,7 @@ def open_cycle(q: Vector, w: Workspace) -> int:
     v, m = w.watch, w.motion
     v.given[COMMANDED] = 1.0
     for j in range(v.wanted.shape[0]):
-        v.wanted[j] = v.told[j]
+        v.wanted[j] = v.commanded[j]
     clear_header(w)
     if not judge_input(q, w):
         return 0

@@ -71,7 +71,7 @@ SLOT = 6  # its first contract by intent; each finger has one
 BOX = 7  # primitive of its coarse box, -1 if it has none
 MODEL = 8  # which model is asked for
 COARSE_NOW = 9  # 1 while the box stands for it
-MEANT = 10  # object its approach is meant for, -1 if none
+INTENDED = 10  # object its approach is meant for, -1 if none
 SPENT_ON = 11  # object a contract by intent has expired for, -1 if none
 HOLDS = 12  # how many objects it holds
 GRIPPER_WIDTH = 13
@@ -140,7 +140,7 @@ def grips_of(tables: SceneTables) -> Grips:
         member += len(part.members)
         row[END_FINGER], row[END_MEMBER] = finger, member
         row[BOX] = -1 if part.coarse is None else holds.places[part.coarse][0]
-        row[MEANT] = row[SPENT_ON] = -1
+        row[INTENDED] = row[SPENT_ON] = -1
     objects = np.zeros((len(holds.objects), OBJECT_WIDTH))
     for about, thing in zip(objects, holds.objects.values(), strict=True):
         how = thing.grasp

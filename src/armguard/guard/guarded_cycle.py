@@ -7,7 +7,7 @@ pairs, each proven -> orders -> levels.
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.commands import is_as_told, look_under_way, set_drives
+from armguard.guard.commands import is_as_commanded, look_under_way, set_drives
 from armguard.guard.contact_times import write_contact_times
 from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cues import write_cues
@@ -18,7 +18,7 @@ from armguard.guard.cycle import (
 )
 from armguard.guard.explain import explain_nearest, write_envelopes
 from armguard.guard.grade import grade_robots
-from armguard.guard.hanging import nothing_hangs
+from armguard.guard.hanging import no_sensor_is_stuck
 from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, ROBOT, SPANS_TESTED
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
@@ -113,7 +113,7 @@ def take_input(q: Vector, w: Workspace) -> None:
         refuse(w)
         return
     if v.given[COMMANDED] != 0.0 and not (
-        is_as_told(v, m, out) and nothing_hangs(q, v, m, out)
+        is_as_commanded(v, m, out) and no_sensor_is_stuck(q, v, m, out)
     ):
         refuse(w)
         return

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from armguard.guard.levels import Reason
 from armguard.guard.observe import blame_joint
 from armguard.guard.watch import (
-    HANGS_AT,
+    COMMANDED_FOR,
+    COMMANDED_WAY,
     RECOVERING,
     RUNNING,
-    TOLD_FOR,
-    TOLD_WAY,
+    STUCK_AT,
     Watch,
 )
 from armguard.kernel import kernel
@@ -34,7 +34,7 @@ HANGS_AFTER = 0.08
 
 
 @kernel
-def nothing_hangs(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+def no_sensor_is_stuck(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
     """Whether no joint measures the same though it should have moved by now.
 
     Every command that may be in effect has to lead it farther than its drive may miss
@@ -49,22 +49,22 @@ def nothing_hangs(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
     hanging = -1
     for j in range(q.shape[0]):
         r = int(m.robot_of_joint[j])
-        state, time = v.hangs[j], v.stamps[r] - v.looked_at[r]
+        state, time = v.stuck[j], v.stamps[r] - v.looked_at[r]
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
         watched = driven and m.robot_figures[r].mode != FIXED and v.may_stand[j] == 0
-        if not watched or q[j] != state[HANGS_AT] or not isfinite(time):
-            state[HANGS_AT], state[TOLD_FOR], state[TOLD_WAY] = q[j], 0.0, 0.0
+        if not watched or q[j] != state[STUCK_AT] or not isfinite(time):
+            state[STUCK_AT], state[COMMANDED_FOR], state[COMMANDED_WAY] = q[j], 0.0, 0.0
             continue
         figures = m.joint_figures[j]
         speed = max(v.under_way[j, 0], -v.under_way[j, 1]) - figures.tracking_error
         if time > 0.0 and speed > 0.0:
-            state[TOLD_FOR] += time
-            state[TOLD_WAY] += speed * time
-        far = state[TOLD_WAY] > 2.0 * figures.position_error
-        if far and state[TOLD_FOR] > HANGS_AFTER:
+            state[COMMANDED_FOR] += time
+            state[COMMANDED_WAY] += speed * time
+        far = state[COMMANDED_WAY] > 2.0 * figures.position_error
+        if far and state[COMMANDED_FOR] > HANGS_AFTER:
             hanging = j
     for r in range(v.looked_at.shape[0]):
         v.looked_at[r] = v.stamps[r]
     return hanging < 0 or blame_joint(
-        STATE_FROZEN, hanging, v.hangs[hanging, TOLD_WAY], out
+        STATE_FROZEN, hanging, v.stuck[hanging, COMMANDED_WAY], out
     )

@@ -50,10 +50,10 @@ from armguard.guard.grips import (
     GROUP_B,
     HOLDS,
     IN_FORCE,
+    INTENDED,
     INTENT_SPEED,
     KIND,
     LIFT,
-    MEANT,
     NEAR,
     NEAREST,
     NONE,
@@ -134,17 +134,17 @@ def read_gripper(
 ) -> None:
     """Find what a gripper means, and open or end its contracts."""
     own = h.grippers[g]
-    settle_meant(g, h)
+    settle_intended(g, h)
     way = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
     best, least, now_at = -1, inf, inf
     for o in range(h.objects.shape[0]):
         score = score_of(g, o, u, way, h, w, m)
         if score < least:
             best, least = o, score
-        if o == own[MEANT]:
+        if o == own[INTENDED]:
             now_at = score
-    meant = own[MEANT]
-    if meant >= 0:
+    intended = own[INTENDED]
+    if intended >= 0:
         still = now_at < inf and not least + NEARER < now_at
         for k in range(own[SLOT], own[SLOT] + own[END_FINGER] - own[FIRST_FINGER]):
             state = h.contracts[k, STATE]
@@ -157,19 +157,19 @@ def read_gripper(
 
 
 @kernel
-def settle_meant(g: int, h: Grips) -> None:
+def settle_intended(g: int, h: Grips) -> None:
     """Forget what was meant once all contracts for it are over."""
     own = h.grippers[g]
-    if own[MEANT] < 0:
+    if own[INTENDED] < 0:
         return
     over = True
     for k in range(own[SLOT], own[SLOT] + own[END_FINGER] - own[FIRST_FINGER]):
         state = h.contracts[k, STATE]
         if state == EXPIRED:
-            own[SPENT_ON] = own[MEANT]
+            own[SPENT_ON] = own[INTENDED]
         over &= state == NONE
     if over:
-        own[MEANT] = -1
+        own[INTENDED] = -1
 
 
 @kernel(inline=False)
@@ -194,7 +194,7 @@ def score_of(
     if w.octree.residency[first, STATUS] == ABSENT or own[COARSE_NOW] != 0:
         return inf
     near, aim, fast = thing[OBJECT_NEAR], thing[AIM], thing[INTENT_SPEED]
-    if o == own[MEANT]:
+    if o == own[INTENDED]:
         near, aim = near * NEAR_AGAIN, aim * NEAR_AGAIN
     else:
         fast *= STEADY
@@ -202,7 +202,7 @@ def score_of(
         if own[SPENT_ON] == o:
             own[SPENT_ON] = -1
         return inf
-    if own[SPENT_ON] == o and own[MEANT] != o:
+    if own[SPENT_ON] == o and own[INTENDED] != o:
         return inf
     middle = middle_of(g, h, w)
     other = velocity_of(middle, int(thing[OBJECT_BODY]), u, m)
@@ -222,13 +222,13 @@ def score_of(
     for k in range(3):
         way[4 + k] = middle[k] + ahead[k]
     beside = max(row_distance(way, first, int(thing[END]), w), 0.0)
-    if o == own[MEANT]:
+    if o == own[INTENDED]:
         # Who hardly moves his hand, as while his fingers close, has not turned away.
         turned = not beside <= aim and speed > thing[OBJECT_CREEP]
     else:
         # A way that leads past it, or off it: to be near something is not to mean it.
-        comes = beside <= (1.0 - TOWARDS) * from_middle or not speed > STANDS
-        turned = not beside <= aim or not comes
+        approaches = beside <= (1.0 - TOWARDS) * from_middle or not speed > STANDS
+        turned = not beside <= aim or not approaches
     if turned:
         return inf
     several = own[END_FINGER] - own[FIRST_FINGER] > 1
@@ -322,7 +322,7 @@ def velocity_of(p: Vec3, body: int, u: Floats, m: Motion) -> Vec3:
 def mean(g: int, o: int, h: Grips, v: Watch) -> None:
     """Open contracts between each finger and an object."""
     own, thing = h.grippers[g], h.objects[o]
-    own[MEANT] = o
+    own[INTENDED] = o
     now = now_of(v)
     for f in range(own[FIRST_FINGER], own[END_FINGER]):
         k = int(own[SLOT] + f - own[FIRST_FINGER])
@@ -343,19 +343,21 @@ def mean(g: int, o: int, h: Grips, v: Watch) -> None:
 def read_placing(k: int, u: Floats, h: Grips, w: Workspace, m: Motion) -> None:
     """Bring a held object's contract with what it may rest on into force, or end it."""
     c = h.contracts[k]
-    if c[STATE] == DORMANT and comes_slowly(c, False, u, w, m):
+    if c[STATE] == DORMANT and approaches_slowly(c, False, u, w, m):
         # It is over when the object has lifted clear again.
         c[REARM] = NEAR_AGAIN * c[NEAR]
         open_contract(k, h)
     elif c[STATE] == IN_FORCE and c[REARM] > c[NEAR]:
         if c[NEAREST] <= 0.0:
             c[REARM] = c[LIFT]
-        elif not comes_slowly(c, True, u, w, m):
+        elif not approaches_slowly(c, True, u, w, m):
             c[STATE] = ENDING
 
 
 @kernel
-def comes_slowly(c: Floats, again: bool, u: Floats, w: Workspace, m: Motion) -> bool:
+def approaches_slowly(
+    c: Floats, again: bool, u: Floats, w: Workspace, m: Motion
+) -> bool:
     """Whether a held object is near what it may rest on, slow, and comes towards it.
 
     Args:

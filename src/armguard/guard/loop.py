@@ -31,7 +31,7 @@ from armguard.guard.verdict import Verdict
 from armguard.guard.watch import (
     Watch,
     all_pairs,
-    standing_needs,
+    static_needs,
     watch_of,
 )
 from armguard.guard.workspace import (
@@ -140,7 +140,7 @@ class Loop:
             T_world=T_world,
             memory=self._memory,
             out=self._out,
-            look=np.array([largest_standing_need(tables, self._watch)]),
+            look=np.array([largest_static_need(tables, self._watch)]),
             motion=self._motion,
             watch=self._watch,
             grips=self._grips,
@@ -307,12 +307,12 @@ class Loop:
         tables = self.tables
         pairs = all_pairs(tables)
         watch = self._watch
-        needs = standing_needs(pairs, watch.model, watch.base, tables)
+        needs = static_needs(pairs, watch.model, watch.base, tables)
         self._watch = watch._replace(pairs=pairs, pair_need=needs)
         self._holding.watch = self._watch
         for name, table in (("pairs", pairs), ("pair_need", needs)):
             self._watch_ledger.put(Watch._fields.index(name), table)
-        self._workspace.look[0] = largest_standing_need(tables, self._watch)
+        self._workspace.look[0] = largest_static_need(tables, self._watch)
         self._names = replace(self._names, tables=snapshot(tables))
         self._expect_contracts()
         self._world_changed()
@@ -358,7 +358,7 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def largest_standing_need(tables: SceneTables, watch: Watch) -> float:
+def largest_static_need(tables: SceneTables, watch: Watch) -> float:
     """More than any pair must keep for other reasons than motion [m]."""
     errors = watch.model + watch.base
     return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))

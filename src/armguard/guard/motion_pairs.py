@@ -30,7 +30,7 @@ from armguard.guard.needs import (
     LOOK_AHEAD,
     look_distance,
     object_speed,
-    standing_need,
+    static_need,
     time_since,
 )
 from armguard.guard.planes import is_apart, remember_plane
@@ -222,7 +222,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
 @kernel
 def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Beyond this distance a pair cannot matter to this cycle's proof [m]."""
-    look = standing_need(i, j, w, v, m) + v.look[i]
+    look = static_need(i, j, w, v, m) + v.look[i]
     if j < w.settings[MOVING_COUNT]:
         return float(look + v.look[j])
     if m.span[SEGMENT] != 0.0:

@@ -105,7 +105,7 @@ def object_speed(j: int, v: Watch) -> float:
 
 
 @kernel
-def standing_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
+def static_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Distance a pair must keep whatever its robots do [m].
 
     Its buffer, the errors of the model, and an object's way since it was seen.

@@ -147,11 +147,11 @@ def classify(level: Level, reason: Reason, lack: Lack | None) -> Nuisance | None
     if reason >= Reason.NOT_FINITE:
         return Nuisance(Cause.DATA, None, "input that can be believed would do")
     if lack is None:
-        return untold(reason)
+        return unannounced(reason)
     return by_length(lack)
 
 
-def untold(reason: Reason) -> Nuisance | None:
+def unannounced(reason: Reason) -> Nuisance | None:
     """The answer where no near pair tells what lacks."""
     if reason in (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN):
         return None

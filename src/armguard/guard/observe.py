@@ -23,7 +23,7 @@ from armguard.guard.watch import (
     NOW_TIME,
     ORDERED_AT,
     PERIOD,
-    UNTOLD,
+    UNANNOUNCED,
     Watch,
 )
 from armguard.kernel import kernel
@@ -95,7 +95,7 @@ def now_of(v: Watch) -> float:
 
 
 @kernel
-def untold_time(v: Watch, m: Motion) -> float:
+def unannounced_time(v: Watch, m: Motion) -> float:
     """How much later than the newest stamp the cycle may be, if nobody says [s].
 
     Every robot's newest measurement is no older than its `sensing`, so the newest of
@@ -126,9 +126,9 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
         m: The prediction.
     """
     v.last[FORCED], v.last[ORDERED_AT] = OK, inf
-    told = v.given[NOW_TIME] == v.given[NOW_TIME]
+    commanded = v.given[NOW_TIME] == v.given[NOW_TIME]
     for r in range(v.stamps.shape[0]):
-        if not (told or isfinite(v.stamps[r])):
+        if not (commanded or isfinite(v.stamps[r])):
             return blame_robot(STAMP_MISSING, r, v.stamps[r], out)
     now, last = now_of(v), v.last[LAST_NOW]
     if not isfinite(now):
@@ -138,10 +138,12 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
     if now == last:
         return blame_robot(TIME_STILL, -1, now, out)
     grain = TIME_GRAIN + TIME_SHARE * abs(now)
-    untold = untold_time(v, m)
-    limit = v.pace[PERIOD] + v.pace[LATE] + max(untold, v.last[UNTOLD]) + grain
+    unannounced = unannounced_time(v, m)
+    limit = (
+        v.pace[PERIOD] + v.pace[LATE] + max(unannounced, v.last[UNANNOUNCED]) + grain
+    )
     in_time = now - last <= limit
-    believed, ahead, right = in_time or not told, False, True
+    believed, ahead, right = in_time or not commanded, False, True
     for r in range(v.stamps.shape[0]):
         reason = stamp_fault(r, now, grain, v, m)
         if reason == OK:
@@ -158,7 +160,7 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
             right = blame_robot(reason, r, value, out)
     if not believed:
         return False
-    v.last[LAST_NOW], v.last[UNTOLD] = now, untold
+    v.last[LAST_NOW], v.last[UNANNOUNCED] = now, unannounced
     if not ahead:
         v.last[ORDERED_AT] = now
         settle_orders(now, v, m)
@@ -200,7 +202,7 @@ def settle_orders(now: float, v: Watch, m: Motion) -> None:
 def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
     """Whether every object that moves was seen, lately and as it can be."""
     now = now_of(v)
-    latest = now + untold_time(v, m) + TIME_GRAIN + TIME_SHARE * abs(now)
+    latest = now + unannounced_time(v, m) + TIME_GRAIN + TIME_SHARE * abs(now)
     for k in range(v.movers.shape[0]):
         j = v.movers[k]
         seen, sighted = v.seen_at[j], v.sighted_at[j]

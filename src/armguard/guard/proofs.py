@@ -17,7 +17,7 @@ from armguard.guard.needs import (
     own_sum,
     rate_along_normal,
     robot_of,
-    standing_need,
+    static_need,
 )
 from armguard.guard.relief import relief_of
 from armguard.guard.watch import (
@@ -91,7 +91,7 @@ def prove_pair(
     v, m = w.watch, w.motion
     distance = w.out[place + WITNESS]
     w.out[place + ENVELOPE] = OF_WITNESS
-    need, drift = standing_need(i, j, w, v, m), object_speed(j, v)
+    need, drift = static_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
     if is_evaded(i, j, v) and m.span[SEGMENT] == 0.0:
         by_levers = distance - whole - m.reach[plan_i, i]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.levels import Reason
-from armguard.guard.observe import now_of, untold_time
+from armguard.guard.observe import now_of, unannounced_time
 from armguard.guard.settling import swing_speed
 from armguard.guard.watch import (
     BRAKING,
@@ -130,8 +130,8 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
     effect = effect_time(r, v, m)
     before, now = v.fastest_at[r], v.stamps[r]
     v.fastest_at[r] = now
-    untold = v.given[NOW_TIME] != v.given[NOW_TIME]
-    if untold and int(v.last[FORCED]) == CYCLE_LATE:
+    unannounced = v.given[NOW_TIME] != v.given[NOW_TIME]
+    if unannounced and int(v.last[FORCED]) == CYCLE_LATE:
         # Stamps alone do not tell a pause from a clock that jumped ahead.
         return -1
     first = robot.first_joint
@@ -184,8 +184,8 @@ def speed_before(j: int, v: Watch, m: Motion) -> float:
 @kernel
 def unknown_age(r: int, v: Watch, m: Motion) -> float:
     """How old a measurement may be beyond what its stamp says [s]."""
-    told = v.given[NOW_TIME] == v.given[NOW_TIME]
-    return 0.0 if told else float(m.robot_figures[r].sensing)
+    commanded = v.given[NOW_TIME] == v.given[NOW_TIME]
+    return 0.0 if commanded else float(m.robot_figures[r].sensing)
 
 
 @kernel
@@ -281,7 +281,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
     """Write until when each robot's stop takes effect, if ordered now or next time."""
     now = now_of(v)
     robots = v.phase.shape[0]
-    cycle = v.pace[PERIOD] + v.pace[LATE] + untold_time(v, m)
+    cycle = v.pace[PERIOD] + v.pace[LATE] + unannounced_time(v, m)
     for plan in range(2):
         for r in range(robots):
             clock = m.clock[plan * robots + r]

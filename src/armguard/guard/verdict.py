@@ -207,8 +207,8 @@ class Verdict:
         if k < 0 or budget is None:
             return None
         nearest = answer.pair(k)
-        asked = (pair.primitive_a, pair.primitive_b)
-        if asked != (nearest.primitive_a, nearest.primitive_b):
+        requested = (pair.primitive_a, pair.primitive_b)
+        if requested != (nearest.primitive_a, nearest.primitive_b):
             return None
         a, b = answer.robots_of(k)
         if a == b:

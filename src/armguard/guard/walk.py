@@ -26,8 +26,8 @@ MORE_CYCLES = 10
 def late_cycle(tables: SceneTables) -> float:
     """Time after which a cycle surely comes late, whose time is not given [s]."""
     figures = [part.stopping for part in tables.robots if part.stopping is not None]
-    untold = max((f.sensing for f in figures), default=0.0)
-    return LATE_CYCLES * (tables.period + untold) + 2.0 * tables.late
+    unannounced = max((f.sensing for f in figures), default=0.0)
+    return LATE_CYCLES * (tables.period + unannounced) + 2.0 * tables.late
 
 
 class Walk:

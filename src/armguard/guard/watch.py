@@ -36,7 +36,7 @@ GIVEN = 4
 # Places in `Watch.last`.
 LAST_NOW = 0  # time of the last cycle [s]
 FORCED = 1  # reason why every robot must stop in this cycle, 0 for none
-UNTOLD = 2  # how much later than its time the last cycle may have been [s]
+UNANNOUNCED = 2  # how much later than its time the last cycle may have been [s]
 ORDERED_AT = 3  # when orders of a refused cycle count as given [s]; infinite: unknown
 LAST = 4
 
@@ -73,10 +73,10 @@ SPARE_COMMANDS = 8
 JUDGED_ROOM = 4096
 
 # Places in `Watch.hangs`.
-HANGS_AT = 0  # what the joint measures [rad or m]
-TOLD_FOR = 1  # for how long it was told to move since it does so [s]
-TOLD_WAY = 2  # how far at least [rad or m]
-HANGS = 3
+STUCK_AT = 0  # what the joint measures [rad or m]
+COMMANDED_FOR = 1  # for how long it was told to move since it does so [s]
+COMMANDED_WAY = 2  # how far at least [rad or m]
+STUCK_ROW = 3
 
 # Delays of drives that are looked for: each is one more of these shares of the declared
 # delay of commands, the fourth is that delay itself [-].
@@ -145,8 +145,8 @@ class Watch(NamedTuple):
         sent_at: When, shape (c,) [s].
         held: 1 where each robot was told to stay where it rests, shape (c, r).
         sent_count: How often, shape (1,) [-].
-        told: What they were told last, shape (n,).
-        told_at: When; long ago if never, shape (1,) [s].
+        commanded: What they were told last, shape (n,).
+        commanded_at: When; long ago if never, shape (1,) [s].
         under_way: Least and greatest velocity each joint may have been told and not
             reached yet, shape (n, 2).
         driven_to: The same without what was told to robots that rest, which are held
@@ -178,7 +178,7 @@ class Watch(NamedTuple):
         grown: How much farther each primitive may get since, shape (m,) [m].
         yields: 1 for one of which less than it wants may be told before it is stopped,
             shape (r,).
-        hangs: Since when each joint measures the same, see `hanging`, shape (n, HANGS).
+        stuck: Since when each joint measures the same, see `hanging`, shape (n, HANGS).
         looked_at: Stamp of each robot's sample that was looked at for that, shape (r,).
         may_stand: 1 for a joint of a finger, which may stand against what it grips,
             shape (n,).
@@ -236,8 +236,8 @@ class Watch(NamedTuple):
     sent_at: Vector
     held: LongMatrix
     sent_count: LongVector
-    told: Vector
-    told_at: Vector
+    commanded: Vector
+    commanded_at: Vector
     under_way: Matrix
     driven_to: Matrix
     band: Matrix
@@ -259,7 +259,7 @@ class Watch(NamedTuple):
     judged_settled: Vector
     grown: Vector
     yields: LongVector
-    hangs: Matrix
+    stuck: Matrix
     looked_at: Vector
     may_stand: LongVector
     followed: Matrix
@@ -318,15 +318,15 @@ def watch_of(tables: SceneTables) -> Watch:
         robot_of=tables.robot_of_primitive,
         movers=np.flatnonzero(speeds).astype(np.int32),
         pairs=pairs,
-        pair_need=standing_needs(pairs, model, base, tables),
+        pair_need=static_needs(pairs, model, base, tables),
         look=np.zeros(p),
         wanted=np.zeros(n),
         sent=np.zeros((commands := commands_under_way(tables), n)),
         sent_at=np.full(commands, -np.inf),
         held=np.zeros((commands, robots), dtype=np.int64),
         sent_count=np.zeros(1, dtype=np.int64),
-        told=np.zeros(n),
-        told_at=np.full(1, -np.inf),
+        commanded=np.zeros(n),
+        commanded_at=np.full(1, -np.inf),
         under_way=np.zeros((n, 2)),
         driven_to=np.zeros((n, 2)),
         band=np.zeros((n, 2)),
@@ -348,7 +348,7 @@ def watch_of(tables: SceneTables) -> Watch:
         judged_settled=np.zeros(1),
         grown=np.zeros(m),
         yields=np.ones(robots, dtype=np.int64),
-        hangs=np.zeros((n, HANGS)),
+        stuck=np.zeros((n, STUCK_ROW)),
         looked_at=np.full(robots, -np.inf),
         may_stand=joints_of_fingers(tables),
         followed=np.tile([-np.inf, np.inf], (n, DELAY_STEPS)),
@@ -419,7 +419,7 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
     return pairs
 
 
-def standing_needs(
+def static_needs(
     pairs: NDArray[np.int32], model: Floats, base: Floats, tables: SceneTables
 ) -> Floats:
     """What each pair must keep whatever its robots do, shape (c,) [m].

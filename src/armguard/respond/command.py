@@ -193,12 +193,12 @@ class Command:
     """
 
     # It is cut into its parts when they are asked for: a cycle has to make it.
-    __slots__ = ("_robots", "_told", "verdict")
+    __slots__ = ("_commanded", "_robots", "verdict")
 
     def __init__(
-        self, told: Floats, robots: Sequence[RobotPart], verdict: Verdict
+        self, commanded: Floats, robots: Sequence[RobotPart], verdict: Verdict
     ) -> None:
-        self._told = told
+        self._commanded = commanded
         self._robots = robots
         self.verdict = verdict
 
@@ -208,14 +208,14 @@ class Command:
 
     def _of_joints(self, k: int) -> Floats:
         """The k-th of the four numbers that are told of every joint."""
-        n = (len(self._told) - 4 * len(self._robots)) // 4
-        return self._told[k * n : (k + 1) * n]
+        n = (len(self._commanded) - 4 * len(self._robots)) // 4
+        return self._commanded[k * n : (k + 1) * n]
 
     def _of_robots(self, k: int) -> Floats:
         """The k-th of the four numbers that are told of every robot."""
         r = len(self._robots)
-        first = len(self._told) - (4 - k) * r
-        return self._told[first : first + r]
+        first = len(self._commanded) - (4 - k) * r
+        return self._commanded[first : first + r]
 
     @property
     def numbers(self) -> Floats:
@@ -223,7 +223,7 @@ class Command:
 
         With the robots of the scene and the verdict they make the same command again.
         """
-        return self._told
+        return self._commanded
 
     @property
     def velocity(self) -> Floats:
@@ -314,17 +314,17 @@ class Command:
     @property
     def passed(self) -> Mapping[str, float]:
         """How much of what its operator asked for each robot was told, in [0, 1]."""
-        told, asked = self._of_joints(0), self._of_joints(2)
+        commanded, requested = self._of_joints(0), self._of_joints(2)
         return {
-            part.name: share_passed(told[own], asked[own])
+            part.name: share_passed(commanded[own], requested[own])
             for part in self._robots
             for own in (slice(part.first_joint, part.first_joint + part.joint_count),)
         }
 
 
-def share_passed(told: Floats, asked: Floats) -> float:
+def share_passed(commanded: Floats, requested: Floats) -> float:
     """How much of what was asked for was told: along it, in [0, 1]."""
-    size = float(asked @ asked)
+    size = float(requested @ requested)
     if size == 0.0:
         return 1.0
-    return min(max(float(told @ asked) / size, 0.0), 1.0)
+    return min(max(float(commanded @ requested) / size, 0.0), 1.0)

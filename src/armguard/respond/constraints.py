@@ -73,7 +73,7 @@ def surely_opens_by(r: int, raw: Floats, a: Response, m: Motion) -> bool:
     missed = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
         missed += abs(raw[j]) * m.joint_figures[j].tracking_error
-    surely = closing_of(r, raw, a.asked, m) + missed <= 0.0
+    surely = closing_of(r, raw, a.requested, m) + missed <= 0.0
     return bool(surely and closing_of(r, raw, a.target, m) <= 0.0)
 
 
@@ -135,7 +135,7 @@ def add_approach(
     limit = a.pace[NEARER] * left
     for j in range(first, end):
         cost = a.raw[j] * a.closing_time[j]
-        limit += cost * v.told[j]
+        limit += cost * v.commanded[j]
         limit -= dt * a.raw[j] * a.missed[j]
         a.rows[at, j] = a.raw[j] * dt + cost
     # How fast it may be approached matters to nobody who opens it.
@@ -166,7 +166,7 @@ def add_holding(
     at = r * ROWS + a.notes[r, ROW_COUNT]
     limit = 0.0
     for j in range(first, end):
-        raw, last = a.raw[j], v.told[j]
+        raw, last = a.raw[j], v.commanded[j]
         time = a.opening_time[j] if raw * last < 0.0 else a.closing_time[j]
         limit += raw * time * last
         limit -= dt * max(raw * a.missed[j], 0.0)
@@ -191,7 +191,7 @@ def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
     first = m.robot_figures[r].first_joint
     closing = missed = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
-        closing += a.raw[j] * v.told[j]
+        closing += a.raw[j] * v.commanded[j]
         missed += abs(a.raw[j]) * m.joint_figures[j].tracking_error
     return float(time_to_effect(r, m) * (max(closing, 0.0) + missed))
 

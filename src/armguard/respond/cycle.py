@@ -32,7 +32,7 @@ from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked, Changed
 from armguard.respond.daqp_interface import FUNCTION
-from armguard.respond.engagement import NOTHING_ASKED, engage, wait_if_stopped
+from armguard.respond.engagement import NO_REQUEST, engage, wait_if_stopped
 from armguard.respond.evasion import look_for_threats
 from armguard.respond.finger_pace import slow_fingers
 from armguard.respond.grip_keeping import keep_grips
@@ -92,7 +92,7 @@ def respond(a: Response, w: Workspace) -> int:
     """Turn what is asked for into a target that is to be proven.
 
     Args:
-        a: The responses; `asked` or `goal` is written
+        a: The responses; `requested` or `goal` is written
             already.
         w: The workspace, after `open_cycle`.
 
@@ -105,11 +105,11 @@ def respond(a: Response, w: Workspace) -> int:
     note_missed(a, v, m)
     if a.asking[FORM] == TWISTS:
         ask_for_tools(a, w, m)
-    take_asked(a, v, m)
+    take_requested(a, v, m)
     lead_robots(a, w)
     s = a.lead
     if w.settings[INTENTS] != 0:
-        read_intents(a.asked, w)
+        read_intents(a.requested, w)
     look_for_threats(a, w)
     for r in range(a.notes.shape[0]):
         follows = follow_lead(r, engage(r, a, v, m), a, s, v)
@@ -140,26 +140,26 @@ def respond(a: Response, w: Workspace) -> int:
 
 
 @kernel
-def take_asked(a: Response, v: Watch, m: Motion) -> None:
+def take_requested(a: Response, v: Watch, m: Motion) -> None:
     """Check what is asked for; where positions are, turn them into velocities."""
     if a.asking[FORM] == STANDSTILL:
-        for j in range(a.asked.shape[0]):
-            a.asked[j] = a.far[j] = 0.0
+        for j in range(a.requested.shape[0]):
+            a.requested[j] = a.far[j] = 0.0
         v.last[FORCED] = a.asking[STOP_REASON]
         return
     positions = a.asking[FORM] == POSITIONS
     wrong = False
-    for j in range(a.asked.shape[0]):
-        wrong |= not isfinite(a.goal[j] if positions else a.asked[j])
-    for j in range(a.asked.shape[0]):
+    for j in range(a.requested.shape[0]):
+        wrong |= not isfinite(a.goal[j] if positions else a.requested[j])
+    for j in range(a.requested.shape[0]):
         a.far[j] = 0.0
         if wrong:
-            a.asked[j] = 0.0
+            a.requested[j] = 0.0
         elif positions:
             way = a.goal[j] - a.held[j]
             a.far[j] = abs(way)
             speed = speed_to(a.far[j], m.joint_figures[j].deceleration, v.pace[PERIOD])
-            a.asked[j] = speed if way > 0.0 else -speed
+            a.requested[j] = speed if way > 0.0 else -speed
     if wrong:
         v.last[FORCED] = WRONG_COMMAND
 
@@ -201,7 +201,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
             wait_if_stopped(r, a, v)
     note_leads(judged, a, w)
     note_changes(judged, a, v, m)
-    tell(a, v)
+    write_command(a, v)
     return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
 
 
@@ -224,7 +224,7 @@ def settle_target(
         if tangled and a.notes[r, ASKS] == 0:
             # The way out was looked for only to know whether there is one.
             a.target[j] = a.brake[j]
-        moves |= abs(a.target[j]) > NOTHING_ASKED
+        moves |= abs(a.target[j]) > NO_REQUEST
     if unsolved != 0 and not tangled:
         v.last[FORCED] = NO_WAY
         a.notes[r, BLOCKED] = BLOCKED_NO_WAY
@@ -262,7 +262,7 @@ def hold(a: Response, v: Watch, m: Motion) -> None:
     for j in range(a.held.shape[0]):
         if v.sent_count[0] == 0 or not isfinite(a.held[j]):
             a.held[j] = m.q[j]
-        last = v.told[j]
+        last = v.commanded[j]
         a.held[j] += last * time
         fastest = max(abs(last), -m.v_low[j], m.v_high[j])
         room = LEAD_TIME * fastest + 2.0 * m.joint_figures[j].position_error
@@ -270,24 +270,24 @@ def hold(a: Response, v: Watch, m: Motion) -> None:
 
 
 @kernel
-def tell(a: Response, v: Watch) -> None:
+def write_command(a: Response, v: Watch) -> None:
     """Write what is handed out, see `Command`."""
     n = a.held.shape[0]
     for j in range(n):
-        a.told[j] = v.wanted[j]
-        a.told[n + j] = a.held[j] + v.wanted[j] * v.pace[PERIOD]
-        a.told[2 * n + j] = a.asked[j]
-        a.told[3 * n + j] = a.far[j]
+        a.commanded[j] = v.wanted[j]
+        a.commanded[n + j] = a.held[j] + v.wanted[j] * v.pace[PERIOD]
+        a.commanded[2 * n + j] = a.requested[j]
+        a.commanded[3 * n + j] = a.far[j]
     robots = a.notes.shape[0]
     for r in range(robots):
         if not waits_for_a_person(r, a, v):
             a.held_since[r] = nan
         elif not isfinite(a.held_since[r]):
-            a.held_since[r] = v.told_at[0]
-        a.told[4 * n + r] = a.notes[r, BLOCKED]
-        a.told[4 * n + robots + r] = v.phase[r]
-        a.told[4 * n + 2 * robots + r] = a.held_since[r]
-        a.told[4 * n + 3 * robots + r] = a.notes[r, CHANGED]
+            a.held_since[r] = v.commanded_at[0]
+        a.commanded[4 * n + r] = a.notes[r, BLOCKED]
+        a.commanded[4 * n + robots + r] = v.phase[r]
+        a.commanded[4 * n + 2 * robots + r] = a.held_since[r]
+        a.commanded[4 * n + 3 * robots + r] = a.notes[r, CHANGED]
 
 
 @kernel

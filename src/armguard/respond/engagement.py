@@ -30,6 +30,7 @@ from armguard.respond.state import (
     FAR,
     FAR_START,
     FORM,
+    GAVE_POSITIONS,
     LEADS_AWAY,
     ORDERED,
     POSITIONS,
@@ -40,12 +41,11 @@ from armguard.respond.state import (
     STANDSTILL,
     STATE,
     STOP_REASON,
-    TOLD_POSITIONS,
     Response,
 )
 
 # Below this no joint counts as asked to move [rad/s or m/s].
-NOTHING_ASKED = 1e-6
+NO_REQUEST = 1e-6
 
 
 # Share of the distance that counts as far, from which on it is near again [-].
@@ -88,7 +88,7 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     notes[RETREATS] = notes[ASKS] = 0
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        if abs(a.asked[j]) > NOTHING_ASKED:
+        if abs(a.requested[j]) > NO_REQUEST:
             notes[ASKS] = 1
     ordered = wait_if_ordered(r, a, v)
     if wait_if_stopped(r, a, v) or ordered:
@@ -119,7 +119,7 @@ def wait_if_stopped(r: int, a: Response, v: Watch) -> bool:
     if phase != STOPPING and phase != BRAKING and phase != LOST:
         return False
     notes[STATE], notes[BLOCKED] = WAITING, STOPPED
-    notes[TOLD_POSITIONS] = notes[REFUSED] = 0
+    notes[GAVE_POSITIONS] = notes[REFUSED] = 0
     return True
 
 
@@ -141,7 +141,7 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
         # Whatever stopped it before or meanwhile, this is what it waits for.
         v.cause[r] = why
     notes[STATE], notes[BLOCKED] = WAITING, STOPPED
-    notes[TOLD_POSITIONS] = notes[REFUSED] = 0
+    notes[GAVE_POSITIONS] = notes[REFUSED] = 0
     return True
 
 
@@ -149,7 +149,7 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
 def stand_to_velocities(r: int, a: Response) -> None:
     """Velocities: let go once, or led away, and it follows again."""
     notes = a.notes[r]
-    notes[TOLD_POSITIONS] = 0
+    notes[GAVE_POSITIONS] = 0
     asks = notes[ASKS] != 0
     if notes[STATE] == CATCHING_UP or not asks or notes[LEADS_AWAY] > 0:
         notes[STATE] = FOLLOWING
@@ -169,9 +169,9 @@ def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     elif farthest > settings[FAR] and notes[STATE] == FOLLOWING:
         # It was held back, or the master jumped; or it starts elsewhere.
         notes[STATE] = CATCHING_UP
-        if notes[TOLD_POSITIONS] == 0 and settings[FAR_START] != 0.0:
+        if notes[GAVE_POSITIONS] == 0 and settings[FAR_START] != 0.0:
             notes[STATE], notes[REFUSED] = WAITING, 1
-    notes[TOLD_POSITIONS] = 1
+    notes[GAVE_POSITIONS] = 1
     notes[BLOCKED] = FOLLOWS
     if notes[STATE] == CATCHING_UP:
         notes[BLOCKED] = CATCHES_UP

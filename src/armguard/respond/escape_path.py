@@ -17,7 +17,7 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.guard.memory import TOKEN
 from armguard.guard.motion_pairs import asks_index
-from armguard.guard.needs import robot_of, standing_need, time_since
+from armguard.guard.needs import robot_of, static_need, time_since
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.index.octree_query import primitives_in_box
@@ -25,7 +25,7 @@ from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.escape_state import (
-    COMER_COUNT,
+    APPROACHING_COUNT,
     DELAY,
     FALL,
     GAP,
@@ -33,14 +33,14 @@ from armguard.respond.escape_state import (
     HALT,
     HORIZON,
     NOW_GAP,
+    OBSTACLE_PRIMITIVE,
     OTHER_COUNT,
     OWN_COUNT,
     RATE,
     RISE,
+    ROBOT_PRIMITIVE,
     SPENT,
     WHEN,
-    WHO,
-    WHOM,
     Escape,
 )
 from armguard.respond.state import Response
@@ -91,7 +91,7 @@ def judge_way(
     """What a robot's way in `trial` is worth: the least gap to what comes, or less.
 
     Args:
-        r: The robot; `own`, `comers` and `others` are its.
+        r: The robot; `own`, `approaching` and `others` are its.
         go: Time for which it goes before it comes to rest [s].
         bound: Below this nobody needs to know how little it is [m].
         looks: Whether it may also be stopped by all else.
@@ -124,7 +124,7 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
     rise = fall = 0.0
     for j in range(first, end):
         figures = m.joint_figures[j]
-        rise = max(rise, abs(e.trial[j] - v.told[j]) / figures.acceleration)
+        rise = max(rise, abs(e.trial[j] - v.commanded[j]) / figures.acceleration)
         fall = max(fall, abs(e.trial[j]) / figures.deceleration)
     plan[DELAY] = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     plan[RISE] = rise
@@ -139,12 +139,12 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
         for c in range(m.length[body]):
             b = m.joints[body, c]
             j = m.q_index[b]
-            speed = max(abs(e.trial[j]), abs(v.told[j]))
+            speed = max(abs(e.trial[j]), abs(v.commanded[j]))
             rate += abs(m.gain[b, 0]) * speed * m.levers[i, c]
         fastest = max(fastest, rate)
     coming = 0.0
-    for c in range(e.counts[COMER_COUNT]):
-        coming = max(coming, speed_of(int(e.comers[c]), v))
+    for c in range(e.counts[APPROACHING_COUNT]):
+        coming = max(coming, speed_of(int(e.approaching[c]), v))
     plan[RATE] = APPROACHES * fastest + coming
 
 
@@ -174,7 +174,7 @@ def stand_on_way(
         e.q[j] = m.q[j]
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        last, next_ = v.told[j], e.trial[j]
+        last, next_ = v.commanded[j], e.trial[j]
         q = m.q[j] + last * (early + rising - part) + next_ * (part + whole)
         away = 2.0 * m.joint_figures[j].position_error + LIMIT_ROOM
         low, high = w.lower[j] + away, w.upper[j] - away
@@ -202,7 +202,7 @@ def least_gap(
     for _ in range(STEPS):
         if time > 0.0 or plan[NOW_GAP] != plan[NOW_GAP]:
             stand_on_way(r, time, e, w, v, m)
-            gap = gap_to_comers(time, e, w, v, m)
+            gap = gap_to_approaching(time, e, w, v, m)
         else:
             # All ways begin there.
             gap = plan[NOW_GAP]
@@ -221,7 +221,9 @@ def least_gap(
 
 
 @kernel
-def gap_to_comers(time: float, e: Escape, w: Workspace, v: Watch, m: Motion) -> float:
+def gap_to_approaching(
+    time: float, e: Escape, w: Workspace, v: Watch, m: Motion
+) -> float:
     """Least gap of the placed robot to what comes, beyond what is asked for [m].
 
     Args:
@@ -232,38 +234,42 @@ def gap_to_comers(time: float, e: Escape, w: Workspace, v: Watch, m: Motion) -> 
         m: Motion.
     """
     least = inf
-    for c in range(e.counts[COMER_COUNT]):
-        j = int(e.comers[c])
+    for c in range(e.counts[APPROACHING_COUNT]):
+        j = int(e.approaching[c])
         on = time + time_since(v.seen_at[j], v, m)
         for k in range(3):
             e.shift[4 * k + 3] = on * v.object_velocity[j, k]
-        place_row(w.world.kinds[j], w.world.rows[j], e.shift, e.comer)
+        place_row(w.world.kinds[j], w.world.rows[j], e.shift, e.obstacle)
         for k in range(e.counts[OWN_COUNT]):
             i = int(e.own[k])
             if w.checked[w.groups[i], w.groups[j]] == 0:
                 continue
-            need = comer_need(i, j, w, v, m)
+            need = obstacle_need(i, j, w, v, m)
             if box_gap(e.boxes[i], w.world.boxes[j], e.shift) - need >= least:
                 continue
             measure(
                 w.world.kinds[i],
                 e.rows[i],
                 w.world.kinds[j],
-                e.comer,
+                e.obstacle,
                 e.witness,
             )
             gap = e.witness[0] - need
             if gap < least:
                 least = gap
                 if gap < e.plan[GAP]:
-                    e.plan[GAP], e.plan[WHO], e.plan[WHOM] = gap, i, j
+                    e.plan[GAP], e.plan[ROBOT_PRIMITIVE], e.plan[OBSTACLE_PRIMITIVE] = (
+                        gap,
+                        i,
+                        j,
+                    )
                     for x in range(e.witness.shape[0]):
                         e.closest[x] = e.witness[x]
     return least
 
 
 @kernel
-def comer_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
+def obstacle_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Distance that is asked for to what comes, without what it may do besides [m]."""
     need = w.buffers[w.groups[i], w.groups[j]] + v.model[i] + v.base[i]
     return float(need + m.blur[i])
@@ -339,8 +345,8 @@ def may_be_met(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> bool:
     """Whether a primitive is there, none of a robot's, and does not come at it."""
     if robot_of(j, v) == r or w.octree.residency[j, STATUS] == ABSENT:
         return False
-    for c in range(e.counts[COMER_COUNT]):
-        if e.comers[c] == j:
+    for c in range(e.counts[APPROACHING_COUNT]):
+        if e.approaching[c] == j:
             return False
     return True
 
@@ -370,7 +376,7 @@ def meets(
     """
     if w.checked[w.groups[i], w.groups[j]] == 0:
         return False
-    need = ROOM + standing_need(min(i, j), max(i, j), w, v, m)
+    need = ROOM + static_need(min(i, j), max(i, j), w, v, m)
     for k in range(3):
         if e.boxes[i, k] - box[k + 3] > need or box[k] - e.boxes[i, k + 3] > need:
             return False

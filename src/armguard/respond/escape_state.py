@@ -30,7 +30,7 @@ ESCAPE_MEMORY = 3
 
 # Places in `Escape.counts`, what a robot's ways are judged with in this cycle.
 OWN_COUNT = 0  # its primitives
-COMER_COUNT = 1  # primitives that come at it
+APPROACHING_COUNT = 1  # primitives that come at it
 OTHER_COUNT = 2  # all else that is near its reach
 SPENT = 3  # primitives that were placed
 COUNTS = 4
@@ -45,13 +45,13 @@ HORIZON = 5  # when all that comes has passed [s]
 RATE = 6  # how fast any of its points may approach what comes [m/s]
 WHEN = 7  # when something came nearer than is called near; infinite if never [s]
 GAP = 8  # the least gap that was found [m]
-WHO = 9  # primitive it was found for
-WHOM = 10  # primitive that came
+ROBOT_PRIMITIVE = 9  # primitive it was found for
+OBSTACLE_PRIMITIVE = 10  # primitive that came
 NOW_GAP = 11  # the gap where the robot is; not a number if nobody looked yet [m]
 PLAN = 12
 
 # Primitives that come at a robot at once that are looked at.
-MOST_COMERS = 16
+MOST_APPROACHING = 16
 
 # Directions in which an arm may be led that favour none of its joints.
 SPREADS = 32
@@ -73,7 +73,7 @@ class Escape(NamedTuple):
         plan: See DELAY, shape (PLAN,).
         trial: Velocities of the way that is judged, shape (n,) [rad/s or m/s].
         own: Primitives of the robot, shape (m,).
-        comers: Primitives that come at it, shape (MOST_COMERS,).
+        approaching: Primitives that come at it, shape (MOST_COMERS,).
         others: All else that is near its reach, shape (p,).
         q: Scratch for positions on a way, shape (n,) [rad or m].
         T: Scratch for poses there, shape (b, 12).
@@ -81,7 +81,7 @@ class Escape(NamedTuple):
         boxes: Scratch for their boxes, shape (m, 6) [m].
         reach: Box around the robot as it stands, shape (6,) [m].
         shift: Pose by which what comes is moved on, shape (12,).
-        comer: What comes, moved on, shape (16,).
+        obstacle: What comes, moved on, shape (16,).
         witness: Scratch for a pair, shape (10,).
         closest: The pair of the least gap, shape (10,).
         columns: How each joint moves the point that would be hit, shape (n, 3).
@@ -97,7 +97,7 @@ class Escape(NamedTuple):
     plan: Vector
     trial: Vector
     own: LongVector
-    comers: LongVector
+    approaching: LongVector
     others: LongVector
     q: Vector
     T: Matrix
@@ -105,7 +105,7 @@ class Escape(NamedTuple):
     boxes: Matrix
     reach: Vector
     shift: Vector
-    comer: Vector
+    obstacle: Vector
     witness: Vector
     closest: Vector
     columns: Matrix
@@ -126,7 +126,7 @@ def escape_of(tables: SceneTables) -> Escape:
         plan=np.zeros(PLAN),
         trial=np.zeros(n),
         own=np.zeros(m, dtype=np.int64),
-        comers=np.zeros(MOST_COMERS, dtype=np.int64),
+        approaching=np.zeros(MOST_APPROACHING, dtype=np.int64),
         others=np.zeros(len(tables.kinds), dtype=np.int64),
         q=np.zeros(n),
         T=np.zeros((bodies, 12)),
@@ -134,7 +134,7 @@ def escape_of(tables: SceneTables) -> Escape:
         boxes=np.zeros((m, 6)),
         reach=np.zeros(6),
         shift=np.eye(4)[:3].reshape(12).copy(),
-        comer=np.zeros(ROW_WIDTH),
+        obstacle=np.zeros(ROW_WIDTH),
         witness=np.zeros(WITNESS_WIDTH),
         closest=np.zeros(WITNESS_WIDTH),
         columns=np.zeros((n, 3)),

@@ -17,7 +17,12 @@ from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
 from armguard.respond.escape_path import speed_of
-from armguard.respond.escape_state import SPREADS, WHO, WHOM, Escape
+from armguard.respond.escape_state import (
+    OBSTACLE_PRIMITIVE,
+    ROBOT_PRIMITIVE,
+    SPREADS,
+    Escape,
+)
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +55,7 @@ def way_count(r: int, m: Motion) -> int:
 @kernel
 def look_across(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
     """Write what is across the way of what comes nearest, and how joints lead there."""
-    i, j = int(e.plan[WHO]), int(e.plan[WHOM])
+    i, j = int(e.plan[ROBOT_PRIMITIVE]), int(e.plan[OBSTACLE_PRIMITIVE])
     speed = speed_of(j, v)
     ahead = (
         v.object_velocity[j, 0] / speed,

@@ -30,7 +30,7 @@ from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion
-from armguard.respond.engagement import NOTHING_ASKED
+from armguard.respond.engagement import NO_REQUEST
 from armguard.respond.escape_path import (
     ENOUGH,
     NEAR,
@@ -39,7 +39,7 @@ from armguard.respond.escape_path import (
     speed_of,
 )
 from armguard.respond.escape_state import (
-    COMER_COUNT,
+    APPROACHING_COUNT,
     DONE,
     ESCAPE_NOTES,
     EVADING,
@@ -47,7 +47,7 @@ from armguard.respond.escape_state import (
     HORIZON,
     KNOWN,
     LEFT,
-    MOST_COMERS,
+    MOST_APPROACHING,
     NEXT_TRY,
     NOW_GAP,
     OTHER_COUNT,
@@ -113,7 +113,7 @@ def look_for_threats(a: Response, w: Workspace) -> None:
     """Find robots that something comes at, and ask for a way that leads off.
 
     Args:
-        a: The responses; `asked` is written already.
+        a: The responses; `requested` is written already.
         w: The workspace, after a cycle was opened.
     """
     v, m = w.watch, w.motion
@@ -129,8 +129,8 @@ def look_for_threats(a: Response, w: Workspace) -> None:
             continue
         if evades(r, a, e, w, v, m):
             v.evades[r] = 1
-            for c in range(e.counts[COMER_COUNT]):
-                v.evaded[e.comers[c]] |= 1 << r
+            for c in range(e.counts[APPROACHING_COUNT]):
+                v.evaded[e.approaching[c]] |= 1 << r
 
 
 @kernel
@@ -155,9 +155,9 @@ def evades(
         return False
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    look_for_comers(r, a, e, w, v, m)
-    comes = e.counts[COMER_COUNT] > 0
-    if comes and is_threatened(r, a, e, w, v, m):
+    look_for_approaching(r, a, e, w, v, m)
+    approaches = e.counts[APPROACHING_COUNT] > 0
+    if approaches and is_threatened(r, a, e, w, v, m):
         left = e.plan[WHEN] / a.settings[r, EVADE_TIME]
         look_across(r, e, w, v, m)
         look_for_others(r, e, w, v)
@@ -169,27 +169,27 @@ def evades(
         e.memory[r, DONE] = 0.0
         choose_way(r, a, e, w, v, m)
         for j in range(first, end):
-            a.asked[j] = e.way[j] if notes[HAS_WAY] != 0 else 0.0
+            a.requested[j] = e.way[j] if notes[HAS_WAY] != 0 else 0.0
         return True
     asks = False
     for j in range(first, end):
-        asks |= abs(a.asked[j]) > NOTHING_ASKED
-    if not comes:
+        asks |= abs(a.requested[j]) > NO_REQUEST
+    if not approaches:
         e.memory[r, DONE] += time_passed(v)
-    ends = phase != RECOVERING and (asks or not comes)
+    ends = phase != RECOVERING and (asks or not approaches)
     stands = notes[EVADING] != 0 and not ends and e.memory[r, DONE] <= LINGERS
-    if not (stands or (comes and is_beset(r, e, w, v))):
+    if not (stands or (approaches and is_threatened_at_rest(r, e, w, v))):
         forget_ways(r, e, m)
         return False
     # It is out of the way, and stands there until nobody could tell it to stop.
     notes[EVADING], notes[HAS_WAY] = 1, 0
     for j in range(first, end):
-        a.asked[j] = 0.0
+        a.requested[j] = 0.0
     return True
 
 
 @kernel
-def is_beset(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
+def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
     """Whether a robot would be stopped for what passes it, and could not evade then."""
     if v.phase[r] != RUNNING or v.must[r] == 0:
         return False
@@ -199,8 +199,8 @@ def is_beset(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
         proof = w.out[place + PROOF]
         if robot_of(i, v) != r or proof == PROVEN or proof == ALLOWED:
             continue
-        for c in range(e.counts[COMER_COUNT]):
-            if e.comers[c] == j:
+        for c in range(e.counts[APPROACHING_COUNT]):
+            if e.approaching[c] == j:
                 return True
     return False
 
@@ -248,12 +248,12 @@ def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> int
 
 
 @kernel
-def look_for_comers(
+def look_for_approaching(
     r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Find what may come near a robot soon; write how long that takes to pass."""
     counts, reach, boxes = e.counts, e.reach, w.world.boxes
-    counts[OWN_COUNT] = counts[COMER_COUNT] = 0
+    counts[OWN_COUNT] = counts[APPROACHING_COUNT] = 0
     for k in range(3):
         reach[k], reach[k + 3] = inf, -inf
     for i in range(w.settings[MOVING_COUNT]):
@@ -271,18 +271,18 @@ def look_for_comers(
         speed = speed_of(j, v)
         if not speed > SLOWEST or w.octree.residency[j, STATUS] == ABSENT:
             continue
-        comes, way = True, 0.0
+        approaches, way = True, 0.0
         since = time_since(v.seen_at[j], v, m)
         for k in range(3):
             x = v.object_velocity[j, k]
             low, high = boxes[j, k] + since * x, boxes[j, k + 3] + since * x
-            comes &= low + min(ahead * x, 0.0) - BESIDE < reach[k + 3]
-            comes &= high + max(ahead * x, 0.0) + BESIDE > reach[k]
+            approaches &= low + min(ahead * x, 0.0) - BESIDE < reach[k + 3]
+            approaches &= high + max(ahead * x, 0.0) + BESIDE > reach[k]
             way += x * (reach[k + 3] - low if x > 0.0 else reach[k] - high)
-        if not comes or counts[COMER_COUNT] == MOST_COMERS:
+        if not approaches or counts[APPROACHING_COUNT] == MOST_APPROACHING:
             continue
-        e.comers[counts[COMER_COUNT]] = j
-        counts[COMER_COUNT] += 1
+        e.approaching[counts[APPROACHING_COUNT]] = j
+        counts[APPROACHING_COUNT] += 1
         horizon = max(horizon, (way / speed + BEHIND) / speed)
     e.plan[HORIZON] = min(horizon, FARTHEST)
     e.plan[NOW_GAP] = nan
@@ -295,7 +295,7 @@ def is_threatened(
     """Whether what comes gets too near to a robot that goes on as it is asked to."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        e.trial[j] = a.asked[j] if v.phase[r] != RESTING else 0.0
+        e.trial[j] = a.requested[j] if v.phase[r] != RESTING else 0.0
     worth = judge_way(r, ASKED, -inf, 0, a, w)
     if e.notes[r, EVADING] != 0:
         return worth < CLEAR

@@ -29,7 +29,7 @@ from armguard.geometry.vec3 import Vec3, norm
 from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
-from armguard.guard.needs import robot_of, standing_need
+from armguard.guard.needs import robot_of, static_need
 from armguard.guard.pair_row import pair_row
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
@@ -178,7 +178,7 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
         led |= robot_j >= 0 and s.notes[robot_j, LED] == BY_FIELD
         if not led:
             continue
-        need = standing_need(i, j, w, v, m) + m.blur[i]
+        need = static_need(i, j, w, v, m) + m.blur[i]
         if robot_j >= 0:
             need += m.blur[j]
         spare = w.out[place + WITNESS] - need
@@ -265,8 +265,8 @@ def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
     if s.weight[r, 1] > NO_PUSH:
         share = 1.0 / s.weight[r, 1]
     for j in range(first, end):
-        a.asked[j] = s.pull[j] + share * s.push[j]
-    limit_share(first, end, a.settings[r, FIELD_SPEED], a.asked, m)
+        a.requested[j] = s.pull[j] + share * s.push[j]
+    limit_share(first, end, a.settings[r, FIELD_SPEED], a.requested, m)
 
 
 @kernel
@@ -319,7 +319,7 @@ def look_for_minimum(
     first = m.robot_figures[r].first_joint
     fastest = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
-        fastest = max(fastest, abs(v.told[j]) / m.joint_figures[j].velocity)
+        fastest = max(fastest, abs(v.commanded[j]) / m.joint_figures[j].velocity)
     memory[STANDS] = memory[STANDS] + dt if fastest < STILL_SHARE else 0.0
     patience = a.settings[r, PATIENCE]
     if memory[IDLE] > patience or memory[STANDS] > 0.5 * patience:

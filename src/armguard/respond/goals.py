@@ -18,7 +18,6 @@ from armguard.geometry.pose import Pose, check_transform
 from armguard.guard.continuous import PathCheck
 from armguard.guard.levels import Reason
 from armguard.guard.watch import Watch
-from armguard.respond.asked import as_vector, reason_of_stop
 from armguard.respond.engagement import Standing
 from armguard.respond.lead_state import (
     ALONG,
@@ -45,6 +44,7 @@ from armguard.respond.lead_state import (
     WAY,
     Lead,
 )
+from armguard.respond.requested import as_vector, reason_of_stop
 from armguard.respond.state import ORDERED, STATE, Response
 from armguard.respond.tool import Tool, Tools
 from armguard.scene.tables import RobotPart, SceneTables

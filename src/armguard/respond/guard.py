@@ -21,12 +21,6 @@ from armguard.guard.monitor import Monitor
 from armguard.guard.parts import delegated
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
-from armguard.respond.asked import (
-    as_vector,
-    reason_of_stop,
-    twists_in,
-    velocities_in,
-)
 from armguard.respond.command import Blocked, Command
 from armguard.respond.compiling import compile_ahead
 from armguard.respond.daqp_interface import FUNCTION
@@ -35,6 +29,12 @@ from armguard.respond.goals import Guidance, check_modes
 from armguard.respond.lead_state import lead_of
 from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
 from armguard.respond.remembered import more_of
+from armguard.respond.requested import (
+    as_vector,
+    reason_of_stop,
+    twists_in,
+    velocities_in,
+)
 from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
@@ -165,8 +165,8 @@ class Guard(Monitor):
         Raises:
             SceneError: The scene has a robot whose mode is "fixed"; in the first cycle.
         """
-        asked, fault = velocities_in(v_desired, self._input.shape, self.tables)
-        return self._filter((q, stamp, velocity, now), VELOCITIES, asked, fault)
+        requested, fault = velocities_in(v_desired, self._input.shape, self.tables)
+        return self._filter((q, stamp, velocity, now), VELOCITIES, requested, fault)
 
     def filter_positions(
         self,
@@ -244,8 +244,8 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        asked = np.array([reason_of_stop(reason)], dtype=np.float64)
-        return self._filter((q, stamp, velocity, now), STANDSTILL, asked, "")
+        requested = np.array([reason_of_stop(reason)], dtype=np.float64)
+        return self._filter((q, stamp, velocity, now), STANDSTILL, requested, "")
 
     engage = delegated("_guidance", Guidance.engage)
     hold = delegated("_guidance", Guidance.hold)
@@ -264,7 +264,7 @@ class Guard(Monitor):
             response.spare_of.fill(NEVER)
             for notes in (response.notes, self._lead.notes, self._escape.notes):
                 notes.fill(0)
-            for array in (response.missed, response.asked, response.far):
+            for array in (response.missed, response.requested, response.far):
                 array.fill(0.0)
             for array in (response.held, response.held_since):
                 array.fill(np.nan)
@@ -275,7 +275,7 @@ class Guard(Monitor):
             compile_ahead(progress, self._guarded, try_out)
 
     def _filter(
-        self, given: Given, form: int, asked: Floats | None, refused: str
+        self, given: Given, form: int, requested: Floats | None, refused: str
     ) -> Command:
         """One cycle: judge, respond, prove, tell."""
         start = self._clock()
@@ -288,8 +288,8 @@ class Guard(Monitor):
             return self._crowded_command(response, time)
         self._thread = thread
         try:
-            data, fault = self._filtered(response, given, form, asked)
-            numbers = response.told.copy()
+            data, fault = self._filtered(response, given, form, requested)
+            numbers = response.commanded.copy()
         finally:
             alone = self._thread == thread
             self._thread = 0 if alone else self._leave_others()
@@ -300,11 +300,11 @@ class Guard(Monitor):
         return Command(numbers, self.tables.robots, verdict)
 
     def _filtered(
-        self, response: Response, given: Given, form: int, asked: Floats | None
+        self, response: Response, given: Given, form: int, requested: Floats | None
     ) -> tuple[Floats, str]:
         """The numbers of the verdict, and what was wrong with the input in words."""
         array, fault = self._input.take(*given)
-        desired = NO_POSITIONS if asked is None else asked
+        desired = NO_POSITIONS if requested is None else requested
         answers, lines = self._response_lines, self._lines
         if response.solver[FUNCTION]:
             used = run_filtered_cycle(array, form, desired, answers, lines)
@@ -322,7 +322,7 @@ class Guard(Monitor):
 
     def _crowded_command(self, response: Response, stamp: float | None) -> Command:
         """What a cycle says that another thread is in the way of: all stop."""
-        numbers = np.zeros_like(response.told)
+        numbers = np.zeros_like(response.commanded)
         n, r = len(self.q_names), len(self._input.robots)
         numbers[n : 2 * n] = np.nan
         # Why each is blocked, then its phase: at rest, so that it is not driven.

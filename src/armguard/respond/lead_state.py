@@ -30,7 +30,7 @@ TOOL_BODY = 11  # body of the tool its field draws
 LEAD_NOTES = 12
 
 # Who leads a robot.
-NOBODY = 0
+OPERATOR = 0
 BY_FIELD = 1
 BY_RETREAT = 2
 

@@ -23,7 +23,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
-from armguard.respond.engagement import NOTHING_ASKED, Standing
+from armguard.respond.engagement import NO_REQUEST, Standing
 from armguard.respond.field import (
     attract,
     forget_progress,
@@ -39,7 +39,7 @@ from armguard.respond.lead_state import (
     LED,
     LET_GO,
     NO_GOAL,
-    NOBODY,
+    OPERATOR,
     PULL,
     STANDS,
     STAYS,
@@ -52,13 +52,13 @@ from armguard.respond.state import (
     ASKS,
     BLOCKED,
     FORM,
+    GAVE_POSITIONS,
     LEADS_AWAY,
     ORDERED,
     POSITIONS,
     REFUSED,
     RESUME_SPEED,
     STATE,
-    TOLD_POSITIONS,
     VELOCITIES,
     Response,
 )
@@ -87,7 +87,7 @@ def lead_robots(a: Response, w: Workspace) -> None:
     """Ask in the place of operators whose robots are led.
 
     Args:
-        a: The responses; `asked` is written already.
+        a: The responses; `requested` is written already.
         w: The workspace, after a cycle was opened.
     """
     v, m = w.watch, w.motion
@@ -95,7 +95,7 @@ def lead_robots(a: Response, w: Workspace) -> None:
     fields = False
     for r in range(s.notes.shape[0]):
         notes = s.notes[r]
-        notes[LED] = NOBODY
+        notes[LED] = OPERATOR
         phase = v.phase[r]
         if phase == STOPPING or phase == BRAKING or phase == LOST:
             notes[SUSPENDED] = int(notes[GOAL] != NO_GOAL)
@@ -126,12 +126,12 @@ def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     part = 1.0 - exp(-time_passed(v) / LAG)
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        if s.notes[r, LED] == NOBODY:
-            s.first_lag[j] = s.second_lag[j] = v.told[j]
+        if s.notes[r, LED] == OPERATOR:
+            s.first_lag[j] = s.second_lag[j] = v.commanded[j]
         else:
-            s.first_lag[j] += part * (a.asked[j] - s.first_lag[j])
+            s.first_lag[j] += part * (a.requested[j] - s.first_lag[j])
             s.second_lag[j] += part * (s.first_lag[j] - s.second_lag[j])
-            a.asked[j] = s.second_lag[j]
+            a.requested[j] = s.second_lag[j]
 
 
 @kernel
@@ -139,7 +139,7 @@ def asks(r: int, a: Response, m: Motion) -> bool:
     """Whether anything is asked of a robot."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        if abs(a.asked[j]) > NOTHING_ASKED:
+        if abs(a.requested[j]) > NO_REQUEST:
             return True
     return False
 
@@ -188,11 +188,11 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     and one that was ordered to stand still by nothing at all.
     """
     if v.evades[r] != 0 or a.notes[r, ORDERED] != 0:
-        s.notes[r, LED] = NOBODY
+        s.notes[r, LED] = OPERATOR
     if s.notes[r, LED] != BY_RETREAT:
         return follows
     notes = a.notes[r]
-    notes[STATE], notes[TOLD_POSITIONS], notes[REFUSED] = WAITING, 1, 0
+    notes[STATE], notes[GAVE_POSITIONS], notes[REFUSED] = WAITING, 1, 0
     if notes[BLOCKED] != TOO_NEAR:
         notes[BLOCKED] = RETREATING
         a.speed[r] = a.settings[r, RESUME_SPEED]

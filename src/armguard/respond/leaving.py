@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from armguard.guard.commands import time_passed
 from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND, WITNESS
 from armguard.guard.near_pairs import row_place
-from armguard.guard.needs import object_speed, robot_of, standing_need
+from armguard.guard.needs import object_speed, robot_of, static_need
 from armguard.guard.pair_row import pair_row
 from armguard.guard.relief import SINK
 from armguard.guard.watch import RESTING, Watch
@@ -52,7 +52,7 @@ def spare_at_rest(
     i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
 ) -> float:
     """What a near pair would have left if its robots rested where they are [m]."""
-    spare = w.out[place + WITNESS] - standing_need(i, j, w, v, m) - m.blur[i]
+    spare = w.out[place + WITNESS] - static_need(i, j, w, v, m) - m.blur[i]
     if robot_of(j, v) >= 0:
         return float(spare - m.blur[j])
     return float(spare - object_speed(j, v) * m.span[SETTLED])
@@ -83,8 +83,8 @@ def note_ways_out(a: Response, w: Workspace) -> None:
     for k in range(int(w.out[NEAR_COUNT])):
         place = row_place(k, w)
         i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
-        meant = w.out[place + PROOF] == ALLOWED
-        if meant or not spare_at_rest(i, j, place, w, v, m) < SINK:
+        intended = w.out[place + PROOF] == ALLOWED
+        if intended or not spare_at_rest(i, j, place, w, v, m) < SINK:
             continue
         if gets_out_of_its_way(robot_of(i, v), j, v):
             continue
@@ -163,8 +163,8 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
         i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
         if robot_of(i, v) != r and robot_of(j, v) != r:
             continue
-        meant = w.out[place + PROOF] == ALLOWED
-        if meant or not spare_at_rest(i, j, place, w, v, m) < SINK:
+        intended = w.out[place + PROOF] == ALLOWED
+        if intended or not spare_at_rest(i, j, place, w, v, m) < SINK:
             continue
         pair_row(i, j, place, a.raw, w, m)
         opening = missed = 0.0

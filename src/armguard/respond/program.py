@@ -88,7 +88,7 @@ from armguard.respond.state import (
     Response,
 )
 from armguard.respond.straight import (
-    comes_to_anything,
+    reaches_anything,
     slow_to_contract,
     slow_to_rows,
     straight_contract,
@@ -134,9 +134,9 @@ def add_pairs(a: Response, w: Workspace) -> None:
     write_costs(a, v, m)
     if anybody_leaves(a):
         note_ways_out(a, w)
-    comes = comes_to_anything(w)
+    approaches = reaches_anything(w)
     for k in range(int(w.out[NEAR_COUNT])):
-        add_pair(row_place(k, w), comes, a, w, v, m)
+        add_pair(row_place(k, w), approaches, a, w, v, m)
     for r in range(a.notes.shape[0]):
         # What opens all that is near is left as it is, as far as it may be proven.
         limits = a.passing if a.notes[r, OPENS] != 0 else a.limits
@@ -150,7 +150,7 @@ def write_costs(a: Response, v: Watch, m: Motion) -> None:
     A joint that opens a pair now can close it only after it has come to rest.
     """
     for j in range(a.closing_time.shape[0]):
-        figures, last = m.joint_figures[j], abs(v.told[j])
+        figures, last = m.joint_figures[j], abs(v.commanded[j])
         gain = figures.acceleration * a.pace[STEP]
         time = time_before_stop(j, int(m.robot_of_joint[j]), m)
         braking = 0.5 * gain / figures.deceleration
@@ -190,7 +190,7 @@ def frame_limits(
         v: Watch.
         m: Motion.
     """
-    asked, target, low, high, brake = a.asked, a.target, a.low, a.high, a.brake
+    requested, target, low, high, brake = a.requested, a.target, a.low, a.high, a.brake
     robot, dt = m.robot_figures[r], time_passed(v)
     first = robot.first_joint
     end = first + robot.joint_count
@@ -200,25 +200,25 @@ def frame_limits(
     slower = 1.0
     for j in range(first, end):
         top = share * m.joint_figures[j].velocity
-        if follows and abs(asked[j]) > top:
-            slower = min(slower, top / abs(asked[j]))
+        if follows and abs(requested[j]) > top:
+            slower = min(slower, top / abs(requested[j]))
     part, changed = 1.0, int(slower < 1.0) * BY_SPEED + int(not follows) * BY_BLOCKED
     for j in range(first, end):
-        last, gain = v.told[j], m.joint_figures[j].acceleration * dt
-        target[j] = slower * asked[j] if follows else 0.0
+        last, gain = v.commanded[j], m.joint_figures[j].acceleration * dt
+        target[j] = slower * requested[j] if follows else 0.0
         change = abs(target[j] - last)
         if change > gain and not begins:
             part = min(part, gain / change)
     changed |= int(part < 1.0) * BY_ACCELERATION
     lost = 1.0
     for j in range(first, end):
-        last = abs(v.told[j])
+        last = abs(v.commanded[j])
         if last > 0.0:
             lost = min(lost, m.joint_figures[j].deceleration * dt / last)
     straight = a.settings[r, KIND] == SLOW or retreats(r, a)
     for j in range(first, end):
         figures = m.joint_figures[j]
-        last, gain = v.told[j], figures.acceleration * dt
+        last, gain = v.commanded[j], figures.acceleration * dt
         gain = inf if begins else gain
         if part < 1.0:
             target[j] = last + part * (target[j] - last)
@@ -296,13 +296,13 @@ def time_before_stop(j: int, r: int, m: Motion) -> float:
 
 @kernel
 def add_pair(
-    place: int, comes: bool, a: Response, w: Workspace, v: Watch, m: Motion
+    place: int, approaches: bool, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Add what a near pair asks of its robots to their programs.
 
     Args:
         place: Where the pair's row starts.
-        comes: Whether something may be come to straight.
+        approaches: Whether something may be come to straight.
         a: Responses; the programs are written.
         w: Workspace.
         v: Watch.
@@ -320,21 +320,21 @@ def add_pair(
     resting = spare_at_rest(i, j, place, w, v, m)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
-    meant = out[place + PROOF] == ALLOWED
+    intended = out[place + PROOF] == ALLOWED
     for side in range(2):
         r = robot_i if side == 0 else robot_j
         if r < 0 or (side == 1 and r == robot_i):
             continue
         if v.evades[r] != 0 and gets_out_of_its_way(r, j, v):
             continue
-        asked = 0.0 if meant else closing_of(r, raw, a.asked, m)
-        if asked > GRAIN:
+        requested = 0.0 if intended else closing_of(r, raw, a.requested, m)
+        if requested > GRAIN:
             a.notes[r, LEADS_AWAY] = -1
-        elif asked < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
+        elif requested < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
             a.notes[r, LEADS_AWAY] = 1
         if not surely_opens_by(r, raw, a, m):
             a.notes[r, OPENS] = 0
-        if resting < SINK and a.notes[r, RETREATS] != 0 and not meant:
+        if resting < SINK and a.notes[r, RETREATS] != 0 and not intended:
             only_out(r, a, m)
             a.notes[r, CHANGED] |= BY_ROWS
             if a.notes[r, TANGLED] != 0 and a.notes[r, ROW_COUNT] < ROWS:
@@ -348,7 +348,7 @@ def add_pair(
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
-        straight = straight_contract(r, i, j, a, w, v, m) if comes else -1
+        straight = straight_contract(r, i, j, a, w, v, m) if approaches else -1
         if straight >= 0:
             a.notes[r, OPENS] = 0
             a.notes[r, CHANGED] |= BY_ROWS
@@ -357,11 +357,11 @@ def add_pair(
         # What is touched is opened whenever an arm drifts into it. Else nobody is moved
         # who is to stand still, or to keep his path.
         keeps_path = a.settings[r, KIND] == SLOW
-        opens = meant or (a.notes[r, ASKS] != 0 and not keeps_path)
+        opens = intended or (a.notes[r, ASKS] != 0 and not keeps_path)
         lost = lost_till_then(r, a, v, m)
         add_approach(r, part * (left - SPARE) - lost, opens, a, v, m)
         add_holding(r, part * (left - LEAST_SPARE) - lost, opens, a, v, m)
-        if meant:
+        if intended:
             distance = out[place + WITNESS]
             add_contract(r, part, i, j, distance, not keeps_path, a, w, m)
         if straight >= 0:

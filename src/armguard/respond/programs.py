@@ -111,8 +111,8 @@ def solve(r: int, limits: Floats, a: Response, m: Motion) -> bool:
     if not keeps(r, x, first, n, count, limits, a):
         return False
     for j in range(n):
-        told = min(max(p[x + j], a.low[first + j]), a.high[first + j])
-        a.target[first + j] = told
+        commanded = min(max(p[x + j], a.low[first + j]), a.high[first + j])
+        a.target[first + j] = commanded
     return True
 
 

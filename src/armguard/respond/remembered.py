@@ -13,7 +13,7 @@ from armguard.respond.escape_ways import FORMS, GOES, SIDES
 from armguard.scene.tables import SceneTables
 
 FLAGS = (
-    state.TOLD_POSITIONS,
+    state.GAVE_POSITIONS,
     state.REFUSED,
     state.RETREATS,
     state.BREAKS,

@@ -92,7 +92,7 @@ def moves(r: int, v: Watch, m: Motion) -> bool:
     """Whether a robot was told to move in the last cycle, so much that it matters."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        if abs(v.told[j]) > NO_SPEED * m.joint_figures[j].velocity:
+        if abs(v.commanded[j]) > NO_SPEED * m.joint_figures[j].velocity:
             return True
     return False
 
@@ -102,7 +102,7 @@ def stand(r: int, a: Response, m: Motion) -> None:
     """Ask for nothing of a robot."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        a.asked[j] = 0.0
+        a.requested[j] = 0.0
 
 
 @kernel
@@ -134,7 +134,7 @@ def ask_for_place(
         place: Joint positions, shape (n,).
         time: How far that is, at top speed [s].
         last: Whether it is to come to rest there.
-        a: Responses; `asked` is written.
+        a: Responses; `requested` is written.
         s: Lead.
         v: Watch.
         m: Motion.
@@ -143,21 +143,21 @@ def ask_for_place(
     speed = led_speed(r, a.settings[r, RESUME_SPEED], ARRIVAL, s, v, m)
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        a.asked[j] = (place[j] - m.q[j]) * speed / time
+        a.requested[j] = (place[j] - m.q[j]) * speed / time
 
 
 @kernel
 def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
     """Whether a robot that retreats does not get on, for a while already."""
     first = m.robot_figures[r].first_joint
-    told = asked = 0.0
+    commanded = requested = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
         top = m.joint_figures[j].velocity
-        told = max(told, abs(v.told[j]) / top)
-        asked = max(asked, abs(a.asked[j]) / top)
-    waits = told < HELD_UP * asked
+        commanded = max(commanded, abs(v.commanded[j]) / top)
+        requested = max(requested, abs(a.requested[j]) / top)
+    waits = commanded < HELD_UP * requested
     s.memory[r, STANDS] = s.memory[r, STANDS] + time_passed(v) if waits else 0.0
     if waits:
         # It goes on as gently as it began.
-        s.memory[r, PULL] = min(s.memory[r, PULL], told + HELD_UP * asked)
+        s.memory[r, PULL] = min(s.memory[r, PULL], commanded + HELD_UP * requested)
     return bool(s.memory[r, STANDS] > HELD_UP_TIME)

@@ -63,7 +63,7 @@ FAR_STARTS: dict[FarStart, int] = {"ramp": 0, "refuse": 1}
 # Places in what is remembered and found of a robot.
 STATE = 0  # how it stands to its operator, see `engagement`
 BLOCKED = 1  # why it does not simply follow, see `Blocked`
-TOLD_POSITIONS = 2  # 1 if its operator told it positions in the last cycle
+GAVE_POSITIONS = 2  # 1 if its operator told it positions in the last cycle
 REFUSED = 3  # 1 if it waits since a first position was far away
 RETREATS = 4  # 1 if it is to leave what is too near
 ROW_COUNT = 5
@@ -124,7 +124,7 @@ class Response(NamedTuple):
         tool_columns: Scratch for how tools follow joints, shape (n, 6 MOST_TWISTS).
         tool_square: Scratch for linear equations, see `joint_velocities`.
         tool_speeds: Scratch for the twists of one robot, shape (6 MOST_TWISTS,).
-        asked: Velocities the operators ask for, shape (n,).
+        requested: Velocities the operators ask for, shape (n,).
         goal: Positions they ask for, shape (n,).
         far: How far the joints are from these, shape (n,).
         held: Where the joints were told to be by now, NaN before anything is known of
@@ -146,7 +146,7 @@ class Response(NamedTuple):
         opening_time: The same of one that opens it, shape (n,) [s].
         program: Memory of the program that is solved, see `programs`, shape (k,).
         solver: The solver's, see `daqp_memory`, shape (k,).
-        told: What is handed out, see `Command`, shape (4 n + 4 r,).
+        commanded: What is handed out, see `Command`, shape (4 n + 4 r,).
         lead: What leads robots in their operators' place.
         escape: Ways out of the way of approaching obstacles.
         spares: What remembered pairs have left, see `spares`, shape (REMEMBERED,) [m].
@@ -165,7 +165,7 @@ class Response(NamedTuple):
     tool_columns: Matrix
     tool_square: Matrix
     tool_speeds: Vector
-    asked: Vector
+    requested: Vector
     goal: Vector
     far: Vector
     held: Vector
@@ -185,7 +185,7 @@ class Response(NamedTuple):
     opening_time: Vector
     program: Vector
     solver: LongVector
-    told: Vector
+    commanded: Vector
     lead: Annotated[Lead, TABLE]
     spares: Vector
     spare_of: LongMatrix
@@ -232,7 +232,7 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
         tool_columns=np.zeros((n, 6 * MOST_TWISTS)),
         tool_square=np.zeros((6 * MOST_TWISTS, 6 * MOST_TWISTS + 1)),
         tool_speeds=np.zeros(6 * MOST_TWISTS),
-        asked=np.zeros(n),
+        requested=np.zeros(n),
         goal=np.zeros(n),
         far=np.zeros(n),
         held=np.full(n, np.nan),
@@ -252,7 +252,7 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
         opening_time=np.zeros(n),
         program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),
         solver=daqp_memory(n + ROWS, PRIMAL_TOLERANCE, MOST_ITERATIONS),
-        told=np.zeros(4 * n + 4 * robots),
+        commanded=np.zeros(4 * n + 4 * robots),
         lead=lead,
         spares=np.zeros(REMEMBERED),
         spare_of=np.full((REMEMBERED, 2), NEVER, dtype=np.int64),

@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 
 
 @kernel(inline=False)
-def comes_to_anything(w: Workspace) -> bool:
+def reaches_anything(w: Workspace) -> bool:
     """Whether a contract is in force; else no pair need be asked for its own."""
     if w.settings[INTENTS] == 0:
         return False
@@ -80,11 +80,11 @@ def straight_contract(
         # The other robot does not come to it: it is where what is held is put down.
         return -1
     point = (c[POINT], c[POINT + 1], c[POINT + 2])
-    velocity = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.asked, m)
+    velocity = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.requested, m)
     first = m.robot_figures[r].first_joint
     closing = 0.0
     for q in range(first, first + m.robot_figures[r].joint_count):
-        closing += a.raw[q] * a.asked[q]
+        closing += a.raw[q] * a.requested[q]
     return k if closing >= TOWARDS * norm(velocity) else -1
 
 

@@ -22,28 +22,32 @@ def ask_for_tools(a: Response, w: Workspace, m: Motion) -> None:
     """Write what is asked of all joints; nothing of robots without a twist.
 
     Args:
-        a: Responses; `twists` are written already, `asked` is written.
+        a: Responses; `twists` are written already, `requested` is written.
         w: Workspace, after a cycle was opened.
         m: Motion.
     """
-    for j in range(a.asked.shape[0]):
-        a.asked[j] = 0.0
+    for j in range(a.requested.shape[0]):
+        a.requested[j] = 0.0
     for r in range(a.notes.shape[0]):
         first = m.robot_figures[r].first_joint
         end = first + m.robot_figures[r].joint_count
         size = 0
         for t in range(a.asking[TWIST_COUNT]):
-            told = a.twists[t]
-            if told[TOOL_ROBOT] != r:
+            commanded = a.twists[t]
+            if commanded[TOOL_ROBOT] != r:
                 continue
-            p = (told[TOOL_POINT], told[TOOL_POINT + 1], told[TOOL_POINT + 2])
-            body = int(told[TOOL_BODY])
+            p = (
+                commanded[TOOL_POINT],
+                commanded[TOOL_POINT + 1],
+                commanded[TOOL_POINT + 2],
+            )
+            body = int(commanded[TOOL_BODY])
             tool_columns(body, p, first, end, size, a.tool_columns, w, m)
             for k in range(6):
-                a.tool_speeds[size + k] = told[TOOL_TWIST + k]
+                a.tool_speeds[size + k] = commanded[TOOL_TWIST + k]
             size += 6
         if size > 0:
             lead_tools(
                 size, a.tool_speeds, first, end, a.tool_columns, a.tool_square,
-                a.raw, a.asked, w, m,
+                a.raw, a.requested, w, m,
             )  # fmt: skip

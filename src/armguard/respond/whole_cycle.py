@@ -39,15 +39,15 @@ FIRST_ORDERED, LAST_ORDERED = int(Reason.STOP_ORDERED), int(Reason.SHUTDOWN)
 
 @kernel(inline=False, entry=True)
 def run_filtered_cycle(
-    q: Floats, form: int, wish: Floats, response: Longs, lines: Longs
+    q: Floats, form: int, desired: Floats, response: Longs, lines: Longs
 ) -> int:
     """A whole cycle; for where the solver of programs can be called from kernels.
 
     Args:
         q: Joint positions, shape (n,) [rad or m].
         form: What is asked for: `VELOCITIES`, `POSITIONS`, `TWISTS` or `STANDSTILL`.
-        wish: Velocities or positions of all joints, shape (n,), or rows of twists one
-            after another, shape (k TWIST_ROW,), or the `Reason` of a stop, shape (1,).
+        desired: Velocities or positions of all joints, shape (n,), or rows of twists,
+            shape (k TWIST_ROW,), or the `Reason` of a stop, shape (1,).
             Of another length it is none, and the robots stop.
         response: Ledger of the responses.
         lines: Ledger of the workspace.
@@ -55,13 +55,13 @@ def run_filtered_cycle(
     Returns:
         How many places of the workspace's `out` were used.
     """
-    unsolved = begin_filtered_cycle(q, form, wish, response, lines)
+    unsolved = begin_filtered_cycle(q, form, desired, response, lines)
     return end_filtered_cycle(q, unsolved, response, lines)
 
 
 @kernel(inline=False, entry=True)
 def begin_filtered_cycle(
-    q: Floats, form: int, wish: Floats, response: Longs, lines: Longs
+    q: Floats, form: int, desired: Floats, response: Longs, lines: Longs
 ) -> int:
     """The same as far as programs are to be solved; the arguments are the same.
 
@@ -71,7 +71,7 @@ def begin_filtered_cycle(
     a, w = open_response(response), open_workspace(lines)
     if open_cycle(q, w) == 0:
         return NOT_JUDGED
-    take_wish(form, wish, a)
+    take_desired(form, desired, a)
     return respond(a, w)
 
 
@@ -91,12 +91,12 @@ def end_filtered_cycle(q: Floats, unsolved: int, response: Longs, lines: Longs) 
     open_programs = 0 if judged == 0 else unsolved
     used = finish(judged, open_programs, a, w)
     if judged == 0:
-        tell_what_is_said(q, a)
+        command_measured(q, a)
     return used
 
 
 @kernel
-def tell_what_is_said(q: Floats, a: Response) -> None:
+def command_measured(q: Floats, a: Response) -> None:
     """Before anything could be judged, tell robots to be where they say they are.
 
     Where they do not say it, NaN is told: any other position might be far from them.
@@ -106,29 +106,29 @@ def tell_what_is_said(q: Floats, a: Response) -> None:
         if isfinite(a.held[j]):
             continue
         known = q.shape[0] == n and isfinite(q[j])
-        a.told[n + j] = q[j] if known else np.nan
+        a.commanded[n + j] = q[j] if known else np.nan
 
 
 @kernel
-def take_wish(form: int, wish: Floats, a: Response) -> None:
+def take_desired(form: int, desired: Floats, a: Response) -> None:
     """Write what is asked for to where it is looked for."""
     a.asking[FORM] = form
     if form == STANDSTILL:
         # Whatever else is given for a reason, the stop is ordered.
-        known = wish.shape[0] == 1 and FIRST_ORDERED <= wish[0] <= LAST_ORDERED
-        a.asking[STOP_REASON] = int(wish[0]) if known else FIRST_ORDERED
+        known = desired.shape[0] == 1 and FIRST_ORDERED <= desired[0] <= LAST_ORDERED
+        a.asking[STOP_REASON] = int(desired[0]) if known else FIRST_ORDERED
         return
-    count = wish.shape[0] // TWIST_ROW
-    whole = count * TWIST_ROW == wish.shape[0] and count <= a.twists.shape[0]
+    count = desired.shape[0] // TWIST_ROW
+    whole = count * TWIST_ROW == desired.shape[0] and count <= a.twists.shape[0]
     if form == TWISTS and whole:
         a.asking[TWIST_COUNT] = count
         for k in range(count):
             for i in range(TWIST_ROW):
-                a.twists[k, i] = wish[k * TWIST_ROW + i]
+                a.twists[k, i] = desired[k * TWIST_ROW + i]
         return
     if form == TWISTS:
         a.asking[FORM] = VELOCITIES
-    into = a.goal if form == POSITIONS else a.asked
-    whole = form != TWISTS and wish.shape[0] == into.shape[0]
+    into = a.goal if form == POSITIONS else a.requested
+    whole = form != TWISTS and desired.shape[0] == into.shape[0]
     for j in range(into.shape[0]):
-        into[j] = wish[j] if whole else np.nan
+        into[j] = desired[j] if whole else np.nan

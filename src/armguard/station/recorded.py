@@ -13,7 +13,7 @@ from armguard.geometry.shapes import Shape
 from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command, Guard
-from armguard.respond.asked import reason_of_stop
+from armguard.respond.requested import reason_of_stop
 from armguard.scene.archive import archive_of, hash_of
 from armguard.scene.scene import Scene
 from armguard.station import frames

@@ -87,7 +87,7 @@ def conclude_judging(
     for k in range(used):
         d.numbers[k] = w.out[k]
     for k in range(d.told.shape[0]):
-        d.told[k] = a.told[k]
+        d.told[k] = a.commanded[k]
     d.given[USED] = used
     if d.given[ASK] != NOTHING:
         for j in range(d.held.shape[0]):
