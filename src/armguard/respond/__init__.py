@@ -1,4 +1,4 @@
-"""Act: what to tell the robots, so that what their operators ask for stays safe."""
+"""Response: filter of the operators' desired motion to safe commands."""
 
 from armguard.respond.command import Action, Blocked, Changed, Command, Held
 from armguard.respond.guard import Guard

@@ -1,7 +1,7 @@
 """Compile a part of the kernels into the cache.
 
 python -m armguard.respond [guarded]
-Started by a guard that finds nothing compiled, so that two processes share the work.
+A guard that finds no compiled kernels starts this process, so that two share the work.
 """
 
 import ctypes
@@ -16,7 +16,7 @@ PR_SET_PDEATHSIG = 1
 
 
 def end_with_parent() -> None:
-    """Have the kernel end this process when the one that started it ends."""
+    """Have the operating system kill this process when its parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 

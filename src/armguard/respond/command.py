@@ -1,4 +1,4 @@
-"""What a cycle of the filter gives back: what to tell the robots, and why."""
+"""Command: result of a cycle of the filter, with its reasons."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 class Action(IntEnum):
-    """What to have a robot do; a higher one is always the safer one."""
+    """What a client has a robot do; a higher value is always safer."""
 
     FOLLOW = 0
     """Send it the velocities."""
@@ -36,7 +36,7 @@ class Action(IntEnum):
 
 
 class Blocked(IntEnum):
-    """Why a robot does not follow its operator, or not at once."""
+    """Reason for which a robot does not follow its operator, or only later."""
 
     NOT = 0
     """It follows."""
@@ -76,7 +76,7 @@ class Blocked(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """The same for people."""
+        """Reason as a sentence."""
         return BLOCKED_SENTENCES[self]
 
 
@@ -97,7 +97,7 @@ BLOCKED_SENTENCES: dict[Blocked, str] = {
 
 
 class Changed(IntFlag):
-    """Why a robot that follows is told something else than it was asked for."""
+    """Reasons for which the command of a robot differs from the requested motion."""
 
     SPEED = 1
     """A joint's top speed, or the share of it that its robot may use."""
@@ -120,13 +120,13 @@ class Changed(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A robot that does not move before a person does something.
+    """Robot that is held at rest until its operator acts.
 
     Attributes:
-        robot: Its name.
-        blocked: What holds it: `STOPPED`, `FAR_START` or `LOCAL_MINIMUM`.
-        reason: Why it was stopped last; `OK` if it never was.
-        since: When that began, on the clock of the cycle [s].
+        robot: Name of the robot.
+        blocked: Why it is held: `STOPPED`, `FAR_START` or `LOCAL_MINIMUM`.
+        reason: Reason of its last stop; `OK` if there was none.
+        since: Time from which it is held, on the clock of the cycle [s].
     """
 
     robot: str
@@ -136,19 +136,19 @@ class Held:
 
     @property
     def until_engaged(self) -> bool:
-        """Whether it was ordered to stop, so that only `engage` lets it go on."""
+        """Whether its stop was ordered, so that only `engage` releases it."""
         return self.blocked is Blocked.STOPPED and self.reason in UNTIL_ENGAGED
 
     @property
     def cause(self) -> str:
-        """What holds it, in words."""
+        """Cause of the hold, in words."""
         if self.blocked is Blocked.STOPPED:
             return SENTENCES[self.reason]
         return CAUSES[self.blocked]
 
     @property
     def remedy(self) -> str:
-        """How it goes on, in words."""
+        """Remedy: what releases the robot, in words."""
         engage = f"call engage('{self.robot}')"
         if self.until_engaged:
             return engage
@@ -156,7 +156,7 @@ class Held:
 
     @property
     def sentence(self) -> str:
-        """Cause, time and remedy in words."""
+        """Start, cause and remedy of the hold, in words."""
         return (
             f"{self.robot} is held since {self.since:.1f} s ({self.cause}): "
             f"{self.remedy}"
@@ -175,8 +175,8 @@ REMEDIES: dict[Blocked, str] = {
 }
 
 
-# Phases in which a robot moves as it is told. One that rests until it may go on is to
-# be held where it is, as after any stop.
+# Phases in which a robot moves as commanded. A robot that rests until it may go on is
+# held at its position, as after any stop.
 DRIVEN = (RUNNING, RECOVERING)
 
 ACTIONS = {
@@ -186,13 +186,13 @@ ACTIONS = {
 
 
 class Command:
-    """What to tell the robots in this cycle; immutable, safe to keep.
+    """Command to the robots for this cycle; immutable, safe to keep.
 
     Attributes:
-        verdict: What was measured, what was proven, and why.
+        verdict: Verdict of the cycle: measurements, proofs, levels and reasons.
     """
 
-    # It is cut into its parts when they are asked for: a cycle has to make it.
+    # Properties split the numbers only on demand: each cycle constructs a command.
     __slots__ = ("_commanded", "_robots", "verdict")
 
     def __init__(
@@ -203,48 +203,49 @@ class Command:
         self.verdict = verdict
 
     def __repr__(self) -> str:
-        """Level, action and the sentence."""
+        """Level, action and sentence of the cycle."""
         return f"<Command {self.verdict.level.name} {self.action.name}: {self.why}>"
 
     def _of_joints(self, k: int) -> Floats:
-        """The k-th of the four numbers that are told of every joint."""
+        """Number k of the four numbers of each joint, shape (n,)."""
         n = (len(self._commanded) - 4 * len(self._robots)) // 4
         return self._commanded[k * n : (k + 1) * n]
 
     def _of_robots(self, k: int) -> Floats:
-        """The k-th of the four numbers that are told of every robot."""
+        """Number k of the four numbers of each robot, shape (r,)."""
         r = len(self._robots)
         first = len(self._commanded) - (4 - k) * r
         return self._commanded[first : first + r]
 
     @property
     def numbers(self) -> Floats:
-        """All numbers that were told, shape (4 n + 4 r,).
+        """All numbers of the command, shape (4 n + 4 r,).
 
-        With the robots of the scene and the verdict they make the same command again.
+        Together with the robots of the scene and the verdict they reproduce the
+        command.
         """
         return self._commanded
 
     @property
     def velocity(self) -> Floats:
-        """Velocity of each joint, in the order of `q_names`, shape (n,) [rad/s or m/s].
+        """Commanded joint velocities in the order of `q_names`, (n,) [rad/s or m/s].
 
-        Always to be sent, also while a robot stops.
+        Always send them, also while a robot stops.
         """
         return self._of_joints(0)
 
     @property
     def position(self) -> Floats:
-        """The same for robots that are told positions, shape (n,) [rad or m].
+        """Position set-points, for robots that take positions, shape (n,) [rad or m].
 
-        Where the velocities lead until the next cycle. NaN where a robot has not told
-        where it is since the start or a reset: then there is nothing to be sent.
+        The velocities lead to them until the next cycle. NaN if the joint was not
+        measured since the start or a reset: then send nothing.
         """
         return self._of_joints(1)
 
     @property
     def actions(self) -> Mapping[str, Action]:
-        """What to have each robot do."""
+        """Action of each robot, by name."""
         levels = self.verdict.levels
         rows = zip(self._robots, self._of_robots(1), self._of_robots(2), strict=True)
         return {
@@ -258,12 +259,12 @@ class Command:
 
     @property
     def action(self) -> Action:
-        """The highest of `actions`."""
+        """Highest of `actions`."""
         return max(self.actions.values())
 
     @property
     def blocked(self) -> Mapping[str, Blocked]:
-        """Why each robot does not simply follow its operator."""
+        """Reason for which each robot does not follow its operator, by name."""
         return {
             part.name: Blocked(int(why))
             for part, why in zip(self._robots, self._of_robots(0), strict=True)
@@ -271,9 +272,9 @@ class Command:
 
     @property
     def changed(self) -> Mapping[str, Changed]:
-        """Why each robot is told something else than it was asked for.
+        """Reasons for which the command of each robot differs from its request.
 
-        `Changed(0)` where it is told that bit for bit.
+        `Changed(0)` if the request passes bit for bit.
         """
         return {
             part.name: Changed(int(why))
@@ -282,7 +283,7 @@ class Command:
 
     @property
     def held(self) -> Mapping[str, Held]:
-        """Robots that do not move before a person does something, and why not."""
+        """Robots that are held at rest until their operators act, by name."""
         causes, blocked = self.verdict.last_causes, self.blocked
         return {
             part.name: Held(
@@ -294,7 +295,7 @@ class Command:
 
     @property
     def why(self) -> str:
-        """The cycle in words: robots that are held first, then the verdict's `why`."""
+        """Cycle in words: first the robots that are held, then the verdict's `why`."""
         said = [held.sentence for held in self.held.values()]
         if not said or self.verdict.reason not in (Reason.OK, *ORDERED):
             said.append(self.verdict.why)
@@ -302,7 +303,7 @@ class Command:
 
     @property
     def far_joints(self) -> tuple[str, ...]:
-        """Joints that are told positions far from where they are."""
+        """Joints whose requested positions are far from their set-points."""
         far = self._of_joints(3)
         return tuple(
             f"{part.name}/{joint}"
@@ -313,7 +314,7 @@ class Command:
 
     @property
     def passed(self) -> Mapping[str, float]:
-        """How much of what its operator asked for each robot was told, in [0, 1]."""
+        """Share of its request that each robot is commanded, in [0, 1] [-]."""
         commanded, requested = self._of_joints(0), self._of_joints(2)
         return {
             part.name: share_passed(commanded[own], requested[own])
@@ -323,7 +324,7 @@ class Command:
 
 
 def share_passed(commanded: Floats, requested: Floats) -> float:
-    """How much of what was asked for was told: along it, in [0, 1]."""
+    """Share of a request that is commanded: projection on the request, in [0, 1]."""
     size = float(requested @ requested)
     if size == 0.0:
         return 1.0

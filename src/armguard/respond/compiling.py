@@ -1,7 +1,7 @@
-"""The one start in which kernels have to be compiled: said before, and done by two.
+"""First start: two processes compile the kernels and report progress.
 
-Of several programs that start at once one compiles, and the others wait for it: each
-would do the same work, and all would take as long as all of it.
+If several programs start at once, one compiles and the others wait for it. Otherwise
+each would repeat the whole work.
 """
 
 import fcntl
@@ -35,28 +35,28 @@ from armguard.scene.scene import Scene
 from armguard.scene.settings import Mode
 from armguard.separate import link
 
-# Makes a guard of a scene, and calls what its cycles call.
+# Function that makes a guard of a scene and calls the kernels of its cycles.
 TryOut = Callable[[Scene], None]
 
-# Longest the other process is waited for [s]; without it this one compiles all.
+# Greatest time to wait for the other process [s]; without it this one compiles all.
 PATIENCE = 600.0
 
-# Written to the cache when all is there that a guard needs, without and with stops.
+# Files that mark a complete cache, without and with the prediction of stops.
 READY = "fixed.ready"
 GUARDED_READY = "guarded.ready"
 
-# Roughly how many files that are, without and with stops.
+# Approximate number of files of a complete cache, without and with stops.
 FILES, GUARDED_FILES = 280, 700
 
-# Between two such sentences [s].
+# Time between two sentences on the progress [s].
 SAYS = 10.0
 
-# Held by who compiles. It is let go of when he ends, however he does.
+# File that the compiling process locks. The lock ends with the process.
 LOCK = "compiling.lock"
 
 
 def is_compiled(guarded: bool) -> bool:
-    """Whether a guard's machine code came with the wheel or lies in the cache."""
+    """Whether a guard's machine code is in the wheel or in the cache."""
     return (
         READY_CODE is not None
         or (KERNEL_CACHE / (GUARDED_READY if guarded else READY)).exists()
@@ -65,23 +65,23 @@ def is_compiled(guarded: bool) -> bool:
 
 @contextmanager
 def only_compiler() -> Iterator[None]:
-    """Wait until nobody else compiles into this cache."""
+    """Lock this cache, after any other process that compiles into it."""
     KERNEL_CACHE.mkdir(parents=True, exist_ok=True)
     with (KERNEL_CACHE / LOCK).open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX)
         except OSError:
-            # A folder that knows no locks: work may be done twice.
+            # A file system without locks: two processes may do the same work.
             pass
         yield
 
 
 class TimeLeft(event.Listener):  # type: ignore[misc]
-    """Says now and then, between two kernels, how much is compiled.
+    """Progress report between two kernels, at most one every `SAYS` seconds.
 
     Args:
-        say: Is given the sentence.
-        files: How many files there will be.
+        say: Function that takes the sentence.
+        files: Expected number of files.
     """
 
     def __init__(self, say: Callable[[str], None], files: int) -> None:
@@ -90,10 +90,10 @@ class TimeLeft(event.Listener):  # type: ignore[misc]
         self._kept = count_files()
 
     def on_start(self, _event: Any) -> None:
-        """Nothing: a kernel is begun."""
+        """Do nothing when a kernel is begun."""
 
     def on_end(self, _event: Any) -> None:
-        """A kernel is compiled, here."""
+        """Report progress when this process has compiled a kernel."""
         now = monotonic()
         if now - self._said < SAYS:
             return
@@ -103,18 +103,18 @@ class TimeLeft(event.Listener):  # type: ignore[misc]
 
 
 def count_files() -> int:
-    """How many kernels are kept, of both processes."""
+    """Number of kernels of both processes in the cache."""
     return sum(1 for _ in KERNEL_CACHE.rglob("*.nbc"))
 
 
 def time_left(done: int, kept: int, files: int, took: float) -> str:
-    """How much is compiled, and how long the rest will take.
+    """Sentence with the compiled share and the time left.
 
     Args:
-        done: Files there are.
-        kept: Files there were.
-        files: Files there will be.
-        took: What those between have taken [s].
+        done: Files in the cache now.
+        kept: Files in the cache at the start.
+        files: Expected number of files.
+        took: Time since the start [s].
     """
     done = min(done, files - 1)
     percent = 100 * done // files
@@ -127,18 +127,18 @@ def time_left(done: int, kept: int, files: int, took: float) -> str:
 def compile_ahead(
     progress: Callable[[str], None] | None, guarded: bool, try_out: TryOut
 ) -> None:
-    """Compile here and in another process, unless all is kept.
+    """Compile here and in another process, unless the cache is complete.
 
-    Numba compiles one kernel at a time. Two processes share the cache on disk: what the
-    other one has compiled is loaded when this one comes to it. Here go the distances
-    and the cycle with fixed buffers, there the octree; the filter and the prediction of
-    stops are begun at both ends.
+    Numba compiles one kernel at a time. Two processes share the cache on disk: this one
+    loads each kernel that the other one has compiled. This process compiles the
+    distances and the cycle with fixed buffers, the other one the octree. They start the
+    filter and the prediction of stops from opposite ends.
 
     Args:
-        progress: Given a sentence before, since it takes a minute or more, and now and
-            then how much is left.
-        guarded: Whether stops are to be predicted; their kernels take as long again.
-        try_out: Makes a guard of a scene, and calls what its cycles call.
+        progress: Function that takes a sentence before the start, since compiling takes
+            a minute or more, and then sentences with the time left.
+        guarded: Whether stops are predicted; their kernels take as long again.
+        try_out: Function that makes a guard of a scene and calls its kernels.
     """
     if numba.config.DISABLE_JIT or is_compiled(guarded):
         return
@@ -156,7 +156,7 @@ def compile_ahead(
 
 
 def compile_by_two(guarded: bool, try_out: TryOut) -> None:
-    """Compile all a guard needs: half of it in another process, if there is a core."""
+    """Compile all kernels of a guard, half of them in another process if it can run."""
     if (os.cpu_count() or 1) < 2:
         compile_there(guarded, try_out)
         compile_here(guarded, try_out)
@@ -179,7 +179,7 @@ def compile_by_two(guarded: bool, try_out: TryOut) -> None:
 
 
 def one_joint() -> RobotModel:
-    """The smallest robot there is."""
+    """Smallest robot: one joint and one capsule."""
     rod = Capsule(start=(0.1, 0.0, 0.0), end=(0.4, 0.0, 0.0), radius=0.05)
     element = CollisionElement(geometry=rod, T_link_geometry=np.eye(4))
     return RobotModel(
@@ -207,7 +207,7 @@ def one_joint() -> RobotModel:
 
 
 def compile_cycle(mode: Mode, try_out: TryOut) -> None:
-    """Guard the smallest scene for a cycle."""
+    """Compile the cycle of a mode by guarding the smallest scene."""
     model = one_joint()
     scene = Scene(mode=mode)
     figures = stopping_figures(model, deceleration=4.0)
@@ -217,7 +217,7 @@ def compile_cycle(mode: Mode, try_out: TryOut) -> None:
 
 
 def compile_filter(last_first: bool) -> None:
-    """Compile the filtered cycle and all that it calls, see `link`."""
+    """Compile the filtered cycle and all kernels that it calls, see `link`."""
     link(run_filtered_cycle, last_first)
     lines, numbers = numba.int64[::1], numba.float64[::1]
     given = (numbers, numba.int64, numbers, lines, lines)
@@ -231,7 +231,7 @@ def compile_filter(last_first: bool) -> None:
 
 
 def compile_here(guarded: bool, try_out: TryOut) -> None:
-    """The part of a guard that starts: distances, fixed buffers, half of the filter."""
+    """Compile this process's part: distances, fixed buffers, half of the filter."""
     row, out = np.zeros(ROW_WIDTH), np.zeros(WITNESS_WIDTH)
     measure(int(ShapeKind.SPHERE), row, int(ShapeKind.SPHERE), row, out)
     compile_cycle("fixed", try_out)
@@ -240,7 +240,7 @@ def compile_here(guarded: bool, try_out: TryOut) -> None:
 
 
 def compile_there(guarded: bool, try_out: TryOut) -> None:
-    """The part of the other process: the octree, half of the filter, paths."""
+    """Compile the other process's part: octree, half of the filter, paths."""
     compile_octree()
     if guarded:
         compile_filter(last_first=False)

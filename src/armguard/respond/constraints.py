@@ -1,4 +1,4 @@
-"""Rows of a robot's program: what a near pair lets it do."""
+"""Constraint rows of a robot's quadratic program: bounds that a near pair sets."""
 
 from math import inf, sqrt
 
@@ -34,22 +34,23 @@ from armguard.respond.straight import (
 
 Floats = NDArray[np.float64]
 
-# Time in which a pair that is approached loses all but 1/e of what it has left [s].
+# Time constant at which an approach row lets the clearance of a pair decrease [s].
 APPROACH_TIME = 0.06
 
-# The same of all it has left besides, joint by joint: enough to meet it softly [s].
+# Time constant at which a holding row lets the clearance decrease: it must be long
+# enough for a smooth approach [s].
 HOLDING_TIME = 0.008
 
-# Share of what can be had in a cycle that a pair which is to be opened asks for [-].
+# Share of the possible opening of a cycle that an opening pair requires at most [-].
 OPENING = 0.5
 
-# What a velocity may break a row by and still count as keeping it [m/s].
+# Greatest violation of a row at which a velocity still counts as satisfying it [m/s].
 GRAIN = 1e-9
 
 
 @kernel
 def closing_of(r: int, raw: Floats, target: Floats, m: Motion) -> float:
-    """How fast a robot's own part of what is wanted closes a pair [m/s]."""
+    """Speed at which a robot's own joints close a pair at some velocities [m/s]."""
     first = m.robot_figures[r].first_joint
     total = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
@@ -59,13 +60,13 @@ def closing_of(r: int, raw: Floats, target: Floats, m: Motion) -> float:
 
 @kernel
 def surely_opens_by(r: int, raw: Floats, a: Response, m: Motion) -> bool:
-    """Whether a robot's target opens a pair, and what is asked of it surely does.
+    """Whether a robot's target opens a pair, and its request surely opens it.
 
-    Surely is wherever in its error of tracking each joint is.
+    Surely: at any tracking error within the declared bound.
 
     Args:
         r: The robot.
-        raw: How fast each joint closes the pair, shape (n,).
+        raw: Distance gradient: rate at which each joint closes the pair, shape (n,).
         a: Responses.
         m: Motion.
     """
@@ -79,9 +80,9 @@ def surely_opens_by(r: int, raw: Floats, a: Response, m: Motion) -> bool:
 
 @kernel
 def part_of(r: int, other: int, own: float, its: float, settings: Floats) -> float:
-    """Share of what a pair of two robots has left that goes to one of them.
+    """Share of one robot in the clearance of its pair with another robot, in [0, 1].
 
-    Nobody is given credit for what the other one does to open the pair: it may stop.
+    No robot gets credit for the other one that opens the pair: that one may stop.
     """
     if settings[r, SHARING] == EQUALLY:
         return 0.5
@@ -96,11 +97,11 @@ def part_of(r: int, other: int, own: float, its: float, settings: Floats) -> flo
 
 @kernel
 def add_opening(r: int, a: Response, m: Motion) -> None:
-    """Add the row that has a robot surely open a pair.
+    """Add the row that requires a robot to surely open a pair.
 
     Args:
         r: The robot.
-        a: Responses; `raw` holds how fast each joint closes the pair.
+        a: Responses; `raw` holds the distance gradient of the pair.
         m: Motion.
     """
     first = m.robot_figures[r].first_joint
@@ -118,13 +119,13 @@ def add_opening(r: int, a: Response, m: Motion) -> None:
 def add_approach(
     r: int, left: float, opens: bool, a: Response, v: Watch, m: Motion
 ) -> None:
-    """Add the row that lets a robot approach a pair, or has it open one.
+    """Add the approach row: it bounds the loss of clearance, or requires opening.
 
     Args:
         r: The robot.
-        left: Its share of what the pair may lose in all [m].
-        opens: Whether it moves to open a pair that has too little left.
-        a: Responses; `raw` holds how fast each joint closes the pair.
+        left: Its share of the clearance of the pair [m].
+        opens: Whether the robot moves to open a pair with too little clearance.
+        a: Responses; `raw` holds the distance gradient of the pair.
         v: Watch.
         m: Motion.
     """
@@ -138,7 +139,7 @@ def add_approach(
         limit += cost * v.commanded[j]
         limit -= dt * a.raw[j] * a.missed[j]
         a.rows[at, j] = a.raw[j] * dt + cost
-    # How fast it may be approached matters to nobody who opens it.
+    # A robot that opens the pair needs no bound on the approach.
     keep_row(r, first, end, at, limit, inf, opens, a)
 
 
@@ -146,17 +147,17 @@ def add_approach(
 def add_holding(
     r: int, left: float, opens: bool, a: Response, v: Watch, m: Motion
 ) -> None:
-    """Add the row that keeps a pair provable, whichever joint stops first.
+    """Add the holding row: it keeps a pair provable, whichever joint stops first.
 
-    A joint that closes the pair is given no credit for one that opens it: that one may
-    stop sooner. Who opens the pair may use up at once what it has left, for it has more
-    in the next cycle; who closes it only a share of that.
+    A joint that closes the pair gets no credit for one that opens it: that one may stop
+    sooner. A robot that opens the pair may use all of its clearance at once, for it has
+    more in the next cycle. A robot that closes it may use only a share.
 
     Args:
         r: The robot.
-        left: Its share of what the pair may lose in all [m].
-        opens: Whether it moves to open a pair that has too little left.
-        a: Responses; `raw` holds how fast each joint closes the pair.
+        left: Its share of the clearance of the pair [m].
+        opens: Whether the robot moves to open a pair with too little clearance.
+        a: Responses; `raw` holds the distance gradient of the pair.
         v: Watch.
         m: Motion.
     """
@@ -178,13 +179,13 @@ def add_holding(
 
 @kernel
 def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
-    """What a pair may lose by a robot's motion until what is told now can matter [m].
+    """Clearance a robot may use up before a command of this cycle takes effect [m].
 
-    What is told moves it, and its drives may miss that all at once.
+    The last command moves it, and all its joints may have their tracking errors.
 
     Args:
         r: The robot.
-        a: Responses; `raw` holds how fast each joint closes the pair.
+        a: Responses; `raw` holds the distance gradient of the pair.
         v: Watch.
         m: Motion.
     """
@@ -198,7 +199,7 @@ def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
 
 @kernel
 def time_to_effect(r: int, m: Motion) -> float:
-    """Time until what a robot is told now surely takes effect [s]."""
+    """Time until a command to a robot in this cycle surely takes effect [s]."""
     return float(m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION])
 
 
@@ -214,16 +215,16 @@ def add_contract(
     w: Workspace,
     m: Motion,
 ) -> None:
-    """Add the row that lets a robot close a pair as slowly as its contract asks.
+    """Add the row that bounds the closing speed of a pair under a contract.
 
     Args:
         r: The robot.
-        part: Its share of the speed.
+        part: Its share of the speed [-].
         i: First primitive.
         j: Second primitive.
-        distance: Their distance [m].
-        opens: Whether it slows down harder than its stop is declared, if it has to.
-        a: Responses; `raw` holds how fast each joint closes the pair.
+        distance: Signed distance of the two [m].
+        opens: Whether the robot may brake harder than its declared stop.
+        a: Responses; `raw` holds the distance gradient of the pair.
         w: Workspace.
         m: Motion.
     """
@@ -239,7 +240,7 @@ def add_contract(
     c = h.contracts[k]
     limit = part * granted_speed(r, distance, c, m)
     if c[STATE] == ENDING and c[CONTRACT_KIND] == BY_INTENT:
-        # What is not meant any more is come no nearer to.
+        # The object is no grasp target any more: approach it no further.
         limit = 0.0
     keep_row(r, first, end, at, limit, limit, opens, a)
 
@@ -255,16 +256,16 @@ def keep_row(
     opens: bool,
     a: Response,
 ) -> None:
-    """Scale a row to length 1, and keep it if a velocity in reach can break it.
+    """Scale a row to length 1, and keep it if an admissible velocity can violate it.
 
     Args:
         r: The robot.
-        first: Its first joint.
-        end: The one behind its last.
-        at: The row.
-        limit: What it must not exceed.
-        passing: The same for a target that opens every near pair.
-        opens: Whether the robot moves to keep it.
+        first: First joint of the robot.
+        end: One behind its last joint.
+        at: Place of the row.
+        limit: Upper bound of the row.
+        passing: Upper bound for a target that opens every near pair.
+        opens: Whether the robot moves to satisfy the row.
         a: Responses.
     """
     rows = a.rows

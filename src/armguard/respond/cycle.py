@@ -1,7 +1,7 @@
-"""Between the halves of a filtered cycle: from what is asked for to what is told.
+"""Response stage of a filtered cycle: from the requested to the commanded motion.
 
-What is asked for -> who follows -> limits -> rows -> the target, or a program to be
-solved -> (proof) -> what is told, and what is held.
+Request -> engagement -> limits -> constraint rows -> target, or a quadratic program to
+solve -> (proof) -> commanded velocities and set-points.
 """
 
 from math import inf, isfinite, nan, sqrt
@@ -80,25 +80,25 @@ LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
 
 BY_PROOF = int(Changed.PROOF)
 
-# Share of the least deceleration with which a joint goes to a position [-].
+# Share of its deceleration with which a joint brakes at a requested position [-].
 GENTLE = 0.5
 
-# How far what was told may lead the measured positions before it is drawn back [s].
+# Greatest lead of the set-points before the measured positions, as time at the fastest
+# speed of the joint [s].
 LEAD_TIME = 0.1
 
 
 @kernel(separate=True)
 def respond(a: Response, w: Workspace) -> int:
-    """Turn what is asked for into a target that is to be proven.
+    """Turn the request into a target velocity that is to be proven.
 
     Args:
-        a: The responses; `requested` or `goal` is written
-            already.
+        a: The responses; `requested` or `goal` is written already.
         w: The workspace, after `open_cycle`.
 
     Returns:
-        Robots whose program is to be solved, a bit for each; where the solver can be
-        called from here, those for which that did not succeed.
+        Robots whose program is to be solved, a bit for each; if kernels can call the
+        solver, the robots whose program has no solution.
     """
     v, m = w.watch, w.motion
     hold(a, v, m)
@@ -122,7 +122,7 @@ def respond(a: Response, w: Workspace) -> int:
             a.notes[r, CHANGED] |= BY_ROWS
             kind = a.settings[r, KIND]
             if a.notes[r, TANGLED] != 0:
-                # Whatever its response: only some joints together lead out.
+                # Under any response: only coupled joints lead out.
                 open_programs |= 1 << r
             elif retreats(r, a):
                 scale_back(r, a, m)
@@ -130,7 +130,7 @@ def respond(a: Response, w: Workspace) -> int:
                 slow_fingers(r, a, w, m)
                 scale_back(r, a, m)
                 if a.notes[r, CROWDED] == 0 and breaks_rows(r, a.limits, a, m):
-                    # What is touched is opened, though that is nobody's way.
+                    # A touching pair has to open, although the robot leaves its path.
                     open_programs |= 1 << r
             elif kind == DEFLECT or kind == FIELD:
                 open_programs |= 1 << r
@@ -141,7 +141,7 @@ def respond(a: Response, w: Workspace) -> int:
 
 @kernel
 def take_requested(a: Response, v: Watch, m: Motion) -> None:
-    """Check what is asked for; where positions are, turn them into velocities."""
+    """Check the request, and turn requested positions into velocities."""
     if a.asking[FORM] == STANDSTILL:
         for j in range(a.requested.shape[0]):
             a.requested[j] = a.far[j] = 0.0
@@ -166,7 +166,10 @@ def take_requested(a: Response, v: Watch, m: Motion) -> None:
 
 @kernel
 def speed_to(way: float, deceleration: float, period: float) -> float:
-    """Speed that leads a way far and stops there, a cycle at that speed included."""
+    """Speed from which a joint can still stop at a distance, after one more cycle.
+
+    [rad/s or m/s]
+    """
     d = GENTLE * deceleration
     speed = d * (sqrt(period * period + 2.0 * way / d) - period)
     return float(min(way / period, speed))
@@ -174,16 +177,16 @@ def speed_to(way: float, deceleration: float, period: float) -> float:
 
 @kernel(separate=True)
 def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
-    """Prove the target, order stops, and write what the robots are told.
+    """Prove the target, order stops and write the command.
 
     Args:
-        judged: What `open_cycle` returned.
+        judged: Result of `open_cycle`.
         unsolved: Robots whose program has no solution, a bit for each.
         a: The responses.
         w: The workspace.
 
     Returns:
-        How many places of the workspace's `out` were used.
+        Number of places of the workspace's `out` that were used.
     """
     v, m = w.watch, w.motion
     for r in range(a.notes.shape[0]):
@@ -196,7 +199,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
         v.wanted[j] = a.target[j]
     close_cycle(judged, w)
     if judged == 0:
-        # Nobody asked what was wanted; a stop may be over before the next who does.
+        # `engage` did not run; a stop may be over before the next cycle that runs it.
         for r in range(a.notes.shape[0]):
             wait_if_stopped(r, a, v)
     note_leads(judged, a, w)
@@ -209,7 +212,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
 def settle_target(
     r: int, unsolved: int, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Take the declared stop where nothing was found; say who leaves what is near."""
+    """Take the declared stop if no solution was found; note which robots recover."""
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     tangled = a.notes[r, TANGLED] != 0 and v.evades[r] == 0
@@ -222,7 +225,7 @@ def settle_target(
         room = sure_share(r, a, w, v, m) < inf
     for j in range(first, end):
         if tangled and a.notes[r, ASKS] == 0:
-            # The way out was looked for only to know whether there is one.
+            # The program was solved only to know whether an escape direction exists.
             a.target[j] = a.brake[j]
         moves |= abs(a.target[j]) > NO_REQUEST
     if unsolved != 0 and not tangled:
@@ -245,7 +248,7 @@ def settle_target(
 
 @kernel
 def note_changes(judged: int, a: Response, v: Watch, m: Motion) -> None:
-    """Note which robots are told less than their target, as no proof was found."""
+    """Note the robots that are commanded less than their target for lack of a proof."""
     for r in range(a.notes.shape[0]):
         if judged == 0:
             a.notes[r, CHANGED] = BY_PROOF
@@ -257,7 +260,7 @@ def note_changes(judged: int, a: Response, v: Watch, m: Motion) -> None:
 
 @kernel
 def hold(a: Response, v: Watch, m: Motion) -> None:
-    """Sum up where the joints were told to be by now; never far from where they are."""
+    """Integrate the position set-points; keep them near the measured positions."""
     time = time_passed(v)
     for j in range(a.held.shape[0]):
         if v.sent_count[0] == 0 or not isfinite(a.held[j]):
@@ -271,7 +274,7 @@ def hold(a: Response, v: Watch, m: Motion) -> None:
 
 @kernel
 def write_command(a: Response, v: Watch) -> None:
-    """Write what is handed out, see `Command`."""
+    """Write the numbers of the command, see `Command`."""
     n = a.held.shape[0]
     for j in range(n):
         a.commanded[j] = v.wanted[j]
@@ -292,9 +295,9 @@ def write_command(a: Response, v: Watch) -> None:
 
 @kernel
 def waits_for_a_person(r: int, a: Response, v: Watch) -> bool:
-    """Whether a robot does not move, and will not before its operator does something.
+    """Whether a robot is at rest and waits for its operator.
 
-    One that is still being stopped does not wait yet.
+    A robot that is still being stopped does not wait yet.
     """
     blocked, phase = a.notes[r, BLOCKED], v.phase[r]
     waits = blocked == STOPPED or blocked == FAR_START or blocked == LOCAL_MINIMUM

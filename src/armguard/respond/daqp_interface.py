@@ -1,9 +1,8 @@
-"""DAQP by its C interface: called from compiled code, with memory made once.
+"""C interface of DAQP: called from compiled code, with memory allocated once.
 
-Handed over from Python a program takes five times as long as DAQP needs to solve it.
-The library inside the wheel exports `daqp_quadprog`, which takes three structures.
-Their layout is that of one version; with any other, programs are solved by way of
-Python.
+A call from Python takes five times as long as DAQP needs to solve the program. The
+library inside the wheel exports `daqp_quadprog`, which takes three structures. Their
+layout is that of one version; with any other version, Python solves the programs.
 """
 
 import ctypes
@@ -19,8 +18,8 @@ Longs = NDArray[np.int64]
 # Versions whose structures are laid out as below.
 KNOWN = ("0.11.0",)
 
-# The memory, in words of 8 bytes: the function's address, 0 if it cannot be called;
-# then the structures.
+# Layout of the memory, in words of 8 bytes: the function's address, 0 if it cannot be
+# called; then the structures.
 FUNCTION = 0
 PROBLEM = 1  # n, m | ms | H | f | A | upper | lower | sense | break points | 2 numbers
 RESULT = 11  # x | multipliers | cost | slack | flag, iterations | nodes | 2 times
@@ -33,17 +32,17 @@ BOUNDED = 1
 POINTERS = 2
 FLAG = 4
 
-# Places in the settings: the first is a tolerance, and of a word of two numbers the
+# Places in the settings: the primal tolerance; a word of two numbers, of which the
 # second is the greatest number of iterations.
 PRIMAL_TOLERANCE = 0
 ITERATIONS = 5
 
 
 def daqp_memory(constraints: int, tolerance: float, iterations: int) -> Longs:
-    """Memory for programs of up to so many constraints.
+    """Memory of the solver for programs of a greatest size.
 
     Args:
-        constraints: Bounds and rows.
+        constraints: Greatest number of bounds and rows.
         tolerance: Primal tolerance.
         iterations: Iterations after which a program counts as unsolved.
     """

@@ -1,11 +1,11 @@
-"""Who follows its operator: one machine for start, stop, resume and catching up.
+"""Engagement: state machine of a robot for start, stop, resume and catching up.
 
-A robot that was stopped is not given back to a command that never let go of it: its
-operator first asks for nothing, or for a way that leads away from all that is near, or
-engages it; after a stop that was ordered, only the last. Where positions are told, it
-is given back when they are near it; if they are not it catches up slowly, or is refused
-at the start, with the joints named. So it does when it was held back until they are
-far: nothing is caught up with at speed.
+A robot that was stopped does not follow a command that merely goes on. Its operator
+first requests zero velocity, or motion away from all near pairs, or engages it; after
+an ordered stop, only `engage` releases it. If positions are requested, the robot
+follows them when they are near. If they are far it catches up slowly, or it is refused
+at the start, with the joints named. A robot that was delayed until they are far also
+catches up slowly.
 """
 
 from enum import IntEnum
@@ -44,16 +44,16 @@ from armguard.respond.state import (
     Response,
 )
 
-# Below this no joint counts as asked to move [rad/s or m/s].
+# Below this requested speed a joint counts as not requested to move [rad/s or m/s].
 NO_REQUEST = 1e-6
 
 
-# Share of the distance that counts as far, from which on it is near again [-].
+# Share of the far distance below which a position is near again [-].
 NEAR_AGAIN = 0.5
 
 
 class Standing(IntEnum):
-    """How a robot stands to its operator."""
+    """Engagement of a robot by its operator."""
 
     FOLLOWING = 0
     CATCHING_UP = 1
@@ -78,10 +78,10 @@ RESTARTED = int(Reason.RESTARTED)
 
 @kernel
 def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
-    """Go on by a cycle: say whether a robot follows, and how fast it may.
+    """Update the engagement of a robot by a cycle, and its share of top speeds.
 
     Returns:
-        Whether it is told anything of what is asked for.
+        Whether it follows the request, at least in part.
     """
     notes, phase = a.notes[r], v.phase[r]
     a.speed[r] = 1.0
@@ -103,7 +103,7 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
         return True
     stuck = phase == RESTING and v.must[r] != 0
     if stuck or phase == RECOVERING:
-        # Who asks for a way out is given it, whatever else he has to do first.
+        # A requested recovery is granted, whatever the robot waits for.
         notes[BLOCKED], notes[RETREATS] = TOO_NEAR, 1
         a.speed[r] = a.settings[r, RECOVER_SPEED]
         return True
@@ -114,7 +114,11 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
 
 @kernel
 def wait_if_stopped(r: int, a: Response, v: Watch) -> bool:
-    """Have a robot wait for its operator if it is being stopped; whether it is."""
+    """Have a robot wait for its operator if it is being stopped.
+
+    Returns:
+        Whether it is being stopped.
+    """
     notes, phase = a.notes[r], v.phase[r]
     if phase != STOPPING and phase != BRAKING and phase != LOST:
         return False
@@ -125,7 +129,11 @@ def wait_if_stopped(r: int, a: Response, v: Watch) -> bool:
 
 @kernel
 def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
-    """Have a robot wait while a stop is ordered, and after one until it is engaged."""
+    """Have a robot wait during an ordered stop, and afterwards until it is engaged.
+
+    Returns:
+        Whether it waits.
+    """
     notes, phase = a.notes[r], v.phase[r]
     why = 0
     if a.asking[FORM] == STANDSTILL:
@@ -138,7 +146,7 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
         return False
     rests = phase == RUNNING or phase == RESTING
     if rests and (notes[ORDERED] != 0 or v.cause[r] == OK):
-        # Whatever stopped it before or meanwhile, this is what it waits for.
+        # The order replaces any other cause of the stop: `engage` must lift it.
         v.cause[r] = why
     notes[STATE], notes[BLOCKED] = WAITING, STOPPED
     notes[GAVE_POSITIONS] = notes[REFUSED] = 0
@@ -147,7 +155,7 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
 
 @kernel
 def stand_to_velocities(r: int, a: Response) -> None:
-    """Velocities: let go once, or led away, and it follows again."""
+    """Update the engagement under velocities: zero or opening velocity releases it."""
     notes = a.notes[r]
     notes[GAVE_POSITIONS] = 0
     asks = notes[ASKS] != 0
@@ -158,7 +166,7 @@ def stand_to_velocities(r: int, a: Response) -> None:
 
 @kernel
 def stand_to_positions(r: int, a: Response, m: Motion) -> None:
-    """Positions: it follows those that are near it."""
+    """Update the engagement under positions: the robot follows those that are near."""
     notes, settings = a.notes[r], a.settings[r]
     first = m.robot_figures[r].first_joint
     farthest = 0.0
@@ -167,7 +175,7 @@ def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     if farthest <= NEAR_AGAIN * settings[FAR]:
         notes[STATE] = FOLLOWING
     elif farthest > settings[FAR] and notes[STATE] == FOLLOWING:
-        # It was held back, or the master jumped; or it starts elsewhere.
+        # The robot was delayed, the master jumped, or the robot starts elsewhere.
         notes[STATE] = CATCHING_UP
         if notes[GAVE_POSITIONS] == 0 and settings[FAR_START] != 0.0:
             notes[STATE], notes[REFUSED] = WAITING, 1

@@ -1,4 +1,4 @@
-"""What getting out of the way needs and remembers: arrays made once."""
+"""State of the evasion of approaching obstacles: arrays allocated once."""
 
 from typing import NamedTuple
 
@@ -14,80 +14,81 @@ from armguard.table import LongMatrix, LongVector, Matrix, Vector, table
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# Places in what is remembered of a robot.
-EVADING = 0  # 1 while it gets out of the way of something
-HAS_WAY = 1  # 1 if a way was chosen; else it is to stay
-NEXT_TRY = 2  # the way that is judged next
-KNOWN = 3  # 1 + the best way it knows while it waits; 0 if it knows none
-TRIED = 4  # how many it judged while it waits since it knew a good one
+# Places in the notes of a robot.
+EVADING = 0  # 1 while it evades an approaching obstacle
+HAS_WAY = 1  # 1 if an escape motion was chosen; else it stays
+NEXT_TRY = 2  # number of the escape motion that is judged next
+KNOWN = 3  # 1 + number of the best known escape motion while it waits; 0 for none
+TRIED = 4  # escape motions judged while it waits, since it last knew a good one
 ESCAPE_NOTES = 5
 
-# The same in numbers.
-LEFT = 0  # time for which the chosen way goes on [s]
-DONE = 1  # time since nothing comes any more [s]
-WORTH = 2  # what the best way it knows while it waits is worth [m]
+# Places in the memory of a robot.
+LEFT = 0  # time for which the chosen motion goes on [s]
+DONE = 1  # time since the last obstacle approached [s]
+WORTH = 2  # least gap on the best known motion while it waits [m]
 ESCAPE_MEMORY = 3
 
-# Places in `Escape.counts`, what a robot's ways are judged with in this cycle.
-OWN_COUNT = 0  # its primitives
-APPROACHING_COUNT = 1  # primitives that come at it
-OTHER_COUNT = 2  # all else that is near its reach
+# Places in `Escape.counts`: primitives that the escape motions of a robot are judged
+# with in this cycle.
+OWN_COUNT = 0  # primitives of the robot
+APPROACHING_COUNT = 1  # primitives of approaching obstacles
+OTHER_COUNT = 2  # other primitives near its workspace
 SPENT = 3  # primitives that were placed
 COUNTS = 4
 
-# Places in `Escape.plan`, the way that is judged.
-DELAY = 0  # until what is told now takes effect [s]
-RISE = 1  # time in which it changes to the velocities of the way [s]
-GO = 2  # time after the delay at which it begins to come to rest [s]
-FALL = 3  # time in which it does [s]
-HALT = 4  # when something else stops it; infinite if nothing does [s]
-HORIZON = 5  # when all that comes has passed [s]
-RATE = 6  # how fast any of its points may approach what comes [m/s]
-WHEN = 7  # when something came nearer than is called near; infinite if never [s]
-GAP = 8  # the least gap that was found [m]
-ROBOT_PRIMITIVE = 9  # primitive it was found for
-OBSTACLE_PRIMITIVE = 10  # primitive that came
-NOW_GAP = 11  # the gap where the robot is; not a number if nobody looked yet [m]
+# Places in `Escape.plan`, the escape motion that is judged.
+DELAY = 0  # time until a command of this cycle takes effect [s]
+RISE = 1  # time in which the joints reach the velocities of the motion [s]
+GO = 2  # time after the delay at which the joints begin to brake [s]
+FALL = 3  # time in which they come to rest [s]
+HALT = 4  # time at which another body stops it; infinite if none does [s]
+HORIZON = 5  # time at which all approaching obstacles have passed [s]
+RATE = 6  # bound on the closing speed of its points and the obstacles [m/s]
+WHEN = 7  # first time at which the gap is below `NEAR`; infinite if never [s]
+GAP = 8  # least gap that was found [m]
+ROBOT_PRIMITIVE = 9  # primitive of the robot at the least gap
+OBSTACLE_PRIMITIVE = 10  # primitive of the obstacle at the least gap
+NOW_GAP = 11  # gap at the present positions; NaN before it was measured [m]
 PLAN = 12
 
-# Primitives that come at a robot at once that are looked at.
+# Greatest number of approaching primitives that are considered for a robot.
 MOST_APPROACHING = 16
 
-# Directions in which an arm may be led that favour none of its joints.
+# Directions in joint space that fill it evenly.
 SPREADS = 32
 
-# A joint that slides by less than this is a finger's: it leads nothing out of the way
-# [m].
+# A prismatic joint with a shorter stroke is a finger's: it does not evade [m].
 SHORT_STROKE = 0.1
 
 
 @table
 class Escape(NamedTuple):
-    """Arrays of one guard for getting out of the way.
+    """Arrays of one guard for the evasion of approaching obstacles.
 
     Attributes:
-        notes: See EVADING, shape (r, ESCAPE_NOTES).
-        memory: See LEFT, shape (r, ESCAPE_MEMORY).
-        way: Velocities each robot was led at, shape (n,) [rad/s or m/s].
-        counts: See OWN_COUNT, shape (COUNTS,).
-        plan: See DELAY, shape (PLAN,).
-        trial: Velocities of the way that is judged, shape (n,) [rad/s or m/s].
+        notes: State of the evasion of each robot, see EVADING, (r, ESCAPE_NOTES).
+        memory: Times and gaps of each robot, see LEFT, shape (r, ESCAPE_MEMORY).
+        way: Joint velocities of the chosen escape motions, shape (n,) [rad/s or m/s].
+        counts: Numbers of primitives, see OWN_COUNT, shape (COUNTS,).
+        plan: Times and gaps of the judged motion, see DELAY, shape (PLAN,).
+        trial: Joint velocities of the judged motion, shape (n,) [rad/s or m/s].
         own: Primitives of the robot, shape (m,).
-        approaching: Primitives that come at it, shape (MOST_COMERS,).
-        others: All else that is near its reach, shape (p,).
-        q: Scratch for positions on a way, shape (n,) [rad or m].
-        T: Scratch for poses there, shape (b, 12).
-        rows: Scratch for primitives there, shape (m, 16).
-        boxes: Scratch for their boxes, shape (m, 6) [m].
-        reach: Box around the robot as it stands, shape (6,) [m].
-        shift: Pose by which what comes is moved on, shape (12,).
-        obstacle: What comes, moved on, shape (16,).
-        witness: Scratch for a pair, shape (10,).
-        closest: The pair of the least gap, shape (10,).
-        columns: How each joint moves the point that would be hit, shape (n, 3).
-        across: Two unit vectors across what comes, and one along it, shape (3, 3).
-        useful: 1 for a joint that can lead out of the way, shape (n,).
-        spreads: Shares of top speeds, shape (SPREADS, n) [-].
+        approaching: Primitives of approaching obstacles, shape (MOST_APPROACHING,).
+        others: Other primitives near the robot's workspace, shape (p,).
+        q: Scratch for joint positions on a motion, shape (n,) [rad or m].
+        T: Scratch for poses of the bodies at q, shape (b, 12).
+        rows: Scratch for primitives of the robot at q, shape (m, 16).
+        boxes: Scratch for the boxes of these primitives, shape (m, 6) [m].
+        reach: Box around the robot at its present positions, shape (6,) [m].
+        shift: Pose that extrapolates an obstacle in time, shape (12,).
+        obstacle: Primitive of an obstacle, extrapolated, shape (16,).
+        witness: Scratch for the witness of a pair, shape (10,).
+        closest: Witness of the pair with the least gap, shape (10,).
+        columns: Jacobian of the witness point of that pair, shape (n, 3).
+        across: Two unit vectors normal to the velocity of the obstacle, and one along
+            it, shape (3, 3).
+        useful: 1 for a joint that can evade, 0 for one of a finger, shape (n,).
+        spreads: Directions in shares of top speeds, shape (SPREADS, n) [-].
     """
 
     notes: LongMatrix
@@ -115,7 +116,7 @@ class Escape(NamedTuple):
 
 
 def escape_of(tables: SceneTables) -> Escape:
-    """Arrays for the robots of a scene; nothing comes at them."""
+    """Arrays for the robots of a scene, with no approaching obstacle."""
     n, robots = len(tables.q_names), len(tables.robots)
     m, bodies = tables.moving_count, len(tables.parent)
     return Escape(
@@ -145,7 +146,7 @@ def escape_of(tables: SceneTables) -> Escape:
 
 
 def useful_joints(tables: SceneTables) -> Longs:
-    """1 for each joint that can lead an arm out of the way, 0 for fingers, (n,)."""
+    """1 for each joint that can evade, 0 for one of a finger, shape (n,)."""
     useful = np.ones(len(tables.q_names), dtype=np.int64)
     for body, kind in enumerate(tables.joint_kind):
         j = tables.q_index[body]
@@ -157,8 +158,8 @@ def useful_joints(tables: SceneTables) -> Longs:
 def spread_shares(n: int) -> Floats:
     """Shares of top speeds that fill the cube [-1, 1]^n evenly, (SPREADS, n) [-].
 
-    An additive recurrence by powers of the root of x^(n + 1) = x + 1: as it needs no
-    random numbers it is the same everywhere.
+    An additive recurrence by powers of the root of x^(n + 1) = x + 1: it needs no
+    random numbers, so the result is the same on every machine.
     """
     root = 2.0
     for _ in range(64):

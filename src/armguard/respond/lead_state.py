@@ -1,4 +1,4 @@
-"""What leads robots in their operators' place: goals of fields, ways back, memory."""
+"""State of the guidance by the guard: goals of fields, retreats, trails."""
 
 from typing import NamedTuple
 
@@ -11,25 +11,25 @@ from armguard.table import LongMatrix, Matrix, Vector, table
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# Places of a robot kept of the way that led in.
+# Greatest number of configurations in the trail of a robot.
 TRAIL = 512
 
 # Places in `Lead.notes`.
-LED = 0  # who leads it in this cycle, see NOBODY
-GOAL = 1  # what its field draws it to, see NO_GOAL
-SUSPENDED = 2  # 1 if it was stopped since, and its field waits to be engaged
-IN_MINIMUM = 3  # 1 if its field was found to lead nowhere
-WAY = 4  # how it retreats, see STAYS
+LED = 0  # source of its motion in this cycle, see OPERATOR
+GOAL = 1  # kind of the goal of its field, see NO_GOAL
+SUSPENDED = 2  # 1 if a stop suspended its field until it is engaged
+IN_MINIMUM = 3  # 1 if its field is in a local minimum
+WAY = 4  # phase of its retreat, see STAYS
 BEGUN = 5  # 1 if its retreat has begun: a stop ends it
-LET_GO = 6  # 1 if its operator asked for nothing since it began
-KEEP = 7  # places of the way that led in it does not go back beyond
-THEN_SAFE = 8  # 1 if it goes on from there to a safe configuration
-HEAD = 9  # where the next place is written
-COUNT = 10  # places that are kept
-TOOL_BODY = 11  # body of the tool its field draws
+LET_GO = 6  # 1 if its operator requested zero velocity since the retreat began
+KEEP = 7  # oldest configurations of its trail that the retreat does not use
+THEN_SAFE = 8  # 1 if the retreat goes on from there to a safe configuration
+HEAD = 9  # row of the trail that is written next
+COUNT = 10  # configurations in its trail
+TOOL_BODY = 11  # body of the tool that its field moves to a pose
 LEAD_NOTES = 12
 
-# Who leads a robot.
+# Source of the motion of a robot.
 OPERATOR = 0
 BY_FIELD = 1
 BY_RETREAT = 2
@@ -39,43 +39,45 @@ NO_GOAL = 0
 JOINTS_GOAL = 1
 TOOL_GOAL = 2
 
-# Ways of a retreat.
-STAYS = 0
-ALONG = 1
-STRAIGHT = 2
-ENDS = 3
+# Phases of a retreat.
+STAYS = 0  # no retreat
+ALONG = 1  # back along the trail
+STRAIGHT = 2  # straight to a safe configuration
+ENDS = 3  # brakes to rest at its end
 
 # Places in `Lead.memory`.
-PULL = 0  # share of its top speeds it has risen to [-]
+PULL = 0  # share of its top speeds that it has reached [-]
 LEFT = 1  # time to the goal at top speed [s]
-BEST = 2  # the least that was [s]
-IDLE = 3  # for how long there was none less [s]
-STANDS = 4  # for how long it has not moved, though led [s]
+BEST = 2  # least value of LEFT so far [s]
+IDLE = 3  # time since BEST last fell [s]
+STANDS = 4  # time for which it is guided and at rest [s]
 LEAD_MEMORY = 5
 
-# Numbers of a goal of a tool: [R | p] in the world, and its origin in its body.
+# Numbers of a goal of a tool: its pose [R | p] in the world, then the origin of the
+# tool in its body.
 TOOL_AIM = 15
 
 
 @table
 class Lead(NamedTuple):
-    """Arrays of what leads the robots of one guard.
+    """Arrays of one guard for the guidance of its robots.
 
     Attributes:
-        notes: See LED, shape (r, LEAD_NOTES).
-        memory: See PULL, shape (r, LEAD_MEMORY).
-        trail: Where each robot was, in turn, shape (TRAIL, n) [rad or m].
-        aim: Joint positions fields draw to, shape (n,).
-        safe: Joint positions robots retreat to, shape (n,).
-        tool_aim: Poses fields draw tools to, see TOOL_AIM, shape (r, TOOL_AIM).
-        pull: Scratch for what attracts, shape (n,).
-        push: Scratch for what repels, and for weights before, shape (n,).
-        first_lag: What is asked for after one lag, see `smooth_lead`, shape (n,).
-        second_lag: The same after both, shape (n,).
-        weight: Scratch: greatest push of each robot, and their sum, shape (r, 2).
-        columns: Scratch for how a tool follows each joint, shape (n, 6).
+        notes: State of the guidance of each robot, see LED, shape (r, LEAD_NOTES).
+        memory: Speeds and times of each robot, see PULL, shape (r, LEAD_MEMORY).
+        trail: Past configurations of each robot, a ring, shape (TRAIL, n) [rad or m].
+        aim: Goals of fields in joint space, shape (n,) [rad or m].
+        safe: Safe configurations of retreats, shape (n,) [rad or m].
+        tool_aim: Goals of fields as poses of tools, see TOOL_AIM, (r, TOOL_AIM).
+        pull: Scratch for attractive velocities, shape (n,) [rad/s or m/s].
+        push: Scratch for repulsive velocities, and for weights before, shape (n,).
+        first_lag: Requested velocities after one lag, see `smooth_lead`, shape (n,)
+            [rad/s or m/s].
+        second_lag: Requested velocities after both lags, shape (n,) [rad/s or m/s].
+        weight: Scratch for the greatest push on each robot and the sum, shape (r, 2).
+        columns: Scratch for the Jacobian of a tool, shape (n, 6).
         square: Scratch for linear equations, shape (6, 7).
-        twist: Scratch for the velocity of a tool, shape (6,) [m/s], [rad/s].
+        twist: Scratch for the twist of a tool, shape (6,) [m/s], [rad/s].
     """
 
     notes: LongMatrix
@@ -95,7 +97,7 @@ class Lead(NamedTuple):
 
 
 def lead_of(tables: SceneTables) -> Lead:
-    """Arrays for the robots of a scene; nobody leads them."""
+    """Arrays for the robots of a scene, all led by their operators."""
     n, robots = len(tables.q_names), len(tables.robots)
     return Lead(
         notes=np.zeros((robots, LEAD_NOTES), dtype=np.int64),

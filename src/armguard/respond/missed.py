@@ -1,8 +1,8 @@
-"""By how much each drive misses what it is told, as far as that lasts.
+"""Lasting tracking error of each joint, measured and compensated.
 
-A drive that runs ahead of what it is told by a little, all the time, brings an arm
-nearer to what it slides along than anybody asked for. What lasts can be measured and
-taken off.
+A drive that is always slightly faster than its command moves an arm nearer to a surface
+along which it slides than requested. The lasting part of this error can be measured and
+compensated.
 """
 
 from math import exp
@@ -13,16 +13,16 @@ from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.state import Response
 
-# Time in which all but 1/e of what a drive missed is forgotten [s].
+# Time constant of the filter of the tracking error [s].
 MISSING_TIME = 0.05
 
 
 @kernel
 def note_missed(a: Response, v: Watch, m: Motion) -> None:
-    """Note how far measured velocities are outside the commands under way.
+    """Note how far measured velocities are outside the pending commands.
 
-    Errors of their measurement average out; more than the declared error of tracking
-    no drive misses.
+    Errors of the measurement average out. The result is bounded by the declared
+    tracking error.
 
     Args:
         a: Responses; `missed` is written.
@@ -33,12 +33,12 @@ def note_missed(a: Response, v: Watch, m: Motion) -> None:
     for j in range(a.missed.shape[0]):
         phase = v.phase[m.robot_of_joint[j]]
         if phase != RUNNING and phase != RECOVERING:
-            # It is not told anything that it could miss.
+            # The robot does not follow commands, so there is no tracking error.
             a.missed[j] = 0.0
             continue
         speed = 0.5 * (m.v_low[j] + m.v_high[j])
         if v.given[HAS_VELOCITY] != 0.0:
-            # The bounds are narrowed by what is under way already.
+            # Pending commands already narrow the bounds, so use the measurement.
             speed = v.velocity[j]
         low, high = v.under_way[j, 0], v.under_way[j, 1]
         off = speed - min(max(speed, low), high)

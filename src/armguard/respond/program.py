@@ -1,25 +1,25 @@
-"""The nearest safe velocity: a small quadratic program, and what it is made of.
+"""Quadratic program for the safe velocity nearest to the target, and its rows.
 
-For each near pair the guard has measured h, what the pair has left beyond all it needs
-if what is under way goes on. Closing the pair faster by Δv costs
+For each near pair the guard has measured the clearance h that is left if the pending
+commands go on. Closing the pair faster by Δv costs
 
     Δv · (T + t)
 
-of it, T being the time until an order takes effect and t the time in which the joint
-stops; and closing it at v costs v in each second, what drives miss included. What is
-told may use up a share of h in each cycle and no more, so a pair is approached ever
-more slowly and never reached (a control barrier; a velocity damper whose gain follows
-the stopping figures). h is the least of late, so that errors of measurement do not
-matter, less what the pair may lose until what is told now takes effect. A second row
-takes care that h itself does not become negative: it gives no joint that closes the
-pair credit for one that opens it, since that one may stop sooner. So what slides along
-something keeps as far from it as its speed asks for.
+of it. T is the time until an order takes effect, t the time in which the joint stops.
+Closing the pair at v also costs v per second, tracking errors included. A command may
+use up only a share of h in a cycle, so a pair is approached ever more slowly and never
+reached (a control barrier function; a velocity damper whose gain follows the stopping
+figures). h is the least of the last cycles, so that errors of measurement do not
+matter, minus the loss until a command of this cycle takes effect. A second row keeps h
+itself from becoming negative: a joint that closes the pair gets no credit for one that
+opens it, since that one may stop sooner. So a robot that slides along a surface keeps
+the separation that its speed requires.
 
-The rows are linear in u. A pair that has too little left, since an arm does not quite
-do what it is told, is opened again. Where that cannot be had of all pairs at once, rows
-are eased to what the declared stop satisfies, which all of them do.
+The rows are linear in u. A pair with too little clearance, which tracking errors can
+cause, is opened again. If the rows of all pairs cannot be satisfied at once, their
+bounds are relaxed so that the declared stop satisfies all of them.
 
-These rows are wishes. Whether what they lead to is sent is decided by the proof.
+The rows do not decide safety. Only the proof decides whether the result is sent.
 """
 
 from math import exp, inf, sqrt
@@ -103,23 +103,22 @@ BY_ROWS = int(Changed.ROWS)
 BY_BLOCKED = int(Changed.BLOCKED)
 
 
-# What is left to the proof of a pair that is as near as it may be; and what is never
-# given away at once [m].
+# Clearance that an approach row leaves to the proof, and clearance that a holding row
+# never uses up in one cycle [m].
 SPARE = 6e-4
 LEAST_SPARE = 2e-4
 
 
-# How far from its limit a joint is stopped, beyond errors of its position [rad].
+# Distance from its limit at which a joint stops, beyond position errors [rad].
 LIMIT_SPARE = 1e-3
 
 
 @kernel(separate=True)
 def add_pairs(a: Response, w: Workspace) -> None:
-    """Add every near pair to the programs of its robots; note who leads away.
+    """Add every near pair to the programs of its robots; note if requests open pairs.
 
     Args:
-        a: The responses; `target`, `low`, `high` and
-            `brake` are written already.
+        a: The responses; `target`, `low`, `high` and `brake` are written already.
         w: The workspace, after a cycle was opened.
     """
     v, m = w.watch, w.motion
@@ -138,14 +137,14 @@ def add_pairs(a: Response, w: Workspace) -> None:
     for k in range(int(w.out[NEAR_COUNT])):
         add_pair(row_place(k, w), approaches, a, w, v, m)
     for r in range(a.notes.shape[0]):
-        # What opens all that is near is left as it is, as far as it may be proven.
+        # A target that opens all near pairs is left unchanged as far as it is provable.
         limits = a.passing if a.notes[r, OPENS] != 0 else a.limits
         a.notes[r, BREAKS] = int(breaks_rows(r, limits, a, m))
 
 
 @kernel
 def write_costs(a: Response, v: Watch, m: Motion) -> None:
-    """Write what each joint's velocity costs a pair until it has stopped.
+    """Write the time for which each joint's velocity counts until it has stopped.
 
     A joint that opens a pair now can close it only after it has come to rest.
     """
@@ -160,7 +159,7 @@ def write_costs(a: Response, v: Watch, m: Motion) -> None:
 
 @kernel
 def breaks_rows(r: int, limits: Floats, a: Response, m: Motion) -> bool:
-    """Whether a robot's target breaks a row of its program, by these limits."""
+    """Whether a robot's target violates a row of its program with these bounds."""
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     for k in range(a.notes[r, ROW_COUNT]):
@@ -177,15 +176,15 @@ def breaks_rows(r: int, limits: Floats, a: Response, m: Motion) -> bool:
 def frame_limits(
     r: int, follows: bool, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Write what a robot's joints can be told in this cycle, and what of it is wanted.
+    """Write the velocity bounds of a robot's joints for this cycle, and its target.
 
-    What is asked for keeps its direction while the robot speeds up to it.
+    The target keeps the direction of the request while the robot accelerates to it.
 
     Args:
         r: The robot.
-        follows: Whether anything of what is asked for is wanted.
-        a: Responses; `target`, `low`, `high` and `brake` are written, and why what is
-            asked for is no target.
+        follows: Whether the robot follows the request.
+        a: Responses; `target`, `low`, `high` and `brake` are written, and the reasons
+            for which the target differs from the request.
         w: Workspace.
         v: Watch.
         m: Motion.
@@ -195,7 +194,7 @@ def frame_limits(
     first = robot.first_joint
     end = first + robot.joint_count
     share = a.speed[r]
-    # A way out of what is too near begins at a speed that surely leads away.
+    # A recovery begins at a speed that surely opens the pairs.
     begins = a.notes[r, RETREATS] != 0 and v.phase[r] == RESTING and v.evades[r] == 0
     slower = 1.0
     for j in range(first, end):
@@ -222,15 +221,15 @@ def frame_limits(
         gain = inf if begins else gain
         if part < 1.0:
             target[j] = last + part * (target[j] - last)
-        # Who keeps his direction slows down all joints in proportion.
+        # A robot that keeps its path slows down all joints in proportion.
         less = lost * abs(last) if straight else figures.deceleration * dt
         brake[j] = max(last - less, 0.0) if last > 0.0 else min(last + less, 0.0)
         top = max(share * figures.velocity, abs(brake[j]))
-        # It may be measured too little now, and too much when it is there.
+        # The position error counts twice: now, and when the joint is at the limit.
         away = 2.0 * figures.position_error + LIMIT_SPARE
         up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
         down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
-        # Before its limit a joint slows down as hard as it can, whatever others do.
+        # Before its limit a joint brakes at full deceleration, independent of others.
         own = figures.deceleration * dt
         hardest = max(last - own, 0.0) if last > 0.0 else min(last + own, 0.0)
         high[j] = max(min(last + gain, top, up), hardest)
@@ -246,10 +245,10 @@ def frame_limits(
 
 @kernel
 def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
-    """Have a joint that surely crept beyond a limit come back, if nothing is there.
+    """Move a joint back that surely crept beyond a limit, if no body is there.
 
-    It is told as much as its drive may miss; what the declared stop leads it to then
-    counts as that.
+    The bound is its tracking error. The velocity of the declared stop is clipped to the
+    new bounds.
 
     Args:
         j: The joint.
@@ -268,15 +267,15 @@ def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
 
 @kernel
 def retreats(r: int, a: Response) -> bool:
-    """Whether a robot goes back along its way, and is to keep to it."""
+    """Whether a robot retreats, so that it keeps to its path."""
     return bool(a.lead.notes[r, LED] == BY_RETREAT)
 
 
 @kernel
 def speed_within(way: float, j: int, r: int, m: Motion) -> float:
-    """Greatest speed a joint can be told that stops within a way [rad/s].
+    """Greatest commanded speed from which a joint stops within a distance [rad/s].
 
-    What its drive may miss, the ramp of its stop and its swing count.
+    Tracking error, ramp of the stop and swing are included.
     """
     if not way > 0.0:
         return 0.0
@@ -288,7 +287,10 @@ def speed_within(way: float, j: int, r: int, m: Motion) -> float:
 
 @kernel
 def time_before_stop(j: int, r: int, m: Motion) -> float:
-    """Time a joint's speed costs besides braking: reaction, ramp and swing [s]."""
+    """Time for which a joint's speed counts besides braking [s].
+
+    The sum of reaction, half the ramp and swing.
+    """
     figures = m.joint_figures[j]
     time = time_to_effect(r, m) + 0.5 * m.robot_figures[r].ramp
     return float(time + figures.settle / figures.velocity)
@@ -298,11 +300,11 @@ def time_before_stop(j: int, r: int, m: Motion) -> float:
 def add_pair(
     place: int, approaches: bool, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Add what a near pair asks of its robots to their programs.
+    """Add the constraint rows of a near pair to the programs of its robots.
 
     Args:
-        place: Where the pair's row starts.
-        approaches: Whether something may be come to straight.
+        place: Start of the pair's row in `out`.
+        approaches: Whether a contract is in force, see `reaches_anything`.
         a: Responses; the programs are written.
         w: Workspace.
         v: Watch.
@@ -315,7 +317,7 @@ def add_pair(
     pair_row(i, j, place, raw, w, m)
     left = out[place + CLEARANCE]
     if out[place + PROOF] != UNPROVEN:
-        # What lacks while nothing is proven says nothing about what will be left.
+        # The deficit of an unproven pair does not predict its clearance.
         left = steady_spare(i, j, left, a, v)
     resting = spare_at_rest(i, j, place, w, v, m)
     closing_i = closing_of(robot_i, raw, target, m)
@@ -354,8 +356,8 @@ def add_pair(
             a.notes[r, CHANGED] |= BY_ROWS
             slow_to_contract(r, straight, part, out[place + WITNESS], a, w, m)
         begin = a.notes[r, ROW_COUNT]
-        # What is touched is opened whenever an arm drifts into it. Else nobody is moved
-        # who is to stand still, or to keep his path.
+        # A touching pair opens whenever an arm drifts into it. Other pairs do not move
+        # a robot that has no request or keeps its path.
         keeps_path = a.settings[r, KIND] == SLOW
         opens = intended or (a.notes[r, ASKS] != 0 and not keeps_path)
         lost = lost_till_then(r, a, v, m)
@@ -370,10 +372,10 @@ def add_pair(
 
 @kernel
 def scale_back(r: int, a: Response, m: Motion) -> float:
-    """Take as much of a robot's target as its rows allow, along its own direction.
+    """Scale a robot's target towards the declared stop until it satisfies all rows.
 
     Returns:
-        How much of the target is left, the rest being the declared stop [-].
+        Share of the target that is left; the rest is the declared stop [-].
     """
     target, brake = a.target, a.brake
     first = m.robot_figures[r].first_joint

@@ -1,4 +1,4 @@
-"""What responding needs and remembers: arrays made once, written every cycle."""
+"""State of the responses: arrays allocated once and written every cycle."""
 
 from typing import Annotated, NamedTuple
 
@@ -16,21 +16,21 @@ from armguard.table import TABLE, LongMatrix, LongVector, Matrix, Vector, opener
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# Rows a robot's program has room for; those that no admissible velocity can break are
-# left out, which is most of them.
+# Greatest number of constraint rows of a robot's quadratic program. Rows that no
+# admissible velocity can violate are left out; these are most of them.
 ROWS = 96
 
 # Places in the settings of a robot.
 KIND = 0  # its response, see KINDS
-SHARING = 1  # how pairs of two robots are shared, see SHARINGS
-PRIORITY = 2  # the robot of the higher one is yielded to
-RECOVER_SPEED = 3  # shares of top speeds [-]
-RESUME_SPEED = 4
-FAR = 5  # [rad or m]
+SHARING = 1  # how two robots share the clearance of their pair, see SHARINGS
+PRIORITY = 2  # the robot of lower priority gives way
+RECOVER_SPEED = 3  # share of top speeds in a recovery [-]
+RESUME_SPEED = 4  # share of top speeds while catching up, and in a retreat [-]
+FAR = 5  # distance from which a requested position counts as far [rad or m]
 FAR_START = 6  # 1 if a first position far away is refused
 EVADE_TIME = 7  # 0 if it does not evade [s]
-EVADE_SPEED = 8  # share of top speeds [-]
-FIELD_SPEED = 9  # the same
+EVADE_SPEED = 8  # share of top speeds in an evasion [-]
+FIELD_SPEED = 9  # share of top speeds under a field [-]
 ATTRACTION = 10  # [1/s]
 REPULSION = 11  # [m/s]
 INFLUENCE = 12  # [m]
@@ -49,7 +49,7 @@ KINDS: dict[ResponseName, int] = {
     "field": FIELD,
 }
 
-# How what a pair of two robots has left is shared.
+# How two robots share the clearance of their pair.
 BY_CONTRIBUTION = 0
 EQUALLY = 1
 BY_PRIORITY = 2
@@ -60,55 +60,55 @@ SHARINGS: dict[Sharing, int] = {
 }
 FAR_STARTS: dict[FarStart, int] = {"ramp": 0, "refuse": 1}
 
-# Places in what is remembered and found of a robot.
-STATE = 0  # how it stands to its operator, see `engagement`
-BLOCKED = 1  # why it does not simply follow, see `Blocked`
-GAVE_POSITIONS = 2  # 1 if its operator told it positions in the last cycle
-REFUSED = 3  # 1 if it waits since a first position was far away
-RETREATS = 4  # 1 if it is to leave what is too near
-ROW_COUNT = 5
-BREAKS = 6  # 1 if its target breaks a row
-CROWDED = 7  # 1 if there were more rows than room
-LEADS_AWAY = 8  # 1 if what is asked for opens near pairs of it, -1 if it closes any
-ASKS = 9  # 1 if anything is asked of it
-TANGLED = 10  # 1 if a joint that opens one pair that is too near closes another one
-ORDERED = 11  # reason it is to stand still for until it is engaged, 0 for none
-OPENS = 12  # 1 if its target, and what is asked for, surely opens every near pair
-CHANGED = 13  # why it is told something else than it was asked for, see `Changed`
+# Places in the notes of a robot.
+STATE = 0  # engagement by its operator, see `engagement`
+BLOCKED = 1  # why it does not follow its operator, see `Blocked`
+GAVE_POSITIONS = 2  # 1 if its operator requested positions in the last cycle
+REFUSED = 3  # 1 if it waits because the first requested position was far away
+RETREATS = 4  # 1 if it recovers from pairs that are too near, or evades
+ROW_COUNT = 5  # constraint rows of its program
+BREAKS = 6  # 1 if its target violates a row
+CROWDED = 7  # constraint overflow: 1 if there were more rows than room
+LEADS_AWAY = 8  # 1 if the request opens near pairs and closes none, -1 if it closes any
+ASKS = 9  # 1 if motion is requested of it
+TANGLED = 10  # coupled joints: 1 if a joint opens one too near pair, closes another
+ORDERED = 11  # reason of an ordered stop that lasts until it is engaged, 0 for none
+OPENS = 12  # 1 if its target and its request surely open every near pair
+CHANGED = 13  # why its command differs from the request, see `Changed`
 NOTES = 14
 
-# Which way a joint may move of a robot that leaves what is too near, in `ways_out`:
-# 1 or -1 where only that way opens all of it, 0 where it moves none.
-EITHER_WAY = 2  # one way opens a pair, and the other way another one
+# Escape direction of a joint in a recovery, in `ways_out`: 1 or -1 if only that sign
+# opens all pairs that are too near, 0 if the joint moves none of them.
+EITHER_WAY = 2  # each sign opens one pair and closes another
 
-# Pairs of which is remembered what they have left, and places in the row of one.
+# Pairs whose clearance is remembered, and places in the row of a pair.
 REMEMBERED = 2048
 PAIR_KEY = 0  # its two primitives
-MET = 1  # number of the cycle in which it was met last, NEVER if none
+MET = 1  # number of the last cycle in which it was near, NEVER if none
 NEVER = -1000
 
-# What operators tell, in `asking`.
+# What operators request, in `asking`.
 FORM = 0
 VELOCITIES = 0
 POSITIONS = 1
 TWISTS = 2
 STANDSTILL = 3
-TWIST_COUNT = 1  # how many twists there are
-STOP_REASON = 2  # why robots are to stand still
+TWIST_COUNT = 1  # number of requested twists
+STOP_REASON = 2  # reason of the ordered stop
 ASKING = 3
 
-# Twists that can be told at once, and what is told of each.
+# Greatest number of twists in a cycle, and places in the row of one.
 MOST_TWISTS = 8
 TOOL_ROBOT = 0
 TOOL_BODY = 1
-TOOL_POINT = 2  # its origin in its body, 3 numbers [m]
-TOOL_TWIST = 5  # 6 numbers [m/s], [rad/s]
+TOOL_POINT = 2  # origin of the tool in its body, 3 numbers [m]
+TOOL_TWIST = 5  # requested twist, 6 numbers [m/s], [rad/s]
 TWIST_ROW = 11
 
-# What a cycle lets every pair lose, in `pace`.
+# How much clearance a pair may lose in a cycle, in `pace`.
 STEP = 0  # time since the last commands [s]
-NEARER = 1  # share of what a pair has left [-]
-LESS = 2  # the same joint by joint [-]
+NEARER = 1  # share of the clearance, in an approach row [-]
+LESS = 2  # share of the clearance, in a holding row [-]
 PACE = 3
 
 
@@ -117,44 +117,48 @@ class Response(NamedTuple):
     """Arrays of one guard's responses.
 
     Attributes:
-        settings: Settings of each robot, shape (r, SETTINGS).
-        notes: What is remembered and found of each, shape (r, NOTES).
-        asking: See FORM, shape (ASKING,).
-        twists: Twists of tools they ask for, shape (MOST_TWISTS, TWIST_ROW).
-        tool_columns: Scratch for how tools follow joints, shape (n, 6 MOST_TWISTS).
+        settings: Settings of each robot, see KIND, shape (r, SETTINGS).
+        notes: Notes on each robot, see STATE, shape (r, NOTES).
+        asking: Form of the request, see FORM, shape (ASKING,).
+        twists: Requested twists of tools, shape (MOST_TWISTS, TWIST_ROW).
+        tool_columns: Scratch for tool Jacobians, shape (n, 6 MOST_TWISTS).
         tool_square: Scratch for linear equations, see `joint_velocities`.
         tool_speeds: Scratch for the twists of one robot, shape (6 MOST_TWISTS,).
-        requested: Velocities the operators ask for, shape (n,).
-        goal: Positions they ask for, shape (n,).
-        far: How far the joints are from these, shape (n,).
-        held: Where the joints were told to be by now, NaN before anything is known of
-            that, shape (n,).
-        target: What may be told at once of what is asked, shape (n,).
-        low: Least velocities, shape (n,).
-        high: Greatest velocities, shape (n,).
-        brake: Velocities that keep every row, shape (n,).
-        raw: Scratch for a row, shape (n,).
-        rows: Unit rows of each robot's program, shape (r · ROWS, n).
-        limits: What they must not exceed, shape (r · ROWS,).
-        eased: The same where the declared stop is to keep all of them, (r · ROWS,).
-        away: Joint motion that leads away from what comes, shape (n,).
-        ways_out: Which way each joint leads out of what is too near, shape (n,).
-        speed: Share of its top speeds each robot may use, shape (r,) [-].
-        pace: See STEP, shape (PACE,).
-        closing_time: Time for which a velocity of each joint counts that closes a
-            pair, until it has stopped, shape (n,) [s].
-        opening_time: The same of one that opens it, shape (n,) [s].
-        program: Memory of the program that is solved, see `programs`, shape (k,).
-        solver: The solver's, see `daqp_memory`, shape (k,).
-        commanded: What is handed out, see `Command`, shape (4 n + 4 r,).
-        lead: What leads robots in their operators' place.
-        escape: Ways out of the way of approaching obstacles.
-        spares: What remembered pairs have left, see `spares`, shape (REMEMBERED,) [m].
-        spare_of: Which pairs, and when they were met, shape (REMEMBERED, 2).
-        missed: By how much each joint misses what it is told, shape (n,) [rad/s].
-        held_since: Since when each robot waits for a person, NaN if it does not, (r,)
-            [s].
-        passing: Limits of the rows for a target that opens every near pair, shape
+        requested: Requested joint velocities, shape (n,) [rad/s or m/s].
+        goal: Requested joint positions, shape (n,) [rad or m].
+        far: Distance of set-points from requested positions, shape (n,) [rad or m].
+        held: Position set-points of the joints, NaN before the first cycle, shape (n,)
+            [rad or m].
+        target: Velocities that are to be proven, within the limits of this cycle, shape
+            (n,) [rad/s or m/s].
+        low: Lower bounds of the velocities, shape (n,) [rad/s or m/s].
+        high: Upper bounds of the velocities, shape (n,) [rad/s or m/s].
+        brake: Velocities after a cycle of the declared stop, shape (n,) [rad/s or m/s].
+        raw: Scratch for a distance gradient, shape (n,).
+        rows: Constraint rows of unit length of each robot, shape (r · ROWS, n).
+        limits: Upper bounds of the rows, shape (r · ROWS,).
+        eased: Relaxed bounds of the rows: the declared stop satisfies all of them,
+            shape (r · ROWS,).
+        away: Joint motion that leads away from approaching obstacles, shape (n,).
+        ways_out: Escape direction of each joint in a recovery, see EITHER_WAY, (n,).
+        speed: Share of its top speeds that each robot may use, shape (r,) [-].
+        pace: Loss of clearance in a cycle, see STEP, shape (PACE,).
+        closing_time: Time until rest for which a velocity of each joint counts that
+            closes a pair, shape (n,) [s].
+        opening_time: Time until rest for which a velocity of each joint counts that
+            opens a pair, shape (n,) [s].
+        program: Memory of the quadratic program, see `programs`, shape (k,).
+        solver: Memory of the solver, see `daqp_memory`, shape (k,).
+        commanded: Numbers of the command, see `Command`, shape (4 n + 4 r,).
+        lead: Guidance of robots by the guard.
+        escape: Evasion of approaching obstacles.
+        spares: Clearance of remembered pairs, see `spares`, shape (REMEMBERED,) [m].
+        spare_of: Key of each remembered pair and cycle in which it was near last, shape
+            (REMEMBERED, 2).
+        missed: Lasting tracking error of each joint, shape (n,) [rad/s or m/s].
+        held_since: Time from which each robot waits for a person, NaN if it does not,
+            shape (r,) [s].
+        passing: Upper bounds of the rows for a target that opens every near pair, shape
             (r · ROWS,).
     """
 
@@ -203,8 +207,8 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
 
     Args:
         tables: The scene.
-        lead: What leads robots in their operators' place.
-        escape: Ways out of the way of approaching obstacles.
+        lead: Guidance of robots by the guard.
+        escape: Evasion of approaching obstacles.
     """
     n, robots = len(tables.q_names), len(tables.robots)
     settings = np.zeros((robots, SETTINGS))
