@@ -1,12 +1,13 @@
-"""Velocities beside positions: do they tell of the same motion?
+"""Consistency of measured velocities with measured positions.
 
-Between two samples a joint moves at the measured velocities of both, give or take: the
-declared error of each; what the joint can speed up by in between, and again in half a
-period, since controllers often stamp a velocity half a cycle off its position. A joint
-may stop as hard as it likes. So every way between two samples has bounds, and so has
-their sum over any time; positions are off by no more than an error at either end.
-`AHEAD_SUM` and `BEHIND_SUM` are the largest excess over all times that end now. Within
-the declared figures neither exceeds its limit, so there is no false alarm.
+Between two samples a joint moves at the velocities measured at both, within these
+errors: the declared error of each; what the joint can accelerate in between, and again
+in half a period, since controllers often stamp a velocity half a cycle off its
+position. A joint may decelerate arbitrarily hard. So the displacement between two
+samples is bounded, and so is the sum over any time; positions are off by at most one
+error at either end. `AHEAD_SUM` and `BEHIND_SUM` are the largest excess over all
+intervals that end now. Within the declared figures neither exceeds its limit, so there
+is no false alarm.
 """
 
 import numpy as np
@@ -37,7 +38,7 @@ OK = int(Reason.OK)
 STATE_FROZEN = int(Reason.STATE_FROZEN)
 STATE_DISAGREES = int(Reason.STATE_DISAGREES)
 
-# What stamps may be rounded by [s], and round-off of a way or speed [rad], [rad/s].
+# Rounding of stamps [s], and round-off of a displacement [rad] or a speed [rad/s].
 STAMP_GRAIN = 1e-6
 GRAIN = 1e-7
 
@@ -49,8 +50,8 @@ def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
     Args:
         j: The joint.
         r: Its robot.
-        position: Its new position.
-        v: Watch; what the sums become if the sample is believed is written.
+        position: Its new position [rad or m].
+        v: Watch; the sums that hold if the sample is accepted are written.
         m: Motion.
     """
     sums, figures = v.agreement[j], m.joint_figures[j]
@@ -67,13 +68,13 @@ def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
     gain = 0.5 * figures.acceleration * (time + period)
     faster = max(speed - max(before, 0.0), min(before, 0.0) - speed)
     if stops and not faster <= 2.0 * (gain + error) + swing + GRAIN:
-        # No drive that stops speeds up like that: one of the two is wrong.
+        # No stopping drive accelerates like that: position or velocity is wrong.
         return STATE_DISAGREES
     off = (error + swing + gain) * time
     way = position - v.sample_q[j, 0]
     ahead = max(sums[AHEAD_SUM], 0.0) + way - max(before, speed) * time - off
     behind = max(sums[BEHIND_SUM], 0.0) + min(before, speed) * time - way - off
-    # A stop takes a velocity half a period off away from its position.
+    # In a stop, a velocity stamped half a period off differs from its position.
     limit = 0.25 * hardest_stop(figures) * period * period + GRAIN
     limit += 2.0 * (figures.position_error + figures.velocity * STAMP_GRAIN)
     if not max(ahead, behind) <= limit:
@@ -84,7 +85,7 @@ def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
 
 @kernel
 def fits_its_stamp(j: int, r: int, position: float, v: Watch) -> bool:
-    """Whether a sample with the stamp of the last one is the last one."""
+    """Whether a sample with a repeated stamp also repeats its values."""
     if v.sample_count[r] == 0 or v.stamps[r] != v.last_stamp[r]:
         return True
     before = v.agreement[j, LATEST]
@@ -94,7 +95,7 @@ def fits_its_stamp(j: int, r: int, position: float, v: Watch) -> bool:
 
 @kernel
 def keep_agreement(j: int, v: Watch) -> None:
-    """Take over the sums and the velocity of a joint whose sample is believed."""
+    """Store the sums and the velocity of a joint whose sample was accepted."""
     sums = v.agreement[j]
     sums[AHEAD_SUM], sums[BEHIND_SUM] = sums[AHEAD_NEXT], sums[BEHIND_NEXT]
     sums[EARLIER] = sums[LATEST]

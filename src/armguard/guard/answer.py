@@ -1,4 +1,4 @@
-"""The answer of a cycle: its numbers by name, as `layout` places them."""
+"""The answer of a cycle: access by name to the array that `layout` describes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 def record(*fields: str) -> np.dtype[np.void]:
-    """The type of a row of numbers by name; `name:3` are three of them."""
+    """Structured type of a row of named float64; `name:3` is a vector of three."""
     parts = [field.split(":") for field in fields]
     return np.dtype([(name, np.float64, *map(int, size)) for name, *size in parts])
 
@@ -26,7 +26,7 @@ def record(*fields: str) -> np.dtype[np.void]:
 ROBOT_ROW = record(
     *"level phase scale age cause urgency time force:3 torque:3 tool:3 delay".split()
 )
-# Place of each number in a robot's row.
+# Index of each number in a robot's row.
 ROBOT_PLACES = {
     name: offset // 8 for name, (_, offset, *_) in (ROBOT_ROW.fields or {}).items()
 }
@@ -37,10 +37,10 @@ NEAR_ROW = record(
 )
 
 
-# A model error that rounds to no millimetre is not worth a clause [m].
+# A model error that rounds to 0 mm is left out of a sentence [m].
 WORTH_A_CLAUSE = 5e-4
 
-# What JSON holds of a pair, in that order.
+# Fields of a pair in JSON, in that order.
 IN_WORDS = (
     "a b primitive_a primitive_b distance primitive_distance exact_distance buffer "
     "clearance needed envelope time_left time_to_contact point_a point_b normal "
@@ -49,7 +49,7 @@ IN_WORDS = (
 
 
 def listed(value: object) -> object:
-    """A value in which a list stands for an array."""
+    """An array as a list; any other value unchanged."""
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
@@ -64,34 +64,33 @@ class NearPair:
         b: Body of B.
         primitive_a: Primitive of A; a body may have several.
         primitive_b: Primitive of B.
-        distance: Signed distance the verdict rests on: that of the primitives, or of
+        distance: Signed distance that the verdict uses: that of the primitives, or of
             the exact shapes where those are farther apart [m].
         primitive_distance: Signed distance of the primitives [m].
         exact_distance: Signed distance of the exact shapes of the two links or
-            objects; None where the primitives keep their buffer and nobody asked [m].
+            objects; None where the primitives keep their buffer and the exact shapes
+            were not measured [m].
         buffer: Distance the pair must keep [m].
-        clearance: What is left of the distance beyond all that the pair needs: beyond
-            the buffer where that is a number, else beyond the buffer and whatever the
-            two sides can still move towards each other until they rest; negative
-            means imminent collision [m].
-        envelope: By how much the shapes that were judged are nearer than those whose
-            distance is reported; part of what the pair needs [m].
-        time_left: How long the present motion may go on before a stop must be ordered
-            [s]; infinite where nothing moves.
-        time_to_contact: The two cannot touch before that, whatever the operators do
-            [s]; infinite where nothing moves. What levers say, which is shorter than
-            need be, of pairs that are not the first their robots can touch.
+        clearance: Distance minus required separation. Required is the buffer alone in
+            mode "fixed", else the buffer plus the distance that the two sides can
+            still close until both rest; negative: collision is imminent [m].
+        envelope: By how much the judged shapes are nearer than those whose distance is
+            reported; part of the required separation [m].
+        time_left: Time that the present motion may continue before a stop must be
+            ordered [s]; infinite where nothing moves.
+        time_to_contact: Lower bound of the time to contact, for any operator input
+            [s]; infinite where nothing moves. A coarser, shorter bound from levers for
+            pairs that are not the first their robots can touch.
         point_a: Witness point on A, world frame, shape (3,) [m].
         point_b: Witness point on B, world frame, shape (3,) [m].
         normal: Unit vector from A to B, world frame, shape (3,).
-        model_error: How far what was measured may reach beyond the real surfaces, both
-            sides together: the primitives, or the exact shapes where `distance` is
-            theirs; a convex hull reaches into the dents of its mesh [m].
+        model_error: How far the measured shapes may reach beyond the real surfaces,
+            sum of both sides: the primitives, or the exact shapes where `distance` is
+            theirs; a convex hull fills the dents of its mesh [m].
         contract: Whether the pair is this near under a contract that it keeps; then
-            `buffer` is minus the depth it may overlap by, and `clearance` what is left
-            of that.
+            `buffer` is minus the allowed depth, and `clearance` the rest of that depth.
         unproven: Whether nothing is proven for the pair: its robot leaves an object
-            that moves by itself, and that may meet it; `clearance` is what lacks.
+            that moves by itself and may hit it; `clearance` is minus the deficit.
     """
 
     a: str
@@ -115,12 +114,12 @@ class NearPair:
 
     @property
     def needed(self) -> float:
-        """What the pair needs of its distance, the envelope included [m]."""
+        """Required separation of the pair, the envelope included [m]."""
         return self.distance - self.clearance
 
     @property
     def distance_sentence(self) -> str:
-        """How far the two are apart."""
+        """Bodies and distance of the pair in words, in millimetres."""
         return f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm"
 
     @property
@@ -157,7 +156,7 @@ class NearPair:
 
     @property
     def short_by(self) -> float:
-        """Length it lacks for its time not to be short [m]."""
+        """Length by which the pair is too near for its `time_left` to suffice [m]."""
         if not 0.0 < self.time_left < SLOW_TIME_DEFAULT * HYSTERESIS:
             return -self.clearance
         limit = SLOW_TIME_DEFAULT
@@ -172,13 +171,13 @@ class NearPair:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names a verdict needs when it is read; shared by all verdicts of a guard.
+    """Names that a verdict needs when read; shared by all verdicts of a guard.
 
     Attributes:
         tables: The scene.
-        robots: Robots of the scene, if stops are predicted.
-        first_row: Where the rows of near pairs start.
-        disproved: 1 where a joint has broken a declared figure, shape (n,).
+        robots: Names of the robots; empty where no stops are predicted.
+        first_row: Index at which the rows of near pairs start.
+        disproved: 1 where a joint has exceeded a declared figure, shape (n,).
     """
 
     tables: SceneTables
@@ -188,7 +187,7 @@ class Names:
 
 
 def first_row_of(tables: SceneTables) -> int:
-    """Where the rows of near pairs start in the verdicts of a scene."""
+    """Index at which the rows of near pairs start in the verdicts of a scene."""
     if all(part.mode == "fixed" for part in tables.robots):
         return layout.HEADER
     return layout.HEADER + len(tables.robots) * layout.ROBOT_WIDTH + len(tables.q_names)
@@ -199,8 +198,8 @@ def names_of(tables: SceneTables, disproved: NDArray[np.int64] | None = None) ->
 
     Args:
         tables: The scene; kept, so it must not change.
-        disproved: 1 where a joint has broken a declared figure, as long as the guard
-            lives, shape (n,); of none if it is left out.
+        disproved: 1 where a joint has exceeded a declared figure in the life of the
+            guard, shape (n,); zeros if it is left out.
     """
     guarded = any(part.mode != "fixed" for part in tables.robots)
     robots = tuple(part.name for part in tables.robots) if guarded else ()
@@ -211,22 +210,22 @@ def names_of(tables: SceneTables, disproved: NDArray[np.int64] | None = None) ->
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What a cycle had to do.
+    """Work of one cycle, as counts.
 
     Attributes:
         pairs_tested: Pairs of primitives measured.
         pairs_refined: Pairs of links whose exact shapes were measured because their
             primitives would not keep their buffer.
-        pairs_kept: Near pairs whose two sides stood still and whose row was kept.
+        pairs_kept: Near pairs whose two sides did not move and whose row was kept.
         pairs_filtered: Pairs sharing a leaf whose bounding boxes are farther apart
             than the margin.
-        pairs_apart: Pairs that a plane remembered from an earlier cycle still proves
-            to be beyond the margin.
+        pairs_apart: Pairs that a stored separating plane of an earlier cycle still
+            proves to be beyond the margin.
         pairs_skipped: Checked pairs that were not measured in this cycle.
         spans_tested: Spans of the stop path tested for pairs that needed it.
         bodies_moved: Bodies whose pose changed.
-        links_checked: Moved bodies whose leaves had to be looked after.
-        links_changed_leaf: Of these, the ones that entered or left a leaf.
+        links_checked: Moved bodies whose leaves were updated.
+        links_changed_leaf: Bodies among these that entered or left a leaf.
         leaves_entered: Leaves entered by primitives.
         leaves_left: Leaves left by primitives.
         splits: Leaves split.
@@ -249,23 +248,23 @@ class Counts:
     merges: int
 
 
-# What is counted in a cycle, in the order of its places.
+# Counts of a cycle, in the order of the header.
 COUNTED = (
     "pairs_tested pairs_kept pairs_filtered bodies_moved links_checked "
     "links_changed_leaf leaves_entered leaves_left splits merges pairs_refined "
     "pairs_apart"
 ).split()
 
-# Numbers of a near pair that have the same name in its row.
+# Fields of `NearPair` that have the same name in the row of the answer.
 AS_THEY_ARE = "distance buffer clearance envelope time_left time_to_contact".split()
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """An answer, read by name.
+    """An answer array, read by name.
 
     Attributes:
-        data: Its numbers.
+        data: The array that `layout` describes.
         names: Names of its scene.
     """
 
@@ -286,12 +285,12 @@ class Answer:
 
     @property
     def nearest(self) -> int:
-        """Place of the near pair with the least clearance, -1 for none."""
+        """Index of the near pair with the least clearance, -1 for none."""
         return int(self.data[layout.NEAREST])
 
     @property
     def budget(self) -> Budget | None:
-        """What the nearest pair needs, split by cause; None if no pair is near."""
+        """Required separation of the nearest pair by cause; None if none is near."""
         if not self.names.robots or self.nearest < 0:
             return None
         terms = self.data[layout.TERMS : layout.TERMS + layout.TERM_COUNT]
@@ -299,7 +298,7 @@ class Answer:
 
     @property
     def unbounded(self) -> tuple[str, ...]:
-        """Robots whose motion no proof bounds, see `Verdict.unbounded`."""
+        """Robots in mode "fixed", whose motion no proof bounds; `Verdict.unbounded`."""
         if not self.names.robots:
             return ()
         parts = self.names.tables.robots
@@ -307,7 +306,7 @@ class Answer:
 
     @property
     def counts(self) -> Counts:
-        """What the cycle had to do."""
+        """Work of the cycle."""
         d = self.data[layout.PAIRS_TESTED : layout.PAIRS_APART + 1].astype(int).tolist()
         return Counts(
             **dict(zip(COUNTED, d, strict=True)),
@@ -316,7 +315,7 @@ class Answer:
         )
 
     def pair(self, k: int) -> NearPair:
-        """A near pair."""
+        """The k-th near pair."""
         row, tables = self.near[k], self.names.tables
         i, j = self.primitives(k)
         exact = float(row["exact"])
@@ -340,19 +339,19 @@ class Answer:
         )
 
     def primitives(self, k: int) -> tuple[int, int]:
-        """Primitives of both sides of a near pair."""
+        """Indices of the two primitives of the k-th near pair."""
         row = self.near[k]
         return int(row["first"]), int(row["second"])
 
     def robots_of(self, k: int) -> tuple[int, int]:
-        """Robots of both sides of a near pair, -1 for none."""
+        """Indices of the robots of the k-th near pair, -1 for none."""
         known = self.names.tables.robot_of_primitive
         i, j = self.primitives(k)
         return int(known[i]), int(known[j]) if j < len(known) else -1
 
 
 def stop_answer(names: Names, reason: Reason) -> Floats:
-    """An answer without near pairs, of a cycle that was not judged: all robots stop."""
+    """The answer of a cycle that was not judged: all robots stop, no near pairs."""
     data = np.zeros(names.first_row)
     data[layout.REASON] = reason
     data[[layout.JOINT, layout.NEAREST, layout.ROBOT]] = -1.0

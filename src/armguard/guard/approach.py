@@ -1,4 +1,4 @@
-"""Where in a scene one joint can be led towards something it must keep away from."""
+"""Test motions: one joint moves from home towards the limit of its clearance."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,45 +12,45 @@ from armguard.robot.stopping.distance import stop_travel
 from armguard.robot.stopping.figures import StoppingFigures
 from armguard.scene.tables import RobotPart, SceneTables
 
-# Positions tried from home to each limit, and halvings of the step that binds.
+# Positions tested from home to each limit, and bisections of the step that is blocked.
 STEPS = 8
 HALVINGS = 8
 
-# A joint without limits is led this far [rad].
+# Range that is tested for a joint without limits [rad].
 FAR = pi
 
-# Time in which the joint gets its speed [s].
+# Time in which the joint accelerates to its speed [s].
 RISE = 0.05
 
-# Lengths of a way that are tried: how often the joint's own stop, and for how often the
-# time in which it is slowed it goes on before that [-].
+# Lengths of an approach that are tried: multiple of the joint's stopping distance, and
+# multiple of the time in which it is slowed, travelled at full speed before that [-].
 WAYS = ((1.2, 1.5), (2.0, 3.0))
 
-# How often this way farther off a robot starts that does not stop [-].
+# Multiple of that length at which a robot that does not stop starts [-].
 MORE_WAYS = 3.0
 
-# Share of a second of braking that gives the speed [s].
+# Test speed: braking from it takes this long [s].
 BRAKED = 0.1
 
-# How much faster than its settling a joint must be for a stop that lags to show [-].
+# Ratio of test speed to settling speed from which a lagging stop is detectable [-].
 ABOVE_SWING = 1.5
 
-# Share of its top speed a joint is led at, at most [-].
+# Greatest test speed as a share of the joint's top speed [-].
 OF_TOP = 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """One joint's way towards something, the others standing at home.
+    """Motion of one joint towards a buffer, all other joints at home.
 
     Attributes:
         robot: The joint's robot.
-        joint: Its place in q.
-        start: Where it starts [rad or m].
-        far: Where it may start with more room, for a robot that does not stop.
+        joint: Index of the joint in q.
+        start: Start position [rad or m].
+        far: Start position with more room, for a robot that does not stop [rad or m].
         direction: 1 or -1.
-        speed: Speed it gets [rad/s or m/s].
-        shows_lag: Whether it is so fast that a stop that lags differs from settling.
+        speed: Test speed [rad/s or m/s].
+        shows_lag: Whether a lagging stop differs from settling at this speed.
     """
 
     robot: RobotPart
@@ -63,18 +63,18 @@ class Approach:
 
     @property
     def figures(self) -> StoppingFigures:
-        """How the robot stops."""
+        """Stopping figures of the robot."""
         assert self.robot.stopping is not None
         return self.robot.stopping
 
     @property
     def place(self) -> int:
-        """The joint's place among the robot's."""
+        """Index of the joint among those of its robot."""
         return self.joint - self.robot.first_joint
 
 
 def find_approaches(guard: Loop) -> Iterator[Approach]:
-    """Ways that end nearer to something than its buffer, with room to get there."""
+    """Approaches that end below a buffer, with room to accelerate and to be slowed."""
     tables = guard.tables
     if not is_clear(guard, 0, float(tables.home[0])):
         return
@@ -98,7 +98,7 @@ def find_approaches(guard: Loop) -> Iterator[Approach]:
 
 
 def test_speed(figures: StoppingFigures, place: int) -> tuple[float, bool]:
-    """Speed a joint is led at, and whether a stop that lags shows at it [rad/s]."""
+    """Test speed of a joint [rad/s], and whether it makes a lagging stop detectable."""
     swing = float(figures.settle[place])
     least = float(figures.deceleration[place])
     hardest = min(float(figures.deceleration_most[place]), HARDEST * least)
@@ -112,10 +112,11 @@ def test_speed(figures: StoppingFigures, place: int) -> tuple[float, bool]:
 
 
 def free_end(guard: Loop, joint: int, side: int) -> tuple[float, bool]:
-    """How far a joint can go from home, and whether something binds there.
+    """Last position of a joint on one side of home at which all buffers are kept.
 
     Returns:
-        The last position known to be clear, and False if that is the joint's limit.
+        That position [rad or m], and False if it is the joint's limit, True if a pair
+        would break its buffer beyond it.
     """
     tables = guard.tables
     home = float(tables.home[joint])
@@ -140,7 +141,7 @@ def free_end(guard: Loop, joint: int, side: int) -> tuple[float, bool]:
 
 
 def is_clear(guard: Loop, joint: int, position: float) -> bool:
-    """Whether every pair keeps its buffer with one joint off home."""
+    """Whether every pair keeps its buffer with one joint displaced from home."""
     q = guard.home
     q[joint] = position
     nearest = guard.judge_at_rest(q).nearest
@@ -148,5 +149,5 @@ def is_clear(guard: Loop, joint: int, position: float) -> bool:
 
 
 def has_stops(tables: SceneTables) -> bool:
-    """Whether stops of any robot are predicted."""
+    """Whether stops are predicted for at least one robot."""
     return any(robot.mode != "fixed" for robot in tables.robots)

@@ -1,4 +1,4 @@
-"""How near two bodies are, by their primitives or their exact shapes."""
+"""Distance of two bodies, by their primitives or their exact shapes."""
 
 import numba
 import numpy as np
@@ -19,13 +19,13 @@ Longs = NDArray[np.int64]
 def body_distance(
     first_a: int, end_a: int, first_b: int, end_b: int, lines: Longs, out: Floats
 ) -> None:
-    """Witness row of two bodies where they are now.
+    """Witness row of two bodies at their present poses.
 
     Args:
         first_a: First primitive of A.
-        end_a: The one after its last.
+        end_a: Index after its last primitive.
         first_b: First primitive of B.
-        end_b: The one after its last.
+        end_b: Index after its last primitive.
         lines: Ledger of the workspace.
         out: Overwritten, shape (10,).
     """

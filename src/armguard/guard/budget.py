@@ -1,11 +1,11 @@
-"""What a pair must keep, as a sum of named terms, and in the letters of the standards.
+"""Required separation as a sum of named terms, and in the symbols of the standards.
 
 The protective separation distance of ISO/TS 15066 and ISO 10218-2 is
 
     S_p = S_h + S_r + S_s + C + Z_d + Z_r
 
 for a person; for two arms the other arm takes the person's place. The sum is what the
-guard keeps in this cycle, not a number made beside it. **No certification is claimed**:
+guard enforces in this cycle, not a separate estimate. **No certification is claimed**:
 the terms are for a risk assessment, and each is only as true as the figure behind it.
 """
 
@@ -19,26 +19,27 @@ TENTHS = 1e4
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What a pair needs, split by cause; the terms add up to `needed`.
+    """Required separation of a pair, split by cause; the terms add up to `needed`.
 
-    A is the pair's first side, B its second. The terms say how far each cause moves
-    the two witness points towards each other to the first order.
+    A is the pair's first side, B its second. Each term is the displacement of the two
+    witness points towards each other by one cause, to the first order.
 
     Attributes:
         floor: The scene's buffer, kept at rest too [m].
         model: Model error of the robots [m].
-        base: Error of where their bases stand [m].
-        object: Way of an object that moves: since it was seen, and until all rest [m].
+        base: Error of the poses of their bases [m].
+        object: Displacement of a moving object since it was seen and until all rest
+            [m].
         error: Error of measured positions [m].
-        reaction_a: Way of A until a stop takes effect [m].
-        stopping_a: Way of A from there to rest, settling included [m].
-        reaction_b: The same of B [m].
-        stopping_b: The same of B [m].
-        envelope: By how much the shapes that were judged, primitives around links, are
-            nearer than the exact shapes whose distance is reported [m].
-        path: What the bend of the path and coarseness of the bound add, or what its
-            course on the common clock saves [m].
-        needed: All together [m].
+        reaction_a: Travel of A until a stop takes effect [m].
+        stopping_a: Travel of A from there to rest, settling included [m].
+        reaction_b: Travel of B until a stop takes effect [m].
+        stopping_b: Travel of B from there to rest, settling included [m].
+        envelope: By how much the judged shapes, primitives around links, are nearer
+            than the exact shapes whose distance is reported [m].
+        path: What the curvature of the path and the coarseness of the bound add, or,
+            if negative, what the common time of both stops saves [m].
+        needed: Sum of all terms [m].
     """
 
     floor: float
@@ -56,17 +57,17 @@ class Budget:
 
     @property
     def reaction(self) -> float:
-        """Way of both sides until stops take effect [m]."""
+        """Travel of both sides until their stops take effect [m]."""
         return self.reaction_a + self.reaction_b
 
     @property
     def stopping(self) -> float:
-        """Way of both sides from there to rest [m]."""
+        """Travel of both sides from the effect of their stops to rest [m]."""
         return self.stopping_a + self.stopping_b
 
     @property
     def sentence(self) -> str:
-        """The sum in words and millimetres, terms that are nothing left out."""
+        """The sum in words and millimetres, without terms that are 0."""
         terms = [
             ("floor", self.floor),
             ("model", self.model),
@@ -116,22 +117,22 @@ def whole_tenths(terms: Sequence[float]) -> list[float]:
 
 @dataclass(frozen=True, slots=True)
 class ProtectiveDistance:
-    """What a robot must keep from a person, or from another robot, by cause.
+    """Protective separation distance of a robot from a person or robot, by cause.
 
     Attributes:
         robot: The robot.
         other: The person, or the other robot.
-        s_h: Way of the other: of a person since it was seen and until all rest, of a
-            robot its own reaction and stopping [m].
-        s_r: Way of the robot until its stop takes effect [m].
-        s_s: Way of the robot from there to rest, along its path [m]. Where the two
-            sides' exact shapes are far apart, or the course on the common clock saves
-            more than that, it is negative.
+        s_h: Travel of the other: of a person since it was seen and until all rest, of
+            a robot its own reaction and stopping [m].
+        s_r: Travel of the robot until its stop takes effect [m].
+        s_s: Travel of the robot from there to rest, along its path [m]. Negative where
+            the exact shapes are farther apart, or the common time of both stops saves
+            more, than that travel.
         c: Intrusion distance, and all else that is kept at rest: the buffer of the
             pair, set by the object's `buffer` [m].
-        z_d: Error of where the person is seen [m]. There is no figure for it, and it
-            is 0: whoever sees the person adds it to the person's shape or to `buffer`.
-        z_r: Error of where the robot is: measurement, base and model [m].
+        z_d: Position error of the person [m]. There is no figure for it, and it is 0:
+            add it to the person's shape or to `buffer`.
+        z_r: Position error of the robot: measurement, base and model [m].
     """
 
     robot: str
@@ -145,12 +146,12 @@ class ProtectiveDistance:
 
     @property
     def total(self) -> float:
-        """S_p, the sum of the six [m]."""
+        """S_p, the sum of the six terms [m]."""
         return self.s_h + self.s_r + self.s_s + self.c + self.z_d + self.z_r
 
     @property
     def sentence(self) -> str:
-        """The sum in letters and millimetres."""
+        """The sum with the standard's symbols, in millimetres."""
         letters = ("S_h", "S_r", "S_s", "C", "Z_d", "Z_r")
         values = whole_tenths(
             [self.s_h, self.s_r, self.s_s, self.c, self.z_d, self.z_r]
@@ -163,12 +164,12 @@ class ProtectiveDistance:
 
 
 def protective_distance(robot: str, other: str, budget: Budget) -> ProtectiveDistance:
-    """The terms of a pair in the letters of the standards.
+    """Required separation of a pair in the symbols of the standards.
 
     Args:
         robot: Robot of the pair's first side.
-        other: What its second side belongs to.
-        budget: What the pair needs.
+        other: Robot or body of its second side.
+        budget: Required separation of the pair.
     """
     return ProtectiveDistance(
         robot=robot,

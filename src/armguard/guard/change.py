@@ -1,14 +1,13 @@
-"""Proofs that outlive a change of what is told: by how much farther joints may get.
+"""Re-use of proofs after a change of command: a bound on the additional travel.
 
-A cycle proves its pairs for what is under way, and then for what is wanted. Most of
-that is the same. If no joint can get farther than δ beyond where it could get before,
-at any time, no two points can come nearer each other by more than the sum of δ times
-levers. A pair that has more than that left is proven again by this sum; others are
-judged anew.
+A cycle proves its pairs for the pending commands, and then for the desired ones, which
+differ little. If no joint can at any time get farther than δ beyond where it could get
+before, no two points can approach by more than the sum of δ times levers. A pair with
+more clearance than that is proven by this sum; all others are judged again.
 
-A joint is never farther ahead than at the end: what drives it to a greater velocity
-leaves it faster at every time, as long as the stop takes effect at the same time. A
-stop that settles later than before may swing at times at which the joint rested before.
+The additional travel of a joint is greatest at the end: a command of greater velocity
+leaves the joint faster at every time, as long as the stop takes effect at the same
+time. A stop that settles later may swing at times at which the joint rested before.
 """
 
 from math import inf
@@ -50,16 +49,16 @@ CAPACITY = int(Reason.CAPACITY)
 NO_DISTANCE = int(Reason.NO_DISTANCE)
 OK = int(Reason.OK)
 
-# Place of a pair that has no row in the answer.
+# Row index of a pair that has no row in the answer.
 NO_ROW = -1
 
-# More pairs than there is room for: nothing is known of some.
+# Count if there were more pairs than room: some pairs were not recorded.
 TOO_MANY = -1
 
 
 @kernel
 def begin_notes(v: Watch, m: Motion) -> None:
-    """Note the stops that the pairs are going to be judged for."""
+    """Record the planned stops before the pairs are judged for them."""
     v.judged_count[0] = TOO_MANY if v.given[COMMANDED] == 0.0 else 0
     if v.judged_count[0] == TOO_MANY:
         return
@@ -78,7 +77,7 @@ def begin_notes(v: Watch, m: Motion) -> None:
 
 @kernel
 def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> None:
-    """Note what a judged pair has left."""
+    """Record the clearance of a judged pair."""
     k = v.judged_count[0]
     if k == TOO_MANY:
         return
@@ -97,10 +96,10 @@ def proves_change(w: Workspace) -> bool:
     """Prove all pairs for stops that changed since they were judged in this cycle.
 
     Args:
-        w: The workspace; the stops are planned already.
+        w: The workspace; the changed stops are planned already.
 
     Returns:
-        Whether that says everything; if not, all pairs have to be judged anew.
+        Whether every pair is decided; if not, all pairs have to be judged again.
     """
     v, m = w.watch, w.motion
     return bool(is_known(w, v) and bound_growth(w, v, m) and renew(w))
@@ -108,7 +107,7 @@ def proves_change(w: Workspace) -> bool:
 
 @kernel
 def is_known(w: Workspace, v: Watch) -> bool:
-    """Whether all pairs that were judged could be noted and told."""
+    """Whether all judged pairs were recorded, and the answer lacks none of them."""
     reason = int(w.out[REASON])
     commanded = reason != CAPACITY and reason != NO_DISTANCE
     return bool(commanded and v.judged_count[0] != TOO_MANY)
@@ -116,10 +115,10 @@ def is_known(w: Workspace, v: Watch) -> bool:
 
 @kernel
 def bound_growth(w: Workspace, v: Watch, m: Motion) -> bool:
-    """Bound how much farther each primitive may get than it could before.
+    """Bound the additional travel of each primitive since the pairs were judged.
 
     Returns:
-        Whether no primitive meets more than was looked for then.
+        Whether each primitive stays within the distance that was searched then.
     """
     moving = m.rate.shape[0]
     for b in range(m.parent.shape[0]):
@@ -142,9 +141,9 @@ def bound_growth(w: Workspace, v: Watch, m: Motion) -> bool:
 
 @kernel
 def joint_growth(j: int, v: Watch, m: Motion) -> float:
-    """How much farther a joint may be at any time than it could be before [rad].
+    """Bound on the additional travel of a joint at any time [rad].
 
-    Infinite where that does not follow from how far it gets in all.
+    Infinite where that does not follow from its total travel.
     """
     n, robots = m.q.shape[0], m.robot_figures.shape[0]
     growth = 0.0
@@ -159,7 +158,7 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
             stop = m.up[at] if side == 0 else m.down[at]
             way = v.judged_ways[2 * at + side]
             if way[BACKWARDS] != stop.opposite_speed:
-                # It may go on where it could only go back.
+                # Its motion may now also continue in this direction.
                 return inf
             later = stop.settled > way[SETTLES]
             least = min(way[WAY], way[RESTS]) if later else way[WAY]
@@ -169,10 +168,10 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
 
 @kernel(separate=True)
 def renew(w: Workspace) -> bool:
-    """Prove the noted pairs again.
+    """Prove the recorded pairs again.
 
     Returns:
-        Whether that says everything: false if one has to be looked at that has no row.
+        False if a pair without a row has to be judged, which needs all pairs again.
     """
     v, m = w.watch, w.motion
     longer = max(m.span[SETTLED] - v.judged_settled[0], 0.0)

@@ -1,12 +1,11 @@
-"""All that a guard remembers, as bytes: another guard of the scene goes on from there.
+"""State of a guard as bytes, from which another guard of the same scene continues.
 
-What decides anything is kept with its very bits. What a cycle writes before it reads,
-what the scene says, and what leads to memory of a process is left out: the first two
-the other guard has, the last one is its own. The index is a function of where
-all is, so it is built anew.
+All state that decisions depend on is saved bit for bit. Left out are arrays that a
+cycle writes before it reads, tables of the scene, and addresses of memory: the other
+guard has its own. The index is a function of the poses, so it is rebuilt.
 
-A checkpoint may come from anywhere, so it is checked before any of it is taken over;
-see `checkpoint_bounds`.
+A checkpoint is untrusted input: all of it is checked before any of it is restored; see
+`checkpoint_bounds`.
 """
 
 import json
@@ -31,11 +30,11 @@ Arrays = Mapping[str, NDArray[Any]]
 
 MAGIC = b"AGSTATE1"
 
-# Sizes of what comes before the arrays [bytes].
+# Sizes of the fields of the header, before the arrays [bytes].
 DIGEST = 16
 LENGTH = 8
 
-# What of each ledger is left out, where most of it decides.
+# Arrays of each ledger that are left out, where most of them are saved.
 LEFT_OUT: dict[str, frozenset[str]] = {
     "watch": frozenset(
         (
@@ -54,7 +53,7 @@ LEFT_OUT: dict[str, frozenset[str]] = {
     "lead": frozenset("pull push weight columns square twist".split()),
 }
 
-# What of the tables changes with who holds what.
+# Tables of the scene that change with the held objects.
 TABLES_KEPT = (
     "parent",
     "T_parent_joint",
@@ -63,7 +62,7 @@ TABLES_KEPT = (
     "base_reach",
 )
 
-# What of each is kept, where most of it does not.
+# Arrays of each ledger that are saved, where most of them are left out.
 KEPT: dict[str, frozenset[str]] = {
     "motion": frozenset(
         (
@@ -77,8 +76,7 @@ KEPT: dict[str, frozenset[str]] = {
 
 PLACES = np.arange(ROW_WIDTH)
 
-# Places in the rows of shapes that lead to memory: of addresses, and of how many
-# numbers are there.
+# Columns of a shape's row that refer to memory: an address, and its count of numbers.
 ADDRESSES = {ShapeKind.HULL: (4, 5), ShapeKind.SUPPORT: (4, 5)}
 
 
@@ -87,7 +85,7 @@ class CheckpointError(ArmguardError):
 
 
 def chosen(**ledgers: Any) -> dict[str, NDArray[Any]]:
-    """Those arrays of tables that decide, by 'ledger.name'."""
+    """Arrays of tables that a checkpoint saves, by 'ledger.name'."""
     return {
         f"{ledger}.{name}": array
         for ledger, table in ledgers.items()
@@ -98,7 +96,7 @@ def chosen(**ledgers: Any) -> dict[str, NDArray[Any]]:
 
 
 def kept_of_tables(tables: SceneTables) -> dict[str, NDArray[Any]]:
-    """What of a scene's tables changes with who holds what, by 'ledger.name'."""
+    """Tables of a scene that change with the held objects, by 'ledger.name'."""
     return {f"tables.{name}": getattr(tables, name) for name in TABLES_KEPT}
 
 
@@ -115,11 +113,11 @@ IN_DIGEST = {
 
 
 def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
-    """What a guard must have in common with one whose checkpoint it takes over.
+    """Digest of names, types and shapes that must be equal to restore a checkpoint.
 
     Args:
-        arrays: The arrays that are kept.
-        about: What else must be the same, ready for JSON.
+        arrays: The arrays that are saved.
+        about: Further values that must be equal, ready for JSON.
     """
     shapes = [
         [IN_DIGEST.get(name, name), str(a.dtype), list(a.shape)]
@@ -130,7 +128,7 @@ def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
 
 
 def pack(layout: bytes, about: Mapping[str, Any], arrays: Arrays) -> bytes:
-    """A checkpoint: what is no number as JSON, and the arrays one after another."""
+    """A checkpoint: header, digest, JSON for other values, and the bytes of arrays."""
     text = json.dumps(about).encode()
     text += b" " * (-len(text) % 8)
     head = MAGIC + layout + len(text).to_bytes(LENGTH, "little") + text
@@ -138,10 +136,10 @@ def pack(layout: bytes, about: Mapping[str, Any], arrays: Arrays) -> bytes:
 
 
 def unpack(data: bytes) -> tuple[bytes, dict[str, Any], bytes]:
-    """Layout, what is no number, and the bytes of the arrays.
+    """Digest, JSON values and bytes of the arrays of a checkpoint.
 
     Raises:
-        CheckpointError: This is no checkpoint, or its end is missing.
+        CheckpointError: This is no checkpoint, or it is damaged.
     """
     start = len(MAGIC) + DIGEST + LENGTH
     if data[: len(MAGIC)] != MAGIC or len(data) < start:
@@ -157,10 +155,10 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any], bytes]:
 
 
 def arrays_in(data: bytes, like: Arrays) -> dict[str, NDArray[Any]]:
-    """The arrays in the bytes of a checkpoint, by name; of the shapes of others.
+    """The arrays in the bytes of a checkpoint, by name; with the shapes of `like`.
 
     Raises:
-        CheckpointError: There are more or fewer of them.
+        CheckpointError: The number of bytes differs.
     """
     if sum(array.nbytes for array in like.values()) != len(data):
         raise CheckpointError("a checkpoint is cut off or damaged")
@@ -176,15 +174,15 @@ def arrays_in(data: bytes, like: Arrays) -> dict[str, NDArray[Any]]:
 def placement_of(
     index: Octree | BruteForce, places: NDArray[np.int64]
 ) -> dict[str, NDArray[Any]]:
-    """Where primitives are, and what has grown with those that came.
+    """Placement of primitives in the world, and the extent of the index.
 
     Args:
         index: The index.
-        places: The primitives, shape (k,).
+        places: Indices of the primitives, shape (k,).
 
     Returns:
-        Their rows in the world without what leads to memory, (k, 16); 1 for those that
-        are there, (k,); corners of the root cube and greatest depth, (7,).
+        Their rows in the world without addresses, (k, 16); 1 for those that are in the
+        index, (k,); corners of the root cube [m] and greatest depth, (7,).
     """
     rows = index.world.rows[places]
     kinds = index.world.kinds[places]
@@ -205,13 +203,13 @@ def stand(
     there: NDArray[Any],
     cube: Floats,
 ) -> None:
-    """Put primitives where rows say, or leave them out, and build the index anew.
+    """Place primitives as their rows specify, or leave them out; rebuild the index.
 
     Args:
         index: The index; its world is written.
-        places: The primitives, shape (k,).
+        places: Indices of the primitives, shape (k,).
         rows: See `placement_of`, from here to `cube`.
-        there: Whether they are there.
+        there: Whether they are in the index.
         cube: Root cube and greatest depth.
     """
     world = index.world
@@ -230,7 +228,7 @@ def stand(
 
 
 def put_back(index: Octree | BruteForce, item: Standing, local_rows: Floats) -> None:
-    """Put an object back where its scene has it, in the world if not in the tree."""
+    """Reset an object to its scene: its boxes and presence, and, if fixed, its rows."""
     own = slice(item.first, item.first + item.count)
     if item.body < 0:
         index.world.rows[own] = local_rows[own]

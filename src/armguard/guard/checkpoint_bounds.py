@@ -1,8 +1,8 @@
-"""What the numbers of a checkpoint may be: a checkpoint is input, and may be anybody's.
+"""Validation of a checkpoint, which is untrusted input.
 
-Compiled code uses whole numbers of these arrays as places, counts and flags, and looks
-at no bounds. So each of them has a rule here; a test fails where one has none. Numbers
-that are measured or computed may be anything: kernels have an answer to all of them.
+Compiled code uses integers of these arrays as indices, counts and flags, and checks no
+bounds. So each of them has a rule here; a test fails where one has none. Numbers that
+are measured or computed may have any value: kernels have an answer to all of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,16 +27,16 @@ from armguard.scene.tables import SceneTables
 Arrays = Mapping[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 
-# How often anything is counted at most: a year of cycles at 10 kHz is less.
+# Greatest value of a counter: a year of cycles at 10 kHz is less.
 MOST_COUNTED = 1 << 40
 
-# Nothing is farther away, or larger [m].
+# Greatest coordinate or size [m].
 FARTHEST = 1e9
 
-# Kinds of which a row says no frame.
+# Kinds whose row has no frame.
 FRAMELESS = (ShapeKind.SPHERE, ShapeKind.CAPSULE, ShapeKind.TRIANGLE)
 
-# How far what a robot moves may be from where its body carries it [m].
+# Tolerance between the row of a moving primitive and the pose of its body [m].
 PLACED = 1e-6
 
 MOST_REASON = max(Reason)
@@ -44,12 +44,12 @@ MOST_REASON = max(Reason)
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """Whole numbers between two bounds.
+    """Rule: integers between two bounds.
 
     Attributes:
-        least: The least.
-        most: The greatest, or what of the scene is counted: a place in it.
-        columns: Columns it is about; all if None.
+        least: Least value.
+        most: Greatest value, or its name in `Greatest`.
+        columns: Columns that the rule applies to; all if None.
     """
 
     least: int
@@ -59,10 +59,10 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Own:
-    """What the scene, and who holds what, says: the guard knows it itself.
+    """Rule: equal to the guard's own numbers, given by the scene and the held objects.
 
     Attributes:
-        columns: Columns it is about; all if None.
+        columns: Columns that the rule applies to; all if None.
     """
 
     columns: Sequence[int] | None = None
@@ -70,7 +70,7 @@ class Own:
 
 Rules = Mapping[str, Sequence[Whole | Own]]
 
-# What is counted, and its greatest number; a column of them where rows differ.
+# Greatest values by name; an array where they differ between rows.
 Greatest = Mapping[str, int | NDArray[np.int64]]
 
 FLAG = Whole(0, 1)
@@ -130,7 +130,7 @@ BOUNDS: Rules = {
 
 
 def greatest_of(tables: SceneTables) -> Greatest:
-    """The greatest place in all that a rule may count."""
+    """Greatest values of a scene that rules refer to by name."""
     count = len(tables.kinds)
     return {
         "sets of robots": (1 << len(tables.robots)) - 1,
@@ -145,16 +145,16 @@ def greatest_of(tables: SceneTables) -> Greatest:
 
 
 def check_bounds(found: Arrays, own: Arrays, rules: Rules, greatest: Greatest) -> None:
-    """Refuse whole numbers that cannot be what they are said to be.
+    """Refuse integers that break a rule.
 
     Args:
         found: Arrays of a checkpoint, by name.
-        own: What the guard itself knows they are, where it does.
-        rules: What they may be.
+        own: The guard's own values of arrays under a rule `Own`, by name.
+        rules: Rules of each array.
         greatest: See `greatest_of`.
 
     Raises:
-        CheckpointError: One of them is something else.
+        CheckpointError: A number breaks a rule.
     """
     for name, array in found.items():
         for rule in rules.get(name, ()):
@@ -175,10 +175,10 @@ def check_bounds(found: Arrays, own: Arrays, rules: Rules, greatest: Greatest) -
 def refuse_where(
     wrong: NDArray[np.bool_], name: str, numbers: NDArray[Any], wanted: str
 ) -> None:
-    """Refuse a checkpoint by the first number that is wrong.
+    """Refuse a checkpoint with a wrong number; the message names the first one.
 
     Raises:
-        CheckpointError: There is one.
+        CheckpointError: A number is wrong.
     """
     if wrong.any():
         value = numbers[wrong][0]
@@ -188,10 +188,10 @@ def refuse_where(
 
 
 def check_contracts(contracts: Floats, tables: SceneTables) -> None:
-    """Refuse contracts between what is no body.
+    """Refuse contracts whose sides are not bodies of the scene, or without a kind.
 
     Raises:
-        CheckpointError: There is one.
+        CheckpointError: There is such a contract.
     """
     bodies = {
         (*place, tables.holds.group_of[name])
@@ -213,11 +213,11 @@ def check_poses(name: str, rows: Floats) -> None:
     """Refuse poses that are no rigid transforms.
 
     Args:
-        name: Where they are.
+        name: Name of their array.
         rows: Their upper three rows, shape (k, 12).
 
     Raises:
-        CheckpointError: One is none.
+        CheckpointError: A pose is not rigid.
     """
     T = rows.reshape(-1, 3, 4)
     with np.errstate(all="ignore"):
@@ -234,10 +234,10 @@ def check_poses(name: str, rows: Floats) -> None:
 def check_about(
     about: Mapping[str, Any], tables: SceneTables
 ) -> tuple[float, list[str], dict[str, list[str]]]:
-    """What a checkpoint says beside its numbers: stamp, objects that moved, holders.
+    """JSON values of a checkpoint: stamp, objects that changed, holders of objects.
 
     Raises:
-        CheckpointError: It is not said, or not of this scene.
+        CheckpointError: A value is missing, or not of this scene.
     """
     stamp: Any = about.get("last_stamp")
     changed: Any = about.get("changed")
@@ -270,17 +270,17 @@ def check_placement(
     index: Octree | BruteForce,
     tables: SceneTables,
 ) -> None:
-    """Refuse primitives that are not where their bodies are, or of sizes not theirs.
+    """Refuse primitives that do not fit the pose of their body, or with wrong sizes.
 
     Args:
         found: Arrays of the checkpoint, with those of `placement_of`.
-        places: The primitives these are about.
-        holders: Who holds what.
+        places: Indices of the primitives that these describe, shape (k,).
+        holders: Robots that hold each held object.
         index: The index of the guard.
         tables: The scene.
 
     Raises:
-        CheckpointError: Something is not as it can be.
+        CheckpointError: A primitive, its presence or the root cube is wrong.
     """
     there = np.zeros(len(tables.kinds), dtype=np.uint8)
     refuse_where(found["there"] > 1, "there", found["there"], "0 or 1")
@@ -334,12 +334,12 @@ def check_placement(
 
 
 def is_row(kind: int, row: Floats, leads: NDArray[np.int64]) -> bool:
-    """Whether an object can have a row: sizes that are none less than 0, and a frame.
+    """Whether a row is valid: no size below 0, a rigid frame, and no address.
 
     Args:
         kind: ShapeKind.
         row: The row.
-        leads: Places in it that lead to memory, which are left out.
+        leads: Columns of addresses, which have to be 0.
     """
     if not row[0] >= 0.0 or row[leads].any():
         return False
@@ -356,7 +356,7 @@ def check_cube(cube: Floats, index: Octree) -> None:
     """Refuse a root cube that this index could not have grown to.
 
     Raises:
-        CheckpointError: It is none.
+        CheckpointError: The cube or its depth is impossible.
     """
     edges, own = cube[3:6] - cube[:3], float(index.high[0] - index.low[0])
     with np.errstate(all="ignore"):

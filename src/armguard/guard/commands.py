@@ -1,10 +1,10 @@
-"""Commands that go through the guard: what they let a joint do, and what is sent.
+"""Commands that go through the guard: velocity bounds of joints, and what is sent.
 
-A joint that is told its velocity by the guard is not driven to whatever its operator
-could think of. Until an order takes effect its velocity stays between what it was when
-it was measured and the commands that are under way, with the declared error of
-tracking. Commands under way are those sent within the delay `command` before the
-measurement or later, and the one before them.
+A joint whose velocity the guard commands is not driven to arbitrary velocities by its
+operator. Until an order takes effect its velocity stays between the measured one and
+the pending commands, within the declared tracking error. Pending commands are those
+sent within the delay `command` before the measurement or later, and the one before
+them.
 """
 
 from math import inf, isfinite
@@ -42,10 +42,10 @@ DRIVE_LAGS = int(Reason.DRIVE_LAGS)
 
 @kernel
 def look_under_way(v: Watch, m: Motion) -> None:
-    """Write between which velocities joints were told to be and may not be yet.
+    """Write the least and the greatest pending command of each joint.
 
-    A robot that rests is held, as it is before the first command: that does not count
-    as driving it.
+    A robot at rest is held, as it is before the first command: that does not count as
+    driving it.
     """
     room, count = v.sent_at.shape[0], v.sent_count[0]
     next_slot = count % room
@@ -54,7 +54,7 @@ def look_under_way(v: Watch, m: Motion) -> None:
         measured = v.stamps[r] - unknown_age(r, v, m)
         since = measured - m.robot_figures[r].command
         k = next_slot
-        # Before the first command it was told to stand still.
+        # Before the first command its commanded velocity was 0.
         low, high = (0.0, 0.0) if count <= room else (inf, -inf)
         known = count <= room
         least, most = inf, -inf
@@ -71,7 +71,7 @@ def look_under_way(v: Watch, m: Motion) -> None:
             if back == count - 1:
                 low, high = min(low, 0.0), max(high, 0.0)
         if not known:
-            # Cycles come so often that older ones are forgotten, and may be under way.
+            # Cycles are so frequent that commands no longer stored may be pending.
             high = m.joint_figures[j].velocity
             low = -high
             least, most = low, high
@@ -81,11 +81,11 @@ def look_under_way(v: Watch, m: Motion) -> None:
 
 @kernel
 def set_drives(v: Watch, m: Motion) -> None:
-    """Write to which velocities the joints may be driven until a stop takes effect.
+    """Write the velocities that joints may be driven to until a stop takes effect.
 
-    Told to stop now, they are driven to what is under way; told a cycle later, to what
-    is wanted in this cycle as well. Where nobody filters commands, to their top speeds.
-    What is held neither moves nor misses anything.
+    For a stop ordered now these are the pending commands; for one ordered a cycle
+    later, the desired velocity of this cycle as well. Without a command filter they are
+    the top speeds. A robot that is held does not move and has no tracking error.
     """
     n = m.q.shape[0]
     for j in range(n):
@@ -104,9 +104,9 @@ def set_drives(v: Watch, m: Motion) -> None:
 
 @kernel
 def hold_still(r: int, v: Watch, m: Motion) -> None:
-    """Take the velocities of a robot that rests for 0, which they may be as measured.
+    """Set the velocity bounds of a robot at rest to 0, which its measurement permits.
 
-    It is held until it is told to move: what is measured besides is error.
+    It is held until it is commanded to move: any other measured velocity is error.
     """
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
@@ -115,7 +115,7 @@ def hold_still(r: int, v: Watch, m: Motion) -> None:
 
 @kernel
 def is_new(v: Watch) -> bool:
-    """Whether what is wanted lets any joint do more than what is under way."""
+    """Whether a desired velocity lies outside the bounds of the pending commands."""
     for j in range(v.wanted.shape[0]):
         if not v.under_way[j, 0] <= v.wanted[j] <= v.under_way[j, 1]:
             return True
@@ -124,11 +124,11 @@ def is_new(v: Watch) -> bool:
 
 @kernel
 def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
-    """Take what a robot is to be told back towards what is under way.
+    """Scale the desired velocities of a robot back towards its pending commands.
 
     Args:
         r: The robot.
-        share: How much of what is new is left [-].
+        share: Share of the part beyond the pending commands that is left [-].
         v: Watch; `wanted` is changed.
         m: Motion.
     """
@@ -140,12 +140,12 @@ def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
 
 @kernel
 def is_as_commanded(v: Watch, m: Motion, out: Floats) -> bool:
-    """Whether joints move as they did or were told; narrows what they may do to that.
+    """Whether joints follow their commands; narrows their velocity bounds if they do.
 
     Args:
         v: Watch.
-        m: Motion; the bounds of measured velocities come nearer each other.
-        out: Answer; a joint that is faster is named in it.
+        m: Motion; the bounds of measured velocities are narrowed.
+        out: Answer; names a joint that does not follow.
     """
     if v.sent_count[0] == 0:
         return True
@@ -168,20 +168,20 @@ def is_as_commanded(v: Watch, m: Motion, out: Floats) -> bool:
 
 @kernel
 def note_delay(j: int, r: int, error: float, v: Watch, m: Motion) -> int:
-    """Note which delay a drive has at least, by how its joint follows commands.
+    """Update the lower bound of a drive's delay, by how its joint follows commands.
 
-    A joint that is beyond all commands of a time, and got farther beyond them, follows
-    older ones. How soon it follows is not declared, so only this is sure.
+    A joint whose velocity lies outside all commands of a period, and moves farther
+    outside, follows older ones. No response time is declared, so only this is certain.
 
     Args:
         j: The joint.
         r: Its robot.
-        error: What it may be off its commands [rad/s].
+        error: Tracking error of the joint [rad/s or m/s].
         v: Watch; the robot's delay is raised.
         m: Motion; the bounds of the measured velocities are read.
 
     Returns:
-        The shortest delay looked for that explains what it does, DELAY_STEPS if none.
+        The shortest tested delay that explains its velocity, DELAY_STEPS if none.
     """
     explained, step = 0, DELAY_SHARE * m.robot_figures[r].command
     for k in range(DELAY_STEPS):
@@ -194,11 +194,10 @@ def note_delay(j: int, r: int, error: float, v: Watch, m: Motion) -> int:
 
 @kernel
 def expect_followed(j: int, next_slot: int, v: Watch, m: Motion) -> None:
-    """Write between which velocities a joint is next time, by the delay of its drive.
+    """Write the velocity bounds of a joint at the next sample, for each tested delay.
 
-    Until then its velocity stays between what it is now and what it may be driven to: a
-    drive that has no greater delay is led by no command that is older than that, but
-    for the one before.
+    Until then its velocity stays between the present one and its commands: a drive of
+    at most that delay follows no older command, except the one before.
 
     Args:
         j: The joint.
@@ -220,7 +219,7 @@ def expect_followed(j: int, next_slot: int, v: Watch, m: Motion) -> None:
         if k == DELAY_STEPS:
             return
     if count <= room:
-        # Before the first command it was told to stand still.
+        # Before the first command its commanded velocity was 0.
         low, high = min(low, 0.0), max(high, 0.0)
     else:
         low, high = -inf, inf
@@ -230,11 +229,11 @@ def expect_followed(j: int, next_slot: int, v: Watch, m: Motion) -> None:
 
 @kernel
 def expect_within(j: int, k: int, low: float, high: float, v: Watch, m: Motion) -> None:
-    """Write the bounds for one delay: the commands, and what the joint is now."""
+    """Write the velocity bounds for one delay: commands and present velocity."""
     r = int(m.robot_of_joint[j])
     if v.phase[r] != RUNNING and v.phase[r] != RECOVERING:
         low, high = -inf, inf
-    # A joint that was within the bounds before is, wherever it was measured.
+    # A joint that was within the bounds before still is, despite measurement errors.
     error = m.joint_figures[j].tracking_error
     now_low = max(m.v_low[j], v.followed[j, 2 * k] - error)
     now_high = min(m.v_high[j], v.followed[j, 2 * k + 1] + error)
@@ -244,7 +243,7 @@ def expect_within(j: int, k: int, low: float, high: float, v: Watch, m: Motion) 
 
 @kernel
 def time_passed(v: Watch) -> float:
-    """Time since commands were sent last, no longer than a cycle may take [s]."""
+    """Time since the last commands, at most the longest permitted cycle [s]."""
     longest = v.pace[PERIOD] + v.pace[LATE]
     if v.sent_count[0] == 0:
         return float(v.pace[PERIOD])
@@ -255,8 +254,8 @@ def time_passed(v: Watch) -> float:
 def moment(v: Watch) -> float:
     """Time of this cycle [s].
 
-    Where nobody can tell, or it is not after the last commands, it is thought to be a
-    cycle after them: an arm that is led to rest has to get there.
+    If it is unknown, or not after the last commands, one period after these is assumed:
+    an arm that decelerates to rest has to get there.
     """
     now, last = now_of(v), v.commanded_at[0]
     if isfinite(v.last[ORDERED_AT]) and isfinite(now) and now > last:
@@ -266,14 +265,14 @@ def moment(v: Watch) -> float:
 
 @kernel
 def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
-    """Tell a robot to stand still: at once if it rests, else as its stop is declared.
+    """Command a robot to rest: velocity 0 if it rests, else its declared deceleration.
 
-    The stop begins with what a joint may have got to by then: one that has not come
-    up to what it was told yet is not sped up to it.
+    The ramp begins at the velocity that a joint may have reached: a joint below its
+    last command is not accelerated to it.
 
     Args:
         r: The robot.
-        time: Since its last command [s].
+        time: Time since its last command [s].
         v: Watch; `wanted` is written.
         m: Motion.
     """
@@ -293,7 +292,7 @@ def lead_to_rest(r: int, time: float, v: Watch, m: Motion) -> None:
 
 @kernel
 def send(v: Watch, m: Motion) -> None:
-    """Settle what every joint is told in this cycle, and remember it."""
+    """Fix the commanded velocities of this cycle and store them in the ring."""
     count, time = v.sent_count[0], time_passed(v)
     k = count % v.sent_at.shape[0]
     for r in range(v.phase.shape[0]):

@@ -1,4 +1,4 @@
-"""How fast the sides of a contract may close."""
+"""Closing speed of a pair under a contact contract: commanded, and allowed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +25,12 @@ from armguard.motion.state import (
 
 Floats = NDArray[np.float64]
 
-# Share of what a contract bears that a response asks for: what is under way is as old
-# as the delays, and was told when the pair was farther apart [-].
+# Share of the allowed speed that a response may request: pending commands are as old as
+# the delays, from when the pair was farther apart [-].
 GRANTED = 0.8
 
-# Share of it that is told anew at most. What is under way goes on for a while, as it is
-# or as it misses what it is told, when the pair is nearer than it was [-].
+# Greatest share of it that is newly commanded. Pending commands act for a while, with
+# their tracking errors, while the pair is nearer than it was [-].
 COMMANDED_ANEW = 0.95
 
 
@@ -45,10 +45,10 @@ def closing_commanded(
     v: Watch,
     m: Motion,
 ) -> tuple[float, float]:
-    """How fast a pair is told to close, and until when a stop has taken effect.
+    """Greatest commanded closing speed of a pair, and the time until a stop acts.
 
     Returns:
-        Along the pair's normal, at most [m/s]; and that time [s].
+        Speed along the pair's normal [m/s]; time until a stop has taken effect [s].
     """
     out, robots = w.out, m.robot_figures.shape[0]
     at = place + WITNESS
@@ -76,17 +76,17 @@ def closing_commanded(
 
 @kernel
 def speed_at(distance: float, c: Floats) -> float:
-    """Greatest closing speed that a contract bears at a distance [m/s]."""
+    """Greatest closing speed that a contract allows at a distance [m/s]."""
     return float(c[CREEP] + c[GAIN] * distance)
 
 
 @kernel
 def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
-    """Most that a joint may be told to add to a closing speed [m/s].
+    """Greatest part of a joint's commands in a closing speed [m/s].
 
     Args:
         q: The joint.
-        g: How fast it closes the pair at unit speed.
+        g: Rate at which it closes the pair at unit speed [m/rad].
         plan: NEXT or NOW.
         v: Watch.
         m: Motion.
@@ -101,11 +101,11 @@ def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
 
 @kernel
 def allowed_speed(distance: float, time: float, c: Floats) -> float:
-    """Greatest closing speed at a distance that its contract bears until a stop works.
+    """Greatest closing speed that a contract allows until a stop takes effect [m/s].
 
     Args:
-        distance: That distance [m].
-        time: Until an order takes effect [s].
+        distance: Present distance [m].
+        time: Time until an order takes effect [s].
         c: The contract.
     """
     most = speed_at(distance, c) / (1.0 + c[GAIN] * time)

@@ -1,8 +1,8 @@
-"""When pairs can touch at the soonest, whatever the operators do.
+"""Time to contact: lower bounds of the time until pairs can touch.
 
-From levers for every near pair, which takes next to no time; and with directions for as
-many as it takes to know each robot's first: in the order of what levers say, until that
-is no sooner than what is known already.
+The bounds hold for any operator input. A bound from levers is cheap and computed for
+every near pair. A tighter bound with directions is computed in ascending order of the
+lever bound, until the earliest contact of each robot is known.
 """
 
 from math import inf, sqrt
@@ -29,13 +29,13 @@ from armguard.motion.pair_proof import path_gap
 from armguard.motion.pair_state import ALLOWED, new_pair
 from armguard.motion.state import AGE, FREE, GRID, Motion
 
-# No row is sooner than what is known.
+# No near pair may touch before the earliest known contact.
 NONE = -1
 
 
 @kernel(separate=True)
 def write_contact_times(w: Workspace) -> None:
-    """Write when each near pair, and each robot, can touch anything at the soonest.
+    """Write the time to contact of each near pair and of each robot.
 
     Args:
         w: The workspace, after its pairs were judged.
@@ -57,13 +57,13 @@ def write_contact_times(w: Workspace) -> None:
 
 @kernel
 def next_row(r: int, w: Workspace, v: Watch) -> int:
-    """The near pair of a robot that may touch first, if sooner than what is known."""
+    """Near pair of a robot that may touch before its earliest known contact."""
     out = w.out
     first, soonest = NONE, out[HEADER + r * ROBOT_WIDTH + ROBOT_TIME]
     for k in range(int(out[NEAR_COUNT])):
         place = row_place(k, w)
         if not out[place + TIME_TO_CONTACT] < soonest or out[place + PROOF] == ALLOWED:
-            # A contact that is meant is no matter of time; levers tell enough of it.
+            # An intended contact needs no tighter bound than that of the levers.
             continue
         i, j = int(out[place + FIRST]), int(out[place + SECOND])
         if robot_of(i, v) == r or robot_of(j, v) == r:
@@ -73,7 +73,7 @@ def next_row(r: int, w: Workspace, v: Watch) -> int:
 
 @kernel
 def look_closer(place: int, w: Workspace, v: Watch, m: Motion) -> None:
-    """Write when a near pair can touch, directions considered, for its robots too."""
+    """Write the direction-based time to contact of a near pair and of its robots."""
     out = w.out
     time = contact_time(place, w, v, m)
     out[place + TIME_TO_CONTACT] = time
@@ -86,14 +86,14 @@ def look_closer(place: int, w: Workspace, v: Watch, m: Motion) -> None:
 
 @kernel
 def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Least time from now until a pair can touch, whatever its operators do [s].
+    """Lower bound of the time from now until a pair can touch, by directions [s].
 
-    The longer of what levers say, and of the last time of a grid until which the bound
-    of its path by directions holds. The errors of model and measurement count, and the
-    time that has passed since the older of two measurements.
+    The longer of the lever bound and of the last time of a grid up to which the bound
+    of the path proves a gap. The errors of model and measurement count, and the time
+    since the older of two measurements.
 
     Args:
-        place: Where the pair's row starts; what levers say is written already.
+        place: Where the pair's row starts; the lever bound is written already.
         w: Workspace.
         v: Watch.
         m: Motion.
@@ -111,7 +111,7 @@ def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
     p = new_pair()
     describe_pair(i, j, FREE, FREE, 0.0, 0.0, w, m, p)
     later = time_after(by_levers + age)
-    # Seldom is it more than twice what levers say: the second time first.
+    # It is seldom more than twice the lever bound: test the second time first.
     for k in range(min(later + 1, GRID - 1), later - 1, -1):
         bound_free_way(k, w.motion)
         p.plan[0] = p.plan[1] = FREE + k
@@ -123,7 +123,7 @@ def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def lever_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """The same by levers alone, which know no directions."""
+    """Lower bound of the time to contact by levers alone, without directions [s]."""
     i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
     distance = w.out[place + WITNESS] - unknown_way(i, j, w, v, m) - m.blur[i]
     push = m.push[i]
@@ -135,24 +135,24 @@ def lever_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def unknown_way(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """How much nearer a pair may be than it was measured, joints aside [m]."""
+    """Error of a pair's distance from model, base and object motion, not joints [m]."""
     need = static_need(i, j, w, v, m)
     return float(need - w.buffers[w.groups[i], w.groups[j]])
 
 
 @kernel
 def oldest_age(i: int, j: int, v: Watch, m: Motion) -> float:
-    """Time since the older measurement of a pair's robots [s]."""
+    """Age of the older measurement of a pair's robots [s]."""
     age, other = m.clock[robot_of(i, v), AGE], robot_of(j, v)
     return float(max(age, m.clock[other, AGE]) if other >= 0 else age)
 
 
 @kernel
 def time_to_contact(distance: float, speed: float, push: float) -> float:
-    """Least time until a pair can touch, whatever its operators do [s].
+    """Least time until a pair can touch, for any operator input [s].
 
-    From a bound of its closing speed and of what accelerations can add to that
-    (Culley and Kempf): distance = speed · t + ½ · push · t².
+    From bounds of its closing speed [m/s] and of its closing acceleration `push`
+    [m/s²] (Culley and Kempf): distance = speed · t + ½ · push · t².
     """
     if not distance > 0.0:
         return 0.0

@@ -1,4 +1,4 @@
-"""A path of joint positions, checked without gaps that anything could slip through."""
+"""Continuous collision check of a path of joint positions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from armguard.guard.verdict import Verdict
 
 Floats = NDArray[np.float64]
 
-# A line is not divided further when no joint moves more than this on it [rad or m].
+# A line on which no joint moves more than this is not bisected further [rad or m].
 RESOLUTION = 1e-4
 
 
@@ -20,12 +20,12 @@ class Breach:
     """The first place of a path at which a buffer is not kept, or not proven.
 
     Attributes:
-        segment: Which segment of the path, from 0.
-        share: How far along it, in [0, 1]; all before it is proven clear [-].
+        segment: Index of the segment of the path, from 0.
+        share: Position along the segment, in [0, 1]; all before is proven clear [-].
         q: Joint positions there, shape (n,) [rad or m].
         pair: The pair.
         certain: Whether the pair breaks its buffer within the resolution; otherwise
-            it comes so near that nobody can tell.
+            it is too near for a proof.
     """
 
     segment: int
@@ -37,12 +37,12 @@ class Breach:
 
 @dataclass(frozen=True, slots=True)
 class PathCheck:
-    """What a path came to.
+    """Result of the check of a path.
 
     Attributes:
-        clear: Whether every pair was proven to keep its buffer on all of it.
-        breach: The first place where one does not, None if it is clear.
-        lines: Straight lines that were judged, halves counted.
+        clear: Whether every pair is proven to keep its buffer on the whole path.
+        breach: The first place where a pair does not, None if the path is clear.
+        lines: Number of straight lines that were judged, halves included.
     """
 
     clear: bool
@@ -51,7 +51,7 @@ class PathCheck:
 
     @property
     def sentence(self) -> str:
-        """What was found, in words and millimetres."""
+        """The result in words and millimetres."""
         if self.breach is None:
             return "between the samples: every pair keeps its buffer, proven"
         at, pair = self.breach, self.breach.pair
@@ -62,10 +62,10 @@ class PathCheck:
         )
 
     def to_dict(self, names: Sequence[str]) -> dict[str, object]:
-        """The same as plain numbers and strings, ready for JSON.
+        """The result as plain numbers and strings, ready for JSON.
 
         Args:
-            names: Of the joints.
+            names: Names of the joints.
         """
         at = self.breach
         found: dict[str, object] = {"clear": self.clear, "lines": self.lines}
@@ -92,17 +92,17 @@ def check_path(
     """Find the first place of a path at which a pair does not keep its buffer.
 
     Args:
-        rows: Joint positions the path goes through on straight lines, shape (k, n).
-        judge_line: Proves or does not prove that all pairs keep their buffers on a
-            line.
-        judge_point: Measures them at a point.
-        resolution: A line on which no joint moves more than this is not divided.
+        rows: Joint positions, joined by straight lines, shape (k, n) [rad or m].
+        judge_line: Verdict on a line: whether all pairs provably keep their buffers.
+        judge_point: Verdict on one configuration.
+        resolution: A line on which no joint moves more than this is not bisected
+            [rad or m].
     """
     lines = 0
     for segment in range(max(len(rows) - 1, 1)):
         start = np.asarray(rows[segment], dtype=np.float64)
         end = np.asarray(rows[min(segment + 1, len(rows) - 1)], dtype=np.float64)
-        # Halves that wait, the earliest on top.
+        # Stack of halves to be judged, the earliest on top.
         waiting = [(0.0, 1.0)]
         while waiting:
             low, high = waiting.pop()
@@ -129,7 +129,7 @@ def check_path(
 
 
 def between(start: Floats, end: Floats, share: float) -> Floats:
-    """Joint positions at a share of a straight line; its ends exactly."""
+    """Joint positions at a share of a straight line; exact at its ends."""
     if share in (0.0, 1.0):
         return start if share == 0.0 else end
     return np.asarray(start + share * (end - start))

@@ -1,4 +1,4 @@
-"""Contracts: what two bodies are allowed beyond what every pair is."""
+"""Contact contracts: permitted contacts between two bodies."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,14 +16,14 @@ from armguard.scene.gripping import Grasp
 
 Floats = NDArray[np.float64]
 
-# What is not said of a contract that a call asks for.
+# Defaults of contracts that `allow` requests.
 GRASP = Grasp()
 
-# How much nearer than they are two bodies may come that are too near already: what an
-# arm may miss its way by [m].
+# How much nearer two bodies that are too near already may get: deviation of an arm from
+# its path [m].
 ROOM = 2e-3
 
-# What the kinds of contracts are called.
+# Names of the kinds of contracts.
 KINDS = {
     at.BY_INTENT: "intent",
     at.STANDING: "standing",
@@ -40,7 +40,7 @@ class Region:
     Attributes:
         half_extents: Half of its sizes [m].
         pose: Its frame in the world, or in `frame`.
-        frame: 'robot/link', or an object that may be gripped, it moves with; None for
+        frame: Body that it moves with: 'robot/link' or a graspable object; None for
             the world.
     """
 
@@ -59,22 +59,22 @@ class Region:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contract:
-    """What two bodies are allowed beyond what every pair is.
+    """Permission of a contact between two bodies, which otherwise keep their buffer.
 
     Attributes:
         a: One body: 'robot/link' or an object's name.
-        b: The other.
-        kind: "held": they are not checked, since a gripper holds the object; "intent":
-            fingers approach what they are to grip; "standing": a held object
-            rests on or beside what carries it, or is put down there; "beside": they
-            are nearer than they may be and must not come nearer; "let go": fingers
-            round what was released; "asked": somebody called `allow`.
-        depth: How far they may overlap; negative for a distance they must keep [m].
+        b: The other body.
+        kind: "held": not checked, since a gripper holds the object; "intent": fingers
+            approach a grasp target; "standing": a held object rests on or beside its
+            support, or is put down there; "beside": nearer than permitted, and must
+            not get nearer; "let go": fingers around a released object; "asked":
+            requested by `allow`.
+        depth: Permitted overlap; negative for a distance they must keep [m].
         speed: Greatest closing speed at contact [m/s].
-        gain: How much faster they may close for each metre of distance [1/s].
-        until: When it expires, on the clock of `step`; None if it does not [s].
-        rearmed_at: Distance from which on it is over; None if no distance ends it [m].
-        ending: Whether it is over as soon as the pair can do without it.
+        gain: Increase of the permitted closing speed per metre of distance [1/s].
+        until: Time of expiry, on the clock of `step` [s]; None if it does not expire.
+        rearmed_at: Distance beyond which it ends [m]; None if no distance ends it.
+        ending: Whether it ends as soon as the pair keeps its buffer without it.
         region: Whether it holds in a region only.
     """
 
@@ -91,7 +91,7 @@ class Contract:
 
 
 def contract_of_row(row: Floats, a: str, b: str) -> Contract:
-    """A contract in force, from its numbers."""
+    """A contract from its row of numbers."""
     until, rearm = float(row[at.UNTIL]), float(row[at.REARM])
     return Contract(
         a=a,
@@ -129,22 +129,22 @@ class ContractTable:
         speed: float = 0.02,
         until: float | None = None,
     ) -> None:
-        """Allow two bodies to touch for a while: a contract.
+        """Allow two bodies to touch for a limited time: opens a contract.
 
-        One that is in force between them is replaced.
+        It replaces an earlier one of this kind between the two.
 
         Args:
             a: 'robot/link' or an object, held or not.
             b: The other body.
             region: Where they may touch; anywhere if None.
-            depth: How far they may overlap [m].
+            depth: Permitted overlap [m].
             speed: Greatest closing speed at contact [m/s].
-            until: When it expires, on the clock of `step` [s]; 30 s from now if None.
+            until: Time of expiry, on the clock of `step` [s]; 30 s from now if None.
 
         Raises:
             UnknownNameError: A body or the frame of the region does not exist.
-            GraspError: It is one body, nobody checks the pair, a number cannot be true,
-                or there is no room for another contract.
+            GraspError: Both are one body, the pair is not checked, a number is out of
+                range, or there is no room for another contract.
         """
         holds = self.grippers.tables.holds
         for name in (a, b):
@@ -197,7 +197,7 @@ class ContractTable:
             self.write_groups()
 
     def in_force(self) -> Iterator[Contract]:
-        """Every contract that is in force."""
+        """All contracts between bodies, except dormant ones."""
         names = self.grippers.tables.body_names
         for row in self.grippers.grips.contracts:
             if row[at.STATE] not in (at.NONE, at.DORMANT):
@@ -205,9 +205,9 @@ class ContractTable:
                 yield contract_of_row(row, a, b)
 
     def row(self, a: str, b: str, kind: int) -> Floats | None:
-        """A contract between two bodies, in place of one of its kind they have.
+        """A cleared row for a contract of two bodies; replaces one of the same kind.
 
-        None if there is no room: then the pair is allowed nothing.
+        None if there is no room: then the pair has no contract.
         """
         rows, holds = self.grippers.grips.contracts, self.grippers.tables.holds
         spare = len(rows) - at.SPARE_CONTRACTS
@@ -232,7 +232,7 @@ class ContractTable:
     def keep_apart(
         self, name: str, other: str, distance: float, grasp: Grasp
     ) -> Floats | None:
-        """Let two bodies be as near as they are until they are far enough apart."""
+        """Let two bodies be as near as they are now, until they keep their buffer."""
         row = self.row(name, other, at.BESIDE)
         if row is None:
             return None
@@ -242,7 +242,7 @@ class ContractTable:
         return row
 
     def close(self, name: str, kinds: tuple[int, ...]) -> None:
-        """End contracts of an object that is let go."""
+        """End all contracts of these kinds of an object that is released."""
         first, _ = self.grippers.tables.holds.places[name]
         for row in self.grippers.grips.contracts:
             if row[at.KIND] in kinds and row[at.FIRST_A] == first:
@@ -256,7 +256,7 @@ class ContractTable:
         self.grippers.grips.contracts[own[at.SLOT] :][:count, at.STATE] = at.NONE
 
     def write_groups(self) -> None:
-        """Write between which groups there are contracts."""
+        """Write which pairs of groups have a contract."""
         may, rows = self.grippers.grips.may, self.grippers.grips.contracts
         rows = rows[rows[:, at.STATE] != at.NONE]
         a, b = rows[:, [at.GROUP_A, at.GROUP_B]].T.astype(np.int64)
@@ -264,7 +264,7 @@ class ContractTable:
         may[a, b] = may[b, a] = 1
 
     def _frame(self, region: Region) -> tuple[int, Floats]:
-        """Body a region moves with, and its frame there."""
+        """Body that a region moves with, and the region's frame in it, (4, 4)."""
         body, T = at.WORLD, region.pose.matrix()
         tables = self.grippers.tables
         if region.frame in tables.holds.objects:
@@ -282,5 +282,5 @@ class ContractTable:
 
 
 def gain_of(grasp: Grasp) -> float:
-    """How much the speed of an approach may rise with the distance [1/s]."""
+    """Increase of the permitted closing speed per metre of distance [1/s]."""
     return (grasp.intent_speed - grasp.creep) / grasp.near

@@ -1,4 +1,4 @@
-"""The pairs of a cycle where contracts may be in force."""
+"""Judging all pairs of a cycle, with contact contracts where a scene may have any."""
 
 from math import inf
 
@@ -37,7 +37,7 @@ CAPACITY = int(Reason.CAPACITY)
 
 @kernel
 def judge_all(w: Workspace) -> None:
-    """Judge every pair.
+    """Judge every pair, with contracts where there may be any.
 
     Args:
         w: The workspace.
@@ -50,7 +50,7 @@ def judge_all(w: Workspace) -> None:
 
 @kernel(separate=True)
 def judge_with_contracts(w: Workspace) -> None:
-    """Judge every pair; before, choose the grippers' models, then end what is over.
+    """Choose the grippers' models, judge every pair, end contracts that are over.
 
     Args:
         w: The workspace.
@@ -65,7 +65,7 @@ def judge_with_contracts(w: Workspace) -> None:
     choose_models(w)
     judge_motions(w)
     if w.out[REASON] == CAPACITY:
-        # Not all pairs were met: nobody knows which contracts are needed.
+        # Not all pairs were judged: it is unknown which contracts are needed.
         return
     end_contracts(h, v)
     if v.given[COMMANDED] == 0.0 and w.settings[INTENTS] != 0:
@@ -76,7 +76,7 @@ def judge_with_contracts(w: Workspace) -> None:
 
 @kernel
 def end_contracts(h: Grips, v: Watch) -> None:
-    """End what is over: at once where no pair needs it, else as soon as none does."""
+    """End contracts that are over, as soon as no pair needs them any more."""
     now = now_of(v)
     for k in range(h.contracts.shape[0]):
         c = h.contracts[k]

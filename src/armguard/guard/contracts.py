@@ -1,14 +1,14 @@
-"""Contacts that are meant: what a contract between two bodies lets a pair do.
+"""Intended contacts: proof of a pair under a contact contract.
 
-A contract never asks for more than a pair needs anyway. It lets the pair be nearer than
-its buffer, and overlap by `DEPTH`, as long as what closes it is no faster than
+A contract never requires more than a pair needs without it. It lets the pair be nearer
+than its buffer, and overlap by `DEPTH`, as long as its closing speed is at most
 
     CREEP + GAIN · distance
 
 at every distance that may be reached before an order takes effect. The depth is proven
-until all are at rest, with the declared errors of measuring and following. The speed is
-that of what the robots are told, or where nobody tells them anything through the guard,
-of what is measured; by how much they miss it comes on top.
+until all robots are at rest, with the declared errors of measurement and tracking. The
+speed is the commanded one, or, without a command filter, the measured one; tracking
+errors are added to it.
 """
 
 from math import inf
@@ -77,10 +77,10 @@ from armguard.motion.state import (
 Floats = NDArray[np.float64]
 
 
-# What a pair has left of which nobody asks how much it is [m].
+# Clearance from which on a coarse bound suffices [m].
 PLENTY = 0.02
 
-# What round-off may add to a speed [m/s].
+# Round-off of a speed [m/s].
 GRAIN = 1e-9
 
 
@@ -88,7 +88,7 @@ GRAIN = 1e-9
 def prove(
     i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
 ) -> tuple[int, float]:
-    """Prove that a pair keeps what it must; see `prove_with_contract`."""
+    """Prove that a pair keeps its buffer or contract; see `prove_with_contract`."""
     if w.settings[CONTRACTS] != 0:
         return prove_with_contract(i, j, plan_i, plan_j, place, w)
     return prove_pair(i, j, plan_i, plan_j, place, w)
@@ -98,18 +98,18 @@ def prove(
 def prove_with_contract(
     i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
 ) -> tuple[int, float]:
-    """Prove that a pair keeps what it must, or what its contract asks for in place.
+    """Prove that a pair keeps its buffer, or the depth and speed of its contract.
 
     Args:
         i: First primitive.
         j: Second primitive.
         plan_i: NEXT or NOW, the stop of the robot of the first.
-        plan_j: The same of the second.
+        plan_j: NEXT or NOW, the stop of the robot of the second.
         place: Where the pair's row of the answer starts.
         w: The workspace.
 
     Returns:
-        How the proof ended, and what is left or lacks [m].
+        How the proof ended, and the clearance, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
     h = w.grips
@@ -122,7 +122,7 @@ def prove_with_contract(
     if c[STATE] == DORMANT:
         note_nearest(i, place, c, w.out)
         return prove_pair(i, j, plan_i, plan_j, place, w)
-    # What its contract asks for has to be looked at whenever commands change.
+    # The contract has to be checked again whenever commands change.
     m.effort[LOOKED] = 1
     refine_pair(i, j, place, w)
     note_nearest(i, place, c, w.out)
@@ -136,7 +136,7 @@ def prove_with_contract(
         closing, time = closing_commanded(i, j, plan_i, plan_j, place, w, v, m)
         known, _ = closing_commanded(i, j, NOW, NOW, place, w, v, m)
         share = COMMANDED_ANEW if closing > known + GRAIN else 1.0
-        # What moves by itself may have come nearer since it was seen, and comes on.
+        # A moving object may have approached since it was seen, and may approach on.
         drift = object_speed(j, v)
         if drift > 0.0:
             spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
@@ -144,7 +144,7 @@ def prove_with_contract(
         distance = w.out[place + WITNESS] - max(closing, 0.0) * time
         most = share * speed_at(max(distance, 0.0), c)
         if c[STATE] == EXPIRED:
-            # What is over still lets those who are near leave.
+            # An expired contract still lets a pair that is near separate.
             most = 0.0
         kept = spare >= 0.0 and closing <= most + GRAIN
     if kept and c[STATE] == IN_FORCE:
@@ -162,7 +162,7 @@ def prove_with_contract(
     if needs:
         c[RELIED] = 1.0
     if kept:
-        # What a contract still bears is no reason to leave; one that is over is.
+        # A contact under a contract needs no recovery; under an expired one it does.
         eased = c[STATE] == EXPIRED and needs
         v.deficit[robot_i] = deficit_i
         if robot_j >= 0 and robot_j != robot_i:
@@ -184,9 +184,9 @@ def prove_with_contract(
 
 @kernel
 def contract_of(i: int, j: int, h: Grips) -> int:
-    """The contract a pair of primitives is under; -1 if none.
+    """Row of the contract of a pair of primitives; -1 if it has none.
 
-    Of several one in force, and of these the one that allows most.
+    Of several, the one with the lowest state, and of these the greatest depth.
     """
     rows = h.contracts
     found = -1
@@ -194,7 +194,7 @@ def contract_of(i: int, j: int, h: Grips) -> int:
         state = rows[k, STATE]
         if state == NONE or not (is_of(i, j, rows[k]) or is_of(j, i, rows[k])):
             continue
-        # States are numbered in the order in which they count.
+        # States are numbered in order of precedence.
         if (
             found < 0
             or state < rows[found, STATE]
@@ -206,13 +206,13 @@ def contract_of(i: int, j: int, h: Grips) -> int:
 
 @kernel
 def is_of(a: int, b: int, c: Floats) -> bool:
-    """Whether a primitive is of a contract's body A and another one of its B."""
+    """Whether primitive a is part of a contract's body A and b of its body B."""
     return bool(c[FIRST_A] <= a < c[END_A] and c[FIRST_B] <= b < c[END_B])
 
 
 @kernel
 def note_nearest(i: int, place: int, c: Floats, out: Floats) -> None:
-    """Keep what is known of a contract's nearest pair in this cycle."""
+    """Store distance, normal and witness point of a contract's nearest pair."""
     at = place + WITNESS
     if not out[at] < c[NEAREST]:
         return
@@ -237,7 +237,7 @@ def is_inside(place: int, c: Floats, w: Workspace) -> bool:
 
 @kernel
 def in_frame(at: int, c: Floats, w: Workspace) -> tuple[float, float, float]:
-    """A point of the answer in the frame of a contract's region [m]."""
+    """A point of the answer, in the frame of a contract's region [m]."""
     x, y, z = w.out[at], w.out[at + 1], w.out[at + 2]
     if c[REGION] != WORLD:
         x, y, z = back(x, y, z, w.T_world[int(c[REGION])])
@@ -246,7 +246,7 @@ def in_frame(at: int, c: Floats, w: Workspace) -> tuple[float, float, float]:
 
 @kernel
 def back(x: float, y: float, z: float, T: Floats) -> tuple[float, float, float]:
-    """A point in the frame that stands at T [m]."""
+    """A point of the outer frame, in the frame whose pose is T [m]."""
     x, y, z = x - T[3], y - T[7], z - T[11]
     return (
         T[0] * x + T[4] * y + T[8] * z,
@@ -259,18 +259,18 @@ def back(x: float, y: float, z: float, T: Floats) -> tuple[float, float, float]:
 def least_gap(
     i: int, j: int, plan_i: int, plan_j: int, place: int, need: float, w: Workspace
 ) -> float:
-    """Least signed distance of a pair on the stop path, of its exact shapes [m].
+    """Lower bound of a pair's signed distance on the stop path, by exact shapes [m].
 
-    Apart or overlapping: along any direction two bodies are separated by no more than
+    Valid apart and overlapping: the gap of two bodies along any direction is at most
     their signed distance.
 
     Args:
         i: First primitive.
         j: Second primitive.
         plan_i: NEXT or NOW, the stop of the robot of the first.
-        plan_j: The same of the second.
+        plan_j: NEXT or NOW, the stop of the robot of the second.
         place: Where the pair's row of the answer starts.
-        need: Distance to be kept; with plenty beyond it a quick bound will do [m].
+        need: Distance to be kept; far beyond it a quick bound suffices [m].
         w: The workspace.
     """
     m = w.motion
@@ -302,7 +302,7 @@ def least_gap(
 def describe_side(
     i: int, which: int, side: int, w: Workspace, m: Motion, p: Pair
 ) -> None:
-    """Describe one side of a pair by one of its exact shapes, where it is now."""
+    """Describe one side of a pair by one of its exact shapes, at its present pose."""
     moving = m.rate.shape[0]
     p.kind[side] = exact_row(i, which, w, p.row[side])
     p.body[side] = w.bodies[i]
@@ -313,7 +313,7 @@ def describe_side(
 
 @kernel
 def open_contract(k: int, h: Grips) -> None:
-    """A contract is in force: tell it to the groups of its bodies."""
+    """Put a contract in force, and mark the groups of its bodies."""
     c = h.contracts[k]
     c[STATE] = IN_FORCE
     c[NEAREST], c[RELIED] = inf, 0.0
@@ -323,7 +323,7 @@ def open_contract(k: int, h: Grips) -> None:
 
 @kernel
 def close_contract(k: int, h: Grips) -> None:
-    """A contract is over; its groups have one as long as another is."""
+    """End a contract; its groups stay marked if they have another one."""
     c = h.contracts[k]
     c[STATE] = NONE
     a, b = c[GROUP_A], c[GROUP_B]

@@ -1,9 +1,9 @@
-"""Cues for operators: which way is safe, how urgent it is, what a hand should feel.
+"""Cues for operators: urgency, direction of escape, and haptic force.
 
-Of every pair that is near or about to be, weighted by how near or how soon: the joint
-motion that opens it, and a force along its normal at its witness point, which is told
-as a wrench at the tool. Robots that do not follow their operators are at their most
-urgent.
+They sum over all pairs that are near or soon will be, weighted by distance or time: the
+joint motion that opens the pair, and a force along its normal at its witness point,
+expressed as a wrench at the tool. The urgency of a robot that does not follow its
+operator is 1.
 """
 
 from math import sqrt
@@ -40,16 +40,16 @@ from armguard.robot.kinematics import FIXED as NO_JOINT
 
 STOP = int(Level.STOP)
 
-# Force of a pair that has nothing left [N].
+# Force of a pair without clearance [N].
 MOST_FORCE = 10.0
 
-# A direction of less is none [-].
+# Least length of a direction before it is normalised [-].
 NO_DIRECTION = 1e-9
 
 
 @kernel
 def write_cues(w: Workspace, v: Watch, m: Motion) -> None:
-    """Write each robot's cues, and the joint motion that leads away."""
+    """Write each robot's cues and its escape direction in joint space."""
     out, robots = w.out, v.phase.shape[0]
     escape = HEADER + robots * ROBOT_WIDTH
     for j in range(m.q.shape[0]):
@@ -72,10 +72,10 @@ def write_cues(w: Workspace, v: Watch, m: Motion) -> None:
 
 @kernel
 def add_cue(place: int, look: float, w: Workspace, v: Watch, m: Motion) -> None:
-    """Add what a near pair asks of its robots."""
+    """Add the escape direction and the wrench of a near pair to its robots' cues."""
     out = w.out
     if out[place + PROOF] == ALLOWED:
-        # Nobody is pushed away from what he means to touch.
+        # An intended contact exerts no force.
         return
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
@@ -121,14 +121,14 @@ def tool_point(r: int, w: Workspace, v: Watch) -> Vec3:
 
 @kernel
 def finish_cue(r: int, escape: int, w: Workspace, m: Motion, v: Watch) -> None:
-    """Make a robot's way out a direction, told of its tool too; bound its wrench."""
+    """Normalise a robot's escape direction, add that of its tool; bound its wrench."""
     out = w.out
     place = HEADER + r * ROBOT_WIDTH
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     length = 0.0
     for j in range(first, end):
-        # What opens fastest, each joint as it can: metres and radians are no match.
+        # Scaled by top speeds, since metres and radians are not comparable.
         top = m.joint_figures[j].velocity
         out[escape + j] *= top * top
         length += out[escape + j] * out[escape + j]

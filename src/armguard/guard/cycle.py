@@ -45,16 +45,16 @@ WRONG_INPUT = int(Reason.WRONG_INPUT)
 def run_cycle(q: Floats, lines: Longs) -> int:
     """Judge one joint configuration.
 
-    The world is rebuilt from `q` alone. A pair whose two sides stand exactly where
-    they stood keeps its row of the last cycle, which is what measuring it again
-    would give, bit for bit.
+    The world is rebuilt from `q` alone. A pair whose two sides have not moved at all
+    keeps its row of the last cycle, which another measurement would repeat bit for
+    bit.
 
     Args:
         q: Joint positions, shape (n,) [rad or m].
         lines: Ledger of a workspace; its state, memory and `out` are updated.
 
     Returns:
-        How many places of the workspace's `out` were used.
+        Count of numbers of the workspace's `out` that were used.
     """
     w = open_workspace(lines)
     out = w.out
@@ -69,10 +69,10 @@ def run_cycle(q: Floats, lines: Longs) -> int:
 
 @kernel
 def clear_header(w: Workspace) -> int:
-    """Begin an answer.
+    """Clear the header of the answer, and its rows of robots.
 
     Returns:
-        Where its rows start.
+        Index at which the rows of near pairs start.
     """
     rows = w.settings[FIRST_ROW]
     for k in range(rows):
@@ -83,11 +83,11 @@ def clear_header(w: Workspace) -> int:
 
 @kernel(separate=True)
 def rebuild_world(q: Vector, indexed: int, w: Workspace) -> None:
-    """Poses, primitives in the world and index, from joint angles alone.
+    """Update poses, primitives in the world and index, from joint angles alone.
 
     Args:
         q: Joint positions, shape (n,) [rad or m].
-        indexed: 0 where nobody is going to ask the index.
+        indexed: 0 where the index will not be queried.
         w: The workspace.
     """
     forward_kinematics(
@@ -120,7 +120,7 @@ def place_moved(w: Workspace) -> None:
 
 @kernel
 def positions_are_finite(q: Floats, lower: Floats, out: Floats) -> bool:
-    """Whether q has its length and only finite numbers; else the answer says so."""
+    """Whether q has the right length and is finite; else the reason is written."""
     if q.shape[0] != lower.shape[0]:
         out[REASON] = WRONG_INPUT
         return False
@@ -137,7 +137,11 @@ def positions_are_finite(q: Floats, lower: Floats, out: Floats) -> bool:
 def mark_moved_bodies(
     T_next: Floats, T_world: Floats, body_moved: Bytes, force: bool
 ) -> int:
-    """Mark the bodies whose pose differs in any bit, take the new poses over."""
+    """Mark the bodies whose pose differs in any bit, and copy the new poses.
+
+    Returns:
+        Count of these bodies.
+    """
     count = 0
     for b in range(T_next.shape[0]):
         moved = force

@@ -1,8 +1,8 @@
-"""Which robots must stop for a pair.
+"""Choice of the robots that must stop for a pair.
 
-Every cycle proves that a stop ordered in the next one touches nothing. A pair for which
-that cannot be proven any longer has been proven in the last cycle for a stop that is
-ordered now. If it is enough that one of two robots stops now, the other may go on.
+Every cycle proves that a stop ordered in the next cycle is still in time. Where that
+proof fails for a pair, the last cycle has proven it for a stop that is ordered now. If
+it suffices that one of two robots stops now, the other may go on.
 """
 
 from math import inf
@@ -31,13 +31,13 @@ NO_PROOF = int(Reason.NO_PROOF)
 BUDGET_SPENT = int(Reason.BUDGET_SPENT)
 CONTRACT_EXCEEDED = int(Reason.CONTRACT_EXCEEDED)
 
-# A robot whose part of a closing speed is smaller than this has no part in it [-].
+# Least share of a closing speed from which on a robot takes part in it [-].
 OWN_SHARE = 0.25
 
 
 @kernel(separate=True)
 def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
-    """Write what a measured pair has left beyond what it needs, and how long.
+    """Write clearance and time left of a measured pair; demand stops if it has none.
 
     Args:
         i: Lower primitive.
@@ -65,7 +65,7 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
             speed = min(closing, rate_along_normal(i, j, place, w, v, m))
         left = spare / speed if speed > 0.0 else inf
     out[place + TIME_LEFT] = left
-    # It is short for those who come nearer: a parked robot is not in a hurry.
+    # The time is short only for an approaching robot, not for a parked one.
     for side in range(2):
         k, r = (i, robot_i) if side == 0 else (j, robot_j)
         if r >= 0 and not left >= v.time_left[r]:
@@ -84,7 +84,7 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
     fixed_i = m.robot_figures[robot_i].mode == FIXED
     fixed_j = m.robot_figures[robot_j].mode == FIXED
     if fixed_i or fixed_j:
-        # A fixed robot stops when its buffer is broken; the other one has to prove.
+        # A fixed robot stops when its buffer is broken; the other needs a proof.
         broken = not out[place + WITNESS] >= out[place + BUFFER]
         if broken or not fixed_i:
             demand_stop(robot_i, cause, v)
@@ -110,7 +110,7 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
 
 @kernel
 def demand_stop(r: int, cause: int, v: Watch) -> None:
-    """A robot must stop, or stay where it rests."""
+    """Demand that a robot stops, or stays at rest; the first cause is kept."""
     if v.must[r] == 0:
         v.must[r] = 1
         v.cause[r] = cause

@@ -1,4 +1,4 @@
-"""Events: spans of cycles in which one pair, or one fault, decided the level."""
+"""Events: sequences of cycles in which one pair, or one fault, decided the level."""
 
 from dataclasses import asdict, dataclass
 
@@ -12,21 +12,21 @@ AFTERWARDS = (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN)
 
 @dataclass(slots=True)
 class Event:
-    """A span of cycles above `Level.CLEAR` with one cause.
+    """A sequence of cycles above `Level.CLEAR` with one cause.
 
     Attributes:
         first: Its first cycle, counted from 0.
         last: Its last cycle.
         level: Highest level in it.
-        reason: Why it got as far as that level; of a stop, why it was ordered.
-        a: Body A of the deciding pair, or who a fault is about, or "".
+        reason: Reason of that level; of a stop, the reason of its order.
+        a: Body A of the deciding pair, or the subject of a fault, or "".
         b: Body B, or "".
         least_clearance: Least clearance in it [m]; NaN for a fault, or where the pair
             is beyond the margin.
-        distance: Signed distance at that cycle [m]; NaN likewise.
+        distance: Signed distance in the cycle of the least clearance [m], or NaN.
         at: The cycle of the least clearance.
-        stamp: Its stamp [s], or None.
-        why: What the verdict said then.
+        stamp: Stamp of that cycle [s], or None.
+        why: Sentence of the verdict of that cycle.
     """
 
     first: int
@@ -55,9 +55,9 @@ class EventLog:
     """Collects the events of a run.
 
     Attributes:
-        events: Events so far; the last may still be going on.
-        levels: Cycles at each level.
-        faults: Cycles whose input could not be judged.
+        events: Events so far; the last may not have ended.
+        levels: Count of cycles at each level.
+        faults: Count of cycles whose input could not be judged.
         least_clearance: Least clearance of all cycles [m]; inf if no pair was near.
     """
 
@@ -69,11 +69,10 @@ class EventLog:
         self._cycle = -1
 
     def add(self, verdict: Verdict) -> Event | None:
-        """Take in the next cycle.
+        """Add the verdict of the next cycle.
 
         Returns:
-            The event this cycle opens or raises to a higher level, None if nothing is
-            new.
+            The event that this cycle opens or raises to a higher level, else None.
         """
         self._cycle += 1
         level, reason = verdict.level, verdict.reason
@@ -95,7 +94,7 @@ class EventLog:
                 last.reason = reason
             last.last = self._cycle
             last.level = max(last.level, level)
-            # Written so that the first clearance replaces a NaN.
+            # In this form the first clearance replaces a NaN.
             nearer = not last.least_clearance <= clearance
             if (a, b) == (last.a, last.b) and clearance == clearance and nearer:
                 last.least_clearance = clearance
@@ -123,7 +122,7 @@ class EventLog:
     def _goes_on(self, event: Event, reason: Reason, sides: tuple[str, str]) -> bool:
         """Whether this cycle belongs to the last event.
 
-        What an ordered stop takes belongs to what it was ordered for.
+        The cycles of an ordered stop belong to the event that it was ordered for.
         """
         if event.last != self._cycle - 1:
             return False

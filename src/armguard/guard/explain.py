@@ -1,4 +1,4 @@
-"""What the nearest pair needs, split by cause."""
+"""Required separation of the nearest pair, split by cause."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,12 +47,12 @@ Floats = NDArray[np.float64]
 
 @kernel(separate=True)
 def write_envelopes(w: Workspace) -> None:
-    """Write what the envelope adds to the need of every near pair.
+    """Write the envelope term of every near pair: reported minus judged distance.
 
     The reported distance is that of the shapes which are farther apart. A pair that was
     proven by exact shapes is measured by these, so its distance, its need and its
-    clearance are of the same shapes. Where the primitives were judged, the need holds
-    what they reach beyond the exact shapes. Rows that have it already are left alone.
+    clearance are of the same shapes. Where the primitives were judged, the need
+    contains their overreach beyond the exact shapes. Rows with a term are left alone.
 
     Args:
         w: The workspace.
@@ -72,11 +72,11 @@ def write_envelopes(w: Workspace) -> None:
 
 @kernel
 def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
-    """Write the terms of what the nearest pair needs; they add up to the need.
+    """Write the terms of the nearest pair's required separation; they add up to it.
 
-    Each joint's part is what it moves the witness point by, towards the other side.
-    What the bend of the path adds to that, or its course on the clock saves, is a term
-    of its own, and so is the envelope.
+    Each joint's part is its displacement of the witness point towards the other side.
+    A separate term is what the curvature of the path adds to that, or the common time
+    of both stops saves; another one is the envelope.
     """
     out = w.out
     if out[NEAREST] < 0.0:
@@ -122,7 +122,7 @@ def add_side(
     terms: Floats,
     m: Motion,
 ) -> None:
-    """Add how far a body's joints can move a point along n, by cause."""
+    """Add the displacement of a point along n by the joints of a body, by cause."""
     joints = m.q.shape[0]
     for k in range(first, m.length[body] if body >= 0 else 0):
         b = m.joints[body, k]

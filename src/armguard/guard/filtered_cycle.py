@@ -1,9 +1,9 @@
-"""The cycle of a guard that commands go through, in two halves.
+"""The cycle of a guard that filters commands, in two halves.
 
-Joint angles -> believed? -> stops -> poses -> pairs, proven for what is under way
--> (somebody chooses what to tell the joints) -> proven with that, or less -> sent.
-What cannot be proven is not sent. If not even what is under way can be proven any
-longer, the robot is stopped, which the last cycle has proven to be in time.
+Joint angles -> plausible? -> stops -> poses -> pairs, proven for the pending commands
+-> (a response chooses the desired velocities) -> proven for these, or less -> sent.
+A command without a proof is not sent. If not even the pending commands can be proven
+any longer, the robot is stopped, which the last cycle has proven to be in time.
 """
 
 from armguard.guard.change import proves_change
@@ -49,16 +49,16 @@ from armguard.table import Vector
 OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 TOO_CLOSE = int(Reason.TOO_CLOSE)
 
-# What is wanted is proven, else half of what is new in it, a quarter, and nothing new.
+# Shares of the part beyond the pending commands that are tried in turn [-].
 SHARES = (0.5, 0.25, 0.0)
 
 
 @kernel(separate=True)
 def open_cycle(q: Vector, w: Workspace) -> int:
-    """First half: judge every pair for what is measured and what is under way.
+    """First half: judge every pair for the measured state and the pending commands.
 
     Args:
-        q: Joint positions, shape (n,) if they are right [rad or m].
+        q: Joint positions, shape (n,) if the input is valid [rad or m].
         w: The workspace; its state, memory and `out` are updated.
 
     Returns:
@@ -80,12 +80,12 @@ def open_cycle(q: Vector, w: Workspace) -> int:
 
 @kernel(separate=True)
 def close_cycle(judged: int, w: Workspace) -> None:
-    """Second half: prove what is wanted, or less of it; order stops; send.
+    """Second half: prove the desired velocities, or a part; order stops; send.
 
     Args:
-        judged: What `open_cycle` returned.
-        w: The workspace; `wanted` of its watch is what is to
-            be proven, and afterwards what is sent.
+        judged: Result of `open_cycle`.
+        w: The workspace; `wanted` of its watch holds the desired velocities, and
+            afterwards the ones that are sent.
     """
     v, m = w.watch, w.motion
     if judged != 0:
@@ -101,7 +101,7 @@ def close_cycle(judged: int, w: Workspace) -> None:
 
 @kernel
 def begin_recoveries(v: Watch, m: Motion) -> None:
-    """Let robots at rest try to leave what is too near."""
+    """Start the recoveries and evasions that the response has requested."""
     recover = v.recover
     for r in range(recover.shape[0]):
         phase = v.phase[r]
@@ -120,11 +120,11 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
 
 @kernel(separate=True)
 def prove_wanted(w: Workspace) -> None:
-    """Prove what is wanted, taking it back until that succeeds."""
+    """Prove the desired velocities; reduce them until the proof succeeds."""
     v, m = w.watch, w.motion
     begun = False
     for r in range(v.recover.shape[0]):
-        # Whether what it is told still opens what is too near is known only now.
+        # Whether its command still opens the pair that is too near is known only now.
         begun |= v.phase[r] == RECOVERING
         stops = v.phase[r] != RUNNING and v.phase[r] != RECOVERING
         if stops or v.recover[r] == GIVES_UP:
@@ -136,17 +136,17 @@ def prove_wanted(w: Workspace) -> None:
         if not take_back(SHARES[k], v, m):
             return
         if SHARES[k] == 0.0:
-            # What was spent on more than that is no reason to stop what is under way.
+            # Tests spent on greater commands must not stop the pending ones.
             m.effort[TESTS] = 0
         judge_again(begun, w)
 
 
 @kernel
 def take_back(share: float, v: Watch, m: Motion) -> bool:
-    """Take back what robots want that must stop for it.
+    """Reduce the desired velocities of robots that would have to stop for them.
 
     Returns:
-        Whether there was one.
+        Whether there was such a robot.
     """
     found = False
     for r in range(v.must.shape[0]):
@@ -154,7 +154,7 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
             continue
         evades = v.recover[r] == AT_REST or v.recover[r] == AT_WORK
         if v.recover[r] == LEAVES or (evades and share == 0.0):
-            # It does not lead away after all; half of it would do so less surely.
+            # This motion does not lead away; half of it would do so less surely.
             v.phase[r] = RUNNING if v.recover[r] == AT_WORK else RESTING
             v.recover[r] = 0
             keep_under_way(r, 0.0, v, m)
@@ -167,12 +167,12 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
 
 @kernel(separate=True)
 def judge_again(recovers: bool, w: Workspace) -> None:
-    """Judge all pairs for what is wanted now.
+    """Judge all pairs for the present desired velocities.
 
     Args:
-        recovers: Whether a robot was recovering before any command was taken back. If
-            none was, a stop ordered now is still as it was planned: only what is
-            wanted has changed.
+        recovers: Whether a robot was recovering before any command was reduced. If
+            none was, the plan of a stop ordered now is still valid: only the desired
+            velocities have changed.
         w: The workspace.
     """
     v, m = w.watch, w.motion
@@ -191,7 +191,7 @@ def judge_again(recovers: bool, w: Workspace) -> None:
 
 @kernel
 def end_recoveries(v: Watch) -> None:
-    """Give a robot back to its operator when nothing of it is too near any more."""
+    """End the recovery of a robot when no pair of it is too near any more."""
     for r in range(v.phase.shape[0]):
         if v.phase[r] == RECOVERING and v.relieved[r] == 0 and v.must[r] == 0:
             v.phase[r] = RUNNING

@@ -1,7 +1,7 @@
-"""Whether a finger that goes on as its hand does runs into a thing, or passes it.
+"""Prediction whether a finger, moving on with its hand, hits or passes an object.
 
-What is gripped comes between the fingers. A finger that runs into it meets it where it
-cannot hold it, however slowly: that is no grasp.
+A grasp target gets between the fingers. A finger that hits it head on, however slowly,
+touches it where it cannot hold it: that is no grasp.
 """
 
 import numba
@@ -21,22 +21,22 @@ from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
 
-# A finger that comes as near as that on its way runs into it [m].
+# Distance below which a moving finger counts as hitting an object [m].
 GRAZE = 1e-3
 
-# Steps along a way; who is not past by then counts as running into it [-].
+# Steps along a path; a finger that has not passed by then counts as hitting it [-].
 STEPS = 24
 
 
 @kernel(inline=False)
 def runs_into(f: int, o: int, way: Vec3, length: float, h: Grips, w: Workspace) -> bool:
-    """Whether a finger that goes straight on runs into an object.
+    """Whether a finger in straight motion hits an object.
 
     Args:
         f: The finger.
         o: The object.
-        way: Unit vector it goes along, as its hand does.
-        length: How far [m].
+        way: Direction of motion of its hand, unit vector.
+        length: Length of the motion [m].
         h: Grips.
         w: Workspace.
     """
@@ -58,17 +58,17 @@ def runs_into(f: int, o: int, way: Vec3, length: float, h: Grips, w: Workspace) 
 def meets(
     i: int, j: int, way: Vec3, length: float, T: Floats, row: Floats, w: Workspace
 ) -> bool:
-    """Whether a primitive that goes straight on comes to another one.
+    """Whether a primitive in straight motion hits another one.
 
-    It goes on by what is left between them, which is as far as it surely may; that is
-    less and less only where it comes to it.
+    Each step is as long as the present distance, which is safe; steps become short only
+    where the primitives meet.
 
     Args:
         i: The primitive.
         j: The other one.
-        way: Unit vector.
-        length: How far [m].
-        T: A frame that is not turned, shape (12,); its place is overwritten.
+        way: Direction of motion, unit vector.
+        length: Length of the motion [m].
+        T: A frame that is not rotated, shape (12,); its origin is overwritten.
         row: Scratch, shape (16,).
         w: Workspace.
     """

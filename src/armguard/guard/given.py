@@ -1,4 +1,4 @@
-"""Input of a cycle: real numbers, or refused in words without raising."""
+"""Input of a cycle: conversion to arrays of real numbers; never raises in the loop."""
 
 from collections.abc import Iterable, Mapping
 from numbers import Real
@@ -25,10 +25,10 @@ NO_POSITIONS: Floats = np.zeros(0)
 
 
 def real_number(value: object) -> float:
-    """A real number as Python's own.
+    """A real number as a Python float.
 
     Raises:
-        TypeError: It is none: complex, a date, text, an array or a masked value.
+        TypeError: It is no real number: complex, a date, text, an array, masked.
         OverflowError: It is larger than a float can be.
     """
     if type(value) is np.ndarray and value.ndim == 0:
@@ -39,10 +39,10 @@ def real_number(value: object) -> float:
 
 
 def real_or_none(value: object) -> float | None:
-    """The same, None in place of an error."""
+    """A real number as a Python float; None if it is not one."""
     try:
         return real_number(value)
-    except Exception:  # whatever a stranger's object raises
+    except Exception:  # an unknown object may raise any exception
         return None
 
 
@@ -50,8 +50,8 @@ def real_array(value: object) -> Floats:
     """A copy of an array of real numbers.
 
     Raises:
-        TypeError: It holds others, or masked values; and whatever else an object of a
-            stranger raises.
+        TypeError: It holds other values, or masked ones. An unknown object may raise
+            any other exception.
     """
     array = np.asarray(value)
     if isinstance(value, np.ma.MaskedArray) or array.dtype.kind not in REAL_KINDS:
@@ -60,7 +60,7 @@ def real_array(value: object) -> Floats:
 
 
 def is_mapping(value: object) -> TypeGuard[Mapping[str, float]]:
-    """Whether a value is a mapping, also where an object refuses to say."""
+    """Whether a value is a mapping; False if the test itself raises."""
     try:
         return isinstance(value, Mapping)
     except Exception:  # an object's `__class__` may raise
@@ -68,7 +68,7 @@ def is_mapping(value: object) -> TypeGuard[Mapping[str, float]]:
 
 
 def described(value: object) -> str:
-    """A value in a message, cut short."""
+    """A value as text for a message, truncated."""
     try:
         return BRIEF.repr(value)
     except Exception:  # Python refuses to write integers of 4,300 digits
@@ -76,7 +76,7 @@ def described(value: object) -> str:
 
 
 def kind_of(value: object) -> str:
-    """What a value is, in a message."""
+    """Type of a value as text for a message."""
     name = type(value).__name__
     if issubclass(type(value), np.ndarray):
         return f"{name} of {getattr(value, 'dtype', '')}"
@@ -84,7 +84,7 @@ def kind_of(value: object) -> str:
 
 
 class CycleInput:
-    """Converts positions, velocities and stamps of a cycle, or says why it cannot.
+    """Converts positions, velocities and stamps of a cycle, or returns a fault.
 
     Attributes:
         shape: Shape of a joint vector, (n,).
@@ -110,16 +110,16 @@ class CycleInput:
         velocity: ArrayLike | None,
         now: float | None,
     ) -> tuple[Floats, str]:
-        """Positions for the kernel, and in words what is wrong with the input.
+        """Positions for the kernel, and the fault of the input in words, or "".
 
-        Where anything is wrong there are no positions: the cycle refuses them, and
-        orders its stops.
+        With a fault the positions are empty: the cycle refuses them, and orders its
+        stops.
         """
         fault = self._take_times(stamp, now) or self._take_velocity(velocity)
         return (NO_POSITIONS, fault) if fault else self.positions(q)
 
     def positions(self, q: ArrayLike) -> tuple[Floats, str]:
-        """Positions for the kernel, and in words what is wrong with them."""
+        """Positions for the kernel, and their fault in words, or ""."""
         if (
             type(q) is np.ndarray
             and q.dtype is FLOAT64
@@ -130,14 +130,14 @@ class CycleInput:
         return self._convert("q", q)
 
     def judge_stamp(self, stamp: float | Mapping[str, float]) -> str:
-        """Take a stamp over where no stops are predicted, or say why not."""
+        """Store a stamp where no stops are predicted; returns its fault, or ""."""
         try:
             if isinstance(stamp, Mapping):
                 stamps = [self.last_stamp, *map(real_number, stamp.values())]
                 newest = max(stamps[1:] or stamps)
             else:
                 newest = real_number(stamp)
-        except Exception:  # whatever a stranger's object raises, the loop goes on
+        except Exception:  # an unknown object may raise any; the loop continues
             newest = np.nan
         if not newest >= self.last_stamp:
             return (
@@ -150,14 +150,14 @@ class CycleInput:
     def _take_times(
         self, stamp: float | Mapping[str, float] | None, now: float | None
     ) -> str:
-        """Hand stamps and the time of the cycle to the kernel, or say why not."""
+        """Write stamps and the time of the cycle for the kernel; returns a fault."""
         given, stamps = self._given, self._stamps
         try:
             if now is None:
                 given[NOW_TIME] = np.nan
             else:
                 time = now if type(now) is float else real_number(now)
-                # NaN reads as no time given; infinite, it is refused.
+                # NaN would read as no time given; infinity is refused.
                 given[NOW_TIME] = time if time == time else np.inf
             if type(stamp) is float:
                 stamps.fill(stamp)
@@ -176,8 +176,8 @@ class CycleInput:
                     )
             else:
                 stamps.fill(real_number(stamp))
-        except Exception:  # whatever a stranger's object raises, the loop goes on
-            # No time of the cycle before may be taken for a time of this one.
+        except Exception:  # an unknown object may raise any; the loop continues
+            # No time of the last cycle may count as a time of this one.
             stamps.fill(np.nan)
             given[NOW_TIME] = np.nan
             return (
@@ -187,7 +187,7 @@ class CycleInput:
         return ""
 
     def _take_velocity(self, velocity: ArrayLike | None) -> str:
-        """Hand velocities to the kernel, or say why not."""
+        """Write velocities for the kernel; returns their fault, or ""."""
         self._given[HAS_VELOCITY] = 0.0
         if velocity is None:
             return ""
@@ -204,11 +204,11 @@ class CycleInput:
         return ""
 
     def _convert(self, what: str, values: ArrayLike) -> tuple[Floats, str]:
-        """Numbers as the array the kernel takes, or in words what they are instead."""
+        """Numbers as an array for the kernel, and their fault in words, or ""."""
         wanted = f"it must be {self.shape[0]} numbers in the order of guard.q_names"
         try:
             array = real_array(values)
-        except Exception:  # whatever a stranger's object raises, the loop goes on
+        except Exception:  # an unknown object may raise any; the loop continues
             return NO_POSITIONS, f"{what} is a {kind_of(values)}; {wanted}"
         if array.shape != self.shape:
             return NO_POSITIONS, f"{what} has shape {array.shape}; {wanted}"
