@@ -1,10 +1,10 @@
-"""Where a way leads: how near what comes gets to an arm that goes along it.
+"""Prediction of an escape motion: least gap between an arm and approaching obstacles.
 
-What is told takes effect after the delays of the robot. Then its joints change, all in
-the same time, to the velocities of the way as fast as declared, go on for a while, come
-to rest and stay, within their limits. What comes goes on straight at the velocity it
-was seen with. All else stands. A foresight, not a proof: a way that leads past
-something only slowly is worth no more than what the proof lets through.
+A command takes effect after the delays of the robot. Then its joints accelerate as
+declared, all in the same time, to the velocities of the motion. They go on for a while,
+brake to rest and stay, within their limits. An obstacle moves on straight at its
+observed velocity. All other bodies are static. This is a prediction, not a proof: the
+proof may still slow the robot where the motion passes other bodies closely.
 """
 
 from math import inf, sqrt
@@ -48,39 +48,40 @@ from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
 
-# A gap of so much beyond what is asked for is enough, and one of less is near [m].
+# Gap beyond the required separation that is enough, and gap below which an obstacle
+# counts as near [m].
 ENOUGH = 0.06
 NEAR = 0.03
 
-# With so much less than is asked for it is touched [m].
+# Gap at which the obstacle counts as touching the arm [m].
 TOUCHED = -4e-3
 
-# What a way is worth on which the arm is touched: less than any other, the sooner the
-# less [m].
+# Value of a motion on which an obstacle touches the arm, at the end of the horizon and
+# at once: less than any other value [m].
 HIT, HIT_AT_ONCE = -0.1, -0.2
 
-# Least step in time at which a way is looked at, and most of them.
+# Least time step of the prediction [s], and greatest number of steps.
 STEP, STEPS = 0.02, 48
 
-# Share of the bound on how fast points of an arm move with which they are thought to
-# approach what comes: joints that all lead the farthest point straight there are rare
-# [-].
+# Share of the speed bound of an arm's points that counts as approach: all joints rarely
+# move the farthest point straight to the obstacle [-].
 APPROACHES = 0.5
 
-# Postures of a way that are compared with all else.
+# Configurations of a motion that are checked against other bodies.
 POSTURES = 4
 
-# An arm that comes so near to all else is thought not to get farther [m], unless it is
-# there already, and comes no nearer than by this [m].
+# An arm that is so near to another body counts as stopped there [m], unless it is
+# nearer already and its distance falls by no more than this [m].
 ROOM, GRAZES = 0.012, 2e-3
 
-# So near to a posture the index is asked for primitives [m], and so many of them take
-# as long as to place one; to ask takes as long as to place some.
+# Distance from a configuration at which the index is queried for primitives [m]. Number
+# of found primitives, and number of placed primitives per query, by cost.
 FOUND_WITHIN = 0.03
 FOUND_AT_ONCE = 4
 ASKING = 4
 
-# How far from its limit a joint is thought to come to rest, beyond errors [rad or m].
+# Distance from its limit at which a joint is predicted to stop, beyond position errors
+# [rad or m].
 LIMIT_ROOM = 2e-3
 
 
@@ -88,19 +89,19 @@ LIMIT_ROOM = 2e-3
 def judge_way(
     r: int, go: float, bound: float, looks: int, a: Response, w: Workspace
 ) -> float:
-    """What a robot's way in `trial` is worth: the least gap to what comes, or less.
+    """Value of a robot's escape motion in `trial`: least gap to approaching obstacles.
 
     Args:
-        r: The robot; `own`, `approaching` and `others` are its.
-        go: Time for which it goes before it comes to rest [s].
-        bound: Below this nobody needs to know how little it is [m].
-        looks: Whether it may also be stopped by all else.
+        r: The robot; `own`, `approaching` and `others` are already its primitives.
+        go: Time for which the motion goes on before the joints brake [s].
+        bound: Value below which the search may end early [m].
+        looks: Whether other bodies may also stop the motion.
         a: The responses.
         w: The workspace.
 
     Returns:
-        The least gap beyond what is asked for, at most ENOUGH [m]; where it is touched
-        a number below HIT.
+        The least gap beyond the required separation, at most ENOUGH [m]; if an obstacle
+        touches the arm, a number of at most HIT.
     """
     v, m = w.watch, w.motion
     e = a.escape
@@ -117,7 +118,7 @@ def judge_way(
 
 @kernel
 def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
-    """Write when a robot does what on the way in `trial`."""
+    """Write the times and the greatest closing speed of the motion in `trial`."""
     plan = e.plan
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
@@ -150,7 +151,7 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
 
 @kernel
 def speed_of(j: int, v: Watch) -> float:
-    """Speed an object was seen with [m/s]."""
+    """Observed speed of an object [m/s]."""
     x, y, z = v.object_velocity[j, 0], v.object_velocity[j, 1], v.object_velocity[j, 2]
     return sqrt(x * x + y * y + z * z)
 
@@ -159,7 +160,7 @@ def speed_of(j: int, v: Watch) -> float:
 def stand_on_way(
     r: int, time: float, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Place a robot's primitives where its way leads it in a time [s]."""
+    """Place a robot's primitives where its motion leads until a time [s]."""
     plan = e.plan
     t = min(time, plan[HALT])
     rise, go, fall = plan[RISE], plan[GO], plan[FALL]
@@ -178,7 +179,7 @@ def stand_on_way(
         q = m.q[j] + last * (early + rising - part) + next_ * (part + whole)
         away = 2.0 * m.joint_figures[j].position_error + LIMIT_ROOM
         low, high = w.lower[j] + away, w.upper[j] - away
-        # Where it stands beyond that already it stays.
+        # A joint that is already beyond this bound stays.
         e.q[j] = min(max(q, min(low, m.q[j])), max(high, m.q[j]))
     forward_kinematics(
         e.q, w.parent, w.joint_kind, w.q_index, w.gain, w.T_parent_joint, w.axis, e.T
@@ -194,7 +195,7 @@ def stand_on_way(
 def least_gap(
     r: int, bound: float, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> float:
-    """The least gap on the planned way, as `judge_way` returns it."""
+    """Least gap on the planned motion, as `judge_way` returns it [m]."""
     plan = e.plan
     least = ENOUGH
     plan[WHEN], plan[GAP] = inf, inf
@@ -204,7 +205,7 @@ def least_gap(
             stand_on_way(r, time, e, w, v, m)
             gap = gap_to_approaching(time, e, w, v, m)
         else:
-            # All ways begin there.
+            # All motions begin at the present positions.
             gap = plan[NOW_GAP]
         if time == 0.0:
             plan[NOW_GAP] = gap
@@ -224,11 +225,11 @@ def least_gap(
 def gap_to_approaching(
     time: float, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> float:
-    """Least gap of the placed robot to what comes, beyond what is asked for [m].
+    """Least gap of the placed robot to obstacles, beyond the required separation [m].
 
     Args:
-        time: When, from now on [s].
-        e: Escape; the closest pair of the way is noted.
+        time: Time from now on [s].
+        e: Escape; the closest pair of the motion is noted.
         w: Workspace.
         v: Watch.
         m: Motion.
@@ -270,14 +271,14 @@ def gap_to_approaching(
 
 @kernel
 def obstacle_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Distance that is asked for to what comes, without what it may do besides [m]."""
+    """Required separation from an obstacle that keeps its velocity [m]."""
     need = w.buffers[w.groups[i], w.groups[j]] + v.model[i] + v.base[i]
     return float(need + m.blur[i])
 
 
 @kernel
 def box_gap(box: Floats, other: Floats, shift: Floats) -> float:
-    """How far a box is from another one that is shifted, on the axis of most [m]."""
+    """Greatest separation of a box and a shifted box along an axis [m]."""
     gap = -inf
     for k in range(3):
         on = shift[4 * k + 3]
@@ -287,10 +288,10 @@ def box_gap(box: Floats, other: Floats, shift: Floats) -> float:
 
 @kernel
 def free_until(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> float:
-    """Until when a robot's way is free of all that does not come [s].
+    """Time until which a robot's motion is free of all other bodies [s].
 
     Returns:
-        The last time that was looked at and is free; infinite if the way is.
+        The last checked time that is free; infinite if the whole motion is free.
     """
     plan = e.plan
     end = plan[DELAY] + plan[GO] + plan[FALL]
@@ -306,7 +307,10 @@ def free_until(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
-    """Whether the placed robot is too near to itself or to what does not come."""
+    """Whether the placed robot is too near to itself or to a body that is no obstacle.
+
+    Obstacles are here the approaching ones.
+    """
     own = e.counts[OWN_COUNT]
     rows, boxes = w.world.rows, w.world.boxes
     by_index = asks_index(w) != 0
@@ -329,7 +333,7 @@ def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
 
 @kernel
 def found_near(i: int, e: Escape, w: Workspace) -> int:
-    """How many primitives the index finds near a placed one, in `candidates`."""
+    """Number of primitives that the index finds near a placed one, in `candidates`."""
     for k in range(3):
         w.look_box[k] = e.boxes[i, k] - FOUND_WITHIN
         w.look_box[k + 3] = e.boxes[i, k + 3] + FOUND_WITHIN
@@ -342,7 +346,7 @@ def found_near(i: int, e: Escape, w: Workspace) -> int:
 
 @kernel
 def may_be_met(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> bool:
-    """Whether a primitive is there, none of a robot's, and does not come at it."""
+    """Whether a primitive is present, not the robot's own and not approaching it."""
     if robot_of(j, v) == r or w.octree.residency[j, STATUS] == ABSENT:
         return False
     for c in range(e.counts[APPROACHING_COUNT]):
@@ -365,10 +369,10 @@ def meets(
     """Whether a primitive of the placed robot is too near to another one.
 
     Args:
-        i: The primitive.
-        j: The other one.
-        row: Where that is, shape (16,).
-        box: Its box, shape (6,).
+        i: Primitive of the robot.
+        j: Other primitive.
+        row: Row of the other primitive in the world, shape (16,).
+        box: Its box, shape (6,) [m].
         e: Escape.
         w: Workspace.
         v: Watch.

@@ -1,8 +1,8 @@
-"""Directions in which an arm may get out of the way, one after the other.
+"""Escape directions of an arm, enumerated in a fixed order.
 
-Across the way of what comes, to all sides; along it; each joint alone; and others that
-fill the space of the joints, mixed with those or with the way that was chosen. They are
-always the same, in the same order, so that what is chosen can be replayed.
+Normal to the velocity of the obstacle, to all sides; along it; each joint alone; and
+directions that fill the joint space, alone or mixed with those or with the chosen
+motion. The set and its order are fixed, so that a choice can be replayed.
 """
 
 from math import cos, pi, sin
@@ -26,27 +26,28 @@ from armguard.respond.escape_state import (
 
 Floats = NDArray[np.float64]
 
-# Sides across the way of what comes, and how often each is tried: every joint by how
-# much it leads there, and all that do at full speed.
+# Directions normal to the velocity of the obstacle, and forms of each: joints in
+# proportion to their effect, and all useful joints at full speed.
 SIDES = 8
 FORMS = 2
 
-# What makes any joint that leads there by this share of the best one go at full speed.
+# Share of the greatest effect from which a joint moves at full speed [-].
 FULL_FROM = 0.4
 
-# How much of what fills the space is added to a direction [-].
+# Weight of a space-filling direction that is added to another one [-].
 MIXED = 0.7
 
-# How long an arm goes on in a direction before it comes to rest [s].
+# Times for which an arm goes on in a direction before it brakes [s].
 GOES = (0.2, 0.45, 0.8, 1.3)
 
-# Shorter than this a vector has no direction [m], and no joint leads along it [m/s].
+# Length below which a vector has no direction [m], and speed below which a joint does
+# not move the arm along it [m/s].
 NO_LENGTH = 1e-6
 
 
 @kernel
 def way_count(r: int, m: Motion) -> int:
-    """How many ways a robot has."""
+    """Number of escape motions of a robot."""
     joints = m.robot_figures[r].joint_count
     directions = FORMS * (SIDES + 1) + 2 * joints + 3 * SPREADS
     return directions * len(GOES)
@@ -54,7 +55,10 @@ def way_count(r: int, m: Motion) -> int:
 
 @kernel
 def look_across(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
-    """Write what is across the way of what comes nearest, and how joints lead there."""
+    """Write directions normal to the nearest obstacle's velocity, and a Jacobian.
+
+    The Jacobian is that of the robot's witness point.
+    """
     i, j = int(e.plan[ROBOT_PRIMITIVE]), int(e.plan[OBSTACLE_PRIMITIVE])
     speed = speed_of(j, v)
     ahead = (
@@ -62,7 +66,7 @@ def look_across(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
         v.object_velocity[j, 1] / speed,
         v.object_velocity[j, 2] / speed,
     )
-    # From what comes to the arm, as far as that is across.
+    # From the obstacle to the arm, without the part along the obstacle's velocity.
     n = (-e.closest[7], -e.closest[8], -e.closest[9])
     t = dot(n, ahead)
     off = (n[0] - t * ahead[0], n[1] - t * ahead[1], n[2] - t * ahead[2])
@@ -87,17 +91,17 @@ def look_across(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
 
 @kernel
 def write_way(k: int, r: int, share: float, e: Escape, m: Motion) -> float:
-    """Write the velocities of a robot's way number k into `trial`.
+    """Write the joint velocities of a robot's escape motion number k into `trial`.
 
     Args:
-        k: Its number.
+        k: Number of the motion.
         r: The robot.
-        share: Share of its top speeds it may use [-].
+        share: Share of its top speeds that it may use [-].
         e: Escape.
         m: Motion.
 
     Returns:
-        How long it goes on [s].
+        Time for which the motion goes on before the joints brake [s].
     """
     joints = m.robot_figures[r].joint_count
     first = m.robot_figures[r].first_joint
@@ -128,12 +132,12 @@ def write_way(k: int, r: int, share: float, e: Escape, m: Motion) -> float:
 
 @kernel
 def lead_to_side(side: int, r: int, full: bool, e: Escape, m: Motion) -> None:
-    """Write shares of top speeds that lead to a side of what comes; the last is ahead.
+    """Write shares of top speeds that move the arm to a side of the obstacle.
 
     Args:
-        side: Number of the side.
+        side: Number of the side; SIDES is along the obstacle's velocity.
         r: The robot.
-        full: Whether all joints that lead there are to do so at full speed.
+        full: Whether all joints that lead there move at full speed.
         e: Escape; `trial` is written.
         m: Motion.
     """
@@ -157,7 +161,7 @@ def lead_to_side(side: int, r: int, full: bool, e: Escape, m: Motion) -> None:
 
 @kernel
 def side_of(side: int, e: Escape) -> Vec3:
-    """Unit vector to a side of what comes, or along its way."""
+    """Unit vector to a side of the obstacle, or along its velocity."""
     if side == SIDES:
         return (e.across[2, 0], e.across[2, 1], e.across[2, 2])
     x, y = cos(2.0 * pi * side / SIDES), sin(2.0 * pi * side / SIDES)
@@ -170,7 +174,7 @@ def side_of(side: int, e: Escape) -> Vec3:
 
 @kernel
 def fill_speed(r: int, share: float, e: Escape, m: Motion) -> None:
-    """Turn shares of top speeds in `trial` into velocities as great as may be."""
+    """Turn shares of top speeds in `trial` into the greatest allowed velocities."""
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     most = NO_LENGTH

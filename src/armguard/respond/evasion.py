@@ -1,12 +1,12 @@
-"""Getting out of the way: what comes at a robot, when, and which way leads off.
+"""Evasion: a robot moves out of the path of approaching obstacles.
 
-An object that was seen with a velocity is thought to keep it. Where that would bring it
-too near to a robot that goes on as it is asked to, ways out are judged by where they
-lead until all that comes has passed. As long as a good one is known the robot waits
-until its `evade_time`; then, or if none is good, it takes the best one. That one is
-judged anew in every cycle, with some others. The robot stands aside until what comes
-has passed, or it may go on as it is asked to. All other pairs keep what they need: if
-that leaves no way, it stays.
+An object is assumed to keep its observed velocity. If that would bring it too near to a
+robot that follows its request, escape motions are judged over the time until all
+obstacles have passed. While a good one is known the robot waits until its `evade_time`;
+then, or if none is good, it takes the best one. This one is judged again in every
+cycle, with some others. The robot stays aside until the obstacles have passed or its
+request is free again. All other pairs keep their required separations: if no motion
+satisfies that, the robot stays.
 """
 
 from math import inf, nan
@@ -65,52 +65,52 @@ from armguard.respond.state import (
     Response,
 )
 
-# What comes more slowly does not come [m/s].
+# Least speed of an approaching obstacle [m/s].
 SLOWEST = 0.01
 
-# What comes is looked for so many times as far ahead as `evade_time` [-], and so far
-# beside its way [m].
+# Time ahead for which obstacles are sought, as a multiple of `evade_time` [-], and
+# greatest distance from their paths [m].
 FORESIGHT = 2.0
 BESIDE = 0.15
 
-# What comes has passed when it is so far behind a robot [m]; longer than so long is not
-# looked ahead [s].
+# Distance behind a robot at which an obstacle has passed [m], and greatest horizon of
+# the prediction [s].
 BEHIND = 0.15
 FARTHEST = 8.0
 
-# How long a robot is thought to do what it is asked to [s].
+# Time for which a robot is assumed to follow its request [s].
 ASKED = 0.25
 
-# Who got out of the way is given back when what comes misses him by so much [m].
+# Gap at which the obstacle counts as missing the robot, so that the evasion ends [m].
 CLEAR = 0.045
 
-# By how much another way has to be better [m].
+# Least improvement for which a robot changes to another escape motion [m].
 BETTER = 8e-3
 
-# So far from a robot all else is looked at [m].
+# Distance from a robot within which other bodies are considered [m].
 REACH = 0.6
 
-# Primitives that are placed in a cycle for a robot, beyond those of the way it is on.
+# Primitives that are placed in a cycle for a robot, beyond those of its chosen motion.
 PLACED = 800
 
-# Up to this share of its `evade_time` a robot looks for a way before it moves [-]. If
-# it knows one that is not good it judges no more than so many: it would get worse.
+# Share of its `evade_time` up to which a robot searches before it moves [-], and number
+# of motions it judges at most if it knows one that is not good.
 LOOKS_UNTIL = 0.5
 LOOKS_AT = 64
 
-# What a robot knows of ways out while it waits.
-GOOD = 0  # a good one
-SOME = 1  # none that it would take already; it may look for others
-BEST = 2  # the best one for now, which is not good
+# Result of the search for an escape motion while a robot waits.
+GOOD = 0  # a good one is known
+SOME = 1  # none is known that it would take now; the search may go on
+BEST = 2  # the best one is known, and it is not good
 
-# A robot that leaves what is too near is held for so long when nothing comes any more
+# Time for which a recovering robot is still held after the last obstacle approached
 # [s].
 LINGERS = 0.1
 
 
 @kernel(separate=True)
 def look_for_threats(a: Response, w: Workspace) -> None:
-    """Find robots that something comes at, and ask for a way that leads off.
+    """Find robots with approaching obstacles, and request escape motions for them.
 
     Args:
         a: The responses; `requested` is written already.
@@ -135,7 +135,7 @@ def look_for_threats(a: Response, w: Workspace) -> None:
 
 @kernel
 def gets_out_of_its_way(r: int, j: int, v: Watch) -> bool:
-    """Whether a robot is getting out of the way of a primitive."""
+    """Whether a robot evades a primitive."""
     return bool(j < v.evaded.shape[0] and (v.evaded[j] >> r) & 1 != 0)
 
 
@@ -148,7 +148,11 @@ def evades(
     v: Watch,
     m: Motion,
 ) -> bool:
-    """Go on by a cycle: say whether a robot gets out of the way, and ask for it."""
+    """Update the evasion of a robot by a cycle, and request its escape motion.
+
+    Returns:
+        Whether the robot evades.
+    """
     phase, notes = v.phase[r], e.notes[r]
     if phase != RUNNING and phase != RESTING and phase != RECOVERING:
         forget_ways(r, e, m)
@@ -181,7 +185,7 @@ def evades(
     if not (stands or (approaches and is_threatened_at_rest(r, e, w, v))):
         forget_ways(r, e, m)
         return False
-    # It is out of the way, and stands there until nobody could tell it to stop.
+    # The robot is aside, and rests there until no obstacle could cause a stop.
     notes[EVADING], notes[HAS_WAY] = 1, 0
     for j in range(first, end):
         a.requested[j] = 0.0
@@ -190,7 +194,7 @@ def evades(
 
 @kernel
 def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
-    """Whether a robot would be stopped for what passes it, and could not evade then."""
+    """Whether a passing obstacle would stop a robot, which could not evade then."""
     if v.phase[r] != RUNNING or v.must[r] == 0:
         return False
     for k in range(int(w.out[NEAR_COUNT])):
@@ -207,7 +211,7 @@ def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
 
 @kernel
 def forget_ways(r: int, e: Escape, m: Motion) -> None:
-    """Forget what a robot did and knew about what came."""
+    """Reset the evasion of a robot and its known escape motions."""
     for k in range(ESCAPE_NOTES):
         e.notes[r, k] = 0
     e.memory[r, LEFT] = e.memory[r, DONE] = 0.0
@@ -218,9 +222,12 @@ def forget_ways(r: int, e: Escape, m: Motion) -> None:
 
 @kernel
 def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> int:
-    """Go on to judge ways of a robot that waits: GOOD, SOME or BEST is known.
+    """Continue the search for an escape motion of a robot that waits.
 
-    The best one it knows is judged anew.
+    The best known one is judged again.
+
+    Returns:
+        GOOD, SOME or BEST.
     """
     notes, memory, share = e.notes[r], e.memory[r], a.settings[r, EVADE_SPEED]
     ways = way_count(r, m)
@@ -251,7 +258,10 @@ def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> int
 def look_for_approaching(
     r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Find what may come near a robot soon; write how long that takes to pass."""
+    """Find the obstacles that approach a robot; write the time until they have passed.
+
+    The robot's own primitives are listed as well.
+    """
     counts, reach, boxes = e.counts, e.reach, w.world.boxes
     counts[OWN_COUNT] = counts[APPROACHING_COUNT] = 0
     for k in range(3):
@@ -292,7 +302,7 @@ def look_for_approaching(
 def is_threatened(
     r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> bool:
-    """Whether what comes gets too near to a robot that goes on as it is asked to."""
+    """Whether an obstacle would get too near to a robot that follows its request."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         e.trial[j] = a.requested[j] if v.phase[r] != RESTING else 0.0
@@ -304,7 +314,7 @@ def is_threatened(
 
 @kernel
 def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
-    """Find what a robot may run into, unless the index is going to be asked."""
+    """List other primitives near a robot, unless the index will be queried."""
     counts, reach = e.counts, e.reach
     counts[OTHER_COUNT] = 0
     if asks_index(w) != 0:
@@ -324,7 +334,7 @@ def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
 def choose_way(
     r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Judge to stay, the way a robot is on, and some others; take the best."""
+    """Judge rest, the present escape motion and some others; choose the best."""
     notes, memory = e.notes[r], e.memory[r]
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
@@ -343,7 +353,7 @@ def choose_way(
             notes[HAS_WAY] = 0
     e.counts[SPENT] = 0
     ways = way_count(r, m)
-    # Who stands well aside stays there.
+    # A robot that is far enough aside stays there.
     stays = notes[HAS_WAY] == 0 and best >= CLEAR
     wanted = inf if stays else best + BETTER
     for _ in range(ways):

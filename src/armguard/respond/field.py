@@ -1,16 +1,16 @@
-"""Potential fields: a robot is drawn to a goal, and pushed off what is near.
+"""Artificial potential field: a goal attracts a robot, near pairs repel it.
 
-The goal, joint positions or a pose of the tool, attracts at a speed that is bounded, so
-it draws from afar no harder than from near. A near pair takes from that what closes it,
-the more the less it has left (velocity scaling), and pushes its robot off, by the force
-of Khatib's artificial potential as a velocity along the pair's own row. Potential and
-force are one function, `field_at`: the force is minus the gradient of the potential
-over what the pair has left. Both fade near the goal, or one beside a wall could not be
-reached.
+The goal, joint positions or a pose of the tool, attracts at a bounded speed, so a far
+goal attracts no more than a near one. A near pair reduces the closing part of this
+velocity, the more the smaller its clearance (velocity scaling). It also repels its
+robot: the force of Khatib's artificial potential acts as a velocity along the pair's
+distance gradient. Potential and force are one function, `field_at`: the force is minus
+the gradient of the potential over the clearance. Both fade near the goal, or a goal
+beside a wall could not be reached.
 
-A sum of such parts may vanish where there is no goal. That is a local minimum: a robot
-that does not come nearer for its `patience`, whether it stands or swings, rests there
-and says so.
+The sum may vanish where there is no goal. That is a local minimum: a robot that gets no
+nearer to its goal for its `patience`, whether it rests or oscillates, stops there and
+reports it.
 
 References:
     Khatib, Real-time obstacle avoidance for manipulators and mobile robots, 1986.
@@ -61,43 +61,43 @@ from armguard.respond.tool_motion import lead_tools, tool_columns, turn_between
 
 Floats = NDArray[np.float64]
 
-# Share of its joints' accelerations with which a robot that is led speeds up [-].
+# Share of its joints' accelerations with which a guided robot speeds up [-].
 GENTLE = 0.3
 
 # Speeds of a tool that count as its top speeds [m/s], [rad/s].
 TOOL_SPEED = 1.0
 TOOL_TURN = 2.5
 
-# A goal is reached when no more than this is left [rad or m]; of a tool [m], [rad].
+# Distances at which a goal is reached: of a joint [rad or m], of a tool [m], [rad].
 JOINT_THERE = 0.01
 TOOL_THERE = 0.005
 TURN_THERE = 0.02
 
-# Time to a goal at top speed within which nothing pushes in full any more: by its
-# square, or what draws, which fades too, would not get there [s].
+# Time to the goal at top speed below which repulsion fades with the square of it: the
+# attraction fades too, and must still reach the goal [s].
 GOAL_NEAR = 0.1
 
-# From here on the push grows no faster: a steeper one would swing with the delay of the
-# robots [-].
+# Share of the influence below which the force grows linearly: a steeper force would
+# oscillate with the delay of the robots [-].
 STEEPEST = 0.5
 
-# Lever of joints below which they are not asked to push in full [m/rad].
+# Lever of joints below which the repulsion is reduced [m/rad].
 SHORT_LEVER = 0.1
 
-# A push of less is none [m/s].
+# Repulsion below this counts as none [m/s].
 NO_PUSH = 1e-12
 
-# A goal that has come nearer by this share comes nearer [-].
+# Share by which the way to the goal must shorten to count as progress [-].
 PROGRESS = 0.01
 
-# A robot that is led and moves more slowly than this stands, by its top speeds [-];
-# half of the patience is enough for it.
+# Share of its top speeds below which a guided robot counts as at rest [-]; it then
+# waits for half of the patience.
 STILL_SHARE = 0.005
 
 
 @kernel
 def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
-    """Write what draws a robot to its goal."""
+    """Write the attractive joint velocities of a robot towards its goal."""
     memory, settings = s.memory[r], a.settings[r]
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
@@ -128,12 +128,12 @@ def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> 
 def led_speed(
     r: int, most: float, attraction: float, s: Lead, v: Watch, m: Motion
 ) -> float:
-    """Share of its top speeds a robot is led with: gently up, and down to its goal.
+    """Share of its top speeds for a guided robot: smooth start, brake at the goal.
 
     Args:
-        r: The robot; `memory` of it holds what is left.
+        r: The robot; its `memory` holds the time to the goal.
         most: Greatest share [-].
-        attraction: Speed by what is left, near the end [1/s].
+        attraction: Ratio of speed and way to the goal near its end [1/s].
         s: Lead.
         v: Watch.
         m: Motion.
@@ -151,7 +151,10 @@ def led_speed(
 
 @kernel
 def tool_way(r: int, s: Lead, w: Workspace) -> tuple[Vec3, Vec3]:
-    """What is left for a robot's tool: a shift [m] and a turn [rad], in the world."""
+    """Displacement [m] and rotation vector [rad] of a tool to its goal, in the world.
+
+    Both are of the tool's frame.
+    """
     aim = s.tool_aim[r]
     T = w.T_world[s.notes[r, TOOL_BODY]]
     x, y, z = aim[12], aim[13], aim[14]
@@ -165,7 +168,7 @@ def tool_way(r: int, s: Lead, w: Workspace) -> tuple[Vec3, Vec3]:
 
 @kernel
 def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
-    """Take from the robots' pull what near pairs forbid; write what pushes them off."""
+    """Reduce the robots' attraction at near pairs; write the repulsion of the pairs."""
     for j in range(s.push.shape[0]):
         s.push[j] = 0.0
     for r in range(s.weight.shape[0]):
@@ -187,7 +190,7 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
             r = robot_i if side == 0 else robot_j
             if r < 0 or s.notes[r, LED] != BY_FIELD or (side == 1 and r == robot_i):
                 continue
-            # Beyond the margin nothing is measured, so nothing pushes.
+            # Pairs beyond the margin are not measured, so they do not repel.
             reach = min(a.settings[r, INFLUENCE], w.margin[0] - need)
             if spare < reach:
                 repel_by(r, max(spare / reach, 0.0), a, s, m)
@@ -197,12 +200,12 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
 
 @kernel
 def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
-    """Add what a near pair takes from a robot's pull, and what it pushes it with.
+    """Add the effect of a near pair on a robot: less attraction, more repulsion.
 
     Args:
         r: The robot.
-        part: What the pair has left, as a share of what would be enough [-].
-        a: Responses; `raw` holds how fast each joint closes the pair.
+        part: Clearance of the pair as a share of the range of its influence [-].
+        a: Responses; `raw` holds the distance gradient of the pair.
         s: Lead.
         m: Motion.
     """
@@ -224,16 +227,15 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
 
 @kernel
 def field_at(part: float, near: float) -> tuple[float, float]:
-    """Potential of a pair, and the force it pushes with: minus its derivative.
+    """Repulsive potential of a pair, and its force: minus the derivative.
 
-    Khatib's potential ½ (1/x - 1)² of the share x of what would be enough, a quarter of
-    it, so that the force is 1 at half of what would be enough. It is cut at x = 1:
-    beyond that there is neither. Below `STEEPEST` the force goes on along its tangent,
-    and the potential is a parabola. Near the goal both fade with the square of the way
-    to it.
+    A quarter of Khatib's potential ½ (1/x - 1)², x being the clearance as a share of
+    the range of influence; so the force is 1 at x = ½. Both are 0 from x = 1 on. Below
+    `STEEPEST` the force goes on along its tangent, and the potential is a parabola.
+    Near the goal both fade with the square of the way to it.
 
     Args:
-        part: What the pair has left, as a share of what would be enough [-].
+        part: Clearance of the pair as a share of the range of its influence [-].
         near: Way to the goal as a share of where the field is full, in [0, 1] [-].
 
     Returns:
@@ -253,9 +255,10 @@ def field_at(part: float, near: float) -> tuple[float, float]:
 
 @kernel
 def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
-    """Ask for the sum of what draws and what pushes a robot.
+    """Request the sum of attraction and repulsion of a robot.
 
-    Many pairs of one wall push together as hard as the nearest one.
+    The repulsion of all pairs is their weighted mean, so that many pairs of one wall
+    repel no more than one of them.
     """
     if s.notes[r, LED] != BY_FIELD or s.notes[r, IN_MINIMUM] != 0:
         return
@@ -282,7 +285,7 @@ def limit_share(first: int, end: int, share: float, speeds: Floats, m: Motion) -
 
 @kernel
 def is_there(r: int, s: Lead, w: Workspace, m: Motion) -> bool:
-    """Whether a robot is at the goal of its field."""
+    """Whether a robot has reached the goal of its field."""
     if s.notes[r, GOAL] == JOINTS_GOAL:
         first = m.robot_figures[r].first_joint
         for j in range(first, first + m.robot_figures[r].joint_count):
@@ -295,7 +298,7 @@ def is_there(r: int, s: Lead, w: Workspace, m: Motion) -> bool:
 
 @kernel
 def forget_progress(r: int, s: Lead) -> None:
-    """Begin to watch a robot's way to its goal anew."""
+    """Reset the progress of a robot towards its goal."""
     s.notes[r, IN_MINIMUM] = 0
     s.memory[r, PULL] = s.memory[r, IDLE] = s.memory[r, STANDS] = 0.0
     s.memory[r, BEST] = np.inf
@@ -305,7 +308,7 @@ def forget_progress(r: int, s: Lead) -> None:
 def look_for_minimum(
     r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Note whether a robot that its field has led in this cycle gets anywhere."""
+    """Note whether a robot under its field makes progress or is in a local minimum."""
     memory, dt = s.memory[r], time_passed(v)
     if s.notes[r, IN_MINIMUM] != 0:
         return

@@ -1,7 +1,7 @@
-"""Fingers keep no pace with their arm: where they come too near they alone are slower.
+"""Fingers slow down alone: the speed of their arm does not scale with theirs.
 
-Who keeps an arm on its path slows down all its joints in proportion. A finger that has
-got to what it is to grip would so hold back the other one, which has not.
+To keep an arm on its path all its joints slow down in proportion. A finger that touches
+the grasp target would then delay the other finger, which does not touch it yet.
 """
 
 from armguard.guard.grips import (
@@ -19,7 +19,7 @@ from armguard.respond.state import ROW_COUNT, ROWS, Response
 
 @kernel(inline=False)
 def slow_fingers(r: int, a: Response, w: Workspace, m: Motion) -> None:
-    """Slow the fingers of a robot where its target breaks a row that they can keep.
+    """Slow the fingers of a robot if its target violates a row that they can satisfy.
 
     Args:
         r: The robot.
@@ -35,7 +35,7 @@ def slow_fingers(r: int, a: Response, w: Workspace, m: Motion) -> None:
 
 @kernel
 def slow_finger(r: int, body: int, g: int, a: Response, h: Grips, m: Motion) -> None:
-    """Slow the joints that move a finger and not its gripper."""
+    """Slow the joints that move a finger but not its gripper."""
     for k in range(m.length[body]):
         b = m.joints[body, k]
         j = m.q_index[b]
@@ -47,7 +47,7 @@ def slow_finger(r: int, body: int, g: int, a: Response, h: Grips, m: Motion) -> 
 
 @kernel
 def slow_joint(j: int, r: int, at: int, a: Response, m: Motion) -> None:
-    """Take a joint's part of what breaks a row back, as far as its declared stop."""
+    """Reduce a joint's part in the violation of a row, at most to its declared stop."""
     first = m.robot_figures[r].first_joint
     own, target = a.rows[at, j], a.target[j]
     broken = -a.eased[at]

@@ -1,4 +1,4 @@
-"""Where robots are to be led: goals and retreats, checked at the door."""
+"""Goals of fields and retreats: requests from clients, checked before use."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -51,21 +51,21 @@ from armguard.scene.tables import RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
 
-# Places of the way that led in from which a straight way is looked for, at most.
+# Greatest number of trail configurations from which a straight path is sought.
 LOOKS = 16
 
 
 @dataclass(slots=True)
 class Guidance:
-    """Who leads each robot: its operator, a goal, a retreat, or nothing after a stop.
+    """Guidance of each robot: by its operator, a goal or a retreat, or held.
 
     Attributes:
         tables: The scene.
         watch: Watch.
         tools: Tools of the scene.
-        check_path: Proves a path of joint positions, see `Monitor.check_path`.
-        response: Responses, written; None where a robot predicts no stops.
-        lead: What leads robots, written; None likewise.
+        check_path: Function that proves a path, see `Monitor.check_path`.
+        response: Responses, written; None before the first filtered cycle.
+        lead: State of the guidance, written; None before the first filtered cycle.
     """
 
     tables: SceneTables
@@ -76,14 +76,14 @@ class Guidance:
     lead: Lead | None = None
 
     def engage(self, name: str | None = None, *, ordered: bool = True) -> None:
-        """Give a robot back to its operator after a stop, or all of them.
+        """Engage a robot after a stop, or all robots: their operators lead again.
 
-        What is asked for in velocities is then followed; positions are caught up with.
+        Requested velocities are then followed; the robot catches up with positions.
 
         Args:
-            name: A robot; all of them if None.
-            ordered: Whether also those that were ordered to stop, see `stop`. A program
-                that engages by itself leaves these to a person: False.
+            name: Name of a robot; all robots if None.
+            ordered: Whether robots after an ordered stop are engaged too, see `stop`. A
+                program that engages automatically leaves these to a person: False.
 
         Raises:
             UnknownNameError: There is no such robot.
@@ -100,7 +100,7 @@ class Guidance:
 
     @property
     def ordered(self) -> dict[str, Reason]:
-        """Robots that wait to be engaged after a stop that was ordered, and why."""
+        """Reasons of ordered stops, by name of each robot that waits for `engage`."""
         if self.response is None:
             return {}
         notes = self.response.notes
@@ -108,10 +108,10 @@ class Guidance:
         return {name: Reason(int(reason)) for name, reason in why.items() if reason}
 
     def hold(self, ordered: Mapping[str, Reason]) -> None:
-        """Have robots wait to be engaged, as after a stop that was ordered.
+        """Have robots wait for `engage`, as after an ordered stop.
 
         Args:
-            ordered: `ordered` of another guard of these robots.
+            ordered: Robots and reasons: `ordered` of another guard of these robots.
 
         Raises:
             UnknownNameError: There is no such robot.
@@ -129,22 +129,23 @@ class Guidance:
         q: ArrayLike | None = None,
         pose: Pose | ArrayLike | None = None,
     ) -> None:
-        """Set what the field of a robot draws it to, in place of any other goal.
+        """Set the goal of a robot's field, in place of any other goal.
 
-        For between two cycles. From the next one on the robot is led there where
-        `filter` or `filter_twists` are asked for nothing of it. A stop suspends that
-        until `engage` or another goal. With neither `q` nor `pose` it has no goal.
+        Call it between two cycles. From the next cycle on the field moves the robot
+        there while `filter` or `filter_twists` requests no motion of it. A stop
+        suspends this until `engage` or another goal. With neither `q` nor `pose` the
+        robot has no goal.
 
         Args:
             name: A robot whose response is "field", or 'robot/link' for the pose of
-                another link than its tool.
-            q: Its joint positions, in its own order, shape (k,) [rad or m].
-            pose: Frame of the tool in the world, a `Pose` or a transform (4, 4).
+                a link other than its tool.
+            q: Joint positions of the goal, in the robot's order, (k,) [rad or m].
+            pose: Pose of the tool in the world, a `Pose` or a transform (4, 4).
 
         Raises:
             UnknownNameError: There is no such robot or link.
-            GoalError: The robot's response is another one, or the positions are none
-                it can be at, or both are given.
+            GoalError: The robot's response is not "field", the positions are outside
+                its limits, or both `q` and `pose` are given.
             PoseError: The transform is not rigid, or a number is not finite.
             SceneError: The scene has a robot whose mode is "fixed".
         """
@@ -160,27 +161,27 @@ class Guidance:
     def retreat(
         self, name: str | None = None, to: Literal["path"] | ArrayLike = "path"
     ) -> None:
-        """Have a robot go back along the way that led it in, or to safe positions.
+        """Have a robot retreat along its trail, or to a safe configuration.
 
-        For between two cycles; with positions it takes some milliseconds. The robot
-        goes no faster than its `resume_speed`, as soon as it rests if it is being
-        stopped, and waits where its way is not free any more. It ends when the robot is
-        there, when its operator asks for something after he has let go of it, with
-        `engage`, or with another stop. Where operators tell positions, these are not
-        followed meanwhile.
+        Call it between two cycles; with positions it takes some milliseconds. The robot
+        moves at its `resume_speed` at most. If it is being stopped it begins at rest.
+        It waits where its path is blocked. The retreat ends when the robot has arrived,
+        when its operator requests zero velocity and then motion, with `engage`, or with
+        another stop. Meanwhile requested positions are not followed.
 
-        To positions it goes straight if `check_path` clears that, all others standing;
-        else along the way that led in to where it does, and straight from there.
+        To a configuration the robot moves straight if `check_path` clears that path
+        with all other robots at rest. Otherwise it first moves along its trail to a
+        point from which the straight path is clear.
 
         Args:
-            name: A robot; all of them if None.
+            name: Name of a robot; all robots if None.
             to: "path", or joint positions of that robot, shape (k,) [rad or m].
 
         Raises:
             UnknownNameError: There is no such robot.
-            GoalError: `to` is neither, or not somewhere the robot can be.
-            NoRetreatError: Nothing of the way that led in is known, or from no place on
-                it a free way leads to the positions.
+            GoalError: `to` is neither, or outside the limits of the robot.
+            NoRetreatError: The trail is empty, or no clear path leads from it to the
+                positions.
             SceneError: The scene has a robot whose mode is "fixed".
         """
         chosen = self._chosen(name)
@@ -210,13 +211,13 @@ class Guidance:
         set_out(r, keep, True, lead)
 
     def _places_to_keep(self, r: int, safe: Floats, lead: Lead) -> int:
-        """Places of the way that led in beyond which a robot need not go back.
+        """Number of the oldest trail configurations that a retreat does not use.
 
-        From the last of them a straight way leads to the positions; if they are all
-        that are known, it does so from where the robot is.
+        The next configuration has a clear straight path to the safe positions. If the
+        number is the length of the trail, the present configuration has one.
 
         Raises:
-            NoRetreatError: From none of them.
+            NoRetreatError: No checked configuration has a clear path.
         """
         part = self.tables.robots[r]
         own = slice(part.first_joint, part.first_joint + part.joint_count)
@@ -246,10 +247,10 @@ class Guidance:
         )
 
     def _chosen(self, name: str | None) -> list[int]:
-        """Robots of that name; all of them if None.
+        """Indices of the robots of a name; all robots if None.
 
         Raises:
-            UnknownNameError: None has it.
+            UnknownNameError: There is no such robot.
         """
         names = [part.name for part in self.tables.robots]
         if name is None:
@@ -261,7 +262,7 @@ class Guidance:
         return [names.index(name)]
 
     def _parts(self) -> tuple[Response, Lead]:
-        """What is written.
+        """Responses and guidance of the guard.
 
         Raises:
             SceneError: A robot's mode is "fixed".
@@ -273,7 +274,7 @@ class Guidance:
 
 
 def check_modes(tables: SceneTables) -> None:
-    """Refuse to filter for robots of which no stops are predicted.
+    """Refuse to filter commands of robots without a prediction of stops.
 
     Raises:
         SceneError: A robot's mode is "fixed".
@@ -287,7 +288,7 @@ def check_modes(tables: SceneTables) -> None:
 
 
 def catch_up(notes: NDArray[np.int64]) -> None:
-    """Let a robot that waits after a stop follow again, slowly at first."""
+    """Have a robot that waits after a stop catch up with its operator."""
     if notes[STATE] == Standing.WAITING:
         notes[STATE] = Standing.CATCHING_UP
 
@@ -295,13 +296,13 @@ def catch_up(notes: NDArray[np.int64]) -> None:
 def set_goal(
     tool: Tool, q: ArrayLike | None, pose: Pose | ArrayLike | None, lead: Lead
 ) -> None:
-    """Set or forget the goal of a robot's field.
+    """Set or remove the goal of a robot's field.
 
     Args:
-        tool: The tool a pose is for.
+        tool: Tool of the robot, or the link that a pose is for.
         q: Joint positions of the robot, shape (k,) [rad or m].
         pose: Pose of the tool in the world.
-        lead: Written.
+        lead: State of the guidance, written.
 
     Raises:
         GoalError: See `Guard.field_goal`.
@@ -322,7 +323,7 @@ def set_goal(
         kind = JOINTS_GOAL
     elif pose is not None:
         T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
-        # The body is turned, which the link may be turned in.
+        # The goal is a pose of the body; the link may be rotated in its body.
         aim = np.column_stack([T[:3, :3] @ tool.R_body.T, T[:3, 3]])
         lead.tool_aim[r] = np.concatenate([aim.ravel(), tool.p_body])
         lead.notes[r, TOOL_BODY] = tool.body
@@ -332,24 +333,24 @@ def set_goal(
 
 
 def begin_anew(r: int, lead: Lead) -> None:
-    """Let a robot's field lead again, from standstill."""
+    """Restart a robot's field from standstill."""
     lead.notes[r, [SUSPENDED, IN_MINIMUM]] = 0
     lead.memory[r, [PULL, IDLE, STANDS]] = 0.0
     lead.memory[r, BEST] = np.inf
 
 
 def engage_lead(r: int, lead: Lead) -> None:
-    """Let a robot's field go on, and end its retreat."""
+    """End a robot's retreat and the suspension of its field."""
     if lead.notes[r, WAY] != STAYS or lead.notes[r, [SUSPENDED, IN_MINIMUM]].any():
         lead.notes[r, WAY] = STAYS
         begin_anew(r, lead)
 
 
 def positions_of(part: RobotPart, q: ArrayLike, tables: SceneTables) -> Floats:
-    """Joint positions a robot can be at, shape (k,).
+    """Joint positions of a robot, checked against its limits, shape (k,) [rad or m].
 
     Raises:
-        GoalError: They are none.
+        GoalError: They are no vector of finite numbers, or outside the limits.
     """
     found, fault = as_vector(f"robot '{part.name}': q", q, part.joint_count)
     if found is None:
@@ -367,7 +368,7 @@ def positions_of(part: RobotPart, q: ArrayLike, tables: SceneTables) -> Floats:
 
 
 def set_out(r: int, keep: int, then_safe: bool, lead: Lead) -> None:
-    """Begin a retreat with the next cycle in which the robot is not being stopped."""
+    """Begin a retreat in the next cycle in which the robot is not being stopped."""
     notes = lead.notes[r]
     straight = then_safe and keep >= notes[COUNT]
     notes[WAY] = STRAIGHT if straight else ALONG

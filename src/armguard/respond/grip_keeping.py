@@ -1,4 +1,4 @@
-"""Joints of fingers that hold something: nobody but their operator moves them."""
+"""Finger joints that hold an object: only their operator moves them."""
 
 from armguard.guard.grips import (
     BODY,
@@ -15,10 +15,10 @@ from armguard.respond.state import Response
 
 @kernel(inline=False)
 def keep_grips(a: Response, w: Workspace, m: Motion) -> None:
-    """Bound fingers that hold something to what lies between braking and the target.
+    """Bound fingers that hold an object to velocities between brake and target.
 
-    So a program may slow them down and no more: it neither drops what is held nor
-    squeezes it, to have a finger farther from something else.
+    So a program may only slow them down: it neither drops nor squeezes the held object
+    in order to move a finger away from another body.
 
     Args:
         a: Responses; `target` and `brake` are written, `low` and `high` are narrowed.
@@ -35,7 +35,7 @@ def keep_grips(a: Response, w: Workspace, m: Motion) -> None:
 
 @kernel
 def keep_finger(body: int, g: int, a: Response, h: Grips, m: Motion) -> None:
-    """Narrow the bounds of the joints that move a finger and not its gripper."""
+    """Narrow the bounds of the joints that move a finger but not its gripper."""
     for k in range(m.length[body]):
         b = m.joints[body, k]
         if carries(b, h.grippers[g, BODY], m):
@@ -47,11 +47,11 @@ def keep_finger(body: int, g: int, a: Response, h: Grips, m: Motion) -> None:
 
 @kernel
 def carries(b: int, hand: int, m: Motion) -> bool:
-    """Whether a joint moves a whole gripper, not a finger of it alone.
+    """Whether a joint moves a whole gripper, not only one of its fingers.
 
     Args:
-        b: The joint's body.
-        hand: The body of the gripper's link.
+        b: Body that the joint moves.
+        hand: Body of the gripper's link.
         m: Motion.
     """
     for i in range(m.length[hand]):

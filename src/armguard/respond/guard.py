@@ -1,4 +1,4 @@
-"""The guard in the loop: what operators want goes in, what is safe comes out."""
+"""Guard: a monitor that also filters the operators' desired motion."""
 
 from collections.abc import Callable, Mapping
 from threading import get_ident
@@ -66,25 +66,25 @@ Given = tuple[ArrayLike, float | Mapping[str, float], ArrayLike | None, float | 
 
 
 class Guard(Monitor):
-    """Watches a scene, and keeps what its robots are commanded safe.
+    """Guard of a scene: judges its robots and filters their commands.
 
-    Each `step` judges one joint configuration, and somebody else obeys the verdict.
-    Each `filter` does the same and gives back what to tell the robots: what their
-    operators ask for where that is proven, else something near it that is, else a stop.
+    Each `step` judges one joint configuration, and its caller obeys the verdict. Each
+    `filter` also returns a command: the desired motion if it is proven safe, else a
+    proven motion near it, else a stop.
 
     Args:
-        scene: What to guard.
+        scene: Scene to guard.
         budget: See `Monitor`, from here to `clock`. A filtered cycle judges up to five
-            times, all of them out of one budget.
-        self_test: Whether to test itself.
-        compiling: Set where kernels are compiled ahead, which itself needs a guard.
-        progress: Told before anything that takes long.
+            times within one budget.
+        self_test: Whether to run the self-test.
+        compiling: Whether this guard only serves to compile kernels ahead.
+        progress: Function that takes a sentence before each long operation.
         clock: Clock in nanoseconds.
 
     Raises:
         SceneError: The scene contradicts itself.
         HomeContactError: Checked bodies overlap at the home configuration.
-        SelfTestError: A level, a stop or a refusal did not come when it should have.
+        SelfTestError: The self-test missed a level, a stop or a refusal.
 
     Example:
         >>> import numpy as np
@@ -114,7 +114,7 @@ class Guard(Monitor):
         self._tools = Tools(tables)
         self._guidance = Guidance(tables, self._watch, self._tools, self.check_path)
         if not compiling and all(part.mode != "fixed" for part in tables.robots):
-            # Compiles or loads what a filtered cycle needs, before the loop.
+            # Compiles or loads the kernels of a filtered cycle before the loop.
             still = np.zeros(len(self.q_names))
             self.filter(self.home, still, 0.0, velocity=still)
             self.reset()
@@ -126,9 +126,9 @@ class Guard(Monitor):
     def ledgers(self) -> tuple[Longs, Longs]:
         """Ledgers of its responses and of its workspace, for `run_filtered_cycle`.
 
-        For who hands over what was measured by himself, and calls nothing else between
-        the beginning of a cycle and its end. Objects that come may bring another one of
-        the workspace.
+        For clients that pass measurements to the kernels themselves, and call nothing
+        else between the begin and the end of a cycle. A new object may replace the
+        ledger of the workspace.
         """
         if self._response is None:
             self._prepare_filter()
@@ -136,7 +136,7 @@ class Guard(Monitor):
 
     @property
     def solves_compiled(self) -> bool:
-        """Whether kernels can call the solver of programs."""
+        """Whether kernels can call the solver of quadratic programs."""
         response = self._response or self._prepare_filter()
         return bool(response.solver[FUNCTION])
 
@@ -149,18 +149,18 @@ class Guard(Monitor):
         velocity: ArrayLike | None = None,
         now: float | None = None,
     ) -> Command:
-        """What to tell robots whose operators want these velocities. Never raises.
+        """Command for desired joint velocities. Never raises after the first cycle.
 
-        What is wanted and can be proven is passed on bit for bit. All that the robots
-        are told must go through here, or the proof does not hold.
+        Desired velocities that are provably safe pass bit for bit. All commands to the
+        robots must pass this filter, or the proof does not hold.
 
         Args:
             q: Measured joint positions in the order of `q_names`, (n,) [rad or m].
-            v_desired: Joint velocities the operators want, shape (n,), or by joint name
-                with nothing for the others [rad/s or m/s].
-            stamp: When they were measured, see `step` [s].
-            velocity: Measured velocities, see `step`.
-            now: Time of this cycle, see `step`.
+            v_desired: Desired joint velocities, shape (n,), or by joint name with zero
+                for joints that are not named [rad/s or m/s].
+            stamp: Time of the measurement, see `step` [s].
+            velocity: Measured joint velocities, see `step` [rad/s or m/s].
+            now: Time of this cycle, see `step` [s].
 
         Raises:
             SceneError: The scene has a robot whose mode is "fixed"; in the first cycle.
@@ -177,16 +177,16 @@ class Guard(Monitor):
         velocity: ArrayLike | None = None,
         now: float | None = None,
     ) -> Command:
-        """The same where operators want positions: `Command.position` is what to tell.
+        """Command for desired joint positions: send `Command.position`.
 
-        A first position that is far from where the robot is, at the start or after a
-        stop, is not simply followed: see `ResponseSettings.far`.
+        A first position that is far from the robot, at the start or after a stop, is
+        refused or followed slowly: see `ResponseSettings.far`.
 
         Args:
             q: Measured joint positions, see `filter`.
-            q_desired: Joint positions the operators want, shape (n,) [rad or m].
+            q_desired: Desired joint positions, shape (n,) [rad or m].
             stamp: See `filter`, from here to `now`.
-            velocity: Measured velocities.
+            velocity: Measured joint velocities.
             now: Time of this cycle.
 
         Raises:
@@ -204,15 +204,15 @@ class Guard(Monitor):
         velocity: ArrayLike | None = None,
         now: float | None = None,
     ) -> Command:
-        """The same where operators want their tools to move.
+        """Command for desired twists of tools.
 
         Args:
             q: Measured joint positions, see `filter`.
             twists: Velocity of the tool's origin and angular velocity, both in the
-                world, by robot, or by 'robot/link' for another link than its tool,
-                shape (6,) [m/s], [rad/s]. Who is not named is asked for nothing.
+                world, by robot, or by 'robot/link' for a link other than its tool,
+                shape (6,) [m/s], [rad/s]. No motion is requested of other robots.
             stamp: See `filter`, from here to `now`.
-            velocity: Measured velocities.
+            velocity: Measured joint velocities.
             now: Time of this cycle.
 
         Raises:
@@ -231,15 +231,18 @@ class Guard(Monitor):
         now: float | None = None,
         reason: Reason = Reason.STOP_ORDERED,
     ) -> Command:
-        """One cycle in which all robots are to stop, or to stand still. Never raises.
+        """Order all robots to stop, or to stay at rest, for one cycle.
+
+        Never raises after the first cycle.
 
         Args:
             q: Measured joint positions, see `filter`.
             stamp: See `filter`, from here to `now`.
-            velocity: Measured velocities.
+            velocity: Measured joint velocities.
             now: Time of this cycle.
-            reason: Why, of `ORDERED`; anything else counts as `STOP_ORDERED`. After
-                `STOP_ORDERED` and `RESTARTED` robots go on only when they are engaged.
+            reason: Reason of the stop, one of `ORDERED`; others count as
+                `STOP_ORDERED`. After `STOP_ORDERED` and `RESTARTED` only `engage`
+                releases the robots.
 
         Raises:
             SceneError: See `filter`.
@@ -254,11 +257,11 @@ class Guard(Monitor):
 
     @property
     def ordered(self) -> dict[str, Reason]:
-        """Robots that wait to be engaged after a stop that was ordered, and why."""
+        """Reasons of ordered stops, by name of each robot that waits for `engage`."""
         return self._guidance.ordered
 
     def reset(self) -> None:
-        """See `Monitor.reset`; commands and goals are forgotten as well."""
+        """Reset as in `Monitor.reset`, and clear commands and goals."""
         super().reset()
         if (response := self._response) is not None:
             response.spare_of.fill(NEVER)
@@ -270,14 +273,14 @@ class Guard(Monitor):
                 array.fill(np.nan)
 
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
-        """See `compile_ahead`."""
+        """Compile the kernels ahead, see `compile_ahead`."""
         if not self._compiling:
             compile_ahead(progress, self._guarded, try_out)
 
     def _filter(
         self, given: Given, form: int, requested: Floats | None, refused: str
     ) -> Command:
-        """One cycle: judge, respond, prove, tell."""
+        """Run one cycle: judge, respond, prove, command."""
         start = self._clock()
         response = self._response or self._prepare_filter()
         time: Any = given[1] if given[3] is None else given[3]
@@ -302,7 +305,7 @@ class Guard(Monitor):
     def _filtered(
         self, response: Response, given: Given, form: int, requested: Floats | None
     ) -> tuple[Floats, str]:
-        """The numbers of the verdict, and what was wrong with the input in words."""
+        """Numbers of the verdict, and the fault of the input in words."""
         array, fault = self._input.take(*given)
         desired = NO_POSITIONS if requested is None else requested
         answers, lines = self._response_lines, self._lines
@@ -321,11 +324,11 @@ class Guard(Monitor):
         return data, fault
 
     def _crowded_command(self, response: Response, stamp: float | None) -> Command:
-        """What a cycle says that another thread is in the way of: all stop."""
+        """Stop command for a cycle during which another thread called the guard."""
         numbers = np.zeros_like(response.commanded)
         n, r = len(self.q_names), len(self._input.robots)
         numbers[n : 2 * n] = np.nan
-        # Why each is blocked, then its phase: at rest, so that it is not driven.
+        # Blocked reason of each robot; its phase stays 0, RESTING: it is not driven.
         numbers[4 * n : 4 * n + r] = Blocked.STOPPED
         numbers[4 * n + 2 * r : 4 * n + 3 * r] = np.nan
         verdict = Verdict(
@@ -338,12 +341,15 @@ class Guard(Monitor):
         return Command(numbers, self.tables.robots, verdict)
 
     def solve_programs(self, programs: int) -> int:
-        """Solve the programs of the robots whose bit is set, by way of Python.
+        """Solve the programs of some robots in Python.
 
-        Between `begin_filtered_cycle` and `end_filtered_cycle`.
+        Call it between `begin_filtered_cycle` and `end_filtered_cycle`.
+
+        Args:
+            programs: The robots, a bit for each.
 
         Returns:
-            Those of them for which that did not succeed.
+            Robots whose program has no solution, a bit for each.
         """
         response = self._response or self._prepare_filter()
         unsolved = 0
@@ -369,7 +375,7 @@ class Guard(Monitor):
         return unsolved
 
     def _prepare_filter(self) -> Response:
-        """Make what only filtered cycles need.
+        """Allocate the responses, which only filtered cycles need.
 
         Raises:
             SceneError: A robot's mode is "fixed".
@@ -388,7 +394,7 @@ class Guard(Monitor):
 
 
 def try_out(scene: Scene) -> None:
-    """Guard a scene for a cycle, for kernels to be compiled."""
+    """Guard a scene for a cycle, so that its kernels are compiled."""
     guard = Guard(scene, self_test=False, compiling=True)
     guard.step(guard.home, 0.0)
     if guard._guarded:

@@ -1,10 +1,9 @@
-"""Who leads a robot in its operator's place: its field, or its retreat.
+"""Guidance by the guard: a field or a retreat leads a robot in place of its operator.
 
-An operator who asks for something is followed; a field leads where he does not, and a
-retreat until it ends. Both take the operator's way through the cycle: limits, rows and
-proof are the same. A stop suspends a field until it is engaged, and ends a retreat that
-had begun: nothing sets out again by itself. Where operators tell positions, these say
-where to be, and no field leads.
+A field leads while the operator requests no motion, a retreat until it ends. Both pass
+the same limits, rows and proof as an operator's request. A stop suspends a field until
+it is engaged, and ends a retreat that has begun: no robot restarts by itself. While
+operators request positions no field leads.
 """
 
 from math import exp
@@ -66,7 +65,7 @@ from armguard.respond.trail import remember_place
 
 OK = int(Reason.OK)
 
-# Time constant of each of two lags of what a robot that is led is asked for [s].
+# Time constant of each of the two lags of a guided robot's request [s].
 LAG = 0.02
 
 FOLLOWING = int(Standing.FOLLOWING)
@@ -84,7 +83,7 @@ LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
 
 @kernel(separate=True)
 def lead_robots(a: Response, w: Workspace) -> None:
-    """Ask in the place of operators whose robots are led.
+    """Write the requests of the robots that the guard guides.
 
     Args:
         a: The responses; `requested` is written already.
@@ -119,9 +118,9 @@ def lead_robots(a: Response, w: Workspace) -> None:
 
 @kernel
 def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
-    """Take the errors of measurement out of what is asked of a robot that is led.
+    """Filter errors of measurement out of the request of a guided robot.
 
-    By two lags, one after the other; whoever is not led begins with what he was told.
+    By two lags in series; those of any other robot follow its last command.
     """
     part = 1.0 - exp(-time_passed(v) / LAG)
     first = m.robot_figures[r].first_joint
@@ -136,7 +135,7 @@ def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
 
 @kernel
 def asks(r: int, a: Response, m: Motion) -> bool:
-    """Whether anything is asked of a robot."""
+    """Whether motion is requested of a robot."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         if abs(a.requested[j]) > NO_REQUEST:
@@ -146,7 +145,7 @@ def asks(r: int, a: Response, m: Motion) -> bool:
 
 @kernel
 def retreat(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
-    """Go on with a robot's retreat, unless its operator ends it."""
+    """Continue a robot's retreat, unless its operator ends it."""
     notes = s.notes[r]
     if notes[BEGUN] == 0:
         s.memory[r, PULL] = s.memory[r, STANDS] = 0.0
@@ -162,7 +161,7 @@ def retreat(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     if lead_back(r, a, s, v, m):
         notes[LED] = BY_RETREAT
     else:
-        # What led away was the retreat; its operator is still to let go.
+        # The retreat led away, not the operator, who must still release the robot.
         a.notes[r, LEADS_AWAY] = 0
 
 
@@ -173,7 +172,7 @@ def draws(r: int, a: Response, s: Lead, m: Motion) -> bool:
     if notes[GOAL] == NO_GOAL or notes[SUSPENDED] != 0 or a.asking[FORM] == POSITIONS:
         return False
     if asks(r, a, m):
-        # From where its operator leads it, its way may be another one.
+        # The operator moves it, so the path to its goal may change.
         forget_progress(r, s)
         return False
     return True
@@ -181,11 +180,11 @@ def draws(r: int, a: Response, s: Lead, m: Motion) -> bool:
 
 @kernel
 def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
-    """Whether a robot is told anything, its retreat considered.
+    """Whether a robot follows its request, its retreat considered.
 
-    It needs no operator who lets go, and no master that is near; these it meets again
-    when it is done. One that gets out of the way of something is led by nothing else,
-    and one that was ordered to stand still by nothing at all.
+    A retreat needs no release by the operator and no master that is near; both are
+    required again after it. An evading robot has no other guidance, and a robot under
+    an ordered stop has none at all.
     """
     if v.evades[r] != 0 or a.notes[r, ORDERED] != 0:
         s.notes[r, LED] = OPERATOR
@@ -201,7 +200,7 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
 
 @kernel(separate=True)
 def note_leads(judged: int, a: Response, w: Workspace) -> None:
-    """After the proof: remember where robots are, and say how those that are led fare.
+    """After the proof, extend the trails and report the progress of guided robots.
 
     Args:
         judged: Whether the input could be judged.
@@ -225,7 +224,7 @@ def note_leads(judged: int, a: Response, w: Workspace) -> None:
 
 @kernel
 def say_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
-    """Say why a robot that is led does not get on."""
+    """Write the reason for which a guided robot makes no progress."""
     notes, own = a.notes[r], s.notes[r]
     blocked = notes[BLOCKED]
     if own[LED] == BY_RETREAT:

@@ -1,11 +1,11 @@
-"""Ways out of what is too near: which they are, and how fast one surely gets away.
+"""Recovery: escape directions out of pairs that are too near, and their least speed.
 
-A joint moves only as it opens every pair that is too near. Where it opens one and
-closes another, either way may do: then rows say what joints have to do together.
+A joint moves only in the direction that opens every pair that is too near. If it opens
+one and closes another, its sign is free, and constraint rows couple the joints.
 
-A joint misses what it is told by its tracking error. What is told to a robot that
-leaves has to open each pair that is too near even so: it begins at a speed at which it
-does, and is held again when its operator asks for less.
+A joint deviates from its command by its tracking error. The command of a recovery must
+open each pair that is too near in spite of that: it begins at a speed that does, and
+the robot is held again when its operator requests less.
 """
 
 from math import inf, sqrt
@@ -36,14 +36,14 @@ from armguard.respond.state import (
 
 Floats = NDArray[np.float64]
 
-# What moves a pair by less than this at unit speed does not move it [m s/rad].
+# Distance gradient below which a joint does not move a pair [m s/rad].
 NO_ROW = 1e-9
 
-# How much faster it goes than what just leads away, as the way bends [-].
+# Factor on the least speed that opens a pair, since paths are curved [-].
 SURELY = 1.25
 
-# Beside an object that moves by itself a robot's nearest point leaves within this
-# cosine of the normal: one that moved sideways could come into the object's way [-].
+# Least cosine between a witness point's velocity and the normal, in a recovery beside a
+# moving object: a point that moves sideways could get into the object's path [-].
 STRAIGHT = 0.5
 
 
@@ -51,7 +51,7 @@ STRAIGHT = 0.5
 def spare_at_rest(
     i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
 ) -> float:
-    """What a near pair would have left if its robots rested where they are [m]."""
+    """Clearance that a near pair would have if its robots were at rest now [m]."""
     spare = w.out[place + WITNESS] - static_need(i, j, w, v, m) - m.blur[i]
     if robot_of(j, v) >= 0:
         return float(spare - m.blur[j])
@@ -60,7 +60,7 @@ def spare_at_rest(
 
 @kernel
 def anybody_leaves(a: Response) -> bool:
-    """Whether any robot is to leave what is too near to it."""
+    """Whether any robot recovers from pairs that are too near, or evades."""
     for r in range(a.notes.shape[0]):
         if a.notes[r, RETREATS] != 0:
             return True
@@ -69,9 +69,9 @@ def anybody_leaves(a: Response) -> bool:
 
 @kernel(separate=True)
 def note_ways_out(a: Response, w: Workspace) -> None:
-    """Note which way joints lead out of what is too near to robots that are to leave.
+    """Note the escape direction of each joint out of pairs that are too near.
 
-    Where no way of a joint opens all of it, rows say how it may help the others.
+    A joint without a common direction moves as the constraint rows allow.
 
     Args:
         a: The responses.
@@ -102,7 +102,7 @@ def note_ways_out(a: Response, w: Workspace) -> None:
 
 @kernel
 def only_out(r: int, a: Response, m: Motion) -> None:
-    """Let each joint of a robot move only as it leads out of all that is too near."""
+    """Restrict each joint of a robot to its escape direction."""
     target, low, high = a.target, a.low, a.high
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
@@ -111,20 +111,20 @@ def only_out(r: int, a: Response, m: Motion) -> None:
         elif a.ways_out[j] == 1:
             low[j] = max(low[j], 0.0)
         if low[j] > high[j]:
-            # Which of them is led back from its limit is led back.
+            # The return from a joint limit has precedence.
             low[j] = high[j] = high[j] if high[j] < 0.0 else max(low[j], 0.0)
         target[j] = min(max(target[j], low[j]), high[j])
 
 
 @kernel
 def lead_away(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> bool:
-    """Make what a robot is to be told surely lead away from all that is too near.
+    """Scale a robot's target so that it surely opens all pairs that are too near.
 
-    At its beginning it is as slow as that allows, later as fast as the operator asks;
-    faster than that if he asks for less than what surely leads away.
+    A recovery begins as slowly as that allows and goes on at the requested speed, or
+    faster if that is less than the speed that surely opens the pairs.
 
     Returns:
-        Whether it does; if not the target is left as it was.
+        Whether it opens them; if not the target is unchanged.
     """
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
@@ -150,10 +150,11 @@ def lead_away(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> bool:
 
 @kernel
 def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
-    """Share of a robot's target that surely opens all that is too near [-].
+    """Least share of a robot's target that surely opens all pairs that are too near.
 
     Returns:
-        That; 0 if nothing is too near, infinite if the target does not open all of it.
+        The share [-]; 0 if no pair is too near, infinite if the target does not open
+        all of them.
     """
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
@@ -183,7 +184,7 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def point_speed(i: int, place: int, target: Floats, w: Workspace, m: Motion) -> float:
-    """Speed of a pair's witness point of a robot at some joint velocities [m/s]."""
+    """Speed of a pair's witness point on a robot at given joint velocities [m/s]."""
     at, body = place + WITNESS, w.bodies[i]
     point = (w.out[at + 1], w.out[at + 2], w.out[at + 3])
     x = y = z = 0.0

@@ -1,4 +1,4 @@
-"""The programs of a cycle's robots, solved without leaving compiled code."""
+"""Quadratic programs of a cycle's robots, solved within compiled code."""
 
 from math import inf, isfinite
 
@@ -30,7 +30,7 @@ WORD = 8
 
 @kernel
 def solve_programs(programs: int, a: Response, m: Motion) -> int:
-    """Solve the programs of some robots; their targets become the solutions.
+    """Solve the quadratic programs of some robots; the solutions replace their targets.
 
     Args:
         programs: The robots, a bit for each.
@@ -38,7 +38,7 @@ def solve_programs(programs: int, a: Response, m: Motion) -> int:
         m: Motion.
 
     Returns:
-        Those of them for which that did not succeed.
+        Robots whose program has no solution, a bit for each.
     """
     unsolved = 0
     for r in range(a.notes.shape[0]):
@@ -46,7 +46,7 @@ def solve_programs(programs: int, a: Response, m: Motion) -> int:
             continue
         solved = False
         if a.notes[r, CROWDED] == 0:
-            # Rows are wishes; if not all can be had, what the declared stop keeps.
+            # If not all rows can be satisfied, try again with relaxed bounds.
             solved = solve(r, a.limits, a, m) or solve(r, a.eased, a, m)
         if not solved:
             unsolved |= 1 << r
@@ -55,15 +55,15 @@ def solve_programs(programs: int, a: Response, m: Motion) -> int:
 
 @kernel(inline=False)
 def solve(r: int, limits: Floats, a: Response, m: Motion) -> bool:
-    """Find the velocity of a robot that is nearest to its target and keeps its rows.
+    """Find the velocity nearest to a robot's target that satisfies all its rows.
 
     Returns:
-        Whether there is one; if so it is the target now.
+        Whether one was found; if so it is the target now.
     """
     first = m.robot_figures[r].first_joint
     n, count = m.robot_figures[r].joint_count, int(a.notes[r, ROW_COUNT])
     room = a.target.shape[0]
-    # Where each part of the program lies: H, f, A, bounds, x and its multipliers.
+    # Offset of each part of the program: H, f, A, bounds, x and its multipliers.
     f = room * room
     A = f + room
     upper = A + ROWS * room
@@ -120,7 +120,7 @@ def solve(r: int, limits: Floats, a: Response, m: Motion) -> bool:
 def keeps(
     r: int, x: int, first: int, n: int, count: int, limits: Floats, a: Response
 ) -> bool:
-    """Whether a velocity is finite and keeps bounds and rows."""
+    """Whether a velocity is finite and satisfies bounds and rows."""
     p = a.program
     for j in range(n):
         value = p[x + j]

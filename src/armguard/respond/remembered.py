@@ -1,4 +1,4 @@
-"""What the numbers of a checkpoint may be that responses remember."""
+"""Bounds of the integers of the responses in a checkpoint."""
 
 import numpy as np
 
@@ -65,7 +65,7 @@ BOUNDS: Rules = {
 
 
 def more_of(tables: SceneTables) -> Greatest:
-    """The greatest of what only these rules count, by robot where it differs."""
+    """Greatest values that these rules name, by robot where they differ."""
     joints = np.array([[part.joint_count] for part in tables.robots], dtype=np.int64)
     directions = FORMS * (SIDES + 1) + 2 * joints + 3 * escape.SPREADS
     count = len(tables.kinds)

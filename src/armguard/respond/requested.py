@@ -1,4 +1,4 @@
-"""What operators ask for, as an array, or in words what it is instead."""
+"""Requests of operators: converted to arrays, or refused with a reason in words."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]:
-    """A vector of so many numbers, or why it is none."""
+    """A vector of `count` finite numbers, or None and the reason in words."""
     try:
         array = real_array(value)
     except Exception:  # whatever a stranger's object raises, the loop goes on
@@ -30,7 +30,7 @@ def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]
 def velocities_in(
     value: ArrayLike | Mapping[str, float], shape: tuple[int, ...], tables: SceneTables
 ) -> tuple[Floats | None, str]:
-    """Joint velocities that a kernel takes as they are, or why they are none."""
+    """Joint velocities as a kernel takes them, or None and the reason in words."""
     if (
         type(value) is np.ndarray
         and value.dtype is FLOAT64
@@ -46,7 +46,7 @@ def velocities_in(
 def named_vector(
     what: str, value: Mapping[str, float], names: Sequence[str]
 ) -> tuple[Floats | None, str]:
-    """A vector from numbers by joint name, with nothing for those not named."""
+    """A vector from numbers by joint name, with zero for joints not named."""
     try:
         for name in value:
             if name not in names:
@@ -58,7 +58,7 @@ def named_vector(
 
 
 def reason_of_stop(reason: object) -> Reason:
-    """The reason of a stop that is ordered: `STOP_ORDERED` if it is none of these."""
+    """The reason of an ordered stop, `STOP_ORDERED` for any value not in `ORDERED`."""
     if isinstance(reason, Reason) and reason in ORDERED:
         return reason
     return Reason.STOP_ORDERED
@@ -67,7 +67,7 @@ def reason_of_stop(reason: object) -> Reason:
 def twists_in(
     twists: Mapping[str, ArrayLike], tools: Tools
 ) -> tuple[Floats | None, str]:
-    """Twists of tools as a cycle takes them, or why they are none."""
+    """Twists of tools as a cycle takes them, or None and the reason in words."""
     try:
         return read_twists(twists, tools)
     except Exception:  # whatever a stranger's object raises, the loop goes on
@@ -77,7 +77,7 @@ def twists_in(
 def read_twists(
     twists: Mapping[str, ArrayLike], tools: Tools
 ) -> tuple[Floats | None, str]:
-    """The same, where an object may raise."""
+    """Twists of tools as a cycle takes them; an invalid object may raise."""
     count = len(twists)
     if count > MOST_TWISTS:
         return None, f"there are {count} twists; no more than {MOST_TWISTS} are led"

@@ -1,7 +1,7 @@
-"""What a robot does about what is near: one table, that scenes and tests read.
+"""Responses of a robot to near bodies: one table, which scenes and tests read.
 
-A response changes what is asked for before it is proven. It cannot make anything safe
-that is not, and what it leaves unsafe is taken back or stopped by the proof.
+A response changes the requested motion before the proof. It cannot make an unsafe
+motion safe: the proof reduces or stops any motion that is still unsafe.
 """
 
 from collections.abc import Mapping
@@ -12,12 +12,12 @@ from armguard.scene.settings import ResponseName
 
 @dataclass(frozen=True, slots=True)
 class ResponseKind:
-    """A way to answer what is near.
+    """Properties of a response to near bodies.
 
     Attributes:
-        words: What it does, for people.
-        keeps_direction: Whether what is told has the direction that was asked for.
-        stops: Whether what cannot be proven ends in a stop, not in less of it.
+        words: What the robot does, in words.
+        keeps_direction: Whether the command keeps the direction of the request.
+        stops: Whether an unproven request ends in a stop, not in a slower motion.
     """
 
     words: str

@@ -1,8 +1,8 @@
-"""Retreat: back along the way that led in, or straight to a safe configuration.
+"""Retreat: motion back along the trail, or straight to a safe configuration.
 
-A robot that retreats keeps to its way: what the rows do not allow makes it slower, and
-where nothing is left it waits. It ends when the robot is there, when its operator asks
-for something after he has let go, when he engages it, or with another stop.
+A robot that retreats keeps to its path: constraint rows only slow it down, at most to a
+halt, where it waits. The retreat ends when the robot has arrived, when its operator
+requests zero velocity and then motion, when he engages it, or with another stop.
 """
 
 import numpy as np
@@ -38,29 +38,29 @@ from armguard.respond.trail import (
 
 Floats = NDArray[np.float64]
 
-# A place on the way is passed when it is this near, the last one is reached when it is
-# that near, beyond what measured positions may be wrong by; in time at top speed [s].
+# Distances at which a place of the trail is passed and the last one is reached, beyond
+# position errors, as time at top speed [s].
 PASSED = 0.25 * TRAIL_STEP
 ARRIVED = 0.002
 
-# Below this share of its top speed a joint that comes to rest may do so at once [-].
+# Share of its top speed below which a joint may come to rest at once [-].
 NO_SPEED = 1e-4
 
-# Speed of a retreat by what is left of it, near its end [1/s].
+# Ratio of the speed of a retreat and the way that is left, near its end [1/s].
 ARRIVAL = 5.0
 
-# A robot that moves at less than this share of what its retreat asks for, and less than
-# that of its top speeds, is held up; for this long it waits before that is said [s].
+# Share of its requested speed below which a retreating robot counts as blocked [-], and
+# time until that is reported [s].
 HELD_UP = 0.05
 HELD_UP_TIME = 0.1
 
 
 @kernel
 def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
-    """Ask for the next part of a robot's retreat.
+    """Request the next motion of a robot's retreat.
 
     Returns:
-        Whether it retreats; if not, it is there.
+        Whether it still retreats; if not, it has arrived.
     """
     notes, blind = s.notes[r], blind_time(r, m)
     while notes[WAY] == ALONG:
@@ -89,7 +89,7 @@ def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
 
 @kernel
 def moves(r: int, v: Watch, m: Motion) -> bool:
-    """Whether a robot was told to move in the last cycle, so much that it matters."""
+    """Whether the last commanded velocity of a robot is more than negligible."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         if abs(v.commanded[j]) > NO_SPEED * m.joint_figures[j].velocity:
@@ -99,7 +99,7 @@ def moves(r: int, v: Watch, m: Motion) -> bool:
 
 @kernel
 def stand(r: int, a: Response, m: Motion) -> None:
-    """Ask for nothing of a robot."""
+    """Request zero velocity of a robot."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         a.requested[j] = 0.0
@@ -107,7 +107,7 @@ def stand(r: int, a: Response, m: Motion) -> None:
 
 @kernel
 def blind_time(r: int, m: Motion) -> float:
-    """What positions may be wrong by, in time at top speed [s]."""
+    """Greatest position error of a robot's joints, as time at top speed [s]."""
     first = m.robot_figures[r].first_joint
     longest = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
@@ -127,13 +127,13 @@ def ask_for_place(
     v: Watch,
     m: Motion,
 ) -> None:
-    """Ask for the straight way to a place.
+    """Request straight motion in joint space to a place.
 
     Args:
         r: The robot.
-        place: Joint positions, shape (n,).
-        time: How far that is, at top speed [s].
-        last: Whether it is to come to rest there.
+        place: Joint positions of the place, shape (n,) [rad or m].
+        time: Distance of the place, as time at top speed [s].
+        last: Whether the robot comes to rest there.
         a: Responses; `requested` is written.
         s: Lead.
         v: Watch.
@@ -148,7 +148,7 @@ def ask_for_place(
 
 @kernel
 def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
-    """Whether a robot that retreats does not get on, for a while already."""
+    """Whether the retreat of a robot has been blocked for a while."""
     first = m.robot_figures[r].first_joint
     commanded = requested = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
@@ -158,6 +158,6 @@ def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
     waits = commanded < HELD_UP * requested
     s.memory[r, STANDS] = s.memory[r, STANDS] + time_passed(v) if waits else 0.0
     if waits:
-        # It goes on as gently as it began.
+        # It speeds up again as smoothly as at the begin.
         s.memory[r, PULL] = min(s.memory[r, PULL], commanded + HELD_UP * requested)
     return bool(s.memory[r, STANDS] > HELD_UP_TIME)

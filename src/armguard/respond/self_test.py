@@ -1,4 +1,4 @@
-"""The filter's test of itself: an operator who pushes on is held off, and let out."""
+"""Self-test of the filter: stop a robot that is pushed at a body, then release it."""
 
 from collections.abc import Callable
 
@@ -15,15 +15,15 @@ from armguard.robot.stopping.distance import stop_travel
 Filter = Callable[..., Command]
 Engage = Callable[[str], None]
 
-# Cycles in which a way out must have begun, beyond the time a stop takes.
+# Cycles in which the motion away must have begun, beyond the time of a stop.
 OUT_CYCLES = 100
 
 
 def filter_line(guard: Loop, filter: Filter, engage: Engage) -> SelfTestLine:
-    """Push a synthetic robot at something through the filter, then lead it away.
+    """Push a simulated robot at a body through the filter, then lead it away.
 
-    It must be commanded no more than can be proven, never touch, and be let out. The
-    guard is reset afterwards.
+    It must move, never touch the body, and follow the motion away. The guard is reset
+    afterwards.
 
     Args:
         guard: The guard.
@@ -31,7 +31,7 @@ def filter_line(guard: Loop, filter: Filter, engage: Engage) -> SelfTestLine:
         engage: See `Guard.engage`.
 
     Raises:
-        SelfTestError: It is not.
+        SelfTestError: The robot touches, never moves, or may not move away.
     """
     watch = guard._watch
     seen = watch.seen_at.copy()
@@ -49,10 +49,10 @@ def filter_line(guard: Loop, filter: Filter, engage: Engage) -> SelfTestLine:
 def pushed(
     guard: Loop, filter: Filter, engage: Engage, approach: Approach
 ) -> SelfTestLine:
-    """One joint that is pushed at something, and then led away from it.
+    """Push one joint at a body through the filter, and then lead it away.
 
     Raises:
-        SelfTestError: It touches, it is not held off, or it is not let out.
+        SelfTestError: The robot touches, never moves, or may not move away.
     """
     guard.reset()
     name, robot = guard.q_names[approach.joint], approach.robot.name

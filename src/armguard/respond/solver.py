@@ -1,7 +1,8 @@
-"""The nearest velocity that keeps every row, by DAQP.
+"""Quadratic program by DAQP: nearest velocity that satisfies every row.
 
-DAQP takes a NaN for nothing and judges rows in their own units: what goes in is finite
-and of unit length, and what comes out is checked against every row and bound.
+DAQP ignores a NaN, and its tolerance is in the units of each row. So all inputs are
+finite and the rows have unit length, and the result is checked against every row and
+bound.
 """
 
 import daqp
@@ -10,30 +11,30 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-# What a solution may break a unit row or a bound by [rad/s].
+# Greatest violation of a unit row or a bound by a solution [rad/s].
 TOLERANCE = 1e-8
 
-# Asked of the solver; its own check is by the rows' units, which are 1 here.
+# Tolerance of the solver's own check, in the units of the rows, which have length 1.
 PRIMAL_TOLERANCE = 1e-9
 
-# Iterations after which the program counts as unsolved; it has far fewer.
+# Iterations after which the program counts as unsolved; it usually needs far fewer.
 MOST_ITERATIONS = 300
 
 
 def nearest_velocity(
     target: Floats, low: Floats, high: Floats, rows: Floats, limits: Floats
 ) -> Floats | None:
-    """The velocity nearest to a target that keeps bounds and rows.
+    """Velocity nearest to a target that satisfies bounds and rows.
 
     Args:
-        target: What is wanted, shape (n,).
-        low: Least velocities, shape (n,).
-        high: Greatest velocities, shape (n,).
-        rows: Unit rows, shape (k, n).
-        limits: What each row times the velocity must not exceed, shape (k,).
+        target: Target velocities, shape (n,) [rad/s or m/s].
+        low: Lower bounds of the velocities, shape (n,) [rad/s or m/s].
+        high: Upper bounds of the velocities, shape (n,) [rad/s or m/s].
+        rows: Constraint rows of unit length, shape (k, n).
+        limits: Upper bounds of the products of row and velocity, shape (k,).
 
     Returns:
-        The velocity, shape (n,); None if there is none, or none was found.
+        The velocity, shape (n,); None if none exists or none was found.
     """
     rows = np.ascontiguousarray(rows)
     finite = np.isfinite(target).all() and np.isfinite(rows).all()
@@ -59,7 +60,7 @@ def nearest_velocity(
 
 
 def keeps(v: Floats, low: Floats, high: Floats, rows: Floats, limits: Floats) -> bool:
-    """Whether a velocity is finite and keeps bounds and rows."""
+    """Whether a velocity is finite and satisfies bounds and rows."""
     return bool(
         (v >= low - TOLERANCE).all()
         and (v <= high + TOLERANCE).all()

@@ -1,9 +1,9 @@
-"""What near pairs have left, without the jumps that errors of measurement make in it.
+"""Steady clearance of near pairs: filtered against errors of measurement.
 
-What a pair has left falls and rises from cycle to cycle with the errors of positions
-and velocities, and with how far its proof had to go. Whoever trusts the larger values
-closes the pair in every second cycle, until a smaller one ends in a stop. So the least
-of late counts: it is taken over at once, and forgotten slowly.
+The clearance of a pair varies from cycle to cycle with the errors of positions and
+velocities, and with the depth of its proof. A response that uses the larger values
+closes the pair in every second cycle, until a smaller value ends in a stop. So the
+least recent value counts: a smaller value applies at once and is forgotten slowly.
 """
 
 from math import exp, isfinite
@@ -13,27 +13,27 @@ from armguard.guard.watch import Watch
 from armguard.kernel import kernel
 from armguard.respond.state import MET, PAIR_KEY, REMEMBERED, Response
 
-# Time in which all but 1/e of a smaller value is forgotten [s].
+# Time constant at which a smaller value is forgotten [s].
 FORGETTING_TIME = 0.03
 
-# Places at which a pair is looked for. Whoever finds none is told as it is measured.
+# Places at which a pair is looked for. Without a free one its clearance is unfiltered.
 PROBES = 8
 
-# Cycles a pair may be unmet in and still be remembered: it may be far by error only.
+# Cycles for which a pair is remembered while it is not near: it may be far by error.
 UNMET = 30
 
-# Spreads pairs over the places.
+# Factor of the hash that spreads pairs over the places.
 STRIDE = 31
 
 
 @kernel
 def steady_spare(i: int, j: int, left: float, a: Response, v: Watch) -> float:
-    """What a near pair has left, of late at least [m].
+    """Clearance of a near pair, not much above its recent minimum [m].
 
     Args:
         i: First primitive.
         j: Second primitive.
-        left: What it has left in this cycle [m].
+        left: Clearance in this cycle [m].
         a: Responses; `spares` and `spare_of` are written.
         v: Watch.
     """

@@ -1,10 +1,10 @@
-"""What is meant is come to along the operator's own way: slower, and nowhere else.
+"""Straight approach under a contract: an arm slows down along its requested direction.
 
-Near what is to be gripped, or put down, a contract asks for ever less speed. A program
-would find a velocity that is nearer to what was asked for, and leads aside or tilts the
-hand; who corrects that asks for more speed than one who means it. So the arm is slowed
-down in proportion, from where the contract begins. Fingers are not: one that has got
-there would hold back the other.
+Near a grasp target, or a place where an object is put down, a contract bounds the speed
+more and more. A quadratic program would find a velocity nearer to the request that
+moves aside or tilts the hand, and the operator would have to correct that. So the whole
+arm slows down in proportion from where the contract begins. Fingers do not: a finger
+that touches already would delay the other one.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 
 @kernel(inline=False)
 def reaches_anything(w: Workspace) -> bool:
-    """Whether a contract is in force; else no pair need be asked for its own."""
+    """Whether any contract is in force; else no pair has to be checked for one."""
     if w.settings[INTENTS] == 0:
         return False
     h = w.grips
@@ -54,15 +54,15 @@ def reaches_anything(w: Workspace) -> bool:
 def straight_contract(
     r: int, i: int, j: int, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> int:
-    """The contract under which a robot comes to something straight; -1 if none.
+    """Contract under which a robot approaches a body straight; -1 if none.
 
-    Who slides along what he has got to is held back by a program, not by this.
+    A robot that slides along a body is bounded by its program instead.
 
     Args:
         r: The robot.
         i: First primitive.
         j: Second primitive.
-        a: Responses; `raw` holds how fast each joint closes the pair.
+        a: Responses; `raw` holds the distance gradient of the pair.
         w: Workspace.
         v: Watch.
         m: Motion.
@@ -77,7 +77,7 @@ def straight_contract(
     if c[STATE] != IN_FORCE or not (c[KIND] == BY_INTENT or c[KIND] == STANDING):
         return -1
     if robot_of(int(c[FIRST_A]), v) != r:
-        # The other robot does not come to it: it is where what is held is put down.
+        # Only the robot of the contract's first side approaches under it.
         return -1
     point = (c[POINT], c[POINT + 1], c[POINT + 2])
     velocity = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.requested, m)
@@ -92,14 +92,14 @@ def straight_contract(
 def slow_to_contract(
     r: int, k: int, part: float, distance: float, a: Response, w: Workspace, m: Motion
 ) -> None:
-    """Slow an arm down to the speed at which its contract lets it close a pair.
+    """Slow an arm down to the closing speed that its contract permits.
 
     Args:
         r: The robot.
-        k: The contract.
-        part: The robot's share of that speed.
-        distance: Distance of the pair [m].
-        a: Responses; `raw` holds how fast each joint closes the pair, `target` is
+        k: Index of the contract.
+        part: Share of the robot in that speed [-].
+        distance: Signed distance of the pair [m].
+        a: Responses; `raw` holds the distance gradient of the pair, `target` is
             changed.
         w: Workspace.
         m: Motion.
@@ -114,12 +114,12 @@ def slow_to_contract(
 def slow_to_rows(
     r: int, k: int, begin: int, a: Response, w: Workspace, m: Motion
 ) -> None:
-    """Slow an arm down to what rows of its program allow, as far as to standstill.
+    """Slow an arm down until it satisfies the rows of a pair, at most to standstill.
 
     Args:
         r: The robot.
-        k: The contract that the rows are of.
-        begin: The first of these rows; they are the last ones there are.
+        k: Index of the contract of the pair.
+        begin: First row of the pair; its rows are the last ones of the program.
         a: Responses; `target` is changed.
         w: Workspace.
         m: Motion.
@@ -143,7 +143,7 @@ def share_kept(
     w: Workspace,
     m: Motion,
 ) -> float:
-    """Share of an arm's target that keeps a row, in [0, 1]."""
+    """Share of an arm's target that satisfies a row, in [0, 1] [-]."""
     first = m.robot_figures[r].first_joint
     reached = 0.0
     for q in range(first, first + m.robot_figures[r].joint_count):
@@ -158,14 +158,14 @@ def share_kept(
 def slow_arm(
     r: int, kept: float, c: Floats, a: Response, w: Workspace, m: Motion
 ) -> None:
-    """Keep a share of an arm's target, or what its declared stop leaves of it."""
+    """Scale an arm's target by a share, but brake no harder than its declared stop."""
     if kept >= 1.0:
         return
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     share = kept
     for q in range(first, end):
-        # No joint slows down harder than its stop is declared.
+        # No joint brakes harder than its declared stop.
         if not is_finger(q, c, w, m) and a.target[q] * a.brake[q] > 0.0:
             share = max(share, min(a.brake[q] / a.target[q], 1.0))
     for q in range(first, end):
@@ -175,14 +175,14 @@ def slow_arm(
 
 @kernel
 def granted_speed(r: int, distance: float, c: Floats, m: Motion) -> float:
-    """Closing speed that a response asks for under a contract [m/s]."""
+    """Closing speed that a response uses under a contract [m/s]."""
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     return float(GRANTED * allowed_speed(distance, time, c))
 
 
 @kernel
 def is_finger(q: int, c: Floats, w: Workspace, m: Motion) -> bool:
-    """Whether a joint moves a finger of a contract's gripper, and not the gripper."""
+    """Whether a joint moves a finger of a contract's gripper, but not the gripper."""
     if c[KIND] != BY_INTENT:
         return False
     h = w.grips

@@ -1,4 +1,4 @@
-"""How a tool follows the joints of its robot."""
+"""Tools: links whose motion operators may request, found by name."""
 
 from dataclasses import dataclass, field
 
@@ -13,15 +13,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tool:
-    """A link whose velocity somebody asks for.
+    """Link whose velocity or pose an operator may request.
 
     Attributes:
-        link: Its name, 'robot/link'.
-        robot: Place of its robot.
-        own: Its robot's part of q.
-        body: Its body.
-        p_body: Its origin in the body's frame, shape (3,) [m].
-        R_body: Its rotation there, shape (3, 3).
+        link: Name of the link, 'robot/link'.
+        robot: Index of its robot.
+        own: Range of its robot's joints in q.
+        body: Index of the body of the link.
+        p_body: Origin of the link in the frame of the body, shape (3,) [m].
+        R_body: Rotation of the link in that frame, shape (3, 3) [-].
         tables: The scene.
     """
 
@@ -34,7 +34,7 @@ class Tool:
     tables: SceneTables
 
     def point(self, T_world: Floats) -> Floats:
-        """Its origin in the world, shape (3,) [m].
+        """Origin of the tool in the world, shape (3,) [m].
 
         Args:
             T_world: Poses of all bodies, rows of [R | p], shape (b, 12).
@@ -45,11 +45,11 @@ class Tool:
 
 
 def tool_of(tables: SceneTables, name: str) -> Tool:
-    """The tool of a robot, or a link of one.
+    """Tool of a robot, or one of its other links.
 
     Args:
         tables: The scene.
-        name: A robot's name, or 'robot/link'.
+        name: Name of a robot, or 'robot/link'.
     """
     robot = name.split("/", 1)[0]
     r, part = next((r, p) for r, p in enumerate(tables.robots) if p.name == robot)
@@ -68,18 +68,18 @@ def tool_of(tables: SceneTables, name: str) -> Tool:
 
 @dataclass(frozen=True, slots=True)
 class Tools:
-    """The tools of a scene: each robot's, and its other links.
+    """Tools of a scene: the tool of each robot, and its other links.
 
     Attributes:
         tables: The scene.
-        found: Those that were asked for, by name.
+        found: Tools that were requested so far, by name.
     """
 
     tables: SceneTables
     found: dict[str, Tool] = field(default_factory=dict)
 
     def named(self, name: str) -> Tool | None:
-        """A robot's tool, or the link 'robot/link'; None if there is none."""
+        """Tool of a robot, or the link 'robot/link'; None if there is none."""
         if name not in self.found:
             if name not in self.names:
                 return None
@@ -92,5 +92,5 @@ class Tools:
         return (*(part.name for part in self.tables.robots), *self.tables.links)
 
     def near(self, name: object) -> str:
-        """The names nearest to one that is none, in words."""
+        """Names similar to an unknown name, in words."""
         return did_you_mean(str(name), self.names)

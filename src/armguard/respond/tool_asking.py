@@ -1,6 +1,6 @@
-"""Twists that operators ask of their tools, as velocities of their robots' joints.
+"""Requested twists of tools, converted to requested joint velocities.
 
-Several tools of one robot are led at once, as far as its joints can.
+Several tools of one robot are moved at once, as far as its joints permit.
 """
 
 from armguard.guard.workspace import Workspace
@@ -19,7 +19,7 @@ from armguard.respond.tool_motion import lead_tools, tool_columns
 
 @kernel
 def ask_for_tools(a: Response, w: Workspace, m: Motion) -> None:
-    """Write what is asked of all joints; nothing of robots without a twist.
+    """Write the requested velocities of all joints; zero for robots without a twist.
 
     Args:
         a: Responses; `twists` are written already, `requested` is written.

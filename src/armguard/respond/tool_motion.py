@@ -1,4 +1,4 @@
-"""How tools follow the joints of their robot: columns, turns, the damped inverse."""
+"""Differential kinematics of tools: Jacobian, rotation vector, damped least squares."""
 
 from math import atan2, pi, sqrt
 
@@ -15,13 +15,13 @@ from armguard.robot.kinematics import FIXED, PRISMATIC
 
 Floats = NDArray[np.float64]
 
-# Sine of an angle below which its axis is not to be had from differences [-].
+# Sine of an angle below which differences do not give its axis [-].
 NO_AXIS = 1e-9
 
-# Damping of the inverse where a tool is near a singular pose [m], [rad].
+# Damping of the inverse near singular configurations [m], [rad].
 DAMPING = 0.02
 
-# How far from its limit a joint begins to be left to the others [rad].
+# Distance from its limit at which the other joints begin to replace a joint [rad].
 LIMIT_NEAR = 0.1
 
 
@@ -36,15 +36,15 @@ def tool_columns(
     w: Workspace,
     m: Motion,
 ) -> None:
-    """Write how each joint moves a tool: its origin, then its turn.
+    """Write the Jacobian of a tool: linear part of its origin, then angular part.
 
     Args:
         body: Body of the tool.
-        p_body: Its origin there [m].
+        p_body: Origin of the tool in the frame of the body [m].
         first: First joint of the robot.
-        end: One behind its last.
+        end: One behind its last joint.
         at: First of the 6 columns that are overwritten for these joints.
-        columns: Columns of several tools, shape (n, 6k) [m/rad], [-].
+        columns: Transposed Jacobians of several tools, shape (n, 6k) [m/rad], [-].
         w: Workspace.
         m: Motion.
     """
@@ -71,11 +71,11 @@ def tool_columns(
 
 @kernel
 def turn_between(T: Floats, aim: Floats) -> Vec3:
-    """Turn that leads from one rotation to another, in the world [rad].
+    """Rotation vector from one rotation to another, in the world [rad].
 
     Args:
-        T: Row of [R | p], shape (12,).
-        aim: The same.
+        T: Present pose, row of [R | p], shape (12,).
+        aim: Pose of the goal, row of [R | p], shape (12,) or longer.
     """
     r = turned_by(T, aim)
     s = (0.5 * (r[7] - r[5]), 0.5 * (r[2] - r[6]), 0.5 * (r[3] - r[1]))
@@ -98,7 +98,7 @@ def turn_between(T: Floats, aim: Floats) -> Vec3:
 def turned_by(
     T: Floats, aim: Floats
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """The rotation from one frame to another, R_aim R_Tᵀ, by rows."""
+    """Rotation from one frame to another, R_aim R_Tᵀ, by rows [-]."""
     return (
         aim[0] * T[0] + aim[1] * T[1] + aim[2] * T[2],
         aim[0] * T[4] + aim[1] * T[5] + aim[2] * T[6],
@@ -125,14 +125,14 @@ def joint_velocities(
     """Write joint velocities for twists of a robot's tools, by damped least squares.
 
     Args:
-        size: How many numbers the twists have.
+        size: Count of numbers of the twists, 6k.
         twists: Velocity of each tool's origin and its angular velocity, shape
             (6k,) [m/s], [rad/s].
         first: First joint of the robot.
-        end: One behind its last.
-        columns: From `tool_columns`, shape (n, 6k).
+        end: One behind its last joint.
+        columns: Jacobians from `tool_columns`, shape (n, 6k).
         square: Scratch, shape (6k, 6k + 1).
-        speeds: Overwritten for these joints, shape (n,).
+        speeds: Joint velocities, overwritten for these joints, shape (n,).
 
     References:
         Wampler, Manipulator inverse kinematic solutions based on vector formulations
@@ -165,17 +165,17 @@ def lead_tools(
     w: Workspace,
     m: Motion,
 ) -> None:
-    """Write joint velocities for twists, and leave joints near their limits out of it.
+    """Write joint velocities for twists, without joints that are near their limits.
 
     Args:
         size: See `joint_velocities`, from here to `square`.
-        twists: Velocities of the tools.
+        twists: Twists of the tools.
         first: First joint of the robot.
-        end: One behind its last.
-        columns: From `tool_columns`; weighed.
+        end: One behind its last joint.
+        columns: Jacobians from `tool_columns`; they are weighted.
         square: Scratch.
         weights: Scratch, shape (n,).
-        speeds: Overwritten for the robot's joints, shape (n,).
+        speeds: Joint velocities, overwritten for these joints, shape (n,).
         w: Workspace.
         m: Motion.
     """
@@ -198,22 +198,23 @@ def weigh_room(
     w: Workspace,
     m: Motion,
 ) -> bool:
-    """Weigh a robot's columns by the room its joints have where they are to go.
+    """Weight a robot's Jacobian by the distances of its joints from their limits.
 
-    The others take over what a joint near its limit would do.
+    The limit is the one that a joint moves towards. Other joints take over the part of
+    a joint near its limit.
 
     Args:
-        size: How many numbers the twists have.
+        size: Count of numbers of the twists.
         first: First joint of the robot.
-        end: One behind its last.
-        speeds: From `joint_velocities`.
-        columns: From `tool_columns`; weighed.
+        end: One behind its last joint.
+        speeds: Joint velocities from `joint_velocities`.
+        columns: Jacobians from `tool_columns`; they are weighted.
         weights: Roots of the weights, overwritten for these joints, shape (n,).
         w: Workspace.
         m: Motion.
 
     Returns:
-        Whether any has little room.
+        Whether any joint is near its limit.
 
     References:
         Chan and Dubey, A weighted least-norm solution based scheme for avoiding joint
@@ -236,9 +237,9 @@ def solve_positive(size: int, square: Floats) -> None:
     """Solve a positive definite system in place, by Cholesky.
 
     Args:
-        size: How many equations there are.
-        square: Matrix, and beside it the right side, which becomes the solution; no
-            fewer than (size, size + 1).
+        size: Number of equations.
+        square: Matrix, and right-hand side in the next column, which becomes the
+            solution; shape at least (size, size + 1).
     """
     for i in range(size):
         for j in range(i + 1):

@@ -1,7 +1,7 @@
-"""Where each robot has been: places of the way that led in, to go back along.
+"""Trail: past configurations of each robot, for a retreat along its own path.
 
-A ring of joint positions, thinned by distance. Only what was proven in full is kept. A
-robot that goes back along its own way shortens it.
+A ring of joint positions at a least distance. Only fully proven configurations are
+kept. A robot that moves back along its own path shortens its trail.
 """
 
 import numpy as np
@@ -13,16 +13,17 @@ from armguard.respond.lead_state import COUNT, HEAD, TRAIL, Lead
 
 Floats = NDArray[np.float64]
 
-# Time at top speed between two places that are kept [s].
+# Least distance of two places of a trail, as time at top speed [s].
 TRAIL_STEP = 0.02
 
-# Nearer than this to the place before the newest, the newest is dropped [-].
+# Distance from the place before the newest, as a share of the step, below which the
+# newest place is dropped [-].
 BACK_AGAIN = 0.5
 
 
 @kernel
 def remember_place(r: int, s: Lead, m: Motion) -> None:
-    """Keep where a robot is, if that is far enough from the last place kept."""
+    """Add a robot's configuration to its trail if it is far enough from the newest."""
     notes = s.notes[r]
     if notes[COUNT] > 0:
         if time_between(r, place_back(r, 0, s), s, m) < TRAIL_STEP:
@@ -41,13 +42,13 @@ def remember_place(r: int, s: Lead, m: Motion) -> None:
 
 @kernel
 def place_back(r: int, back: int, s: Lead) -> int:
-    """Row of a place of a robot's trail, counted from the newest."""
+    """Row of a place in a robot's trail, counted back from the newest."""
     return int((s.notes[r, HEAD] - 1 - back) % TRAIL)
 
 
 @kernel
 def drop_place(r: int, s: Lead) -> None:
-    """Forget the newest place of a robot's trail."""
+    """Remove the newest place of a robot's trail."""
     s.notes[r, HEAD] = (s.notes[r, HEAD] - 1) % TRAIL
     s.notes[r, COUNT] -= 1
 

@@ -1,7 +1,7 @@
-"""A filtered cycle in one piece: what is measured and asked for in, what is told out.
+"""Filtered cycle as compiled entries: from measurement and request to the command.
 
-For who calls the guard a thousand times a second: each step from Python to compiled
-code and back costs more than many a kernel.
+For clients that call the guard a thousand times a second: each call from Python into
+compiled code costs more than many a kernel.
 """
 
 from math import isfinite
@@ -30,10 +30,10 @@ from armguard.respond.state import (
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# Returned in place of robots where the input could not be judged.
+# Returned in place of robots if the input could not be judged.
 NOT_JUDGED = -1
 
-# Reasons a stop may be ordered for, see `ORDERED` of the levels.
+# First and last reason of an ordered stop, see `ORDERED` of the levels.
 FIRST_ORDERED, LAST_ORDERED = int(Reason.STOP_ORDERED), int(Reason.SHUTDOWN)
 
 
@@ -41,19 +41,19 @@ FIRST_ORDERED, LAST_ORDERED = int(Reason.STOP_ORDERED), int(Reason.SHUTDOWN)
 def run_filtered_cycle(
     q: Floats, form: int, desired: Floats, response: Longs, lines: Longs
 ) -> int:
-    """A whole cycle; for where the solver of programs can be called from kernels.
+    """Run a whole filtered cycle, if kernels can call the solver of programs.
 
     Args:
-        q: Joint positions, shape (n,) [rad or m].
-        form: What is asked for: `VELOCITIES`, `POSITIONS`, `TWISTS` or `STANDSTILL`.
+        q: Measured joint positions, shape (n,) [rad or m].
+        form: Form of the request: `VELOCITIES`, `POSITIONS`, `TWISTS` or `STANDSTILL`.
         desired: Velocities or positions of all joints, shape (n,), or rows of twists,
-            shape (k TWIST_ROW,), or the `Reason` of a stop, shape (1,).
-            Of another length it is none, and the robots stop.
+            shape (k TWIST_ROW,), or the `Reason` of a stop, shape (1,). With any other
+            length the robots stop.
         response: Ledger of the responses.
         lines: Ledger of the workspace.
 
     Returns:
-        How many places of the workspace's `out` were used.
+        Number of places of the workspace's `out` that were used.
     """
     unsolved = begin_filtered_cycle(q, form, desired, response, lines)
     return end_filtered_cycle(q, unsolved, response, lines)
@@ -63,7 +63,7 @@ def run_filtered_cycle(
 def begin_filtered_cycle(
     q: Floats, form: int, desired: Floats, response: Longs, lines: Longs
 ) -> int:
-    """The same as far as programs are to be solved; the arguments are the same.
+    """Run a filtered cycle up to the programs; arguments as in `run_filtered_cycle`.
 
     Returns:
         See `respond`; NOT_JUDGED if the input could not be judged.
@@ -77,14 +77,17 @@ def begin_filtered_cycle(
 
 @kernel(inline=False, entry=True)
 def end_filtered_cycle(q: Floats, unsolved: int, response: Longs, lines: Longs) -> int:
-    """The rest of a cycle, and the number of places of `out` that were used.
+    """Run the rest of a filtered cycle, after the programs.
 
     Args:
-        q: What `begin_filtered_cycle` was given.
-        unsolved: What `begin_filtered_cycle` returned, less the robots whose programs
+        q: Measured joint positions, as in `begin_filtered_cycle`.
+        unsolved: Result of `begin_filtered_cycle`, without the robots whose programs
             were solved meanwhile.
-        response: See there.
-        lines: See there.
+        response: Ledger of the responses.
+        lines: Ledger of the workspace.
+
+    Returns:
+        Number of places of the workspace's `out` that were used.
     """
     a, w = open_response(response), open_workspace(lines)
     judged = 0 if unsolved == NOT_JUDGED else 1
@@ -97,9 +100,9 @@ def end_filtered_cycle(q: Floats, unsolved: int, response: Longs, lines: Longs) 
 
 @kernel
 def command_measured(q: Floats, a: Response) -> None:
-    """Before anything could be judged, tell robots to be where they say they are.
+    """Command the measured positions before the first cycle that could be judged.
 
-    Where they do not say it, NaN is told: any other position might be far from them.
+    NaN is commanded where a position is unknown: any other one might be far away.
     """
     n = a.held.shape[0]
     for j in range(n):
@@ -111,10 +114,10 @@ def command_measured(q: Floats, a: Response) -> None:
 
 @kernel
 def take_desired(form: int, desired: Floats, a: Response) -> None:
-    """Write what is asked for to where it is looked for."""
+    """Write the request to the arrays that the cycle reads."""
     a.asking[FORM] = form
     if form == STANDSTILL:
-        # Whatever else is given for a reason, the stop is ordered.
+        # Any other value counts as the first reason of an ordered stop.
         known = desired.shape[0] == 1 and FIRST_ORDERED <= desired[0] <= LAST_ORDERED
         a.asking[STOP_REASON] = int(desired[0]) if known else FIRST_ORDERED
         return
