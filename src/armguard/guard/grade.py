@@ -1,7 +1,7 @@
-"""Last step of a guarded cycle: each robot's level and speed scale, and one for all.
+"""Last step of a guarded cycle: level and speed scale of each robot, common reason.
 
-A robot slows from a given time left on, and is not told to speed up again before that
-time is clearly longer: levels do not flicker.
+A robot is slowed when its time left is short, and until that time is clearly longer
+again: levels do not flicker.
 """
 
 from math import inf
@@ -65,7 +65,7 @@ BRAKE_LAGS = int(Reason.BRAKE_LAGS)
 
 @kernel
 def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
-    """Write each robot's level, phase and speed scale, and the reason of all."""
+    """Write each robot's level, phase and speed scale, and the common reason."""
     out = w.out
     slow_time = v.pace[SLOW_TIME]
     least = inf
@@ -94,7 +94,7 @@ def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
 
 @kernel
 def robot_level(r: int, w: Workspace, v: Watch, m: Motion) -> int:
-    """Level of one robot."""
+    """Level of one robot, by its phase and its time left."""
     if m.robot_figures[r].mode == FIXED:
         return fixed_level(r, w, v)
     phase = v.phase[r]
@@ -116,7 +116,7 @@ def robot_level(r: int, w: Workspace, v: Watch, m: Motion) -> int:
 
 @kernel
 def fixed_level(r: int, w: Workspace, v: Watch) -> int:
-    """Level of a robot whose buffer is a number: is a pair of its own nearer?"""
+    """Level of a robot in mode "fixed": STOP if a pair of its own breaks its buffer."""
     if v.must[r] != 0:
         return STOP
     return CAUTION if w.out[NEAR_COUNT] > 0.0 else CLEAR
@@ -124,7 +124,7 @@ def fixed_level(r: int, w: Workspace, v: Watch) -> int:
 
 @kernel
 def common_reason(worst: int, w: Workspace, v: Watch) -> int:
-    """The reason of the highest level."""
+    """Reason of the highest level."""
     found = int(w.out[REASON])
     forced = int(v.last[FORCED])
     if worst == HARDWARE_STOP:
@@ -140,7 +140,7 @@ def common_reason(worst: int, w: Workspace, v: Watch) -> int:
         return NOTHING_PROVEN if is_unproven(w) else AT_REST
     if worst == STOP:
         if found >= TOO_CLOSE:
-            # A robot that leaves no longer is stopped for what it was leaving.
+            # A recovery that ended is stopped for the pair that it was leaving.
             return TOO_CLOSE if found == NOTHING_PROVEN else found
         for r in range(v.phase.shape[0]):
             if v.phase[r] == STOPPING and v.cause[r] == MOVED_AT_REST:
@@ -153,7 +153,7 @@ def common_reason(worst: int, w: Workspace, v: Watch) -> int:
 
 @kernel
 def is_unproven(w: Workspace) -> bool:
-    """Whether there is a near pair for which nothing is proven."""
+    """Whether there is an unproven near pair."""
     for k in range(int(w.out[NEAR_COUNT])):
         if w.out[row_place(k, w) + PROOF] == UNPROVEN:
             return True

@@ -1,9 +1,9 @@
-"""One box for a gripper where nothing is near, its links' own primitives elsewhere.
+"""Gripper proxy: one box for a gripper far from obstacles, its links' primitives near.
 
-The box holds the links wherever the fingers are, so either stands for the gripper. One
-is put into the index before the other is taken out, between two judgements: no pair is
-ever judged with neither. The box goes before it could ask for more than the links do,
-and comes back only when everything is half as far again.
+The box contains the links at any finger position, so either may represent the gripper.
+One is inserted into the index before the other is removed, between two judgements: no
+pair is ever judged with neither. The box is replaced before it could require more
+separation than the links, and returns only at 1.5 times that distance.
 """
 
 from armguard.guard.grips import (
@@ -30,13 +30,13 @@ from armguard.index.octree_state import ABSENT, INDEXED, STATUS
 from armguard.index.octree_update import octree_insert, octree_remove
 from armguard.kernel import kernel
 
-# What must be this many times as far away before a box comes back [-].
+# Multiple of the replacement distance beyond which the box returns [-].
 FAR_AGAIN = 1.5
 
 
 @kernel(separate=True)
 def choose_models(w: Workspace) -> None:
-    """Let the model that is asked for stand for each gripper, or the one that will do.
+    """Choose the model of each gripper: as requested, or by the distance of others.
 
     Args:
         w: The workspace.
@@ -66,7 +66,7 @@ def choose_models(w: Workspace) -> None:
 
 @kernel
 def detail(g: int, h: Grips, w: Workspace) -> None:
-    """Let its links' own primitives stand for a gripper."""
+    """Represent a gripper by the primitives of its links."""
     own = h.grippers[g]
     for k in range(own[FIRST_MEMBER], own[END_MEMBER]):
         for i in range(h.members[k, 0], h.members[k, 1]):
@@ -77,7 +77,7 @@ def detail(g: int, h: Grips, w: Workspace) -> None:
 
 @kernel
 def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
-    """Whether the box of anything a gripper is checked against is within a distance."""
+    """Whether any primitive that a gripper is checked against is within a distance."""
     everyone = w.groups.shape[0]
     if everyone <= FEW or w.settings[INDEX_KIND] == BRUTE_FORCE:
         for j in range(everyone):
@@ -98,7 +98,7 @@ def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
 
 @kernel
 def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
-    """Whether a primitive is there, is checked, and its box is within a distance."""
+    """Whether a primitive is present, checked, and its box within a distance."""
     if w.octree.residency[j, STATUS] == ABSENT:
         return False
     if w.checked[w.groups[box], w.groups[j]] == 0:
@@ -108,7 +108,7 @@ def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
 
 @kernel(inline=False)
 def put_in(i: int, w: Workspace) -> None:
-    """Put a primitive into the index, where it is now."""
+    """Insert a primitive into the index at its present pose."""
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
         w.octree.residency[i, STATUS] = INDEXED
     else:
@@ -117,7 +117,7 @@ def put_in(i: int, w: Workspace) -> None:
 
 @kernel(inline=False)
 def take_out(i: int, w: Workspace) -> None:
-    """Take a primitive out of the index."""
+    """Remove a primitive from the index."""
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
         w.octree.residency[i, STATUS] = ABSENT
     else:

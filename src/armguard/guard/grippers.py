@@ -1,7 +1,7 @@
-"""The grippers of a scene: which model represents each, and how tables change at once.
+"""The grippers of a scene: choice of their models, and atomic changes of tables.
 
-What a gripper holds and what may touch what is changed between two cycles, by the
-links' own primitives; the next cycle judges with all of the change.
+Held objects and contracts change between two cycles, while the primitives of the links
+represent the grippers; the next cycle judges with the whole change.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,9 +24,9 @@ class Grippers:
     Attributes:
         tables: The scene.
         index: The index.
-        grips: Contracts and grippers.
-        world_changed: Has the loop measure every pair afresh.
-        tables_changed: Has it take over who holds or may touch what.
+        grips: Arrays of contracts and grippers.
+        world_changed: Callback; the loop measures every pair again.
+        tables_changed: Callback; the loop reads changed tables of holds and contracts.
     """
 
     tables: SceneTables
@@ -36,7 +36,12 @@ class Grippers:
     tables_changed: Callable[[], None]
 
     def of(self, robot: str) -> tuple[int, GripperPart]:
-        """Number and part of a robot's gripper."""
+        """Index and tables of a robot's gripper.
+
+        Raises:
+            UnknownNameError: There is no such robot.
+            GraspError: It has no gripper, or a robot has the mode "fixed".
+        """
         robots = [part.name for part in self.tables.robots]
         numbers = {part.name: g for g, part in enumerate(self.tables.holds.grippers)}
         if robot not in robots:
@@ -53,7 +58,11 @@ class Grippers:
         return g, self.tables.holds.grippers[g]
 
     def check_modes(self) -> None:
-        """Contracts are proven, and proofs predict stops."""
+        """Refuse robots in mode "fixed": contracts need proofs with predicted stops.
+
+        Raises:
+            GraspError: A robot has the mode "fixed".
+        """
         for part in self.tables.robots:
             if part.mode == "fixed":
                 raise GraspError(
@@ -66,7 +75,7 @@ class Grippers:
 
         Args:
             robot: The robot.
-            model: "coarse", one box; "detailed", the links' own primitives; "auto",
+            model: "coarse", one box; "detailed", the primitives of its links; "auto",
                 the box while nothing is near.
 
         Raises:
@@ -86,7 +95,7 @@ class Grippers:
 
     @contextmanager
     def detailed(self) -> Iterator[None]:
-        """Let links' own primitives stand for every gripper, outside of the loop."""
+        """Represent every gripper by its links' primitives, between two cycles."""
         swapped = self.show_detailed()
         if swapped:
             self.world_changed()
@@ -100,16 +109,16 @@ class Grippers:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Change who holds or may touch what, all at once."""
+        """Change held objects and contracts atomically, between two cycles."""
         with self.detailed():
             yield
         self.tables_changed()
 
     def show_detailed(self) -> list[int]:
-        """Let its links' own primitives stand for every gripper.
+        """Represent every gripper by the primitives of its links.
 
         Returns:
-            Those whose box stood for them.
+            Indices of the grippers that were represented by their box.
         """
         swapped = []
         for g, own in enumerate(self.grips.grippers):
@@ -124,7 +133,7 @@ class Grippers:
         return swapped
 
     def show_coarse(self, g: int) -> None:
-        """Let its box stand for a gripper."""
+        """Represent a gripper by its box."""
         own = self.grips.grippers[g]
         self.index.insert(int(own[at.BOX]))
         for first, end in self._members(g):
@@ -133,7 +142,7 @@ class Grippers:
         own[at.COARSE_NOW] = 1
 
     def show_those_coarse(self) -> None:
-        """Let their boxes stand for those grippers that are said to have them."""
+        """Insert the boxes of the grippers whose row marks them as coarse."""
         for g, own in enumerate(self.grips.grippers):
             if own[at.COARSE_NOW]:
                 self.show_coarse(g)
@@ -145,6 +154,6 @@ class Grippers:
         return bool(self.index.state.residency[i, STATUS] != ABSENT)
 
     def _members(self, g: int) -> list[tuple[int, int]]:
-        """First primitive of each link of a gripper, and the one after its last."""
+        """First primitive of each link of a gripper, and the index after its last."""
         part = self.tables.holds.grippers[g]
         return [self.tables.holds.places[member] for member in part.members]

@@ -1,4 +1,4 @@
-"""Contracts in force, grippers, and what they may grip: arrays the kernels share."""
+"""Arrays of contracts, grippers and graspable objects, as the kernels use them."""
 
 from typing import NamedTuple
 
@@ -12,82 +12,82 @@ Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-# Contracts there is room for beside those by intent, of which each finger may have one.
+# Rows for contracts other than those by intent, of which each finger has one.
 SPARE_CONTRACTS = 64
 
-# Places in the row of a contract. It is one between two bodies, A and B.
+# Columns of the row of a contract between two bodies A and B.
 STATE = 0
 KIND = 1
 FIRST_A = 2  # first primitive of A
-END_A = 3  # the one after its last
+END_A = 3  # index after its last primitive
 FIRST_B = 4
 END_B = 5
 GROUP_A = 6
 GROUP_B = 7
-DEPTH = 8  # how far they may overlap; negative: distance they must keep [m]
+DEPTH = 8  # permitted overlap; negative: distance they must keep [m]
 CREEP = 9  # greatest closing speed at contact [m/s]
-GAIN = 10  # how much it may be more for each metre of distance [1/s]
-UNTIL = 11  # when it expires [s]
-REARM = 12  # distance from which on it is over [m]
-NEAREST = 13  # least distance of the two in this cycle, infinite if not measured [m]
-RELIED = 14  # 1 if a pair needed it in this cycle
+GAIN = 10  # increase of that speed per metre of distance [1/s]
+UNTIL = 11  # time of expiry [s]
+REARM = 12  # distance beyond which the contract ends [m]
+NEAREST = 13  # least distance of A and B in this cycle, infinite if not measured [m]
+RELIED = 14  # 1 if a pair needed the contract in this cycle
 NORMAL = 15  # normal of the nearest pair from A to B, 3 numbers
-POINT = 18  # witness point of it on A, 3 numbers [m]
-REGION = 21  # body the region stands in, see WORLD
-HALF = 22  # half of the region's sizes, 3 numbers [m]
-T_REGION = 25  # its frame in that body, 12 numbers
-GRIPPER = 37  # gripper it is about, -1 if none
-NEAR = 38  # distance at which `SPEED` may be had [m]
-SPEED = 39  # what is faster than that does not mean it [m/s]
-LIFT = 40  # distance from which on what is held has lifted clear [m]
+POINT = 18  # witness point of the nearest pair on A, 3 numbers [m]
+REGION = 21  # body that the region moves with, see WORLD
+HALF = 22  # half extents of the region, 3 numbers [m]
+T_REGION = 25  # frame of the region in that body, 12 numbers
+GRIPPER = 37  # index of its gripper, -1 if none
+NEAR = 38  # distance at which `SPEED` is permitted [m]
+SPEED = 39  # speed above which no intent is recognised [m/s]
+LIFT = 40  # distance beyond which a held object counts as lifted [m]
 CONTRACT = 41
 
-# States of a contract; of several the lowest counts.
+# States of a contract; of several contracts the one with the lowest state applies.
 NONE = 0
 IN_FORCE = 1
-ENDING = 2  # over as soon as its pairs keep all they need without it
-EXPIRED = 3  # over, and its pairs may still be nearer than that
-DORMANT = 4  # of what a held object may be put down on, while it is carried elsewhere
+ENDING = 2  # ends as soon as its pairs keep their separation without it
+EXPIRED = 3  # over, but its pairs may still be too near without it
+DORMANT = 4  # with a possible support of a held object that is carried elsewhere
 
 # Kinds.
-BY_INTENT = 1  # fingers approach what they are meant to grip
-STANDING = 2  # a held object has not lifted clear, or is put down
-BESIDE = 3  # it was nearer to something than it may be when it was gripped or let go
-LET_GO = 4  # fingers round what was released
-ASKED = 5  # somebody called `allow`
+BY_INTENT = 1  # fingers approach a grasp target
+STANDING = 2  # a held object has not lifted off its support, or is put down
+BESIDE = 3  # an object was too near to a body when it was grasped or released
+LET_GO = 4  # fingers around a released object
+ASKED = 5  # requested by `allow`
 
-# Places of `REGION` that are no body.
-NOWHERE = -2  # there is no region: anywhere will do
+# Values of `REGION` that are no body.
+NOWHERE = -2  # no region: contact is permitted anywhere
 WORLD = -1
 
-# Places in the row of a gripper.
+# Columns of the row of a gripper.
 ROBOT = 0
 BODY = 1
-FIRST_FINGER = 2  # its rows in `fingers`
+FIRST_FINGER = 2  # its first row in `fingers`
 END_FINGER = 3
-FIRST_MEMBER = 4  # its rows in `members`
+FIRST_MEMBER = 4  # its first row in `members`
 END_MEMBER = 5
-SLOT = 6  # its first contract by intent; each finger has one
-BOX = 7  # primitive of its coarse box, -1 if it has none
-MODEL = 8  # which model is asked for
-COARSE_NOW = 9  # 1 while the box stands for it
-INTENDED = 10  # object its approach is meant for, -1 if none
-SPENT_ON = 11  # object a contract by intent has expired for, -1 if none
-HOLDS = 12  # how many objects it holds
+SLOT = 6  # row of its first contract by intent; each finger has one
+BOX = 7  # primitive of its box, -1 if it has none
+MODEL = 8  # requested model
+COARSE_NOW = 9  # 1 while the box represents it
+INTENDED = 10  # index of its grasp target, -1 if none
+SPENT_ON = 11  # object for which a contract by intent has expired, -1 if none
+HOLDS = 12  # count of objects that it holds
 GRIPPER_WIDTH = 13
 
-# Models that may be asked for.
+# Models that may be requested.
 AUTO = 0
 COARSE = 1
 DETAILED = 2
 
-# Places in the row of an object.
+# Columns of the row of a graspable object.
 FIRST = 0
 END = 1
 OBJECT_BODY = 2
 GROUP = 3
 HOLDER = 4  # gripper that carries it, -1 if none
-SECOND = 5  # gripper that holds it as well, -1 if none
+SECOND = 5  # second gripper that holds it, -1 if none
 OBJECT_NEAR = 6
 INTENT_SPEED = 7
 OBJECT_CREEP = 8
@@ -99,19 +99,19 @@ OBJECT_WIDTH = 12
 
 @table
 class Grips(NamedTuple):
-    """All that contracts and grippers need in a cycle.
+    """Contracts, grippers and graspable objects of a scene, for the kernels.
 
     Attributes:
-        contracts: Contracts, shape (c, CONTRACT).
-        may: 1 for groups with a contract between any of their bodies, shape (g, g).
-        grippers: Grippers, shape (k, GRIPPER_WIDTH).
-        swap: Distance at which the box of each gripper is replaced, shape (k,) [m].
-        fingers: First primitive of each finger, the one after its last, and its group,
-            shape (f, 3).
-        members: First primitive of each link of a gripper, and the one after its last,
-            shape (l, 2).
-        objects: What may be gripped, shape (o, OBJECT_WIDTH).
-        velocity: Scratch for velocities of joints, shape (n,).
+        contracts: Contracts, see STATE, shape (c, CONTRACT).
+        may: 1 where two groups have a contract between their bodies, shape (g, g).
+        grippers: Grippers, see ROBOT, shape (k, GRIPPER_WIDTH).
+        swap: Distance below which the box of each gripper is replaced, shape (k,) [m].
+        fingers: For each finger: first primitive, index after its last primitive, and
+            group, shape (f, 3).
+        members: For each link of a gripper: first primitive and index after its last
+            primitive, shape (l, 2).
+        objects: Graspable objects, see FIRST, shape (o, OBJECT_WIDTH).
+        velocity: Scratch for joint velocities, shape (n,) [rad/s or m/s].
     """
 
     contracts: Matrix
@@ -125,7 +125,7 @@ class Grips(NamedTuple):
 
 
 def grips_of(tables: SceneTables) -> Grips:
-    """Arrays for a scene: nothing is held, and no contract is in force."""
+    """Arrays for a scene in which no object is held and no contract is in force."""
     holds = tables.holds
     fingers = [(*holds.places[f], holds.group_of[f])
                for part in holds.grippers for f in part.fingers]  # fmt: skip

@@ -1,7 +1,7 @@
-"""The cycle where stops are predicted.
+"""The cycle with predicted stops.
 
-Joint angles -> are they to be believed? -> stops that may come -> poses -> index ->
-pairs, each proven -> orders -> levels.
+Joint angles -> plausible? -> possible stops -> poses -> index -> pairs, each proven
+-> orders -> levels.
 """
 
 import numpy as np
@@ -56,14 +56,14 @@ OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 
 @kernel(inline=False, entry=True)
 def run_guarded_cycle(q: Floats, lines: Longs) -> int:
-    """Judge one cycle and order the stops it asks for.
+    """Judge one cycle and order the stops that it demands.
 
     Args:
         q: Joint positions, shape (n,) [rad or m].
         lines: Ledger of a workspace; its state, memory and `out` are updated.
 
     Returns:
-        How many places of the workspace's `out` were used.
+        Count of numbers of the workspace's `out` that were used.
     """
     w = open_workspace(lines)
     out = w.out
@@ -81,7 +81,7 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
 
 @kernel
 def judge_input(q: Floats, w: Workspace) -> bool:
-    """Take over the input of a cycle, rebuild the world and judge every pair.
+    """Read the input of a cycle, rebuild the world and judge every pair.
 
     Returns:
         Whether the input could be judged; if not, every robot is stopped.
@@ -92,17 +92,16 @@ def judge_input(q: Floats, w: Workspace) -> bool:
 
 @kernel(separate=True)
 def take_input(q: Vector, w: Workspace) -> None:
-    """Judge every pair, or stop everything for an input that cannot be believed.
+    """Judge every pair, or stop all robots for an implausible input.
 
     Args:
-        q: Joint positions, shape (n,) if they are right [rad or m].
-        w: The workspace; whether the input could be judged is written to
-            its watch.
+        q: Joint positions, shape (n,) if the input is valid [rad or m].
+        w: The workspace; whether the input could be judged is written to its watch.
     """
     out = w.out
     v, m = w.watch, w.motion
     v.given[JUDGED] = 0.0
-    # The clock first: whatever else is wrong, stops are ordered by it.
+    # The clock first: the stop for any other fault is ordered by it.
     right = clocks_are_right(out, v, m)
     if not positions_are_finite(q, w.lower, out):
         out[ROBOT], right = -1.0, False
@@ -119,7 +118,7 @@ def take_input(q: Vector, w: Workspace) -> None:
         return
     v.given[JUDGED] = 1.0
     begin(v, m)
-    # Every pair is measured: one that stands still may need another distance now.
+    # Every pair is measured: one that does not move may need another distance now.
     w.memory[FORCE] = 1
     rebuild_world(q, asks_index(w), w)
     write_axes(w.T_world, m)
@@ -130,7 +129,7 @@ def take_input(q: Vector, w: Workspace) -> None:
 
 @kernel(separate=True)
 def begin(v: Watch, m: Motion) -> None:
-    """Follow the stops under way and plan those that may come."""
+    """Supervise the ordered stops, and plan those that may be ordered."""
     supervise_stops(v, m)
     set_clocks(v, m)
     look_under_way(v, m)
@@ -143,7 +142,7 @@ def begin(v: Watch, m: Motion) -> None:
 
 @kernel
 def forget_demands(v: Watch, m: Motion) -> None:
-    """Begin to judge pairs."""
+    """Reset demands, deficits and time left before pairs are judged."""
     for r in range(v.must.shape[0]):
         v.must[r] = v.relieved[r] = 0
         v.time_left[r] = np.inf
@@ -153,7 +152,7 @@ def forget_demands(v: Watch, m: Motion) -> None:
 
 @kernel(separate=True)
 def conclude(w: Workspace) -> None:
-    """Order what must be ordered, grade the robots, explain the nearest pair."""
+    """Order stops, grade the robots, explain the nearest pair, write times and cues."""
     v, m = w.watch, w.motion
     if w.out[REASON] == CAPACITY or w.out[REASON] == NO_DISTANCE:
         v.last[FORCED] = w.out[REASON]
@@ -168,7 +167,7 @@ def conclude(w: Workspace) -> None:
 
 @kernel(separate=True)
 def refuse(w: Workspace) -> None:
-    """Stop everything for an input that cannot be believed."""
+    """Stop all robots for an implausible input, and write its reason."""
     v, m = w.watch, w.motion
     reason, robot = w.out[REASON], w.out[ROBOT]
     stop_everything(int(reason), v, m)

@@ -1,9 +1,9 @@
-"""Positions that stay the same to the last bit though their joint was told to move.
+"""Stuck sensors: positions that stay bit-identical though their joint should move.
 
-What hangs, an encoder, a driver, a bus, goes on to tell the last position it knew, with
-fresh stamps: to whoever believes it the arm stands, while it moves. How soon a joint
-speeds up is not declared, so it shows only after a while; but a joint that moves at all
-does not measure the very same.
+A stuck encoder, driver or bus repeats its last position with fresh stamps: the arm
+seems to be at rest while it moves. The response time of a joint is not declared, so the
+fault is detected only after a while; but positions of a moving joint never stay
+bit-identical.
 """
 
 from math import isfinite
@@ -29,22 +29,22 @@ Floats = NDArray[np.float64]
 
 STATE_FROZEN = int(Reason.STATE_FROZEN)
 
-# A joint may measure the same for so long while it is told to move [s].
+# Longest time that a commanded joint may repeat its position [s].
 HANGS_AFTER = 0.08
 
 
 @kernel
 def no_sensor_is_stuck(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
-    """Whether no joint measures the same though it should have moved by now.
+    """Whether no joint repeats its position although its commands should have moved it.
 
-    Every command that may be in effect has to lead it farther than its drive may miss
-    and its position be off. Fingers may stand against what they grip.
+    A joint counts as stuck if every pending command moves it farther than its tracking
+    and position errors explain. Joints of fingers are exempt: an object may block them.
 
     Args:
-        q: Measured positions.
-        v: Watch; what was told of every joint meanwhile is added up.
+        q: Measured positions, shape (n,) [rad or m].
+        v: Watch; commanded time and travel of every joint are summed in `stuck`.
         m: Motion.
-        out: Answer; a joint that hangs is named in it.
+        out: Answer; names a joint with a stuck sensor.
     """
     hanging = -1
     for j in range(q.shape[0]):

@@ -1,8 +1,8 @@
-"""Who holds what: transactions between two cycles.
+"""Held objects: grasp and release, as transactions between two cycles.
 
-What a gripper holds rides on it: its body hangs on the gripper's, its primitives have
-that one's joints above them, and everything that moves with a robot is checked against
-them. Each transaction writes all tables at once; the next cycle judges with them.
+A held object moves with its gripper: its body is a child of the gripper's body, the
+joints above that body move its primitives, and it is checked as the robot's links are.
+Each transaction writes all tables at once; the next cycle judges with them.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,26 +28,26 @@ from armguard.scene.tables import SceneTables
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# What lies below: its direction has at least this much of straight down [-].
+# A body counts as below if the downward part of the normal is at least this [-].
 BELOW = 0.5
 
-# What a pair needs at rest beyond its buffer, for errors that depend on the pose [m].
+# Additional separation at rest for errors that depend on the pose [m].
 AT_REST = 3e-3
 
 
 @dataclass(slots=True)
 class Holding:
-    """What is held, what is free, and the contracts between bodies.
+    """Held and free objects, and the contracts between bodies.
 
     Attributes:
-        tables: The scene; what depends on who holds what is written.
+        tables: The scene; tables that depend on held objects are written.
         watch: Watch.
         motion: Motion.
         T_world: Poses of all bodies, shape (b, 12).
         grippers: The grippers.
         table: The contracts.
-        lines: Gives the ledger of the workspace.
-        holders: Robots that hold each object that is held; the first one carries it.
+        lines: Function that returns the ledger of the workspace.
+        holders: Robots that hold each held object; the first one carries it.
     """
 
     tables: SceneTables
@@ -60,17 +60,17 @@ class Holding:
     holders: dict[str, list[str]] = field(default_factory=dict)
 
     def warm_up(self) -> None:
-        """Compile or load what a transaction needs, where there can be one."""
+        """Compile or load the kernels of transactions, if objects are graspable."""
         if self.grippers.grips.objects.size:
             body_distance(0, 0, 0, 0, self.lines(), np.zeros(WITNESS_WIDTH))
 
     def grasp(self, robot: str, name: str) -> None:
-        """Make an object part of a robot, now that its gripper has closed on it.
+        """Attach an object to a robot after its gripper has closed on it.
 
-        One transaction between two cycles: the object rides on the gripper and is
-        checked as the robot's links are. What it rests on it may touch until it has
-        lifted clear, and where it is put down again. A second robot may grasp what the
-        first one holds; it carries it from when the first one releases it.
+        One transaction between two cycles: the object moves with the gripper and is
+        checked as the robot's links are. It may touch its support until it has lifted
+        clear, and when it is put down there again. A second robot may grasp an object
+        that the first one holds; it carries the object once the first one releases it.
 
         Args:
             robot: The robot.
@@ -79,17 +79,18 @@ class Holding:
         Raises:
             UnknownNameError: There is no such robot or object.
             GraspError: The robot has no gripper, the object is not graspable, not
-                there or held already, no finger touches it, or the gripper is too
+                present or held already, no finger touches it, or the gripper is too
                 fast.
         """
         with self.grippers.transaction():
             self._grasp(robot, name)
 
     def release(self, robot: str, name: str) -> None:
-        """Leave an object where it is, now that the robot's gripper has opened.
+        """Detach an object from a robot after its gripper has opened.
 
-        One transaction: it is free, or rides on the other robot that holds it, and
-        every pair is checked again. What is nearer to it than it may be may leave.
+        One transaction between two cycles: the object is free, or moves with the other
+        robot that holds it, and every pair is checked again. Links of the gripper that
+        are too near to it may move away.
 
         Args:
             robot: The robot.
@@ -103,7 +104,7 @@ class Holding:
             self._release(robot, name)
 
     def _grasp(self, robot: str, name: str) -> None:
-        """Make an object part of a robot."""
+        """Attach an object to a robot, see `grasp`."""
         g, part = self.grippers.of(robot)
         item = self._object(name)
         holders = self.holders.get(name, [])
@@ -136,7 +137,7 @@ class Holding:
         self.table.write_groups()
 
     def _release(self, robot: str, name: str) -> None:
-        """Leave an object where it is."""
+        """Detach an object from a robot, see `release`."""
         g, part = self.grippers.of(robot)
         item = self._object(name)
         holders = self.holders.get(name, [])
@@ -161,7 +162,7 @@ class Holding:
 
     @property
     def contracts(self) -> tuple[Contract, ...]:
-        """Every allowance in force."""
+        """Contracts of all held objects with their grippers, and all in force."""
         found = [
             Contract(
                 a=name,
@@ -182,7 +183,7 @@ class Holding:
         return (*found, *self.table.in_force())
 
     def forget(self) -> None:
-        """End contracts by intent, and let the detailed models stand for grippers."""
+        """End contracts by intent, and represent grippers by their detailed models."""
         for g, own in enumerate(self.grippers.grips.grippers):
             self.table.forget_intent(g)
             own[at.SPENT_ON] = -1
@@ -190,10 +191,10 @@ class Holding:
         self.grippers.show_detailed()
 
     def check_free(self, name: str) -> None:
-        """An object that is to be placed or removed is not held.
+        """Refuse to place or remove an object that is held.
 
         Raises:
-            GraspError: It is.
+            GraspError: The object is held.
         """
         if name in self.holders:
             raise GraspError(
@@ -201,33 +202,33 @@ class Holding:
             )
 
     def as_held(self, holders: Mapping[str, Sequence[str]]) -> dict[str, NDArray[Any]]:
-        """What the tables say while these robots hold these objects, see `as_held`."""
+        """Tables as they are if these robots hold these objects, see `as_held`."""
         exempt = self._exempt(holders)
         return as_held(holders, exempt, self.tables, self.motion, self.grippers.grips)
 
     def put(self, name: str, T: Floats) -> None:
-        """Let a free object's body stand at T, shape (4, 4)."""
+        """Set the pose of a free object's body to T, shape (4, 4)."""
         body = self.tables.holds.objects[name].body
         self.tables.T_parent_joint[body] = T[:3].reshape(12)
         self.T_world[body] = T[:3].reshape(12)
 
     def _riding(self) -> tuple[SceneTables, Watch, Motion, Floats]:
-        """What says that a body rides on another one."""
+        """Tables that attach one body to another."""
         return self.tables, self.watch, self.motion, self.T_world
 
     def _number(self, name: str) -> int:
-        """Place of an object among those that may be gripped."""
+        """Index of an object among the graspable objects."""
         return [*self.tables.holds.objects].index(name)
 
     def _check_groups(self) -> None:
-        """Write which groups are checked now."""
+        """Write which groups are checked against each other now."""
         exempt = self._exempt(self.holders)
         self.tables.checked[:] = self.tables.holds.checked(self.holders, exempt)
 
     def _exempt(
         self, all_holders: Mapping[str, Sequence[str]]
     ) -> list[tuple[int, int]]:
-        """Groups that touch each other where these robots hold these objects."""
+        """Pairs of groups that are not checked if these robots hold these objects."""
         holds = self.tables.holds
         exempt = []
         for name, holders in all_holders.items():
@@ -243,7 +244,7 @@ class Holding:
         return exempt
 
     def _mates(self, part: GripperPart) -> list[str]:
-        """Bodies of a gripper, and those that do not move against what it holds."""
+        """Bodies of a gripper, and those rigidly connected to it."""
         holds = self.tables.holds
         rigid = [
             name
@@ -253,10 +254,10 @@ class Holding:
         return list(dict.fromkeys([*rigid, *part.members]))
 
     def _stand(self, item: Graspable) -> None:
-        """Allow an object that was gripped to be as near to others as it is.
+        """Open the contracts of a grasped object with its supports and neighbours.
 
-        What it rests on it may touch until it has lifted clear, and when it is put
-        down there again; to all else it must not come nearer.
+        It may touch its supports until it has lifted clear, and when it is put down
+        there again; to other bodies that are too near it must not get nearer.
         """
         grasp = item.grasp
         near = dict(self._neighbours(item))
@@ -285,7 +286,7 @@ class Holding:
                 self.table.keep_apart(item.name, other, float(witness[0]), grasp)
 
     def _let_go(self, part: GripperPart, item: Graspable) -> None:
-        """Let a gripper leave what it released, and come no nearer."""
+        """Open contracts that let a gripper move away from an object it released."""
         mates, grasp = set(self._mates(part)), item.grasp
         for other, witness in self._neighbours(item):
             if other not in mates:
@@ -298,10 +299,7 @@ class Holding:
                 row[at.DEPTH] = max(grasp.depth, row[at.DEPTH])
 
     def _neighbours(self, item: Graspable) -> Iterator[tuple[str, Floats]]:
-        """Bodies that are nearer to an object than they may be, with their witness.
-
-        Only those it is checked against.
-        """
+        """Checked bodies that are too near to an object, with their witness rows."""
         tables, boxes, watch = self.tables, self.grippers.index.world.boxes, self.watch
         first, end = tables.holds.places[item.name]
         own = boxes[first:end]
@@ -326,7 +324,11 @@ class Holding:
                     yield other, witness.copy()
 
     def _check_touch(self, part: GripperPart, item: Graspable) -> None:
-        """A finger touches what is to be gripped."""
+        """Refuse a grasp in which no finger touches the object.
+
+        Raises:
+            GraspError: No finger touches it.
+        """
         holds = self.tables.holds
         nearest, witness = inf, np.zeros(WITNESS_WIDTH)
         for finger in part.fingers:
@@ -341,7 +343,11 @@ class Holding:
             )
 
     def _check_slow(self, part: GripperPart, item: Graspable) -> None:
-        """A gripper is slow enough for what it grips to be part of it at once."""
+        """Refuse a grasp in which the gripper moves too fast.
+
+        Raises:
+            GraspError: The gripper is faster than `intent_speed`.
+        """
         speed = speed_of(item, part, self.motion, self.T_world)
         if not speed <= item.grasp.intent_speed:
             raise GraspError(
@@ -359,7 +365,12 @@ class Holding:
         return self.grippers.is_there(self.tables.holds.places[name][0])
 
     def _object(self, name: str) -> Graspable:
-        """An object that may be gripped."""
+        """A graspable object by its name.
+
+        Raises:
+            UnknownNameError: There is no such object.
+            GraspError: The object is not graspable.
+        """
         known = self.tables.holds.objects
         if name in known:
             return known[name]
@@ -374,5 +385,5 @@ class Holding:
 
 
 def snapshot(tables: SceneTables) -> SceneTables:
-    """Tables for verdicts, which must not change when an object is released."""
+    """Copy of the tables for verdicts, which later releases must not change."""
     return replace(tables, robot_of_primitive=tables.robot_of_primitive.copy())

@@ -1,13 +1,12 @@
-"""What is meant to be gripped, or put down: read from where slow motion leads.
+"""Intent: grasp targets and places to put objects down, inferred from slow motion.
 
-Fingers that are slow, and near an object that may be gripped, mean it if the way of the
-middle between them leads there, and none of them runs into it on that way. One object
-is meant by a gripper at a time: another one only when the first keeps all it needs
-without a contract. What is held is meant to be put down where it may rest if it is slow
-and comes towards that.
+An object is the grasp target of slow fingers near it if the path of the middle between
+them leads there, and none of them hits it on that path. A gripper has one target at a
+time: another one only when the first keeps its separation without a contract. A held
+object is about to be put down on a support if it is slow and approaches it.
 
-What operators ask for is read, not what they are granted: who pushes on at speed does
-not mean it, however much the guard slows him.
+The requested velocities are read, not the granted ones: a fast request shows no intent,
+however much the guard slows the robot.
 """
 
 from math import inf
@@ -90,33 +89,33 @@ Floats = NDArray[np.float64]
 
 CAPSULE = int(ShapeKind.CAPSULE)
 
-# What is meant goes on to be until it, or the way, is this much farther [-].
+# An object remains the grasp target up to this multiple of the distances [-].
 NEAR_AGAIN = 1.25
 
-# What is to be meant is led at no more than this share of the speed that ends it: what
-# is faster than declared is never meant [-].
+# An intent starts at no more than this share of the speed that ends it: faster motion
+# than declared never starts one [-].
 STEADY = 0.95
 
-# Another object has to be so much nearer to the way than the one that is meant [m].
+# Another object replaces the grasp target if its score is lower by this much [m].
 NEARER = 0.005
 
-# Share that the distance from the middle of the fingers has beside that of their way.
+# Weight of the distance from the middle of the fingers, beside that of their path [-].
 FROM_MIDDLE = 0.25
 
-# What is slower than this leads nowhere [m/s].
+# Slower motion than this has no direction [m/s].
 STANDS = 1e-4
 
-# What is meant is come nearer to by at least this share: of how far the middle of the
-# fingers is from it, by its way, and of the speed of what is put down [-].
+# Least share of an approach: of the distance from the middle of the fingers to the
+# target, by their path; of the speed of an object that is put down [-].
 TOWARDS = 0.5
 
 
 @kernel(separate=True)
 def read_intents(u: Vector, w: Workspace) -> None:
-    """Open and end contracts by intent, of every gripper and of what is held.
+    """Open and end contracts by intent, of every gripper and of held objects.
 
     Args:
-        u: Joint velocities that are asked for, or measured, shape (n,) [rad/s or m/s].
+        u: Requested or measured joint velocities, shape (n,) [rad/s or m/s].
         w: The workspace, after its pairs were judged.
     """
     v, m = w.watch, w.motion
@@ -132,7 +131,7 @@ def read_intents(u: Vector, w: Workspace) -> None:
 def read_gripper(
     g: int, u: Floats, h: Grips, w: Workspace, v: Watch, m: Motion
 ) -> None:
-    """Find what a gripper means, and open or end its contracts."""
+    """Find the grasp target of a gripper, and open or end its contracts."""
     own = h.grippers[g]
     settle_intended(g, h)
     way = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
@@ -158,7 +157,7 @@ def read_gripper(
 
 @kernel
 def settle_intended(g: int, h: Grips) -> None:
-    """Forget what was meant once all contracts for it are over."""
+    """Clear the grasp target of a gripper once all its contracts are over."""
     own = h.grippers[g]
     if own[INTENDED] < 0:
         return
@@ -176,14 +175,14 @@ def settle_intended(g: int, h: Grips) -> None:
 def score_of(
     g: int, o: int, u: Floats, way: Floats, h: Grips, w: Workspace, m: Motion
 ) -> float:
-    """How far an object is from what a gripper means; infinite if it cannot be meant.
+    """Score of an object as grasp target, lower is better; infinite if it is none [m].
 
     Args:
         g: The gripper.
         o: The object.
-        u: Velocities of all joints.
-        way: Scratch for a row, the way of the middle between the fingers.
-        h: Grips; what a contract was spent on is forgotten when it is far.
+        u: Velocities of all joints, shape (n,) [rad/s or m/s].
+        way: Scratch for a capsule, the path of the middle between the fingers.
+        h: Grips; an object with an expired contract is cleared when it is far.
         w: Workspace.
         m: Motion.
     """
@@ -223,17 +222,17 @@ def score_of(
         way[4 + k] = middle[k] + ahead[k]
     beside = max(row_distance(way, first, int(thing[END]), w), 0.0)
     if o == own[INTENDED]:
-        # Who hardly moves his hand, as while his fingers close, has not turned away.
+        # A hand that hardly moves, as while the fingers close, has not turned away.
         turned = not beside <= aim and speed > thing[OBJECT_CREEP]
     else:
-        # A way that leads past it, or off it: to be near something is not to mean it.
+        # A path past the object, or away from it, shows no intent.
         approaches = beside <= (1.0 - TOWARDS) * from_middle or not speed > STANDS
         turned = not beside <= aim or not approaches
     if turned:
         return inf
     several = own[END_FINGER] - own[FIRST_FINGER] > 1
     if several and from_middle > 0.0 and speed > thing[OBJECT_CREEP]:
-        # It is not between the fingers yet, and has to come there.
+        # The object is not between the fingers yet, and has to get there.
         for f in range(own[FIRST_FINGER], own[END_FINGER]):
             if runs_into(f, o, scaled(1.0 / speed, moves), thing[OBJECT_NEAR], h, w):
                 return inf
@@ -242,7 +241,7 @@ def score_of(
 
 @kernel(inline=False)
 def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> float:
-    """Distance of a gripper's fingers and an object; infinite if it is beyond [m]."""
+    """Distance of a gripper's fingers and an object; infinite beyond `within` [m]."""
     own, thing = h.grippers[g], h.objects[o]
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     kinds, rows = w.world.kinds, w.world.rows
@@ -259,7 +258,7 @@ def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> f
 
 @kernel(inline=False)
 def row_distance(row: Floats, first: int, end: int, w: Workspace) -> float:
-    """Distance of a capsule and some primitives [m]."""
+    """Distance of a capsule and a range of primitives [m]."""
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     least = inf
     for j in range(first, end):
@@ -308,7 +307,7 @@ def finger_middle(f: int, h: Grips, w: Workspace) -> Vec3:
 
 @kernel
 def velocity_of(p: Vec3, body: int, u: Floats, m: Motion) -> Vec3:
-    """Velocity of a body's point at given velocities of the joints [m/s]."""
+    """Velocity of a body's point for given joint velocities [m/s]."""
     x = y = z = 0.0
     for k in range(m.length[body]):
         b = m.joints[body, k]
@@ -320,7 +319,7 @@ def velocity_of(p: Vec3, body: int, u: Floats, m: Motion) -> Vec3:
 
 @kernel
 def mean(g: int, o: int, h: Grips, v: Watch) -> None:
-    """Open contracts between each finger and an object."""
+    """Make an object the grasp target: open contracts between each finger and it."""
     own, thing = h.grippers[g], h.objects[o]
     own[INTENDED] = o
     now = now_of(v)
@@ -341,10 +340,10 @@ def mean(g: int, o: int, h: Grips, v: Watch) -> None:
 
 @kernel
 def read_placing(k: int, u: Floats, h: Grips, w: Workspace, m: Motion) -> None:
-    """Bring a held object's contract with what it may rest on into force, or end it."""
+    """Put a held object's contract with a support in force, or end it."""
     c = h.contracts[k]
     if c[STATE] == DORMANT and approaches_slowly(c, False, u, w, m):
-        # It is over when the object has lifted clear again.
+        # The contract ends when the object has lifted clear again.
         c[REARM] = NEAR_AGAIN * c[NEAR]
         open_contract(k, h)
     elif c[STATE] == IN_FORCE and c[REARM] > c[NEAR]:
@@ -358,12 +357,12 @@ def read_placing(k: int, u: Floats, h: Grips, w: Workspace, m: Motion) -> None:
 def approaches_slowly(
     c: Floats, again: bool, u: Floats, w: Workspace, m: Motion
 ) -> bool:
-    """Whether a held object is near what it may rest on, slow, and comes towards it.
+    """Whether a held object is near a support, slow, and approaching it.
 
     Args:
         c: Their contract; the object is its body A.
-        again: It did so already, and may move away again.
-        u: Velocities of all joints.
+        again: The approach was found before; the object may now move away.
+        u: Velocities of all joints, shape (n,) [rad/s or m/s].
         w: Workspace.
         m: Motion.
     """

@@ -1,12 +1,12 @@
-"""What a verdict can say: how bad it is, and why."""
+"""Levels and reasons of a verdict."""
 
 from enum import IntEnum
 
 
 class Level(IntEnum):
-    """What the arm should do; a higher level is always the safer one.
+    """Required behaviour of an arm; a higher level is always the safer one.
 
-    Anything from `STOP` on means that the arm must not follow its operator.
+    From `STOP` on, the arm must not follow its operator.
     """
 
     CLEAR = 0
@@ -34,7 +34,7 @@ class Level(IntEnum):
 
 
 class Reason(IntEnum):
-    """Why a verdict has its level; each member has one sentence in `SENTENCES`."""
+    """Reason of a verdict's level; each member has one sentence in `SENTENCES`."""
 
     OK = 0
     NEAR = 10
@@ -140,8 +140,8 @@ SENTENCES: dict[Reason, str] = {
 }
 
 
-# Reasons of a stop that is ordered and not found. After the first two only `engage`
-# lets a robot go on.
+# Reasons of a stop that a person or the service orders, not the judgement of a cycle.
+# After the first two only `engage` lets a robot go on.
 ORDERED = (
     Reason.STOP_ORDERED,
     Reason.RESTARTED,
@@ -173,7 +173,7 @@ GRADED = {
 
 
 def level_of(reason: Reason) -> Level:
-    """Level a reason leads to: everything that is not understood is a stop.
+    """Level that a reason leads to; STOP where no other level is declared.
 
     Example:
         >>> level_of(Reason.NOT_FINITE)

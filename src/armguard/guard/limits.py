@@ -1,8 +1,8 @@
-"""Is every joint within its limits, as far as can be measured?
+"""Joint limits: refusal of positions that measurement errors do not explain.
 
-A joint at its limit is measured beyond it by as much as its declared error, and where
-commands go through the guard may creep a little farther: see `motion/outermost.py`.
-Only what is farther beyond is refused.
+A joint at its limit may be measured beyond it by its declared error, and where commands
+go through the guard it may creep a little farther: see `motion/outermost.py`. Only
+positions farther beyond are refused.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 
 @kernel
 def report_limits(q: Floats, lower: Floats, upper: Floats, out: Floats) -> None:
-    """Name the first joint outside its limits; it outranks every distance."""
+    """Write the first joint outside its limits; this reason outranks every distance."""
     for k in range(q.shape[0]):
         if not (lower[k] <= q[k] <= upper[k]):
             blame_limits(k, q[k], out)
@@ -32,9 +32,9 @@ def report_limits(q: Floats, lower: Floats, upper: Floats, out: Floats) -> None:
 
 @kernel
 def report_measured_limits(q: Floats, w: Workspace, v: Watch, m: Motion) -> None:
-    """Name the first joint that is farther outside its limits than errors explain.
+    """Write the first joint that is farther outside its limits than errors explain.
 
-    Joints of robots in mode "fixed" have no declared errors: they are as measured.
+    Joints of robots in mode "fixed" have no declared errors: the measurement is exact.
     """
     for k in range(q.shape[0]):
         beyond = measured_beyond(k, v, m)
@@ -45,10 +45,10 @@ def report_measured_limits(q: Floats, w: Workspace, v: Watch, m: Motion) -> None
 
 @kernel
 def measured_beyond(j: int, v: Watch, m: Motion) -> float:
-    """How far beyond a limit a joint may be measured without being refused [rad].
+    """Tolerance of a joint's measured position beyond a limit [rad or m].
 
-    The error of its position; where commands go through the guard, as far beyond as it
-    may be led, and that.
+    The error of its position; where commands go through the guard, plus the creep
+    `led_beyond`.
     """
     if m.robot_figures[m.robot_of_joint[j]].mode == FIXED:
         return 0.0
@@ -60,7 +60,7 @@ def measured_beyond(j: int, v: Watch, m: Motion) -> float:
 
 @kernel
 def blame_limits(j: int, position: float, out: Floats) -> None:
-    """Write that a joint is outside its limits."""
+    """Write the reason of a joint outside its limits."""
     out[REASON] = OUT_OF_LIMITS
     out[JOINT] = j
     out[VALUE] = position

@@ -1,4 +1,4 @@
-"""The cycle, joint positions in and a verdict out, and the tables it needs."""
+"""The loop of a guard: joint positions in, a verdict out, and the tables it needs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -50,8 +50,8 @@ from armguard.motion import motion_of
 from armguard.scene.tables import SceneTables
 from armguard.table import Ledger
 
-# Near pairs an answer has room for. More than this many at once is a reason to stop
-# (`Reason.CAPACITY`), not to count on.
+# Near pairs that an answer has room for. More at once are a reason to stop
+# (`Reason.CAPACITY`).
 NEAR_CAPACITY = 4096
 
 # Arrays of a workspace that are the scene's own.
@@ -60,11 +60,11 @@ OF_SCENE = (
     "groups checked buffers"
 ).split()
 
-# In place of a thread: two of them were in a cycle at once.
+# In place of a thread's number: two threads were in a cycle at once.
 SEVERAL = -1
 OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
 
-# What `reset` leaves as it is: what the scene says, and where objects were seen.
+# Arrays that `reset` does not change: figures of the scene, and sightings of objects.
 KEPT = (
     "pace model base top_speed seen_at object_velocity doubt object_stale robot_of "
     "movers pairs pair_need"
@@ -72,7 +72,7 @@ KEPT = (
 
 
 class Loop:
-    """The cycles of a guard, their tables, and what changes these in between.
+    """The cycles of a guard, their tables, and the changes of these between cycles.
 
     Attributes:
         tables: The compiled scene.
@@ -80,7 +80,7 @@ class Loop:
 
     Args:
         tables: The compiled scene.
-        budget: Spans of a stop path a cycle may test for all pairs together.
+        budget: Spans of a stop path that a cycle may test for all pairs together.
         clock: Clock in nanoseconds that measures `Verdict.cycle_time`.
     """
 
@@ -170,7 +170,7 @@ class Loop:
 
     @property
     def q_names(self) -> tuple[str, ...]:
-        """'robot/joint' of each place of q."""
+        """Name of each joint of q: 'robot/joint'."""
         return self.tables.q_names
 
     @property
@@ -188,18 +188,18 @@ class Loop:
     ) -> Verdict:
         """Judge the joint positions of a cycle. Never raises.
 
-        A guard is for one thread at a time: a cycle that finds another one under way is
-        a stop (`Reason.WRONG_INPUT`).
+        A guard is for one thread at a time: a cycle during another one is a stop
+        (`Reason.WRONG_INPUT`).
 
         Args:
             q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
-            stamp: When they were measured [s], for all robots or by robot name; on
+            stamp: Time of their measurement [s], for all robots or by robot name; on
                 any clock, the same for all. Where every robot's mode is "fixed" it may
                 be left out.
-            velocity: Joint velocities that were measured with them, shape (n,)
-                [rad/s or m/s]; if left out they are estimated from the stamps.
+            velocity: Joint velocities measured with them, shape (n,) [rad/s or m/s]; if
+                left out they are estimated from the stamps.
             now: Time of this cycle on the same clock [s]; if left out the newest
-                stamp, and measurements count as late as they may be.
+                stamp, and measurements count as old as is declared.
 
         Returns:
             The verdict; a snapshot that later cycles do not change.
@@ -241,10 +241,10 @@ class Loop:
         return Verdict(data, self._names, time, elapsed, fault)
 
     def judge_at_rest(self, q: ArrayLike) -> Verdict:
-        """Judge a configuration as if nothing moved in it. Never raises.
+        """Judge a hypothetical configuration in which nothing moves. Never raises.
 
-        For poses that are only thought of: whether each pair keeps its buffer there.
-        What is remembered of the loop does not change, and no stop is ordered.
+        The verdict shows whether each pair keeps its buffer there. The state of the
+        loop does not change, and no stop is ordered.
 
         Args:
             q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
@@ -266,7 +266,7 @@ class Loop:
         velocity: ArrayLike | None,
         now: float | None,
     ) -> tuple[NDArray[np.float64], str]:
-        """The numbers of a cycle that predicts stops, and what was wrong in words."""
+        """Answer of a cycle with predicted stops, and the fault of its input, or ""."""
         array, fault = self._input.take(q, stamp, velocity, now)
         used = run_guarded_cycle(array, self._lines)
         data = self._out[:used].copy()
@@ -276,11 +276,11 @@ class Loop:
         return data, fault
 
     def reset(self) -> None:
-        """Forget the last cycle, the last stamps, ordered stops and broken figures.
+        """Clear the last cycle, the last stamps, ordered stops and disproved figures.
 
-        Robots count as at rest. What is held is held, and contracts somebody asked for
-        stay in force; those by intent are over. Where every mode is "fixed" the next
-        verdict is the same either way; only the work is done anew.
+        Robots count as at rest. Held objects stay held, and contracts of `allow` stay
+        in force; those by intent end. Where every mode is "fixed", the next verdict
+        does not depend on a reset; only all pairs are measured again.
         """
         self._memory[FORCE] = 1
         self._input.last_stamp = -np.inf
@@ -294,16 +294,16 @@ class Loop:
             self._world_changed()
 
     def _leave_others(self) -> int:
-        """What marks the guard when a cycle ends that was not alone in it."""
+        """Thread number to store when a cycle ends that overlapped with another one."""
         return 0 if self._thread == SEVERAL else SEVERAL
 
     def _expect_contracts(self) -> None:
-        """Have the loop look at contracts where there may be any, and only there."""
+        """Enable contracts in the loop if there may be any, else disable them."""
         may_be = len(self._grips.grippers) > 0 or self._grips.may.any()
         self._settings[CONTRACTS] = self._settings[INTENTS] = may_be
 
     def _take_over_tables(self) -> None:
-        """Judge by tables in which what rides on what, or may touch it, is new."""
+        """Apply changed tables of attached bodies and checked groups to the loop."""
         tables = self.tables
         pairs = all_pairs(tables)
         watch = self._watch
@@ -318,24 +318,24 @@ class Loop:
         self._world_changed()
 
     def _world_changed(self) -> None:
-        """Take over an index that was built anew; measure every pair afresh."""
+        """Use a rebuilt index, and measure every pair again in the next cycle."""
         if self._workspace.octree is not self.index.state:
             self._open_ledger(self._workspace._replace(octree=self.index.state))
         self._memory[FORCE] = 1
 
     def _open_ledger(self, workspace: Workspace) -> None:
-        """Let the kernels read and write the arrays of a workspace."""
+        """Create the ledger through which kernels access the arrays of a workspace."""
         self._workspace = workspace
         self._ledger = Ledger(workspace, watch=self._watch_ledger)
         self._lines = self._ledger.lines
 
 
 def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
-    """Arrays of a workspace that are the scene's own, or scratch, by name.
+    """Arrays of a workspace that belong to the scene, or are scratch, by name.
 
     Args:
         tables: The scene.
-        capacity: Near pairs there is room for.
+        capacity: Greatest count of near pairs.
     """
     count, bodies = len(tables.kinds), len(tables.parent)
     return {
@@ -359,6 +359,6 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
 
 
 def largest_static_need(tables: SceneTables, watch: Watch) -> float:
-    """More than any pair must keep for other reasons than motion [m]."""
+    """Upper bound of the static need of any pair, without object motion [m]."""
     errors = watch.model + watch.base
     return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))

@@ -31,25 +31,25 @@ Floats = NDArray[np.float64]
 
 
 class Monitor(Loop):
-    """Watches a scene: each `step` judges one joint configuration.
+    """Monitors a scene: each `step` judges one joint configuration.
 
-    Everything slow happens here, before the loop: the scene is compiled to tables,
-    kernels are compiled or loaded, the home configuration is judged. `step` never
-    raises: an input it cannot judge gives a verdict whose level is a stop.
+    All slow work is done at construction, before the loop: the scene is compiled to
+    tables, kernels are compiled or loaded, the home configuration is judged. `step`
+    never raises: an input it cannot judge gives a verdict whose level is a stop.
 
     Attributes:
         tables: The compiled scene.
         index: The octree, or brute force; for pictures and statistics.
         home_verdict: Verdict of the home configuration.
-        self_test: What the guard's test of itself came to.
+        self_test: Report of the self-test.
 
     Args:
-        scene: What to guard.
-        budget: Spans of a stop path a cycle may test for all pairs together, at one to
-            five microseconds each; when they are used up, the arms stop.
-        self_test: Whether a synthetic robot is led through every level first; for
+        scene: The scene to monitor.
+        budget: Spans of a stop path that a cycle may test for all pairs together, at
+            one to five microseconds each; when they are used up, the arms stop.
+        self_test: Whether a simulated robot is led through every level first; for
             scenes in which stops are predicted.
-        progress: Called with one sentence before anything that takes long.
+        progress: Called with one sentence before each slow step.
         clock: Clock in nanoseconds that measures `Verdict.cycle_time`; no decision
             depends on it.
 
@@ -57,7 +57,7 @@ class Monitor(Loop):
         CacheError: The cache folder belongs to another user, or others may write to it.
         SceneError: The scene contradicts itself.
         HomeContactError: Checked bodies overlap at the home configuration.
-        SelfTestError: A level, a stop or a refusal did not come when it should have.
+        SelfTestError: A level, a stop or a refusal was missing in the self-test.
 
     Example:
         >>> from armguard import Guard, bay_scene
@@ -90,31 +90,31 @@ class Monitor(Loop):
         self.self_test = run_self_test(self) if self_test else NOT_TESTED
 
     def _compile_ahead(self, progress: Callable[[str], None] | None) -> None:
-        """Compile what the loop needs, if there is a quicker way than on the way."""
+        """Compile the kernels of the loop in advance, where a subclass can do so."""
 
     @property
     def budget(self) -> int:
-        """Spans of a stop path a cycle may test for all pairs together."""
+        """Spans of a stop path that a cycle may test for all pairs together."""
         return self._budget
 
     @property
     def names(self) -> Names:
-        """What its verdicts read names from, for who keeps their numbers himself."""
+        """Names of its verdicts, for clients that store the numbers of a verdict."""
         return self._names
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """Poses of all bodies as they were judged last, shape (b, 12).
+        """Poses of all bodies in the last judged cycle, shape (b, 12).
 
-        The upper three rows of their transforms. The guard's own array: only to look.
+        The upper three rows of their transforms. The guard's own array: read-only.
         """
         return self._poses
 
     def q(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
-        """Joint vector from positions by name, shape (n,).
+        """Joint vector from positions by name, shape (n,) [rad or m].
 
         Raises:
-            UnknownNameError: A joint is missing, or nobody has that name.
+            UnknownNameError: A joint is missing, or no joint has that name.
         """
         for name in positions:
             if name not in self.q_names:
@@ -138,12 +138,12 @@ class Monitor(Loop):
 
     @property
     def contracts(self) -> tuple[Contract, ...]:
-        """Every allowance in force: what is held, and each contract."""
+        """All contracts in force, those of held objects included."""
         return self._holding.contracts
 
     @property
     def held(self) -> Mapping[str, tuple[str, ...]]:
-        """Robots that hold each object that is held; the first one carries it."""
+        """Robots that hold each held object; the first one carries it."""
         return {name: tuple(by) for name, by in self._holding.holders.items()}
 
     def check_path(
@@ -152,14 +152,14 @@ class Monitor(Loop):
         """Prove that a path of joint positions keeps every buffer, or find where not.
 
         Straight lines in joint space between the rows are bounded as a whole and
-        halved where that does not suffice, so nothing can be missed between samples.
-        What is remembered of the loop does not change; objects count as standing
-        where they are.
+        bisected where that does not suffice, so nothing can be missed between samples.
+        The state of the loop does not change; objects count as static at their present
+        poses.
 
         Args:
             rows: Joint positions in the order of `q_names`, shape (k, n) [rad or m].
-            resolution: A line on which no joint moves more is not divided further
-                [rad or m].
+            resolution: A line on which no joint moves more than this is not bisected
+                further [rad or m].
 
         Raises:
             SceneError: The rows have the wrong shape or are not finite.
@@ -179,7 +179,7 @@ class Monitor(Loop):
         return check_path(array, self._judge_line, self.judge_at_rest, resolution)
 
     def _judge_line(self, start: Floats, end: Floats) -> Verdict:
-        """Verdict on a straight line of joint positions as a whole."""
+        """Verdict on a straight line in joint space as a whole."""
         with self._grippers.detailed():
             used = run_segment(
                 np.ascontiguousarray(start), np.ascontiguousarray(end), self._lines
@@ -187,10 +187,10 @@ class Monitor(Loop):
         return Verdict(self._out[:used].copy(), self._names, None, 0.0)
 
     def take_over(self, other: "Monitor") -> None:
-        """Remember what another guard remembers; where objects are is no part of it.
+        """Copy the state of another guard, without the poses of objects.
 
-        For asking what this guard would say in that one's place, cycle by cycle. They
-        may differ in settings, not in what is in their scenes.
+        It allows to compare the verdicts of both, cycle by cycle. The scenes may differ
+        in settings, not in content.
 
         Raises:
             CheckpointError: They differ in more than that.
@@ -198,13 +198,13 @@ class Monitor(Loop):
         self._saving.take_over(other._saving)
 
     def stand_as(self, other: "Monitor") -> None:
-        """Put all objects where they are for another guard, or leave them out."""
+        """Copy the poses and the presence of all objects of another guard."""
         self._saving.stand_as(other._saving)
 
     def forget_stops(self) -> None:
-        """Let robots that were stopped go on, as if no stop had been ordered.
+        """Set all robots to running, as if no stop had been ordered.
 
-        For a guard that is asked about a motion that does not obey it.
+        For judging a motion that does not obey the guard.
         """
         self._watch.phase.fill(RUNNING)
         self._watch.must.fill(0)

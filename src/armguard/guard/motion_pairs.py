@@ -1,4 +1,4 @@
-"""The pairs of a guarded cycle: as far as a stop can matter, measured and proven."""
+"""The pairs of a cycle with predicted stops: search, measurement and proof."""
 
 from math import inf
 
@@ -58,23 +58,22 @@ from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.state import SEGMENT, SETTLED, Motion
 
-# How much farther than what is under way may get is looked, for what may be wanted [m].
+# Search distance beyond the travel of the pending commands, for desired ones [m].
 LOOK_MORE = 5e-3
 
 
 @kernel
 def asks_index(w: Workspace) -> int:
-    """Whether the pairs of this scene are looked for in its index."""
+    """1 if the pairs of this scene are searched in its index, else 0."""
     return int(w.groups.shape[0] > FEW and w.settings[INDEX_KIND] != BRUTE_FORCE)
 
 
 @kernel(separate=True)
 def judge_motions(w: Workspace) -> None:
-    """Measure every pair that may matter to a stop, prove it, and write what is near.
+    """Measure and prove every pair that may matter to a stop, and write near pairs.
 
-    The pairs are met in the same order as where buffers are fixed. Nothing is kept
-    from cycle to cycle: a pair that stands still may still be in need of another
-    distance.
+    The order of pairs is that of `judge_pairs`. No row is kept from cycle to cycle: the
+    required separation may change although a pair does not move.
     """
     v = w.watch
     w.memory[CYCLE] += 1
@@ -90,10 +89,10 @@ def judge_motions(w: Workspace) -> None:
 
 @kernel(separate=True)
 def go_through_pairs(w: Workspace) -> int:
-    """Judge every pair of a small scene.
+    """Judge every pair of a small scene, without the index.
 
     Returns:
-        How many rows the answer has.
+        Count of rows of the answer.
     """
     v, m = w.watch, w.motion
     boxes, margin = w.world.boxes, w.margin[0]
@@ -118,10 +117,10 @@ def go_through_pairs(w: Workspace) -> int:
 
 @kernel(separate=True)
 def look_for_pairs(w: Workspace) -> int:
-    """Judge the pairs that the index finds, or all of them.
+    """Judge the pairs that the index finds, or all pairs without an octree.
 
     Returns:
-        How many rows the answer has.
+        Count of rows of the answer.
     """
     v, m = w.watch, w.motion
     candidates, boxes = w.candidates, w.world.boxes
@@ -154,12 +153,12 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        look: Beyond this distance it does not matter [m].
-        count: How many rows the answer has.
+        look: Distance beyond which the pair does not matter [m].
+        count: Count of rows of the answer.
         w: The workspace.
 
     Returns:
-        How many it has now.
+        New count of rows.
     """
     v, out, kinds, rows = w.watch, w.out, w.world.kinds, w.world.rows
     if is_apart(i, j, look, w):
@@ -178,7 +177,7 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
     open_row(i, j, place, w)
     distance = witness[0]
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
-        # Links are farther apart than what encloses them.
+        # Links may be farther apart than the primitives that enclose them.
         refine_pair(i, j, place, w)
     judge_motion(i, j, place, w)
     if (
@@ -194,10 +193,10 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
 
 @kernel
 def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
-    """What errors of positions may make of what a pair has left, if it has nothing [m].
+    """Greatest measured clearance, due to position errors, of a pair without any [m].
 
-    Where commands go through the guard such a pair is told in every cycle, not only in
-    those in which it is measured nearer: whoever chooses what to tell has to know it.
+    Where commands go through the guard, such a pair is reported in every cycle, not
+    only in those that measure it nearer: the response needs it to choose a command.
     """
     if v.given[COMMANDED] == 0.0:
         return 0.0
@@ -210,9 +209,9 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
 
 @kernel
 def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
-    """Write how far each moving primitive must look.
+    """Write the search distance of each moving primitive.
 
-    Where commands go through the guard, for what may be told in this cycle as well.
+    Where commands go through the guard, it covers new commands of this cycle as well.
     """
     more = LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
     for i in range(w.settings[MOVING_COUNT]):
@@ -221,7 +220,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
 
 @kernel
 def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Beyond this distance a pair cannot matter to this cycle's proof [m]."""
+    """Distance beyond which a pair cannot matter to this cycle's proof [m]."""
     look = static_need(i, j, w, v, m) + v.look[i]
     if j < w.settings[MOVING_COUNT]:
         return float(look + v.look[j])
@@ -232,7 +231,7 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def way_of_object(j: int, v: Watch, m: Motion) -> float:
-    """How far an object may get since it was seen, as far as that can matter [m]."""
+    """Greatest displacement of an object, from its sighting to the look-ahead [m]."""
     speed = object_speed(j, v)
     if speed == 0.0 or m.span[SEGMENT] != 0.0:
         return 0.0
@@ -241,7 +240,7 @@ def way_of_object(j: int, v: Watch, m: Motion) -> float:
 
 @kernel
 def time_ahead(v: Watch, m: Motion) -> float:
-    """From now until nothing is told any more [s]."""
+    """Look-ahead: time from now after which a contact is not reported [s]."""
     return float(m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME])
 
 
@@ -249,8 +248,8 @@ def time_ahead(v: Watch, m: Motion) -> float:
 def candidates_within(i: int, look: float, w: Workspace) -> int:
     """Ids that may be within a distance of primitive i, each once.
 
-    The index holds what moves with the margin. What may matter farther away than that
-    is looked for in a box.
+    In the index, moving primitives are grown by the margin. A greater distance is
+    searched with a box query.
     """
     residency = w.octree.residency
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
@@ -266,7 +265,7 @@ def candidates_within(i: int, look: float, w: Workspace) -> int:
 
 @kernel
 def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
-    """How far any primitive must look for the sake of what it may meet [m]."""
+    """Greatest search distance that the other side of a pair can require [m]."""
     farthest = 0.0
     for i in range(w.settings[MOVING_COUNT]):
         farthest = max(farthest, v.look[i])

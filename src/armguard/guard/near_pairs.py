@@ -72,9 +72,9 @@ CONTRACT_EXCEEDED = int(Reason.CONTRACT_EXCEEDED)
 def judge_pairs(w: Workspace) -> None:
     """Write every checked pair within the margin, in ascending order, and the reason.
 
-    A pair (i, j) belongs to its lower id of those that a robot moves: the moving
-    primitives come first. So each pair is met once, and the order of the answer does
-    not depend on how the index happens to store its lists.
+    A pair (i, j) belongs to the lower id of its sides that a robot moves: the moving
+    primitives have the lowest ids. So each pair is judged once, and the order of the
+    answer does not depend on the order of lists in the index.
     """
     out, kept, memory, candidates = w.out, w.kept, w.memory, w.candidates
     kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
@@ -132,13 +132,13 @@ def judge_pairs(w: Workspace) -> None:
 
 @kernel
 def row_place(k: int, w: Workspace) -> int:
-    """Where the k-th row of the answer starts."""
+    """Index at which the k-th row of the answer starts."""
     return int(w.settings[FIRST_ROW] + k * NEAR_WIDTH)
 
 
 @kernel
 def open_row(i: int, j: int, place: int, w: Workspace) -> None:
-    """Write of a near pair what is known when it was measured."""
+    """Initialise the row of a near pair whose witness was measured."""
     out = w.out
     out[place + FIRST] = i
     out[place + SECOND] = j
@@ -152,7 +152,7 @@ def open_row(i: int, j: int, place: int, w: Workspace) -> None:
 
 @kernel
 def index_candidates(i: int, token: int, w: Workspace) -> int:
-    """Ids that may be near primitive i, each once: by the octree or simply all."""
+    """Ids that may be near primitive i, each once: by the octree, or all of them."""
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
         return int(present_primitives(i, w.octree.residency, w.candidates))
     return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
@@ -160,7 +160,7 @@ def index_candidates(i: int, token: int, w: Workspace) -> int:
 
 @kernel
 def is_idle(i: int, robots: Ints, w: Workspace) -> bool:
-    """Whether a moving primitive owns no pair: nobody moves it, or it is not there."""
+    """Whether a moving primitive owns no pair: no robot moves it, or it is absent."""
     return bool(robots[i] < 0 or w.octree.residency[i, STATUS] == ABSENT)
 
 
@@ -179,14 +179,14 @@ def keep_owned(
     Args:
         i: The lower id of the pairs.
         found: Candidates.
-        robots: Robot of each moving primitive, -1 for what nobody holds, shape (m,).
+        robots: Robot of each moving primitive, -1 for a free object, shape (m,).
         moved: 1 where a primitive moved in this cycle, shape (p,).
-        groups: Rule groups, shape (p,).
-        checked: Which groups are checked, shape (g, g).
-        candidates: Ids, those that are left are moved to the front.
+        groups: Rule group of each primitive, shape (p,).
+        checked: 1 where two groups are checked, shape (g, g).
+        candidates: Ids; the remaining ones are moved to the front.
 
     Returns:
-        How many are left.
+        Count of remaining candidates.
     """
     wanted = 0
     for c in range(found):
@@ -210,20 +210,20 @@ def take_kept(
     kept: Floats,
     w: Workspace,
 ) -> tuple[int, int]:
-    """Take over the rows of (i, j < before) whose two sides both stood still.
+    """Copy the kept rows of pairs (i, j < before) whose two sides did not move.
 
     Args:
         i: Lower id of the pairs.
-        before: Only rows of higher ids below this.
-        next_kept: Next kept row to look at.
-        kept_count: Kept rows.
-        count: Rows written so far.
+        before: Upper bound of their higher ids, excluded.
+        next_kept: Index of the next kept row.
+        kept_count: Count of kept rows.
+        count: Count of rows written so far.
         moved: 1 where a primitive moved in this cycle, shape (p,).
-        kept: Rows of the last good cycle.
+        kept: Rows of the last valid cycle.
         w: Workspace; the rows go to its answer.
 
     Returns:
-        The number of rows written now, and the next kept row to look at.
+        New count of rows, and the index of the next kept row.
     """
     while next_kept < kept_count:
         first, second = int(kept[next_kept, FIRST]), int(kept[next_kept, SECOND])
@@ -258,7 +258,7 @@ def boxes_apart(boxes: Floats, i: int, j: int, margin: float) -> bool:
 
 @kernel
 def decide(count: int, w: Workspace) -> None:
-    """Find the pair with the least clearance and the reason it leads to."""
+    """Find the pair with the least clearance, and write the reason that follows."""
     out = w.out
     nearest = -1
     least = np.inf
@@ -282,7 +282,7 @@ def decide(count: int, w: Workspace) -> None:
 
 @kernel
 def reason_of(proof: int) -> int:
-    """Reason that a pair without a proof leads to."""
+    """Reason for a pair whose proof ended in this way."""
     if proof == UNSURE:
         return NO_PROOF
     if proof == EXCEEDED:
@@ -294,7 +294,7 @@ def reason_of(proof: int) -> int:
 
 @kernel
 def remember(count: int, kept: Floats, memory: Longs, w: Workspace) -> None:
-    """Keep this cycle's rows for the next, unless some are missing."""
+    """Keep this cycle's rows for the next one, unless some are missing."""
     out = w.out
     if out[REASON] == CAPACITY or out[REASON] == NO_DISTANCE:
         memory[KEPT_COUNT] = 0

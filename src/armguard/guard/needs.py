@@ -1,4 +1,4 @@
-"""What a pair must keep, and how fast its sides move."""
+"""Static need of a pair, its closing speed, and the distance to search."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +30,19 @@ from armguard.motion.state import (
 
 Floats = NDArray[np.float64]
 
-# Slack in time is told this much farther than where the arm is slowed [-].
+# Time left is reported up to this multiple of the time at which an arm is slowed [-].
 LOOK_AHEAD = 2.0
 
 
 @kernel
 def robot_of(i: int, v: Watch) -> int:
-    """Robot a primitive rides on, -1 for none."""
+    """Robot that moves a primitive, -1 for none."""
     return int(v.robot_of[i]) if i < v.robot_of.shape[0] else -1
 
 
 @kernel
 def own_sum(i: int, body: int, first: int, sizes: Floats, m: Motion) -> float:
-    """Sum of sizes times levers over a primitive's joints from one of them on."""
+    """Sum of sizes times levers over a primitive's joints, from the `first` one on."""
     total = 0.0
     for k in range(first, m.length[body]):
         total += sizes[m.joints[body, k]] * m.levers[i, k]
@@ -51,7 +51,7 @@ def own_sum(i: int, body: int, first: int, sizes: Floats, m: Motion) -> float:
 
 @kernel
 def closing_speed(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Bound on how fast two primitives can approach as they are moving now [m/s]."""
+    """Bound of the closing speed of two primitives in their present motion [m/s]."""
     if j >= m.rate.shape[0]:
         return float(m.rate[i] + object_speed(j, v))
     first = shared_joints(w.bodies[i], w.bodies[j], m)
@@ -67,9 +67,9 @@ def closing_speed(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
 def rate_along_normal(
     i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
 ) -> float:
-    """How fast a pair may be closing now, by its witness points and normal [m/s].
+    """Greatest present closing speed of a pair, by its witness points and normal [m/s].
 
-    Unlike the levers this knows directions: what moves past closes nothing.
+    Unlike levers this considers directions: motion past the other side does not count.
     """
     out = w.out
     at = place + WITNESS
@@ -100,15 +100,16 @@ def rate_along_normal(
 
 @kernel
 def object_speed(j: int, v: Watch) -> float:
-    """Greatest speed of a primitive that no robot moves [m/s]."""
+    """Greatest speed of a primitive that no robot moves, 0 for others [m/s]."""
     return float(v.top_speed[j]) if j < v.top_speed.shape[0] else 0.0
 
 
 @kernel
 def static_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Distance a pair must keep whatever its robots do [m].
+    """Distance that a pair must keep even if its robots do not move [m].
 
-    Its buffer, the errors of the model, and an object's way since it was seen.
+    Its buffer, the errors of models and bases, and an object's travel since it was
+    seen.
     """
     need = w.buffers[w.groups[i], w.groups[j]] + v.model[i]
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
@@ -126,10 +127,10 @@ def static_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def time_since(seen: float, v: Watch, m: Motion) -> float:
-    """Longest time since an object was seen [s].
+    """Longest possible time since an object was seen [s].
 
-    Where nobody tells the time of the cycle it is later than the newest stamp by no
-    more than a measurement may be old.
+    If the time of the cycle is not given, it is later than the newest stamp by at most
+    the declared age of a measurement.
     """
     age = now_of(v) - seen
     if v.given[NOW_TIME] != v.given[NOW_TIME]:
@@ -142,5 +143,5 @@ def time_since(seen: float, v: Watch, m: Motion) -> float:
 
 @kernel
 def look_distance(i: int, v: Watch, m: Motion) -> float:
-    """Beyond this distance nothing about a primitive is to be told [m]."""
+    """Distance beyond which a primitive's own motion needs no report [m]."""
     return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.pace[SLOW_TIME])

@@ -1,23 +1,22 @@
-"""Why an arm was slowed or stopped, seen from what would have let it pass.
+"""Causes of slowing and stopping, and the remedy that would have avoided it.
 
-What is slowed or stopped lacks a length: the *deficit*. Each cause is a length too, and
-has made the stop if it is at least the deficit. Several may; the first of this order
-is named, since what comes first is mended with less:
+A pair that slows or stops a robot has a negative clearance: the *deficit*. Each cause
+is a length too, and explains the stop if it is at least the deficit. If several do, the
+first of this order is named, since it needs the smallest remedy:
 
-1. `FIGURES`: a stop or a brake was not what was declared.
+1. `FIGURES`: a stop or a brake differed from the declared figures.
 2. `ORDERED`: a person, a program or the service ordered the stop.
-   `DATA`: the input could not be believed. A measurement older than its limit is
-   `STALE`.
+   `DATA`: the input was implausible. A measurement older than its limit is `STALE`.
 3. `LIMITS`: the guard's own budget or tables were used up.
-4. `STALE`: the way made in the part of the ages that is beyond the declared delay of
+4. `STALE`: the travel in the part of the ages beyond the declared delay of
    measurements.
-5. `ENVELOPE`: how far what was measured may reach beyond the real surfaces; where
-   primitives were judged and the exact shapes are known, as far as these are apart.
-6. `LATENCY`: the way made until a stop takes effect, all of it.
+5. `ENVELOPE`: how far the measured shapes may reach beyond the real surfaces; where
+   primitives were judged and the exact shapes are known, up to the distance of these.
+6. `LATENCY`: the whole travel until a stop takes effect.
 7. `TRUE_NEED`: none of these.
 
-A way grows at least in proportion to its time, so that the share of a time is at most
-the share of the way: "fresher by 3 ms would do" is not said too early.
+Travel grows at least in proportion to time, so the share of a time is at most the
+share of the travel: "fresher by 3 ms would do" is not said too early.
 """
 
 from collections.abc import Sequence
@@ -30,7 +29,7 @@ from armguard.guard.watch import RESTING
 
 
 class Cause(Enum):
-    """What has made a slow or a stop."""
+    """Cause of slowing or stopping."""
 
     TRUE_NEED = "true need"
     ENVELOPE = "envelope"
@@ -42,25 +41,25 @@ class Cause(Enum):
     ORDERED = "ordered"
 
 
-# What would have done without an ordered stop; of the others nothing would.
+# Remedies that would have avoided an ordered stop; the other ones have none.
 REMEDIES = {
     Reason.RESTARTED: "a service that does not crash would do",
     Reason.DEADLINE_MISSED: "a less busy computer or a larger --late would do",
     Reason.SERVICE_FAULT: "a service without the fault in its log would do",
 }
 
-# Reasons that speak of the guard's own limits.
+# Reasons that name the guard's own limits.
 LIMITING = (Reason.BUDGET_SPENT, Reason.CAPACITY)
 
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
-    """A slow or a stop, classified.
+    """Cause and remedy of slowing or stopping.
 
     Attributes:
-        cause: What made it.
-        deficit: What it lacked [m]; None where no pair tells.
-        remedy: What would have let it pass; empty if nothing would.
+        cause: The cause.
+        deficit: Deficit of the deciding pair [m]; None if no pair decided.
+        remedy: Change that would have avoided it, in words; empty if there is none.
     """
 
     cause: Cause
@@ -78,13 +77,13 @@ class Nuisance:
 
 @dataclass(frozen=True, slots=True)
 class Delayed:
-    """What the time before a stop takes effect costs one side of a pair.
+    """Travel of one side of a pair before its stop takes effect.
 
     Attributes:
-        robot: Its robot.
-        way: Way it may make in that time [m].
-        time: That time, from the measurement on [s].
-        excess: The part of it that is age beyond the declared delay [s].
+        robot: Robot of that side.
+        way: Greatest travel before the stop takes effect [m].
+        time: Time from the measurement until then [s].
+        excess: The part of that time that is age beyond the declared delay [s].
     """
 
     robot: str
@@ -94,18 +93,18 @@ class Delayed:
 
     @property
     def stale_way(self) -> float:
-        """The least of the way that is made in the excess [m]."""
+        """Lower bound of the travel in the excess age [m]."""
         return self.way * self.excess / self.time if self.time > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Lack:
-    """What the pair that decides lacks, and what each cause has to do with it.
+    """Deficit of the deciding pair, and the part of each cause in it.
 
     Attributes:
-        deficit: Length it lacks [m].
+        deficit: Negative clearance of the pair, or length its time is short by [m].
         envelope: How much farther apart the real surfaces may be than was judged [m].
-        delays: What delays cost its sides; empty where nobody knows.
+        delays: Travel of its sides due to delays; empty if unknown.
     """
 
     deficit: float
@@ -114,16 +113,16 @@ class Lack:
 
 
 def classify(level: Level, reason: Reason, lack: Lack | None) -> Nuisance | None:
-    """Tell what has made a verdict's slow or stop.
+    """Classify why a verdict slows or stops.
 
     Args:
         level: Level of the verdict.
         reason: Its reason.
-        lack: What the deciding pair lacks; None if no near pair lacks anything.
+        lack: Deficit of the deciding pair; None if no near pair has one.
 
     Returns:
         The first cause of the order above. None where nothing slows or stops, and in
-        the later cycles of a stop, if nothing lacks in them any more.
+        later cycles of a stop that have no deficit any more.
     """
     if level < Level.SLOW:
         return None
@@ -152,7 +151,7 @@ def classify(level: Level, reason: Reason, lack: Lack | None) -> Nuisance | None
 
 
 def unannounced(reason: Reason) -> Nuisance | None:
-    """The answer where no near pair tells what lacks."""
+    """Classification where no near pair has a deficit."""
     if reason in (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN):
         return None
     if reason is Reason.MOVED_AT_REST:
@@ -163,7 +162,7 @@ def unannounced(reason: Reason) -> Nuisance | None:
 
 
 def by_length(lack: Lack) -> Nuisance:
-    """The first cause that is as long as the deficit."""
+    """Classification by the first cause that is at least as long as the deficit."""
     deficit, delays = lack.deficit, lack.delays
     stale = sum(side.stale_way for side in delays)
     if deficit <= stale:
@@ -199,12 +198,12 @@ def by_length(lack: Lack) -> Nuisance:
 
 
 def milliseconds(time: float) -> str:
-    """A time in words, never rounded down [s]."""
+    """A time [s] as text in milliseconds, rounded up to a tenth."""
     return f"{time * 1e3 + 0.05:.1f} ms"
 
 
 def lack_of(reason: Reason, answer: Answer) -> Lack | None:
-    """What the pair that decides lacks; None if no near pair lacks anything."""
+    """Deficit of the deciding pair, with its causes; None if no near pair has one."""
     k = answer.nearest
     if reason is Reason.SHORT_TIME:
         left = answer.near["time_left"]
@@ -228,9 +227,9 @@ def envelope_of(k: int, pair: NearPair, reason: Reason, answer: Answer) -> float
     modes = [tables.robots[r].mode for r in answer.robots_of(k) if r >= 0]
     proven = reason is not Reason.SHORT_TIME and "speed" not in modes
     if not proven or not pair.primitive_distance > 0.0:
-        # Primitives were judged, whatever is known of the exact shapes.
+        # The primitives were judged, even if exact shapes are known.
         return pair.distance + pair.model_error - pair.primitive_distance
-    # The proof asks the exact shapes too, where a link has some.
+    # The proof uses the exact shapes too, where a link has some.
     has_exact = tables.exact.of_primitive[:, 1] > 0
     return sum(
         float((tables.exact.errors if has_exact[i] else tables.model_errors)[i])
@@ -239,7 +238,7 @@ def envelope_of(k: int, pair: NearPair, reason: Reason, answer: Answer) -> float
 
 
 def delays_of(k: int, answer: Answer) -> tuple[Delayed, ...]:
-    """What delays cost the sides of a pair, if its terms are known."""
+    """Travel of a pair's sides due to delays; empty for any but the nearest pair."""
     tables, budget = answer.names.tables, answer.budget
     if budget is None or k != answer.nearest:
         return ()

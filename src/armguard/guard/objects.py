@@ -1,4 +1,4 @@
-"""Objects that come, go and stand elsewhere between two cycles; their sightings."""
+"""Objects placed, moved and removed between two cycles, and their sightings."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -25,22 +25,22 @@ from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
-# Kinds whose row has further points of the shape itself, and where.
+# Columns of further points of the shape itself, for kinds whose row has some.
 ENDS = {ShapeKind.CAPSULE: (4,), ShapeKind.TRIANGLE: (4, 7)}
 
-# Kinds whose origin may be no point of the shape, or any.
+# Kinds whose origin need not be a fixed point of the shape.
 WITHOUT_CENTRE = (ShapeKind.HULL, ShapeKind.SUPPORT, ShapeKind.HALF_SPACE)
 
-# What stamps may be rounded by [s], and round-off of a place [m].
+# Rounding of stamps [s], and round-off of a position [m].
 STAMP_GRAIN = 1e-6
 GRAIN = 1e-9
 
 
 class SightingError(SceneError):
-    """A sighting of an object cannot be true; every cycle is a stop until one is.
+    """An implausible sighting of an object; cycles stop until a plausible one.
 
     Attributes:
-        reason: Name of the `Reason` those cycles have.
+        reason: Name of the `Reason` of those cycles.
     """
 
     def __init__(self, message: str, reason: str = "") -> None:
@@ -49,10 +49,10 @@ class SightingError(SceneError):
 
 
 class Sighting(NamedTuple):
-    """Where an object was seen.
+    """Placement of a moving object with its stamp.
 
     Attributes:
-        stamp: When [s].
+        stamp: Time of the sighting [s].
         rows: Rows of its primitives in the world, shape (k, 16).
     """
 
@@ -62,16 +62,16 @@ class Sighting(NamedTuple):
 
 @dataclass(slots=True)
 class Objects:
-    """The objects of a scene that are attached to nothing, placed or left out.
+    """The objects of a scene that are attached to no link: placing and removing.
 
     Attributes:
         tables: The scene.
         watch: Watch; sightings are written.
         index: The index, with the world.
-        holding: Who holds what.
-        world_changed: Has the loop measure every pair afresh.
-        standing: The objects as they are, by name.
-        changed: Names of those that were placed or removed since the start.
+        holding: Held objects.
+        world_changed: Callback; the loop measures every pair again.
+        standing: The objects with their present shapes, by name.
+        changed: Names of objects that were placed or removed since the start.
     """
 
     tables: SceneTables
@@ -97,32 +97,32 @@ class Objects:
         velocity: ArrayLike | None = None,
         shape: Shape | None = None,
     ) -> None:
-        """Put an object where it is from now on, whether it was there or not.
+        """Set the pose of an object, and add it to the world if it was absent.
 
-        For between two cycles: it takes microseconds for each primitive of the object,
-        and may take longer where the index has to grow.
+        Call it between two cycles: it takes microseconds for each primitive of the
+        object, and may take longer where the index has to grow.
 
         Args:
-            name: An object of the scene that is attached to nothing.
+            name: An object of the scene that is attached to no link.
             pose: Its frame in the world, a `Pose` or a transform of shape (4, 4).
-            stamp: When it was seen there, on the clock of `step` [s]; needed for an
-                object that has a `top_speed`, which may be elsewhere since.
-            velocity: How fast it was seen to move, in the world, shape (3,) [m/s];
-                robots that evade look where it is going.
-            shape: Its shape from now on, of the kind it has: what was not foreseen can
-                be kept out of by a box that the scene holds ready, not present. Only
-                of an object that is one shape, no hull or mesh, and not graspable.
+            stamp: Time of the sighting, on the clock of `step` [s]; required for an
+                object with a `top_speed`, which may have moved since.
+            velocity: Measured velocity in the world, shape (3,) [m/s]; evading robots
+                use it to predict its path.
+            shape: New shape, of the same kind: an unforeseen obstacle can be covered by
+                a box that the scene declares as not present. Only for an object that
+                is one shape, no hull or mesh, and not graspable.
 
         Raises:
             UnknownNameError: There is no such object.
             PoseError: The transform is not rigid, or a number is not finite.
             SceneError: The object moves and there is no stamp, or it cannot have that
                 shape.
-            SightingError: An object with a `top_speed` was seen before it was seen
-                last, elsewhere at the same time, farther away than it can be, with a
-                velocity it cannot have, or nowhere (a pose that is none). It counts as
-                where it was seen before, and every cycle is a stop that names it until
-                a sighting is believed.
+            SightingError: The sighting of an object with a `top_speed` is older than
+                the last one, at another pose with the same stamp, farther away than it
+                can be, with an impossible velocity, or has an invalid pose. The object
+                keeps its last pose, and every cycle is a stop that names it until a
+                sighting is accepted.
             GraspError: A gripper holds it.
 
         Example:
@@ -155,7 +155,7 @@ class Objects:
         self.world_changed()
 
     def remove(self, name: str) -> None:
-        """Leave an object out from now on; `place` brings it back.
+        """Remove an object from the world; `place` brings it back.
 
         Raises:
             UnknownNameError: There is no such object.
@@ -171,7 +171,7 @@ class Objects:
         self.world_changed()
 
     def places_of(self, names: Iterable[str]) -> NDArray[np.int64]:
-        """What a robot moves, and the primitives of some objects, shape (k,)."""
+        """Indices of all moving primitives, and those of some objects, shape (k,)."""
         items = [self.tables.standing[name] for name in names]
         return np.concatenate(
             [
@@ -188,11 +188,11 @@ class Objects:
         stamp: float | None,
         velocity: ArrayLike | None,
     ) -> Floats:
-        """Take over when an object was seen to be where; its frame, shape (4, 4).
+        """Store a sighting of an object; returns its frame, shape (4, 4).
 
         Raises:
             SceneError: There is no stamp.
-            SightingError: It cannot be true; the object is in doubt.
+            SightingError: The sighting is implausible; the object is in doubt.
         """
         watch, world = self.watch, self.index.world
         if stamp is None:
@@ -211,12 +211,16 @@ class Objects:
         watch.object_velocity[item.places] = speeds
         watch.sighted_at[item.places] = stamp
         watch.doubt[item.places] = Reason.OK
-        # It may be off by `error`: as if it had gone that far since it was seen.
+        # Its position error counts as travel at top speed before the sighting.
         watch.seen_at[item.places] = stamp - item.error / top
         return T
 
     def _named(self, name: str) -> Standing:
-        """The object of that name that is attached to nothing."""
+        """The object of that name that is attached to no link.
+
+        Raises:
+            UnknownNameError: There is no such object.
+        """
         known = self.standing
         if name not in known:
             raise UnknownNameError(
@@ -230,16 +234,16 @@ def transform_of(pose: Pose | ArrayLike) -> Floats:
     """A pose as a transform, shape (4, 4).
 
     Raises:
-        PoseError: It is none.
+        PoseError: It is no rigid transform.
     """
     return pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
 
 
 def frame_seen(name: str, pose: Pose | ArrayLike) -> Floats:
-    """Where an object was seen, shape (4, 4).
+    """Frame of an object in a sighting, shape (4, 4).
 
     Raises:
-        SightingError: The pose is none.
+        SightingError: The pose is no rigid transform.
     """
     try:
         return transform_of(pose)
@@ -248,11 +252,11 @@ def frame_seen(name: str, pose: Pose | ArrayLike) -> Floats:
 
 
 def velocity_seen(name: str, velocity: ArrayLike | None, top: float) -> Floats:
-    """A velocity an object was seen with, shape (3,); 0 if there is none.
+    """Velocity of an object in a sighting, shape (3,) [m/s]; 0 if there is none.
 
     Raises:
-        SceneError: It is no velocity.
-        SightingError: It is not finite, or faster than the object can be.
+        SceneError: It has the wrong shape.
+        SightingError: It is not finite, or above the object's top speed.
     """
     if velocity is None:
         return np.zeros(3)
@@ -277,18 +281,18 @@ def check_sighting(
     now: Sighting,
     top: float,
 ) -> None:
-    """Refuse a sighting that cannot be true beside the last believed one.
+    """Refuse a sighting that contradicts the last accepted one.
 
     Args:
         name: The object's name.
         item: The object.
         kinds: Kinds of its primitives, shape (k,).
-        before: The last believed sighting; its stamp is -inf if there was none.
-        now: The new one.
+        before: The last accepted sighting; its stamp is -inf if there was none.
+        now: The new sighting.
         top: Greatest speed of any of its points [m/s].
 
     Raises:
-        SightingError: It cannot.
+        SightingError: The sighting is implausible.
     """
     if not isfinite(now.stamp):
         raise refused(name, Reason.OBJECT_NOT_FINITE, f"its stamp is {now.stamp}")
@@ -308,15 +312,15 @@ def check_sighting(
 
 
 def refused(name: str, reason: Reason, says: str) -> SightingError:
-    """The error of a sighting that cannot be true."""
+    """The error of an implausible sighting."""
     return SightingError(f"object '{name}': {SENTENCES[reason]}: {says}", reason.name)
 
 
 def least_way(kinds: NDArray[np.int32], before: Floats, now: Floats) -> float:
-    """The farthest some point of an object surely moved [m].
+    """Lower bound of the greatest displacement of any point of an object [m].
 
-    By points of its shapes, and by the boxes around them: where a face of the box
-    moved, a point of the shape moved at least as far.
+    By points of its shapes, and by their bounding boxes: where a face of the box moved,
+    a point of the shape moved at least as far.
 
     Args:
         kinds: Kinds of its primitives, shape (k,).
@@ -340,7 +344,7 @@ def least_way(kinds: NDArray[np.int32], before: Floats, now: Floats) -> float:
 
 
 def load_kernels() -> None:
-    """Load what `stand_at` and `take_out` call, which takes longer than a cycle may."""
+    """Load the kernels of `stand_at` and `take_out`, which is too slow for a cycle."""
     tree = small_tree()
     world = tree.world
     row_bounds(int(world.kinds[0]), world.rows[0], 0.0, world.boxes[0])
@@ -349,11 +353,11 @@ def load_kernels() -> None:
 
 
 def stand_at(index: Index, item: Standing, T: Floats) -> None:
-    """Put the primitives of an object where its frame is at T.
+    """Place the primitives of an object with its frame at T, and index them.
 
     Args:
         index: The index; its world is written.
-        item: The object, in it or not.
+        item: The object, present or not.
         T: Its frame in the world, shape (4, 4).
     """
     world = index.world
@@ -367,16 +371,16 @@ def stand_at(index: Index, item: Standing, T: Floats) -> None:
 
 
 def take_out(index: Index, item: Standing) -> None:
-    """Leave the primitives of an object out of the index."""
+    """Remove the primitives of an object from the index."""
     for i in range(item.first, item.first + item.count):
         index.remove(i)
 
 
 def reshaped(name: str, item: Standing, shape: Shape) -> Standing:
-    """The object with another shape of its kind.
+    """A copy of an object with another shape of the same kind.
 
     Raises:
-        SceneError: It is not one shape of that kind, or has one that cannot change.
+        SceneError: It is not one shape of that kind, or its shape cannot change.
     """
     said = f"object '{name}' cannot change its shape"
     if len(item.shapes) != 1 or item.surfaces:

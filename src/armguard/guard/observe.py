@@ -1,9 +1,9 @@
-"""First step of a guarded cycle: is the input to be believed, and how fast is it?
+"""First step of a cycle with predicted stops: plausibility and velocities of the input.
 
-Every input has its own stamp. A robot's age is the time from its stamp to now; if
-nobody says what time it is now, the newest stamp is taken, and the declared delay of
-measurements is added. What cannot be believed is a reason, and its level is a stop.
-The clock is judged first, since a stop for any other fault is ordered by it.
+Every input has its own stamp. A robot's age is the time from its stamp to now; if the
+time of the cycle is not given, it is the newest stamp, and the declared delay of
+measurements is added. Implausible input gives a reason whose level is a stop. The clock
+is judged first, since a stop for any other fault is ordered by it.
 """
 
 from math import inf, isfinite
@@ -51,25 +51,24 @@ OBJECT_AHEAD = int(Reason.OBJECT_AHEAD)
 OBJECT_STALE = int(Reason.OBJECT_STALE)
 STAMP_REPEATED = int(Reason.STAMP_REPEATED)
 
-# Times are told to within this share of themselves, and a microsecond [-], [s].
+# Relative [-] and absolute [s] rounding of times.
 TIME_SHARE = 1e-12
 TIME_GRAIN = 1e-6
 
-# What a measured speed may exceed the declared one by: an error of its own, and this
-# share, since limits are kept by controllers that swing a little [-].
+# Tolerance of a measured speed above the declared one, beside its error: a share, since
+# controllers that keep limits overshoot a little [-].
 SPEED_SHARE = 0.02
 
 
 @kernel(separate=True)
 def observe(q: Vector, out: Vector, v: Watch, m: Motion) -> bool:
-    """Take over stamps, positions and velocities, or say what is wrong with them.
+    """Store positions and velocity bounds of a cycle, or write what is wrong.
 
     Args:
         q: Joint positions, all finite, shape (n,) [rad or m].
         out: Header of the answer.
         v: Inputs and memory.
-        m: The prediction; `q`, `v_low` and `v_high` are
-            written.
+        m: The prediction; `q`, `v_low` and `v_high` are written.
 
     Returns:
         Whether the input can be judged.
@@ -78,13 +77,13 @@ def observe(q: Vector, out: Vector, v: Watch, m: Motion) -> bool:
         return False
     for j in range(q.shape[0]):
         m.q[j] = q[j]
-    # Bounds of velocities are those of the last sample that was believed.
+    # Until then, the velocity bounds are those of the last accepted sample.
     return sample_is_right(q, v, m, out) and velocities_are_known(q, v, m, out)
 
 
 @kernel
 def now_of(v: Watch) -> float:
-    """Time of the cycle: what was said, or the newest stamp [s]."""
+    """Time of the cycle as given, else the newest stamp [s]."""
     now = v.given[NOW_TIME]
     if now == now:
         return float(now)
@@ -96,11 +95,11 @@ def now_of(v: Watch) -> float:
 
 @kernel
 def unannounced_time(v: Watch, m: Motion) -> float:
-    """How much later than the newest stamp the cycle may be, if nobody says [s].
+    """Greatest delay of the cycle after the newest stamp, if its time is unknown [s].
 
-    Every robot's newest measurement is no older than its `sensing`, so the newest of
-    all is no older than the least of these. It may be that much older than the one of
-    the cycle before: by as much two newest stamps may be farther apart than cycles.
+    Every robot's newest measurement is at most `sensing` old, so the newest of all is
+    at most the least of these old. Two newest stamps may be farther apart than their
+    cycles by as much.
     """
     if v.given[NOW_TIME] == v.given[NOW_TIME]:
         return 0.0
@@ -113,12 +112,11 @@ def unannounced_time(v: Watch, m: Motion) -> float:
 
 @kernel(separate=True)
 def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
-    """Whether all stamps and the time of the cycle can be true.
+    """Whether all stamps and the time of the cycle are plausible.
 
-    The time of the cycle is believed, and orders of the cycle count as given then, if
-    it is no longer after the last one than declared, or a stamp agrees with it. Else
-    it is not known when an order was given until the next cycle whose time is: it was
-    before that.
+    The time of the cycle is accepted, and its orders count as given then, if the cycle
+    is in time after the last one, or a stamp agrees with it. Else the time of an order
+    is unknown until the next cycle with an accepted time: it was before that.
 
     Args:
         out: Header of the answer.
@@ -151,7 +149,7 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
             continue
         ahead |= reason == STAMP_AHEAD
         if right:
-            # The first one is named.
+            # The first fault is reported.
             value = v.stamps[r]
             if reason == TIME_BACKWARDS:
                 value -= v.last_stamp[r]
@@ -173,7 +171,7 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
 
 @kernel
 def stamp_fault(r: int, now: float, grain: float, v: Watch, m: Motion) -> int:
-    """What is wrong with the stamp of a robot; OK if nothing is."""
+    """Reason to refuse the stamp of a robot; OK if there is none."""
     stamp = v.stamps[r]
     if not isfinite(stamp):
         return STAMP_MISSING
@@ -190,7 +188,7 @@ def stamp_fault(r: int, now: float, grain: float, v: Watch, m: Motion) -> int:
 
 @kernel
 def settle_orders(now: float, v: Watch, m: Motion) -> None:
-    """Orders that were given at a time nobody knows were given before this one."""
+    """Set the unknown times of earlier orders to this time, which is later."""
     for r in range(v.ordered.shape[0]):
         if v.ordered[r] == inf:
             v.ordered[r] = now
@@ -200,7 +198,7 @@ def settle_orders(now: float, v: Watch, m: Motion) -> None:
 
 @kernel
 def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
-    """Whether every object that moves was seen, lately and as it can be."""
+    """Whether every moving object has a plausible and recent sighting."""
     now = now_of(v)
     latest = now + unannounced_time(v, m) + TIME_GRAIN + TIME_SHARE * abs(now)
     for k in range(v.movers.shape[0]):
@@ -222,7 +220,7 @@ def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
 
 @kernel
 def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
-    """Whether what was measured is what the joints can do since they were measured."""
+    """Whether each joint can have moved as measured since its last sample."""
     for j in range(q.shape[0]):
         r = m.robot_of_joint[j]
         if m.robot_figures[r].mode == FIXED:
@@ -251,7 +249,7 @@ def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
 
 @kernel
 def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
-    """Write between which bounds each joint's velocity lies, and keep the sample."""
+    """Write the bounds of each joint's velocity, and store the sample."""
     for j in range(q.shape[0]):
         r = m.robot_of_joint[j]
         if m.robot_figures[r].mode == FIXED:
@@ -264,7 +262,7 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
         elif not estimate_velocity(j, r, q[j], v, m):
             keep_samples(q, v, m)
             return blame_robot(NO_VELOCITY, r, 0.0, out)
-        # What is declared bounds what can be true, as long as that is believed.
+        # The declared top speed narrows the bounds, unless they lie beyond it.
         if m.v_low[j] <= figures.velocity and m.v_high[j] >= -figures.velocity:
             m.v_low[j] = max(m.v_low[j], -figures.velocity)
             m.v_high[j] = min(m.v_high[j], figures.velocity)
@@ -279,9 +277,9 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
 def estimate_velocity(j: int, r: int, position: float, v: Watch, m: Motion) -> bool:
     """Bound a joint's velocity by its samples.
 
-    The mean velocity since a sample is known to within both errors. The velocity now
-    is off it by no more than half of what the greatest acceleration gives in that time.
-    A stop may be harder than any known deceleration; it ends at rest.
+    The mean velocity since a sample is known within both position errors. The present
+    velocity differs from it by at most half of the greatest acceleration times that
+    time. A stop may be harder than any known deceleration; it ends at rest.
 
     Returns:
         Whether there is an earlier sample.
@@ -301,14 +299,14 @@ def estimate_velocity(j: int, r: int, position: float, v: Watch, m: Motion) -> b
         if hardest == inf:
             least, most = min(least, 0.0), max(most, 0.0)
         low, high = max(low, least), min(high, most)
-    # Bounds that contradict each other say that a figure is broken: take all of them.
+    # Bounds that contradict each other prove a wrong figure: keep the whole range.
     m.v_low[j], m.v_high[j] = min(low, high), max(low, high)
     return True
 
 
 @kernel
 def keep_samples(q: Floats, v: Watch, m: Motion) -> None:
-    """Put what was measured anew in front of each robot's history."""
+    """Prepend new samples to each robot's history."""
     for j in range(q.shape[0]):
         r = m.robot_of_joint[j]
         if v.stamps[r] > v.last_stamp[r]:
@@ -327,13 +325,13 @@ def keep_samples(q: Floats, v: Watch, m: Motion) -> None:
 
 @kernel
 def forget_samples(r: int, v: Watch) -> None:
-    """After a jump nothing is known of the velocity."""
+    """Clear a robot's history after a jump, which leaves its velocity unknown."""
     v.sample_count[r] = 0
 
 
 @kernel
 def blame_robot(reason: int, r: int, value: float, out: Floats) -> bool:
-    """Write a reason that is about one input, or about all; never True."""
+    """Write the reason of a fault of one robot, or of all; returns False."""
     out[REASON] = reason
     out[ROBOT] = r
     out[VALUE] = value
@@ -342,7 +340,7 @@ def blame_robot(reason: int, r: int, value: float, out: Floats) -> bool:
 
 @kernel
 def blame_joint(reason: int, j: int, value: float, out: Floats) -> bool:
-    """Write a reason that is about a joint; never True."""
+    """Write the reason of a fault of one joint; returns False."""
     out[REASON] = reason
     out[JOINT] = j
     out[VALUE] = value

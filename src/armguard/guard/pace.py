@@ -1,4 +1,4 @@
-"""Cycles that come later than the scene declares: how late, and what to declare."""
+"""Late cycles: measured period of the loop, and the value to declare."""
 
 import logging
 from math import ceil, floor, log10
@@ -13,19 +13,19 @@ log = logging.getLogger("armguard")
 
 CYCLE_LATE = int(Reason.CYCLE_LATE)
 
-# So many late cycles in a row are a loop that is slower than declared.
+# Count of consecutive late cycles that prove a loop slower than declared.
 IN_A_ROW = 20
 
-# Cycles whose times differ by more than this factor are no regular loop.
+# Greatest ratio of the cycle times of a regular loop [-].
 REGULAR = 1.5
 
 
 class Pace:
-    """Notices a loop that is steadily slower than declared, and says so once.
+    """Detects a loop that is steadily slower than declared, and logs it once.
 
     Args:
         period: Declared time from one cycle to the next [s].
-        late: How much later a cycle may come [s].
+        late: Permitted delay of a cycle beyond that [s].
     """
 
     __slots__ = ("_count", "_least", "_most", "_said", "_total", "late", "period")
@@ -37,7 +37,7 @@ class Pace:
         self._least = self._most = 0.0
 
     def note(self, answer: NDArray[np.float64]) -> None:
-        """Take in the answer of a cycle."""
+        """Add the answer of a cycle."""
         if answer[REASON] == CYCLE_LATE:
             self._add(float(answer[VALUE]))
         elif self._count:
@@ -64,7 +64,7 @@ class Pace:
 
 
 def late_sentence(passed: float, period: float, late: float) -> str:
-    """A late cycle in words, with what to declare."""
+    """A late cycle in words, with the values to declare."""
     return (
         f"{passed * 1e3:.1f} ms since the last cycle, {declared(period, late)}: "
         f"{remedy(passed)}; if only some cycles take so long, set late"
@@ -72,7 +72,7 @@ def late_sentence(passed: float, period: float, late: float) -> str:
 
 
 def declared(period: float, late: float) -> str:
-    """What the scene declares, in words."""
+    """Declared period and delay of the scene, in words."""
     return (
         f"but the scene declares period {period * 1e3:.1f} ms "
         f"(+ late {late * 1e3:.1f} ms)"
@@ -80,7 +80,7 @@ def declared(period: float, late: float) -> str:
 
 
 def remedy(period: float, late: float = 0.0) -> str:
-    """What to declare for cycles of that period, and that much later at most [s]."""
+    """Values to declare for a period and its greatest delay [s], in words."""
     period = rounded_up(period)
     code, keys = f"period={period:g}", f"period: {period:g}"
     if late > 0.01 * period:
@@ -93,6 +93,6 @@ def remedy(period: float, late: float = 0.0) -> str:
 
 
 def rounded_up(seconds: float) -> float:
-    """A time of three digits that is not shorter, but for round-off [s]."""
+    """A time rounded up to three digits [s]."""
     scale = 10.0 ** (2 - floor(log10(seconds)))
     return ceil(seconds * scale * (1.0 - 1e-9)) / scale

@@ -1,4 +1,4 @@
-"""How fast each joint closes a near pair, by its witness points and normal."""
+"""Distance gradient: rate at which each joint closes a near pair."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 @kernel
 def pair_row(i: int, j: int, place: int, row: Floats, w: Workspace, m: Motion) -> None:
-    """Write the rate at which each joint closes a pair at unit speed.
+    """Write the rate at which each joint closes a pair at unit joint speed.
 
     Args:
         i: Lower primitive.

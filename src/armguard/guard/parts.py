@@ -1,4 +1,4 @@
-"""Methods that a class has from its parts."""
+"""Delegation: methods of a class that call those of its parts."""
 
 from collections.abc import Callable
 from functools import wraps

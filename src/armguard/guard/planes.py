@@ -1,9 +1,9 @@
-"""Planes remembered from the last time a pair was measured and found far apart.
+"""Cache of separating axes: normals of pairs that were measured beyond the margin.
 
-The convex solver takes ten times as long as a formula, and most pairs it is asked about
-are beyond the margin, cycle after cycle. The normal it found then still separates them
-a millisecond later: two support points prove it. A pair that is reported is always
-measured from nothing, so no answer depends on what is remembered.
+The convex solver takes ten times as long as a formula, and most of its pairs are beyond
+the margin, cycle after cycle. The normal of an earlier cycle usually still separates
+them: two support points prove it. A reported pair is always measured without the cache,
+so no answer depends on it.
 """
 
 import numpy as np
@@ -16,28 +16,28 @@ from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
 
-# Pairs remembered at a time; a pair has one line, and takes it from another [-].
+# Lines of the cache; a pair has one line, and overwrites that of another pair [-].
 PLANE_COUNT = 2048
 
-# What round-off may add to a separation, as a share of the numbers it is made of [-].
+# Relative round-off of a separation [-].
 ROUND_OFF = 1e-13
 
 
 @kernel
 def line_of(i: int, j: int) -> int:
-    """Line of a pair of primitives."""
+    """Line of a pair of primitives in the cache."""
     return int((i * 7919 + j) % PLANE_COUNT)
 
 
 @kernel
 def key_of(i: int, j: int) -> int:
-    """What a line says of its pair; 0 is said by none."""
+    """Key of a pair in its line; never 0, which marks an empty line."""
     return int((i + 1) * 2147483648 + j)
 
 
 @kernel
 def is_apart(i: int, j: int, look: float, w: Workspace) -> bool:
-    """Whether a remembered plane proves that a pair is beyond a distance [m]."""
+    """Whether a stored normal proves that a pair is beyond the distance `look` [m]."""
     kinds, rows = w.world.kinds, w.world.rows
     if has_closed_form_at(kinds[i], kinds[j]):
         return False
@@ -54,7 +54,7 @@ def is_apart(i: int, j: int, look: float, w: Workspace) -> bool:
 
 @kernel
 def remember_plane(i: int, j: int, w: Workspace, witness: Floats) -> None:
-    """Keep the normal of a pair that was measured and is beyond the margin."""
+    """Store the normal of a pair that was measured beyond the margin."""
     if has_closed_form_at(w.world.kinds[i], w.world.kinds[j]):
         return
     line = line_of(i, j)

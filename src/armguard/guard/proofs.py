@@ -1,4 +1,4 @@
-"""What a pair needs until its robots rest, and whether it keeps that."""
+"""Proof that a pair keeps its buffer until its robots rest, and its clearance."""
 
 from math import inf
 
@@ -62,14 +62,14 @@ from armguard.motion.state import (
 Floats = NDArray[np.float64]
 
 
-# A pair that has less than this left beyond what it needs is near [m].
+# Clearance below which a pair contributes to cues and is proven in full [m].
 NEAR_CUE = 0.02
 
-# The exact shapes of a pair are asked if its primitives have less than this left [m].
+# Clearance of the primitives below which the exact shapes of a pair are tested [m].
 PLENTY = 5e-3
 
-# Which shapes a pair's clearance is of. The place ENVELOPE of its row holds this until
-# the cycle concludes.
+# Shapes that a pair's clearance was computed with. The column ENVELOPE of its row holds
+# this until the cycle concludes.
 OF_WITNESS = 0.0
 OF_PRIMITIVES = 1.0
 OF_EXACT = 2.0
@@ -79,14 +79,14 @@ OF_EXACT = 2.0
 def prove_pair(
     i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
 ) -> tuple[int, float]:
-    """Prove that a pair keeps what it must on the stop paths of its robots.
+    """Prove that a pair keeps its required separation on the stop paths of its robots.
 
-    Which shapes the answer is of is written to the pair's row. Of an object that comes
-    by itself at a robot that leaves it, no more is proven than that the robot comes no
-    nearer to where it was seen: such a pair is `UNPROVEN`.
+    The judged shapes are written to the pair's row. For a robot that leaves a moving
+    object, it is only proven that the robot does not approach the place where the
+    object was seen: such a pair is `UNPROVEN`.
 
     Returns:
-        How the proof ended, and what is left or lacks [m].
+        How the proof ended, and the clearance, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
     distance = w.out[place + WITNESS]
@@ -127,15 +127,15 @@ def prove_need(
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        plan_i: The stop of its robot, NEXT or NOW.
-        plan_j: The same of the other.
+        plan_i: The stop of the robot of i, NEXT or NOW.
+        plan_j: The stop of the robot of j, NEXT or NOW.
         place: Where the pair's row starts.
-        need: The distance, without an object's way until all rest [m].
-        relieved: Whether it is less than the pair is to have.
+        need: The distance, without an object's travel until all rest [m].
+        relieved: Whether it was reduced for a recovery.
         w: The workspace.
 
     Returns:
-        How the proof ended, and what is left or lacks [m].
+        How the proof ended, and the clearance, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
     out = w.out
@@ -199,10 +199,10 @@ def prove_need(
 
 @kernel
 def is_evaded(i: int, j: int, v: Watch) -> bool:
-    """Whether a robot is getting out of the way of an object.
+    """Whether a robot is evading an object.
 
-    It comes, whatever the robot does: a stop in its way protects from nothing. Where
-    it will be is foreseen, and the robot led by that.
+    The object approaches even if the robot stops, so a stop in its path gives no
+    protection. The robot is led by the predicted path of the object.
 
     Args:
         i: Primitive of the robot.
@@ -221,7 +221,7 @@ def is_evaded(i: int, j: int, v: Watch) -> bool:
 def is_plenty(
     spare: float, i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
 ) -> bool:
-    """Whether a pair has so much left that nobody needs to know how much."""
+    """Whether a pair's clearance is so large that a coarse bound suffices."""
     time = LOOK_AHEAD * v.pace[SLOW_TIME]
     if spare >= time * closing_speed(i, j, w, v, m):
         return True
@@ -242,7 +242,7 @@ def describe_pair(
     m: Motion,
     p: Pair,
 ) -> None:
-    """Describe a pair of primitives."""
+    """Write a pair of primitives into a `Pair`."""
     moving = m.rate.shape[0]
     for side in range(2):
         k = i if side == 0 else j
@@ -261,7 +261,7 @@ def describe_pair(
 
 @kernel(separate=True)
 def look_at_exact(i: int, j: int, w: Workspace, p: Pair) -> float:
-    """What the exact shapes of both sides surely have left, looked at once [m].
+    """Lower bound of the clearance of the exact shapes of both sides, by one test [m].
 
     Args:
         i: Lower primitive.
@@ -286,7 +286,7 @@ def look_at_exact(i: int, j: int, w: Workspace, p: Pair) -> float:
 
 @kernel(separate=True)
 def prove_exact(i: int, j: int, w: Workspace, p: Pair) -> tuple[int, float]:
-    """The same for the exact shapes of both sides: each pair of them has to hold.
+    """Prove by spans that all pairs of exact shapes of both sides keep the distance.
 
     Args:
         i: Lower primitive.
@@ -308,7 +308,7 @@ def prove_exact(i: int, j: int, w: Workspace, p: Pair) -> tuple[int, float]:
 
 @kernel
 def describe_exact(i: int, which: int, side: int, w: Workspace, p: Pair) -> None:
-    """Write one of the exact shapes of a primitive's link into a pair."""
+    """Write one exact shape of a primitive's link into a side of a `Pair`."""
     if w.exact_of[i, 1] == 0:
         return
     e = w.exact_of[i, 0] + which
@@ -320,10 +320,10 @@ def describe_exact(i: int, which: int, side: int, w: Workspace, p: Pair) -> None
 
 @kernel
 def coarse(i: int, v: Watch, m: Motion) -> bool:
-    """Whether a side is to be judged by levers and speed alone.
+    """Whether a side is judged by levers and speed alone.
 
-    Because its robot's mode is "speed"; or because that robot brakes, and no proof
-    could ask for more.
+    True if its robot's mode is "speed", or if that robot brakes, since no proof could
+    demand more.
     """
     r = robot_of(i, v)
     if r < 0 or m.span[SEGMENT] != 0.0:

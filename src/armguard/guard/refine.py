@@ -1,9 +1,9 @@
-"""Second stage of a pair: where primitives would bind, the exact shapes are asked.
+"""Second stage of the narrow phase: exact shapes where primitives are too near.
 
 Links are measured by primitives that enclose them. The real link lies in the union of
 its primitives and also in the union of its exact shapes, so the real distance of two
 links is at least the distance of the primitives and at least that of the exact shapes:
-the larger of the two may be taken, whichever it is.
+the larger of the two is a valid lower bound.
 """
 
 import numba
@@ -23,8 +23,8 @@ from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 
-# A link has several primitives, so a pair of links is asked for several times a cycle;
-# the memo knows the answer. Places in a line: the pair of parts, and the cycle.
+# A link has several primitives, so a pair of links is needed several times a cycle: its
+# result is cached. Columns of a line: the two sides, and the cycle.
 KEY_A = 0
 KEY_B = 1
 WHEN = 2
@@ -47,7 +47,7 @@ def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
     if count_a == 0 and count_b == 0:
         return
     out = w.out
-    # What stands for a side: its link's shapes, or the primitive, which is exact.
+    # Key of a side: its link's exact shapes, or the primitive, which is exact.
     key_a = first_a if count_a else -1 - i
     key_b = first_b if count_b else -1 - j
     line = (key_a * 31 + key_b) % MEMO_SIZE
@@ -68,7 +68,7 @@ def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
         w.memo[line, KEY_A], w.memo[line, KEY_B] = key_a, key_b
         w.memo[line, WHEN] = cycle
     out[place + EXACT] = found[0]
-    # A NaN stops: it replaces the distance.
+    # A NaN replaces the distance, and so leads to a stop.
     if not found[0] <= out[place + WITNESS]:
         for k in range(WITNESS_WIDTH):
             out[place + WITNESS + k] = found[k]
@@ -76,7 +76,7 @@ def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
 
 @kernel(separate=True)
 def measure_parts(i: int, j: int, w: Workspace, nearest: Vector) -> None:
-    """Witness row of the nearest two exact shapes of two primitives' links.
+    """Write the witness row of the nearest exact shapes of two primitives' links.
 
     Args:
         i: Lower primitive.
@@ -105,7 +105,7 @@ def exact_row(i: int, m: int, w: Workspace, row: Floats) -> int:
     """Write the world row of the m-th exact shape of a primitive's link.
 
     Returns:
-        Its kind.
+        ShapeKind of that shape.
     """
     if w.exact_of[i, 1] == 0:
         for k in range(ROW_WIDTH):

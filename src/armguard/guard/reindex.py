@@ -1,4 +1,4 @@
-"""Second step of a cycle: let the index follow the primitives that moved."""
+"""Second step of a cycle: update of the index for the primitives that moved."""
 
 from armguard.guard.layout import (
     CHANGED_LEAF,
@@ -25,9 +25,9 @@ from armguard.kernel import kernel
 
 @kernel
 def update_index(w: Workspace) -> None:
-    """Update the leaves of every primitive whose body moved; count what changed.
+    """Update the leaves of every primitive whose body moved; count the changes.
 
-    Brute force keeps no structure, so there is nothing to follow.
+    Brute force keeps no structure, so there is nothing to update.
     """
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
         return

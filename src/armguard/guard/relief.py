@@ -1,4 +1,4 @@
-"""What a pair may lack while a robot leaves it."""
+"""Relief: permitted deficit of a pair while a robot recovers from it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from armguard.motion.state import (
 
 Floats = NDArray[np.float64]
 
-# What the bounds of the path of an arm that leaves what is too near may add to it [m].
+# Greatest deficit that the bounds of a recovering arm's path may add [m].
 SINK = 1e-3
 
 
@@ -39,23 +39,22 @@ def relief_of(
     v: Watch,
     m: Motion,
 ) -> float:
-    """What is taken off a pair's need while a robot leaves what is too near [m].
+    """Reduction of a pair's need while a robot recovers from it [m].
 
-    A pair that would be too near at rest as well, or is by so little not that its
-    robots cannot be let go, need not be farther than it is, as long as what the robot
-    is told surely opens it. What the bounds of its path may add to that is bounded too,
-    by where the recovery began, and by how far an object can have come by itself since.
-    The pair's other side must not be one that is driven nearer.
+    A pair that is too near even at rest, or so nearly that its robots cannot be
+    released, need not be farther than it is, as long as the robot's command surely
+    opens it. The deficit that the bounds of the path may add is bounded by that at the
+    start of the recovery, and by the travel of an object since. The other side of the
+    pair must not be driven nearer.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
         place: Where the pair's row starts.
-        spare: Distance beyond what the pair needs besides joints [m].
-        floor: What of that need is no error, but asked for [m].
-        w: The workspace.
+        spare: Distance minus the need without joint motion [m].
+        floor: Part of that need that is no error: the buffer [m].
         w: Workspace.
-        v: Watch; the deficits of resting robots are noted.
+        v: Watch; the deficits of the robots are written.
         m: Motion.
     """
     if m.span[SEGMENT] != 0.0:
@@ -82,21 +81,21 @@ def relief_of(
             v.relieved[r] = 1
             if not surely_opens(r, i, j, place, w):
                 return 0.0
-            # What comes by itself was counted until then when the recovery began.
+            # `relief` includes the travel of an object until `relief_until`.
             later = max(now_of(v) + m.span[SETTLED] - v.relief_until[r], 0.0)
             most = max(most, v.relief[r] + SINK + object_speed(j, v) * later)
     relief = min(SINK - spare, most)
     if relief > floor and measured + floor >= error_along(i, j, place, w, v, m):
-        # What surely does not touch has to stay so.
+        # A pair that surely does not touch has to stay apart.
         relief = floor
     return float(relief)
 
 
 @kernel
 def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """What errors of joint positions take off a pair's distance, to first order [m].
+    """Error of a pair's distance due to joint position errors, to first order [m].
 
-    No more than `blur`, which is the sum of the ways of both sides in any direction.
+    At most `blur`, which sums the displacements of both sides in any direction.
     """
     pair_row(i, j, place, v.row, w, m)
     total = 0.0
@@ -107,9 +106,9 @@ def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -
 
 @kernel(separate=True)
 def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
-    """Whether what a robot is told opens a pair, wherever in its error each joint is.
+    """Whether a robot's command opens a pair despite all tracking errors.
 
-    The other robot's errors count as well if it is driven.
+    The other robot's tracking errors count as well if it is driven.
 
     Args:
         r: The robot.
@@ -134,7 +133,7 @@ def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
 
 @kernel(separate=True)
 def is_driven_nearer(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
-    """Whether anything a robot is or was told, and may do yet, closes a pair.
+    """Whether a pending or desired command of a robot closes a pair.
 
     Args:
         r: The robot.

@@ -1,4 +1,4 @@
-"""What rides on a gripper: how tables say that a body hangs on another one."""
+"""Attachment of held objects: tables that make a body a child of a gripper's body."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -27,7 +27,7 @@ def carry(
     motion: Motion,
     T_world: Floats,
 ) -> None:
-    """Hang an object's body on a gripper's, with all its joints above it."""
+    """Attach an object's body to a gripper's body, with all joints above that."""
     body, carrier = item.body, part.body
     T = np.linalg.inv(as_matrix(T_world[carrier])) @ as_matrix(T_world[body])
     tables.parent[body] = carrier
@@ -69,7 +69,7 @@ def set_down(
     motion: Motion,
     T_world: Floats,
 ) -> None:
-    """Let an object's body stand in the world where it is."""
+    """Detach an object's body: it is static in the world at its present pose."""
     body = item.body
     tables.parent[body] = -1
     tables.T_parent_joint[body] = T_world[body]
@@ -86,7 +86,7 @@ def set_down(
 
 
 def reach_of(body: int, tables: SceneTables) -> float:
-    """Radius about its robot's root that a body's frame never leaves [m]."""
+    """Greatest distance of a body's frame from its robot's root [m]."""
     radius = 0.0
     while tables.parent[body] >= 0:
         if tables.joint_kind[body] != FIXED:
@@ -97,13 +97,13 @@ def reach_of(body: int, tables: SceneTables) -> float:
 
 
 def strokes_of(chain: Sequence[int], tables: SceneTables) -> list[float]:
-    """How far the joints of some bodies may go, see `strokes`."""
+    """Strokes of the joints above some bodies, see `strokes`."""
     limits = true_limits(tables)
     return strokes(chain, tables.joint_kind, tables.gain, tables.q_index, *limits)
 
 
 def speed_of(item: Graspable, part: GripperPart, m: Motion, T_world: Floats) -> float:
-    """How fast a gripper moves an object that it is about to hold [m/s]."""
+    """Speed at which a gripper would move an object that it is about to hold [m/s]."""
     p = T_world[item.body, [3, 7, 11]]
     chain = m.joints[part.body, : m.length[part.body]]
     q, axes, origins = m.q_index[chain], m.axes[chain, :3], m.axes[chain, 3:]
@@ -120,13 +120,13 @@ def as_held(
     motion: Motion,
     grips: Grips,
 ) -> dict[str, NDArray[Any]]:
-    """What the tables say while these robots hold these objects, by 'ledger.name'.
+    """Tables as they are if these robots hold these objects, by 'ledger.name'.
 
-    Only what is a place or a count; nothing is written.
+    Only tables of indices and counts; nothing is written.
 
     Args:
-        holders: Robots that have a gripper, by object; who carries it first.
-        exempt: Groups that touch each other then.
+        holders: Robots that hold each object; the first one carries it.
+        exempt: Pairs of groups that are not checked then.
         tables: The scene.
         motion: Motion.
         grips: Contracts and grippers.

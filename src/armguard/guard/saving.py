@@ -1,4 +1,4 @@
-"""What a guard remembers, saved as bytes, restored, or taken over by another one."""
+"""State of a guard: saved as bytes, restored, or copied to another guard."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -35,18 +35,18 @@ from armguard.guard.watch import Watch
 
 @dataclass(slots=True)
 class Saving:
-    """Saves and restores a guard.
+    """Saves and restores the state of a guard.
 
     Attributes:
-        arrays: What is kept, by 'ledger.name'.
-        greatest: What is counted there, and its greatest number.
+        arrays: The saved arrays, by 'ledger.name'.
+        greatest: Greatest values that the rules refer to, by name.
         watch: Watch.
-        memory: What is carried from one cycle to the next.
+        memory: Integers carried between cycles, see `memory`.
         given: Input of cycles.
-        holding: Who holds what.
+        holding: Held objects.
         objects: Objects of the scene.
-        rules: What whole numbers of a checkpoint may be.
-        layout: Digest of what is kept; empty until it is asked for.
+        rules: Permitted integers of a checkpoint.
+        layout: Digest of the saved arrays; empty until it is needed.
     """
 
     arrays: dict[str, NDArray[Any]]
@@ -62,16 +62,17 @@ class Saving:
     def add(
         self, arrays: dict[str, NDArray[Any]], rules: Rules, greatest: Greatest
     ) -> None:
-        """Keep more arrays."""
+        """Add arrays to the saved ones, with their rules."""
         self.arrays |= arrays
         self.rules = {**self.rules, **rules}
         self.greatest = {**self.greatest, **greatest}
         self.layout = b""
 
     def checkpoint(self) -> bytes:
-        """All that is remembered, for `restore`.
+        """State of the guard as bytes, for `restore`.
 
-        For between two cycles. The next cycle measures everything anew, here as there.
+        Call it between two cycles. The next cycle measures all pairs again, in this
+        guard and in the restored one.
         """
         self.memory[FORCE], self.memory[KEPT_COUNT] = 1, 0
         changed = sorted(self.objects.changed)
@@ -84,17 +85,17 @@ class Saving:
         return pack(self._layout_kept(), about, {**self.arrays, **where})
 
     def restore(self, data: bytes) -> None:
-        """Go on from a checkpoint of another guard of the same scene.
+        """Continue from a checkpoint of another guard of the same scene.
 
-        For between two cycles; it takes some milliseconds. From here on the same inputs
-        give the same bits as they do there.
+        Call it between two cycles; it takes some milliseconds. From then on equal
+        inputs give bit-identical verdicts in both guards.
 
         Args:
-            data: What `checkpoint` gave.
+            data: Result of `checkpoint`.
 
         Raises:
-            CheckpointError: It is none, it is damaged, or it was made of another scene
-                or by another version; nothing has changed.
+            CheckpointError: It is no checkpoint, it is damaged, or it was made of
+                another scene or by another version; nothing has changed.
         """
         tables, index = self.holding.tables, self.objects.index
         layout, about, numbers = unpack(data)
@@ -153,7 +154,7 @@ class Saving:
         self.holding.grippers.tables_changed()
 
     def _layout_kept(self) -> bytes:
-        """The digest of what is kept."""
+        """Digest of the saved arrays and of the scene."""
         if not self.layout:
             tables = self.holding.tables
             robots = [part.name for part in tables.robots]

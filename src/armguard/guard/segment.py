@@ -1,4 +1,4 @@
-"""A straight line of joint positions, judged as a whole: nothing between is missed."""
+"""Continuous collision check of one straight line in joint space."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +19,15 @@ Longs = NDArray[np.int64]
 
 @kernel(inline=False, entry=True)
 def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
-    """Prove for every pair that it keeps its buffer on a line of joint positions.
+    """Prove for every pair that it keeps its buffer on a line in joint space.
 
     Args:
         start: Joint positions at its start, finite, shape (n,) [rad or m].
-        end: Those at its end.
+        end: Joint positions at its end, finite, shape (n,) [rad or m].
         lines: Ledger of a workspace; the answer's rows are those of its pairs.
 
     Returns:
-        How many places of the workspace's `out` were used.
+        Count of numbers of the workspace's `out` that were used.
     """
     w = open_workspace(lines)
     m = w.motion

@@ -1,7 +1,7 @@
-"""A guard's test of itself: a synthetic approach must walk through every level.
+"""Self-test of a guard: a simulated approach must pass through every level.
 
-Consecutive samples of a robot that is not there are fed to the guard, as its operator's
-loop would. Nothing of it is left in the guard.
+The guard receives consecutive samples of a simulated robot, as from its operator's
+loop. The state of the guard is restored afterwards.
 """
 
 from collections.abc import Iterator
@@ -22,11 +22,10 @@ from armguard.guard.walk import Walk, late_cycle
 from armguard.guard.watch import SLOW_TIME_DEFAULT, Watch
 from armguard.guard.workspace import INTENTS
 
-# Ways that are tried until one has room to get up to speed before it must stop.
+# Count of approaches tried until one reaches its speed before it must stop.
 TRIES = 6
 
-# In a loop slower than this share of the time in which a robot is slowed, no cycle need
-# fall into that time [-].
+# Cycles that the time in which a robot is slowed must hold for SLOW to be required [-].
 CYCLES_OF_SLOW = 4.0
 
 
@@ -35,8 +34,8 @@ class SelfTestLine:
     """One part of the test.
 
     Attributes:
-        status: "PASS", or "SKIP" where the scene has nothing to try it on.
-        sentence: What was seen, or why nothing was.
+        status: "PASS", or "SKIP" where the scene does not permit this part.
+        sentence: Observed levels, or the reason of the skip.
     """
 
     status: str
@@ -45,7 +44,7 @@ class SelfTestLine:
 
 @dataclass(frozen=True, slots=True)
 class SelfTestReport:
-    """What a guard's test of itself came to; one that fails is an error.
+    """Report of a self-test that passed; a failed one raises `SelfTestError`.
 
     Attributes:
         lines: Its parts.
@@ -64,7 +63,7 @@ def check_home(verdict: Verdict) -> None:
         verdict: Verdict of the home configuration.
 
     Raises:
-        HomeContactError: Some do.
+        HomeContactError: Some of them overlap.
     """
     contacts = tuple(p for p in verdict.near if not p.distance >= 0.0)
     if contacts:
@@ -81,18 +80,18 @@ def check_home(verdict: Verdict) -> None:
 
 
 def self_test(guard: Loop) -> SelfTestReport:
-    """Lead a synthetic robot through every level, then give wrong inputs.
+    """Lead a simulated robot through every level, then give wrong inputs.
 
     Levels must rise in order to a stop that ends before contact; standstill must be
-    noticed; a robot that does not slow down must be answered by a brake, and then by a
-    stop from outside; NaN, a late cycle and a stamp that goes back must stop in the
-    same cycle. The guard is left as it was.
+    detected; a robot that does not decelerate must be answered by a brake, and then by
+    a stop from outside; NaN, a late cycle and a stamp that goes back must stop in the
+    same cycle. The state of the guard is restored.
 
     Args:
-        guard: What is to be armed.
+        guard: The guard under test.
 
     Raises:
-        SelfTestError: It does not answer as it must.
+        SelfTestError: A verdict is not the required one.
     """
     if not has_stops(guard.tables):
         return SelfTestReport((SelfTestLine("SKIP", "no stops are predicted"),))
@@ -102,10 +101,10 @@ def self_test(guard: Loop) -> SelfTestReport:
 
 @contextmanager
 def untouched(guard: Loop) -> Iterator[None]:
-    """Leave a guard as it is, whatever it is asked meanwhile.
+    """Restore the state of a guard afterwards.
 
-    Objects that move count as seen all the time, and nothing is read as an intent to
-    touch: what is led up to something does not mean to.
+    Meanwhile moving objects count as always seen, and intents are not read: a test
+    approach must not open a contract.
     """
     watch, grips, settings = guard._watch, guard._grips, guard._settings
     before = {name: array.copy() for name, array in watch._asdict().items()}
@@ -127,13 +126,13 @@ def untouched(guard: Loop) -> Iterator[None]:
 
 
 def see_movers(watch: Watch) -> None:
-    """Let objects that move count as seen all the time."""
+    """Mark moving objects as absent, so that they need no sighting."""
     if len(watch.seen_at):
         watch.seen_at[watch.movers] = inf
 
 
 def approach_lines(guard: Loop) -> Iterator[SelfTestLine]:
-    """Approach something, first as a robot that obeys, then as one that does not."""
+    """Test an approach, first with a robot that obeys, then with one that does not."""
     for k, approach in enumerate(find_approaches(guard)):
         if k == TRIES:
             break
@@ -149,10 +148,10 @@ def approach_lines(guard: Loop) -> Iterator[SelfTestLine]:
 
 
 def walked_up_to(walk: Walk) -> bool:
-    """Walk until a stop is ordered.
+    """Move forward until a stop is ordered.
 
     Returns:
-        Whether that was an approach: let go at its start, up to speed before the end.
+        Whether the approach is valid: below SLOW at its start, at speed before its end.
 
     Raises:
         SelfTestError: No stop was ordered before contact.
@@ -168,10 +167,11 @@ def walked_up_to(walk: Walk) -> bool:
 
 
 def obeyed(guard: Loop, approach: Approach, walk: Walk) -> SelfTestLine:
-    """Let the robot of a walk stop as declared.
+    """Test a robot that stops as declared.
 
     Raises:
-        SelfTestError: A level was left out, it touched, lagged, or is not at rest.
+        SelfTestError: A level was left out, or the stop ended in contact, was called
+            lagging, or was not recognised as standstill.
     """
     levels = list(walk.levels)
     slows = guard.tables.period * CYCLES_OF_SLOW < SLOW_TIME_DEFAULT
@@ -199,10 +199,10 @@ def obeyed(guard: Loop, approach: Approach, walk: Walk) -> SelfTestLine:
 
 
 def ran_away(guard: Loop, approach: Approach) -> SelfTestLine:
-    """Let a robot go on as if nothing had been ordered.
+    """Test a robot that ignores an ordered stop.
 
     Raises:
-        SelfTestError: The guard did not call for more.
+        SelfTestError: The guard did not order BRAKE and HARDWARE_STOP.
     """
     if not approach.shows_lag:
         return SelfTestLine(
@@ -223,10 +223,11 @@ def ran_away(guard: Loop, approach: Approach) -> SelfTestLine:
 
 
 def fault_line(guard: Loop) -> SelfTestLine:
-    """Give wrong inputs after two good cycles.
+    """Test wrong inputs, each after two valid cycles.
 
     Raises:
-        SelfTestError: One did not stop in the same cycle, with its own reason.
+        SelfTestError: An input did not lead to a stop in the same cycle, with its
+            reason.
     """
     tables, home = guard.tables, guard.home
     broken = home.copy()
@@ -252,11 +253,11 @@ def fault_line(guard: Loop) -> SelfTestLine:
 
 
 def touches(verdict: Verdict) -> bool:
-    """Whether the nearest pair touches."""
+    """Whether the nearest pair touches or overlaps."""
     nearest = verdict.nearest
     return nearest is not None and not nearest.distance > 0.0
 
 
 def named(levels: list[Level]) -> str:
-    """Levels in words."""
+    """Names of levels, joined."""
     return ", ".join(level.name for level in levels)

@@ -21,17 +21,17 @@ ABOUT_PAIRS = (
     Reason.UNPROVEN,
 )
 
-# Reasons whose number is a time.
+# Reasons whose value is a time.
 IN_MILLISECONDS = (
     Reason.STAMP_AHEAD,
     Reason.STATE_STALE,
     Reason.CYCLE_LATE,
 )
 
-# Reasons that a joint explains which has not stopped as declared.
+# Reasons explained by a joint that has not stopped as declared.
 LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
 
-# Reasons that are about how fast a joint is.
+# Reasons about the speed of a joint.
 AT_SPEED = (
     Reason.STATE_JUMPED,
     Reason.TOO_FAST,
@@ -44,7 +44,7 @@ OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL, *ORDERED)
 
 
 def sentence_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
-    """Why the level is what it is.
+    """Reason of the level in one sentence.
 
     Args:
         reason: The reason.
@@ -59,7 +59,7 @@ def sentence_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str
 
 
 def subject_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
-    """What a fault is about: a joint, an object or a robot; "" if all, or none."""
+    """Name of the joint, object or robot of a fault; "" if it concerns all, or none."""
     names = answer.names
     joint, r = int(answer.data[layout.JOINT]), int(answer.data[layout.ROBOT])
     if joint >= 0:
@@ -73,7 +73,7 @@ def subject_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
 
 
 def pair_sentence(reason: Reason, answer: Answer) -> str:
-    """A reason that the nearest pair explains."""
+    """Sentence of a reason that the nearest pair explains."""
     nearest = answer.pair(answer.nearest)
     if reason is Reason.UNPROVEN:
         near = (answer.pair(k) for k in range(len(answer.near)))
@@ -94,7 +94,7 @@ def pair_sentence(reason: Reason, answer: Answer) -> str:
 
 
 def input_sentence(reason: Reason, answer: Answer, subject: str) -> str:
-    """A reason about a robot, an object or the cycle."""
+    """Sentence of a reason about a robot, an object or the cycle."""
     sentence, value = SENTENCES[reason], float(answer.data[layout.VALUE])
     about = f"'{subject}': " if subject else ""
     tables = answer.names.tables
@@ -106,7 +106,7 @@ def input_sentence(reason: Reason, answer: Answer, subject: str) -> str:
 
 
 def joint_sentence(reason: Reason, answer: Answer) -> str:
-    """A reason about a joint."""
+    """Sentence of a reason about a joint."""
     k, value = int(answer.data[layout.JOINT]), float(answer.data[layout.VALUE])
     names, sentence = answer.names, SENTENCES[reason]
     joint = f"joint '{names.tables.q_names[k]}'"

@@ -1,24 +1,23 @@
-"""Settling: how fast a joint may swing after its stop."""
+"""Settling: greatest speed of a joint's swing after its stop."""
 
 from math import sqrt
 
 from armguard.kernel import kernel
 from armguard.motion.figures import JointFigures, RobotFigures
 
-# A swing is thought to be half a sine that takes no less than 0.3 of its longest time:
-# its speed is no more than this times way by time [-].
+# A swing is modelled as half a sine that takes at least 0.3 of its longest time: its
+# speed is at most this multiple of displacement by time [-].
 SWING_SPEED = 10.5
 
-# An unknown greatest deceleration is thought to be this many times the least [-].
+# An unknown greatest deceleration is assumed as this multiple of the least [-].
 HARDEST = 10.0
 
 
 @kernel
 def swing_speed(robot: RobotFigures, figures: JointFigures) -> float:
-    """Speed that settling may have, which is no failure to stop [rad/s].
+    """Greatest speed of settling, which is no failure to stop [rad/s].
 
-    Of a swing of a given way, by the time it takes, or by the deceleration that ends
-    it.
+    For the declared swing: by its duration, or by the deceleration that ends it.
     """
     swing = figures.settle
     speed = 0.0
@@ -29,5 +28,5 @@ def swing_speed(robot: RobotFigures, figures: JointFigures) -> float:
 
 @kernel
 def hardest_stop(figures: JointFigures) -> float:
-    """Greatest deceleration of a stop, as far as one is known [rad/s²]."""
+    """Greatest deceleration of a stop, declared or assumed [rad/s²]."""
     return float(min(figures.deceleration_most, HARDEST * figures.deceleration))

@@ -10,12 +10,12 @@ from armguard.kernel import kernel
 def sort_ids(ids: NDArray[np.int32], count: int) -> None:
     """Sort the first `count` ids in place, ascending.
 
-    Heap sort: no scratch, no recursion, and n·log n also where the worst case
-    matters, when every pair of a crowded cell is near.
+    Heap sort: no scratch, no recursion, and n·log n in the worst case too, when every
+    pair of a crowded cell is near.
 
     Args:
         ids: Ids, only the first `count` are touched.
-        count: How many.
+        count: Count of ids to sort.
     """
     for start in range(count // 2 - 1, -1, -1):
         sift_down(ids, start, count)

@@ -1,7 +1,7 @@
-"""Stops that were ordered: are they what was declared, are they done, may it go on?
+"""Ordered stops: supervision against the declared figures, standstill, and release.
 
 A stop is done when standstill is measured. Until then each joint's speed is compared
-with the greatest that the declared figures leave it. Where it is more, the figures are
+with the greatest that the declared figures permit. If it is greater, the figures are
 disproved: the brake is ordered, and if that lags as well, a stop from outside.
 """
 
@@ -58,14 +58,14 @@ MOVED = int(Reason.MOVED_AT_REST)
 OK = int(Reason.OK)
 CYCLE_LATE = int(Reason.CYCLE_LATE)
 
-# Samples in a row whose velocity must be too great for the stop: one may be wrong by
-# more than its declared error and still agree with those beside it [-].
+# Consecutive samples with too great a velocity that prove a lagging stop: one sample
+# may exceed its declared error and still agree with its neighbours [-].
 LAGGING_SAMPLES = 2
 
-# Cycles in a row a robot must be at rest before its stop counts as done [-].
+# Consecutive cycles of a robot at rest before its stop counts as done [-].
 REST_CYCLES = 5
 
-# What round-off may make of a speed or a place that is just as declared [rad/s], [rad].
+# Round-off of a speed [rad/s] or a position [rad].
 GRAIN = 1e-7
 
 # Long enough for every ramp to have passed [s].
@@ -74,7 +74,7 @@ LONG_AGO = 1e6
 
 @kernel
 def supervise_stops(v: Watch, m: Motion) -> None:
-    """Compare every ordered stop with what was declared; note what is at rest."""
+    """Compare every ordered stop with the declared figures; detect standstill."""
     now = now_of(v)
     for r in range(v.phase.shape[0]):
         phase = v.phase[r]
@@ -103,7 +103,7 @@ def supervise_stops(v: Watch, m: Motion) -> None:
             v.rest_began[r] = now
         done = now - v.ordered[r] > m.robot_figures[r].command
         done &= v.rested[r] >= REST_CYCLES
-        # What looks like rest may be the moment before it swings.
+        # Measured rest may be the moment before a swing.
         done &= now - v.rest_began[r] >= m.robot_figures[r].settle_time
         if done and phase == STOPPING:
             v.phase[r] = RESTING
@@ -111,7 +111,7 @@ def supervise_stops(v: Watch, m: Motion) -> None:
 
 @kernel
 def is_at_rest(r: int, v: Watch, m: Motion) -> bool:
-    """Whether every joint of a robot may be at rest as far as can be measured."""
+    """Whether every joint of a robot may be at rest within measurement errors."""
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         if not (m.v_low[j] <= 0.0 <= m.v_high[j]):
@@ -121,10 +121,10 @@ def is_at_rest(r: int, v: Watch, m: Motion) -> bool:
 
 @kernel
 def follow_stop(r: int, v: Watch, m: Motion) -> int:
-    """Bound the speeds a stop has left by now, and compare them with the measured.
+    """Update the speed bounds of a stop, and compare them with the measurement.
 
     Returns:
-        A joint that is faster than it may be, or -1.
+        A joint that is faster or farther than permitted, or -1.
     """
     robot = m.robot_figures[r]
     effect = effect_time(r, v, m)
@@ -139,14 +139,14 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
     for j in range(first, first + robot.joint_count):
         figures = m.joint_figures[j]
         bound = v.fastest[j]
-        # What the operator may still have added before the stop took effect.
+        # Acceleration by the operator before the stop took effect.
         driven = min(now, effect) - min(before, effect)
         bound = min(
             bound + figures.acceleration * max(driven, 0.0),
             max(bound, figures.velocity),
         )
         bound = slowed(j, bound, before - effect, now - effect, v.phase[r], m)
-        # Slower than settling may be, only where the joint is tells whether it stopped.
+        # Below the speed of settling, only the position shows whether a joint stopped.
         least = max(m.v_low[j], -m.v_high[j])
         if not least <= max(bound, swing_speed(robot, figures)) + GRAIN:
             lagging = j
@@ -154,9 +154,9 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
             lagging = j
             v.lagged[r] = LAGGING_SAMPLES
         if figures.curve == 0.0:
-            # A table tells when it rests by the speed the stop began with, and the stop
+            # A table gives the time to rest from the initial speed of a stop, which
             # may have begun at any time since it was ordered.
-            # One sample may have been too slow, and none of its neighbours.
+            # A single sample may be too slow, but not its neighbours too.
             measured = max(abs(m.v_low[j]), abs(m.v_high[j]))
             earlier = slowed(
                 j, speed_before(j, v, m), before - effect, now - effect, v.phase[r], m
@@ -168,7 +168,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
 
 @kernel
 def effect_time(r: int, v: Watch, m: Motion) -> float:
-    """When the robot's order surely takes effect, on the clock of its stamps [s]."""
+    """Latest time at which a robot's order takes effect, on the clock of stamps [s]."""
     robot = m.robot_figures[r]
     delay = robot.command if v.phase[r] == STOPPING else robot.brake_delay
     return float(v.ordered[r] + delay)
@@ -183,7 +183,7 @@ def speed_before(j: int, v: Watch, m: Motion) -> float:
 
 @kernel
 def unknown_age(r: int, v: Watch, m: Motion) -> float:
-    """How old a measurement may be beyond what its stamp says [s]."""
+    """Additional age of a measurement if the time of the cycle is not given [s]."""
     commanded = v.given[NOW_TIME] == v.given[NOW_TIME]
     return 0.0 if commanded else float(m.robot_figures[r].sensing)
 
@@ -192,13 +192,13 @@ def unknown_age(r: int, v: Watch, m: Motion) -> float:
 def slowed(
     j: int, bound: float, start: float, end: float, phase: int, m: Motion
 ) -> float:
-    """Greatest speed after a part of a stop.
+    """Greatest speed of a joint after a part of a stop [rad/s or m/s].
 
     Args:
         j: The joint.
-        bound: Greatest speed before it.
-        start: From when, counted from the effect of the order [s].
-        end: Until when [s].
+        bound: Greatest speed before that part [rad/s or m/s].
+        start: Start of that part, from the effect of the order on [s].
+        end: End of that part, from the effect of the order on [s].
         phase: STOPPING, or a brake.
         m: Figures.
     """
@@ -210,7 +210,7 @@ def slowed(
             max(bound - figures.brake_deceleration * (end - max(start, 0.0)), 0.0)
         )
     if figures.curve != 0.0:
-        # A table says when it rests, not how it gets there.
+        # A table gives the time of rest, not the speed before.
         time, _ = curve_at(m.curves[j], bound / figures.velocity)
         return 0.0 if end >= time else bound
     ramp, d = m.robot_figures[m.robot_of_joint[j]].ramp, figures.deceleration
@@ -220,10 +220,10 @@ def slowed(
 
 @kernel
 def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> None:
-    """Order a stop or brake of a robot; its speeds are supervised from here on."""
+    """Order a stop or brake of a robot, and start to supervise its speeds."""
     v.phase[r] = phase
-    # The latest moment it may have been given: without a time of the cycle that is
-    # later than the newest stamp.
+    # The latest possible time of the order: if the time of the cycle is not given, it
+    # is later than the newest stamp.
     v.ordered[r] = now + unknown_age(r, v, m)
     v.cause[r] = cause
     v.rested[r] = v.lagged[r] = 0
@@ -231,14 +231,14 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         v.fastest[j] = max(abs(m.v_low[j]), abs(m.v_high[j]), speed_before(j, v, m))
-        # Where the joint may get to at all, if the order takes effect as it should.
+        # Range of positions during the stop, if the order takes effect as declared.
         clock = m.clock[NOW * v.phase.shape[0] + r]
         up, down = m.up[NOW * m.q.shape[0] + j], m.down[NOW * m.q.shape[0] + j]
         error = 2.0 * m.joint_figures[j].position_error + GRAIN
         v.rest_high[j], v.rest_low[j] = inf, -inf
         forget_swing(j, m)
         if phase == STOPPING and clock[REACTION] > 0.0:
-            # As planned for a stop that is told now.
+            # As planned for a stop that is ordered now.
             m.swings[j, OF_STOP] = max(up.swing, down.swing)
             m.swings[j, LOWEST] = m.q[j] - whole_way(down)
             m.swings[j, HIGHEST] = m.q[j] + whole_way(up)
@@ -252,16 +252,16 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
 
 @kernel
 def forget_swing(j: int, m: Motion) -> None:
-    """Let a joint swing as after a stop from top speed: its stop was not planned."""
+    """Permit the swing of a stop from top speed: this stop was not planned."""
     m.swings[j, OF_STOP] = m.joint_figures[j].settle
     m.swings[j, LOWEST], m.swings[j, HIGHEST] = -inf, inf
 
 
 @kernel
 def way_to_rest(r: int, j: int, velocity: float, v: Watch, m: Motion) -> float:
-    """Farthest a joint gets in a direction if it stops or brakes as declared [rad].
+    """Greatest travel of a joint in a direction if it stops as declared [rad].
 
-    For what was not planned: a brake, or the stop of a robot that was to rest.
+    For stops that were not planned: a brake, or the stop of a robot at rest that moves.
     """
     figures, robot = m.joint_figures[j], m.robot_figures[r]
     delay = effect_time(r, v, m) - v.last_stamp[r]
@@ -278,7 +278,7 @@ def way_to_rest(r: int, j: int, velocity: float, v: Watch, m: Motion) -> float:
 
 @kernel
 def set_clocks(v: Watch, m: Motion) -> None:
-    """Write until when each robot's stop takes effect, if ordered now or next time."""
+    """Write the delays of each robot's stop, if ordered now or in the next cycle."""
     now = now_of(v)
     robots = v.phase.shape[0]
     cycle = v.pace[PERIOD] + v.pace[LATE] + unannounced_time(v, m)
@@ -297,7 +297,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
             if driven or (phase == RESTING and plan == NEXT):
                 clock[REACTION] = clock[AGE] + robot.command
                 if plan == NEXT:
-                    # A robot at rest is let go if it could go on for a cycle more.
+                    # A robot at rest is released if it could move one cycle longer.
                     clock[REACTION] += cycle if driven else 2.0 * cycle
             elif phase == RESTING:
                 clock[PASSED] = LONG_AGO
@@ -311,7 +311,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
 
 @kernel
 def order_stops(v: Watch, m: Motion) -> None:
-    """Order the stops this cycle asks for, and let go what may go on."""
+    """Order the stops that this cycle demands, and release robots that may move."""
     now = now_of(v)
     forced = int(v.last[FORCED])
     for r in range(v.phase.shape[0]):
@@ -327,15 +327,15 @@ def order_stops(v: Watch, m: Motion) -> None:
 
 @kernel
 def stop_everything(reason: int, v: Watch, m: Motion) -> None:
-    """Order a stop of every running robot, for an input that cannot be believed."""
+    """Order a stop of every running robot, for an implausible input."""
     for r in range(v.phase.shape[0]):
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
         if m.robot_figures[r].mode != FIXED and driven:
             order(r, STOPPING, reason, v.last[ORDERED_AT], v, m)
-            # How far it gets was not planned in this cycle.
+            # The travel of this stop was not planned in this cycle.
             first = m.robot_figures[r].first_joint
             for j in range(first, first + m.robot_figures[r].joint_count):
-                # What was refused may be true.
+                # The refused velocity may be true.
                 if v.given[HAS_VELOCITY] != 0.0 and isfinite(v.velocity[j]):
                     top = max(v.fastest[j], m.joint_figures[j].velocity)
                     speed = abs(v.velocity[j]) + m.joint_figures[j].velocity_error

@@ -1,4 +1,4 @@
-"""What a guard remembers of its inputs and of the stops it has ordered."""
+"""State of a guard: inputs, measurements, commands and the stops it has ordered."""
 
 from typing import NamedTuple
 
@@ -23,181 +23,182 @@ Longs = NDArray[np.int64]
 # An arm is slowed if a stop would have to be ordered within this time [s].
 SLOW_TIME_DEFAULT = 0.1
 
-# A slowed robot is called slow until its time left is this much longer [-].
+# A slowed robot stays slow until its time left is this multiple of that time [-].
 HYSTERESIS = 1.25
 
-# Places in `Watch.given`: what a cycle was handed.
-NOW_TIME = 0  # time of the cycle [s]; NaN if nobody said
-HAS_VELOCITY = 1  # 1 if velocities came with the positions
-COMMANDED = 2  # 1 if what the arms are told goes through the guard
+# Indices of `Watch.given`, the input of a cycle.
+NOW_TIME = 0  # time of the cycle [s]; NaN if not given
+HAS_VELOCITY = 1  # 1 if velocities were given with the positions
+COMMANDED = 2  # 1 if commands go through the guard
 JUDGED = 3  # 1 if the input could be judged
 GIVEN = 4
 
-# Places in `Watch.last`.
+# Indices of `Watch.last`.
 LAST_NOW = 0  # time of the last cycle [s]
 FORCED = 1  # reason why every robot must stop in this cycle, 0 for none
 UNANNOUNCED = 2  # how much later than its time the last cycle may have been [s]
-ORDERED_AT = 3  # when orders of a refused cycle count as given [s]; infinite: unknown
+ORDERED_AT = 3  # time of the orders of a refused cycle [s]; infinite: unknown
 LAST = 4
 
-# Places in `Watch.pace`.
-PERIOD = 0  # from one cycle to the next [s]
-LATE = 1  # how much later it may come [s]
-SLOW_TIME = 2  # a stop that must be ordered within this time slows the arm [s]
+# Indices of `Watch.pace`.
+PERIOD = 0  # declared time from one cycle to the next [s]
+LATE = 1  # permitted delay of a cycle beyond that [s]
+SLOW_TIME = 2  # time left below which an arm is slowed [s]
 PACE = 3
 
 # Phases of a robot.
 RESTING = 0  # at rest after a stop, or at the start: its operator waits
 RUNNING = 1  # its operator moves it
 STOPPING = 2  # a controlled stop was ordered
-BRAKING = 3  # the brake was ordered, since the stop was not what was declared
-LOST = 4  # the brake is not what was declared either
-RECOVERING = 5  # it leaves what is too near, on ways that only lead away
+BRAKING = 3  # the brake was ordered, since the stop was slower than declared
+LOST = 4  # the brake was slower than declared too
+RECOVERING = 5  # it moves out of a pair that is too near
 
-# Ways into a recovery, in `Watch.recover`.
+# Starts of a recovery, in `Watch.recover`.
 LEAVES = 1
 AT_REST = 2
 AT_WORK = 3
 
-# And out of it: it is stopped, as its operator lets go of it or leads it back.
+# End of a recovery: a stop, as its operator releases the robot or leads it back.
 GIVES_UP = 4
 
-# In a scene of so few primitives it takes less time to go through all pairs than to
-# look for those that are near.
+# Greatest count of primitives for which testing all pairs is faster than a search in
+# the index.
 FEW = 128
 
-# Commands kept beyond those that may be under way: cycles may come early.
+# Commands stored beyond the pending ones: cycles may be early.
 SPARE_COMMANDS = 8
 
-# Pairs noted of a cycle, which may be proven again by what they had left.
+# Greatest count of pairs recorded in a cycle for a second proof by their clearance.
 JUDGED_ROOM = 4096
 
-# Places in `Watch.hangs`.
-STUCK_AT = 0  # what the joint measures [rad or m]
-COMMANDED_FOR = 1  # for how long it was told to move since it does so [s]
-COMMANDED_WAY = 2  # how far at least [rad or m]
+# Columns of `Watch.stuck`.
+STUCK_AT = 0  # repeated position of the joint [rad or m]
+COMMANDED_FOR = 1  # time for which it was commanded to move meanwhile [s]
+COMMANDED_WAY = 2  # least travel commanded meanwhile [rad or m]
 STUCK_ROW = 3
 
-# Delays of drives that are looked for: each is one more of these shares of the declared
-# delay of commands, the fourth is that delay itself [-].
+# Tested delays of drives: multiples of this share of the declared delay of commands;
+# the fourth is that delay itself [-].
 DELAY_STEPS = 8
 DELAY_SHARE = 0.25
 
-# Places in `Watch.agreement`.
-LATEST = 0  # measured velocity of the last believed sample, NaN if it had none
-EARLIER = 1  # the same of the sample before
-AHEAD_SUM = 2  # how far the positions got beyond what the velocities explain
-BEHIND_SUM = 3  # how far they stayed behind it
-AHEAD_NEXT = 4  # the same two, if the sample of this cycle is believed
+# Columns of `Watch.agreement`.
+LATEST = 0  # measured velocity of the last accepted sample, NaN if it had none
+EARLIER = 1  # measured velocity of the sample before, NaN if it had none
+AHEAD_SUM = 2  # travel beyond what the velocities explain [rad or m]
+BEHIND_SUM = 3  # travel short of what the velocities explain [rad or m]
+AHEAD_NEXT = 4  # both sums, if the sample of this cycle is accepted
 BEHIND_NEXT = 5
 AGREEMENT = 6
 
-# What was known of a joint's stop in one direction, see `Watch.judged_ways`.
-WAY = 0  # whole way, settling included [rad]
-BACKWARDS = 1  # speed if it only gets back [rad/s]
+# Columns of `Watch.judged_ways`: a joint's planned stop in one direction.
+WAY = 0  # whole travel, settling included [rad or m]
+BACKWARDS = 1  # speed, if it moves in the opposite direction only [rad/s or m/s]
 SETTLES = 2  # time until it has settled [s]
-RESTS = 3  # way at rest, once it has settled [rad]
+RESTS = 3  # travel at rest, without the swing [rad or m]
 JUDGED_WAY = 4
 
-# Samples kept of each joint, from which velocities are estimated.
+# Samples stored of each joint, from which velocities are estimated.
 HISTORY = 16
 
 
 @table
 class Watch(NamedTuple):
-    """Inputs of a cycle and memory of the cycles before.
+    """Inputs of a cycle, and state that is carried between cycles.
+
+    Sizes: r robots, n joints, p primitives, the first m of which may move. Velocities
+    of joints are in [rad/s or m/s], positions in [rad or m].
 
     Attributes:
-        stamps: Time each robot was measured, shape (r,) [s].
+        stamps: Stamp of each robot's measurement, shape (r,) [s].
         given: See NOW_TIME, shape (GIVEN,).
-        velocity: Velocities that came with the positions, shape (n,).
+        velocity: Measured joint velocities, if given, shape (n,).
         last: See LAST_NOW, shape (LAST,).
         pace: See PERIOD, shape (PACE,).
         last_stamp: Stamp of each robot's last sample, shape (r,) [s].
-        sample_count: Samples in each robot's history, shape (r,).
-        sample_t: Their stamps, newest first, shape (r, HISTORY) [s].
-        sample_q: Their positions, newest first, shape (n, HISTORY).
-        phase: Phase of each robot, shape (r,).
-        ordered: When its stop or brake was ordered, shape (r,) [s].
+        sample_count: Count of samples in each robot's history, shape (r,).
+        sample_t: Stamps of these samples, newest first, shape (r, HISTORY) [s].
+        sample_q: Positions of these samples, newest first, shape (n, HISTORY).
+        phase: Phase of each robot, see RESTING, shape (r,).
+        ordered: Time of each robot's last order to stop or brake, shape (r,) [s].
         must: 1 where a robot must stop in this cycle, shape (r,).
         cause: Reason of each robot's last order, shape (r,).
-        fastest: Greatest speed the ordered stop leaves each joint, shape (n,).
-        fastest_at: Time that is for, shape (r,) [s].
-        rest_low: Least position each joint of a stopping robot can get to, shape (n,).
-        rest_high: Greatest, shape (n,).
-        rest_began: When it was last found at rest after moving, shape (r,) [s].
-        rested: Cycles in a row in which each stopped robot was at rest, shape (r,).
+        fastest: Greatest speed of each joint that its ordered stop permits, shape (n,).
+        fastest_at: Stamp that `fastest` is valid for, shape (r,) [s].
+        rest_low: Least position of each joint during an ordered stop, shape (n,).
+        rest_high: Greatest position of each joint during that stop, shape (n,).
+        rest_began: Start of each robot's present standstill, shape (r,) [s].
+        rested: Consecutive cycles of each stopping robot at rest, shape (r,).
         level: Level of each robot in the last cycle, shape (r,).
         time_left: Least time left of each robot's pairs, shape (r,) [s].
-        disproved: 1 where a joint broke a declared figure, shape (n,).
+        disproved: 1 where a joint exceeded a declared figure, shape (n,).
         model: Model error of each moving primitive's robot, shape (m,) [m].
-        base: How far an error of the base moves each, shape (m,) [m].
-        top_speed: Greatest speed of primitives no robot moves, (p,) or (0,) [m/s].
-        seen_at: When each of them was seen, shape (p,) or (0,) [s].
-        robot_of: Robot of each moving primitive, shape (m,).
+        base: Displacement of each moving primitive by its base's error, (m,) [m].
+        top_speed: Greatest speed of each primitive without a robot, (p,) or (0,) [m/s].
+        seen_at: Time of the last sighting of each primitive, less its position error at
+            top speed; inf if absent, shape (p,) or (0,) [s].
+        robot_of: Robot of each moving primitive, -1 if none, shape (m,).
         movers: Primitives whose top speed is not 0, shape (k,).
         pairs: Every checked pair of a small scene, see `all_pairs`, shape (c, 2) [-].
-        pair_need: What each of them must keep whatever its robots do, without the way
-            of an object since it was seen, shape (c,) [m].
-        look: Scratch for how far each primitive must look, shape (p,) [m].
-        wanted: Velocities to be told to the joints in this cycle, shape (n,).
-        sent: What they were told before, in turn, shape (c, n).
-        sent_at: When, shape (c,) [s].
-        held: 1 where each robot was told to stay where it rests, shape (c, r).
-        sent_count: How often, shape (1,) [-].
-        commanded: What they were told last, shape (n,).
-        commanded_at: When; long ago if never, shape (1,) [s].
-        under_way: Least and greatest velocity each joint may have been told and not
-            reached yet, shape (n, 2).
-        driven_to: The same without what was told to robots that rest, which are held
-            and do not drift; inf and -inf if nothing else is under way, shape (n, 2).
-        band: Between which velocities each joint was or was driven to in the last
-            cycle, shape (n, 2).
-        deficit: How much nearer than it must be at rest any pair of each robot is,
-            shape (r,) [m].
-        relief: The same when its recovery began, shape (r,) [m].
-        relieved: 1 where a pair of each robot still is, shape (r,).
+        pair_need: Static need of each of these pairs, without the travel of an object
+            since it was seen, shape (c,) [m].
+        look: Scratch for the search distance of each primitive, shape (p,) [m].
+        wanted: Desired velocities of this cycle, and then the sent ones, shape (n,).
+        sent: Ring of sent commands, shape (c, n).
+        sent_at: Time of each sent command, shape (c,) [s].
+        held: 1 where a robot was at rest at a sent command, shape (c, r).
+        sent_count: Count of all sent commands, shape (1,) [-].
+        commanded: Last commanded velocities, shape (n,).
+        commanded_at: Time of the last command, -inf if none, shape (1,) [s].
+        under_way: Least and greatest pending command of each joint, shape (n, 2).
+        driven_to: Least and greatest pending command of each joint, without commands
+            to a robot at rest; inf and -inf if there is none, shape (n, 2).
+        band: Least and greatest velocity of each joint by the measurement and the
+            pending commands of the last cycle, shape (n, 2).
+        deficit: Greatest deficit at rest of any pair of each robot, shape (r,) [m].
+        relief: That deficit at the start of each robot's recovery, shape (r,) [m].
+        relieved: 1 where a recovering robot still has such a pair, shape (r,).
         tool_body: Body of each robot's tool, shape (r,).
-        tool_point: Its origin there, shape (r, 3) [m].
-        row: Scratch for a number of each joint, shape (n,).
-        recover: LEAVES for a robot at rest that is to leave what is too near; AT_REST
-            or AT_WORK for one that is to evade what comes, by where it was; GIVES_UP
-            for one that leaves no longer; else 0, shape (r,).
-        evades: 1 for a robot that gets out of the way of what comes, shape (r,).
-        object_velocity: Velocity each of them was seen with, shape (p, 3) or (0, 3)
-            [m/s].
-        evaded: Robots that get out of the way of each of them, a bit for each, shape
-            (p,) or (0,).
-        judged_pairs: Pairs judged in this cycle, and their rows or -1, shape (k, 3).
-        judged_left: What each of them had left; -inf where that says little, (k,) [m].
-        judged_count: How many; -1 if there were too many, shape (1,).
-        judged_ways: Each joint's stop then, in its positive and its negative direction,
-            shape (2 · PLANS · n, JUDGED_WAY).
-        judged_clock: Clocks of the stops then, shape (PLANS · r, CLOCK).
-        judged_settled: When everything had settled then, shape (1,) [s].
-        grown: How much farther each primitive may get since, shape (m,) [m].
-        yields: 1 for one of which less than it wants may be told before it is stopped,
-            shape (r,).
-        stuck: Since when each joint measures the same, see `hanging`, shape (n, HANGS).
-        looked_at: Stamp of each robot's sample that was looked at for that, shape (r,).
-        may_stand: 1 for a joint of a finger, which may stand against what it grips,
-            shape (n,).
-        followed: Between which velocities each joint is if its drive has no more than
-            each of the delays that are looked for, shape (n, 2 · DELAY_STEPS).
-        delays: The greatest of them that each robot's drives have shown to have at
-            least, shape (r,) [s].
-        relief_until: Until when `relief` counts the way of what moves by itself, shape
-            (r,) [s].
-        agreement: Velocities of each joint beside its positions, see LATEST, shape
-            (n, AGREEMENT).
-        doubt: Reason why the last sighting of each of them was refused, 0 if it was
-            not, shape (p,) or (0,).
-        sighted_at: Stamp of its last believed sighting; -inf if there was none since
-            the last reset, shape (p,) or (0,) [s].
-        object_stale: Age from which on a sighting of it is refused, shape (p,) or (0,)
-            [s].
-        lagged: Samples in a row in which each robot's stop was slower than declared,
-            shape (r,).
+        tool_point: Origin of each tool in that body, shape (r, 3) [m].
+        row: Scratch for a number per joint, shape (n,).
+        recover: Start or end of a recovery: LEAVES for a robot at rest that has to
+            leave a pair that is too near; AT_REST or AT_WORK for one that has to evade
+            an approaching object, from rest or in motion; GIVES_UP; else 0, shape (r,).
+        evades: 1 where a robot evades an approaching object, shape (r,).
+        object_velocity: Velocity of each primitive in its last sighting, shape (p, 3)
+            or (0, 3) [m/s].
+        evaded: Bit set of the robots that evade each primitive, shape (p,) or (0,).
+        judged_pairs: Pairs judged in this cycle: two primitives, and the pair's row in
+            the answer or -1, shape (k, 3).
+        judged_left: Clearance of each of these pairs; -inf if it cannot be re-used,
+            shape (k,) [m].
+        judged_count: Count of these pairs; -1 if there were too many, shape (1,).
+        judged_ways: Stop of each joint that they were judged for, in its positive and
+            its negative direction, see WAY, shape (2 · PLANS · n, JUDGED_WAY).
+        judged_clock: Clocks of these stops, shape (PLANS · r, CLOCK).
+        judged_settled: Time from now until these stops have settled, shape (1,) [s].
+        grown: Additional travel of each primitive since then, shape (m,) [m].
+        yields: 1 where a robot may be slowed before it is stopped, shape (r,).
+        stuck: Repeated position of each joint and its commands meanwhile, see
+            STUCK_AT, shape (n, STUCK_ROW).
+        looked_at: Stamp of each robot's last test for stuck sensors, shape (r,) [s].
+        may_stand: 1 for a joint of a finger, which an object may block, shape (n,).
+        followed: Least and greatest velocity of each joint if its drive has at most
+            each tested delay, shape (n, 2 · DELAY_STEPS).
+        delays: Observed lower bound of the delay of each robot's drives, (r,) [s].
+        relief_until: Time until which `relief` includes the travel of a moving object,
+            shape (r,) [s].
+        agreement: Consistency of each joint's velocities and positions, see LATEST,
+            shape (n, AGREEMENT).
+        doubt: Reason why the last sighting of each primitive was refused, 0 if it was
+            accepted, shape (p,) or (0,).
+        sighted_at: Stamp of the last accepted sighting of each primitive; -inf if
+            there was none since the last reset, shape (p,) or (0,) [s].
+        object_stale: Age beyond which a sighting of each primitive is refused, shape
+            (p,) or (0,) [s].
+        lagged: Consecutive samples in which each robot's stop was slower than
+            declared, shape (r,).
     """
 
     stamps: Vector
@@ -273,7 +274,7 @@ class Watch(NamedTuple):
 
 
 def watch_of(tables: SceneTables) -> Watch:
-    """Arrays for the inputs of a scene; all robots are thought to be at rest."""
+    """Initial state for a scene, with all robots at rest."""
     robots, n, p = len(tables.robots), len(tables.q_names), len(tables.kinds)
     m = tables.moving_count
     speeds = tables.top_speeds
@@ -363,14 +364,14 @@ def watch_of(tables: SceneTables) -> Watch:
 
 
 def no_agreement(joints: int) -> Floats:
-    """`Watch.agreement` before the first sample, shape (joints, AGREEMENT)."""
+    """Initial `Watch.agreement`, before the first sample, shape (joints, AGREEMENT)."""
     found = np.zeros((joints, AGREEMENT))
     found[:, [LATEST, EARLIER]] = np.nan
     return found
 
 
 def ages_of_objects(count: int, tables: SceneTables) -> Floats:
-    """Age from which on a sighting of each primitive is refused, shape (count,) [s]."""
+    """Age beyond which a sighting of each primitive is refused, shape (count,) [s]."""
     found = np.full(count, np.inf)
     for thing in tables.standing.values():
         found[thing.first : thing.first + thing.count] = thing.stale
@@ -389,9 +390,9 @@ def joints_of_fingers(tables: SceneTables) -> Longs:
 
 
 def commands_under_way(tables: SceneTables) -> int:
-    """Room for the commands that may not have taken effect when one was measured.
+    """Size of the ring of sent commands: greatest count of pending ones, and spares.
 
-    For drives that lag as much as is looked for.
+    It suffices for drives with the longest tested delay.
     """
     figures = [part.stopping for part in tables.robots if part.stopping is not None]
     most = DELAY_SHARE * DELAY_STEPS
@@ -402,11 +403,10 @@ def commands_under_way(tables: SceneTables) -> int:
 
 
 def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
-    """Every checked pair in ascending order, where a scene has few primitives, (c, 2).
+    """Every checked pair of a small scene in ascending order, else none, shape (c, 2).
 
-    What a robot moves comes first.
-
-    Such a scene is not asked of the index: it takes less time to go through its pairs.
+    In each pair a primitive that a robot moves is first. For few primitives, testing
+    all pairs is faster than a search in the index.
     """
     p, m = len(tables.kinds), tables.moving_count
     if p > FEW or tables.index.kind == "brute_force":
@@ -422,10 +422,10 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
 def static_needs(
     pairs: NDArray[np.int32], model: Floats, base: Floats, tables: SceneTables
 ) -> Floats:
-    """What each pair must keep whatever its robots do, shape (c,) [m].
+    """Static need of each pair, without object motion, shape (c,) [m].
 
-    Its buffer and the errors of the model; those of a base only between what does not
-    stand on it.
+    Its buffer and the errors of the models; those of the bases only for two sides that
+    do not belong to one robot.
     """
     others = len(tables.kinds) - tables.moving_count
     model, base = np.pad(model, (0, others)), np.pad(base, (0, others))
@@ -437,9 +437,9 @@ def static_needs(
 
 
 def base_errors(tables: SceneTables) -> NDArray[np.float64]:
-    """How far an error of its robot's base can move each moving primitive, (m,) [m].
+    """Displacement of each moving primitive by the error of its robot's base, (m,) [m].
 
-    By the angle times the farthest its points get from the base.
+    Translation error, plus angle error times the greatest distance from the base.
     """
     errors = np.zeros(tables.moving_count)
     for i in range(tables.moving_count):
@@ -450,7 +450,7 @@ def base_errors(tables: SceneTables) -> NDArray[np.float64]:
 
 
 def base_error(robot: int, reach: float, tables: SceneTables) -> float:
-    """How far an error of a robot's base moves what is so far from it at most [m]."""
+    """Greatest displacement, by a base's error, of a point within `reach` of it [m]."""
     figures = tables.robots[robot].stopping
     if figures is None:
         return 0.0

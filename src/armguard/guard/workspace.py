@@ -1,4 +1,4 @@
-"""Everything a cycle reads and writes, and its order in the ledger."""
+"""All arrays that a cycle reads and writes, and their order in the ledger."""
 
 from typing import Annotated, NamedTuple
 
@@ -34,41 +34,43 @@ Bytes = NDArray[np.uint8]
 class Workspace(NamedTuple):
     """Tables of a scene, state of its index, memory and scratch of its guard.
 
+    Sizes: b bodies, p primitives, k near pairs at most.
+
     Attributes:
-        lower: See `SceneTables`, from here to `buffers`.
+        lower: Least joint positions. See `SceneTables`, from here to `buffers`.
         upper: Greatest joint positions.
-        parent: Parent bodies.
-        joint_kind: Joint kinds.
-        q_index: Places in q.
-        gain: Multipliers and offsets.
-        T_parent_joint: Joint frames.
+        parent: Parent of each body.
+        joint_kind: Kind of the joint above each body.
+        q_index: Index in q of that joint.
+        gain: Multiplier and offset of that joint.
+        T_parent_joint: Joint frames in their parents.
         axis: Joint axes.
-        bodies: Bodies the primitives ride on.
-        local_rows: Primitives in their bodies.
-        groups: Rule groups.
-        checked: Which groups are checked.
-        buffers: Required distances.
-        margin: Reporting distance, shape (1,).
+        bodies: Body of each primitive.
+        local_rows: Primitives in the frames of their bodies.
+        groups: Rule group of each primitive.
+        checked: 1 where two groups are checked.
+        buffers: Buffer of each pair of groups [m].
+        margin: Reporting distance, shape (1,) [m].
         settings: See MOVING_COUNT, shape (SETTINGS,).
         T_next: Scratch for poses, shape (b, 12).
-        T_world: Poses of the last good cycle, shape (b, 12).
+        T_world: Poses of the last valid cycle, shape (b, 12).
         body_moved: 1 where a body's pose changed, shape (b,).
-        moved: 1 where a primitive rides on such a body, shape (p,).
-        candidates: Scratch for ids, shape (p,).
-        seen: Scratch of the index, shape (p,).
-        kept: Near pairs of the last good cycle, shape (k, NEAR_WIDTH).
-        memory: What is carried over, see `memory`, shape (MEMORY,).
-        out: Answer, see `layout`, shape (HEADER + k · NEAR_WIDTH,).
+        moved: 1 where a primitive belongs to such a body, shape (p,).
+        candidates: Scratch for ids of primitives, shape (p,).
+        seen: Scratch of the index: token of the last query, shape (p,).
+        kept: Rows of near pairs of the last valid cycle, shape (k, NEAR_WIDTH).
+        memory: Integers carried between cycles, see `memory`, shape (MEMORY,).
+        out: Answer, see `layout`, shape (first row + k · NEAR_WIDTH,).
         exact_of: See `ExactTables`, from here to `exact_rows`.
         exact_kinds: Kinds of the exact shapes.
-        exact_rows: Exact shapes in their bodies.
-        memo: Pairs of links whose exact distance is known, see `refine`.
-        memo_rows: Their witness rows, shape (m, 10).
-        planes: Pairs that were found far apart, see `planes`, shape (n,).
-        normals: Their normals, shape (n, 3).
-        look: More than any pair must keep for other reasons than motion, (1,) [m].
-        look_box: Scratch for a box, shape (6,).
-        motion: Stops that may come, and what they sweep.
+        exact_rows: Exact shapes in the frames of their bodies.
+        memo: Keys of cached exact distances, see `refine`, (MEMO_SIZE, MEMO_WIDTH).
+        memo_rows: Cached witness rows, shape (MEMO_SIZE, 10).
+        planes: Keys of pairs with a separating plane, see `planes`, (PLANE_COUNT,).
+        normals: Normals of these planes, shape (PLANE_COUNT, 3).
+        look: Upper bound of the static need of any pair, shape (1,) [m].
+        look_box: Scratch for a bounding box, shape (6,) [m].
+        motion: Predicted stops and the displacements they cause.
         watch: Inputs, commands and the state of the robots.
         grips: Contracts and grippers.
         world: Primitives in the world.
@@ -115,10 +117,10 @@ class Workspace(NamedTuple):
     octree: OctreeState
 
 
-# Places in `Workspace.settings`.
+# Indices of `Workspace.settings`.
 MOVING_COUNT = 0
 INDEX_KIND = 1
-FIRST_ROW = 2  # where the rows of the answer start
+FIRST_ROW = 2  # index at which the rows of near pairs start in the answer
 CONTRACTS = 3  # 1 where contracts may be in force
 INTENTS = 4  # 1 where contracts by intent are opened
 SETTINGS = 5

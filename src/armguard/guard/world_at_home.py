@@ -1,4 +1,4 @@
-"""The world as it is before the first cycle: everything at home, and indexed."""
+"""The world before the first cycle: all robots at home, all primitives indexed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ Ints = NDArray[np.int32]
 
 
 def world_at_home(tables: SceneTables, T_world: NDArray[np.float64]) -> World:
-    """The primitives, placed at the home configuration."""
+    """The primitives, placed at the home configuration; `T_world` is written."""
     world = World(
         kinds=tables.kinds,
         rows=tables.local_rows.copy(),
@@ -49,7 +49,7 @@ def place_all(
 
 
 def build_index(tables: SceneTables, world: World) -> Octree | BruteForce:
-    """The index the scene asks for."""
+    """The index that the scene declares: octree or brute force."""
     if tables.index.kind == "brute_force":
         return BruteForce(world)
     return Octree(
