@@ -1,4 +1,4 @@
-"""What comes next: how far everything may move, and whether it can still stop."""
+"""Motion: displacement bounds, stop prediction and proofs of the stop path."""
 
 from armguard.motion.displacement import displacement_bounds
 from armguard.motion.prepare import motion_of

@@ -1,10 +1,11 @@
-"""Last resort of a proof: a span's box of joint positions, divided until it is clear.
+"""Last stage of a proof: bisection of an interval's box of joint positions.
 
-Over a short span of time what keeps a pair unproven is mostly how far each joint may be
-off its line: the guard does not know how hard stops will be. That box is halved along
-what matters most, a joint's range or the line all joints share, and each half is
-measured in its own middle and where it brings the pair nearest. All joints can be there
-at the same time; if the pair is nearer than it may be, the stop is needed.
+In a short interval a pair mostly stays unproven because joints may deviate from their
+lines: the guard does not know how hard stops will be. The box of these positions is
+halved along its most important dimension, a joint's deviation or the line that all
+joints share. In each half the pair is measured in the middle and where it is nearest.
+All joints can be there at the same time; if the pair is too near there, the stop is
+needed.
 """
 
 from math import inf
@@ -40,29 +41,29 @@ from armguard.table import Matrix
 
 Floats = NDArray[np.float64]
 
-# A box costs about as much as this many spans, which share their kinematics [-].
+# Cost of a box in intervals, which share their kinematics [-].
 BOX_COST = 3
 
-# Boxes one span of one pair may take before it is given up [-].
+# Greatest number of boxes for one interval of one pair [-].
 MOST_BOXES = 48
 
-# What a box is halved along, if not along a body's joint.
+# Dimension along which a box is halved, if it is not a body's joint.
 NOTHING = -1
 LINE = -2
 
 
 @kernel(separate=True)
 def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, float]:
-    """Prove that a pair keeps a distance for all positions of a span.
+    """Prove that a pair keeps a distance for all joint positions of an interval.
 
     Args:
-        node: The span.
+        node: The interval.
         wanted: Distance to keep [m].
         p: The pair.
         m: The prediction.
 
     Returns:
-        PROVEN, NEEDED, UNSURE or SPENT, and what is left or lacks [m].
+        PROVEN, NEEDED, UNSURE or SPENT, and the clearance or deficit [m].
     """
     m.box_line[0, 0], m.box_line[0, 1] = 0.0, 1.0
     for b in range(m.parent.shape[0]):
@@ -91,7 +92,7 @@ def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, f
 
 @kernel
 def halve(box: int, along: int, nearer: float, m: Motion) -> None:
-    """Halve a box; the half in which the sides come nearer takes the next place."""
+    """Halve a box; the half in which the pair is nearer takes the next place."""
     m.box_line[box + 1, 0], m.box_line[box + 1, 1] = (
         m.box_line[box, 0],
         m.box_line[box, 1],
@@ -118,9 +119,8 @@ def box_gap(
     """Bound a pair's distance over a box.
 
     Returns:
-        Least distance that was measured, least distance over the box [m], what it is
-        worth most to halve, LINE, a body or NOTHING, and in which direction of that
-        the sides come nearer.
+        Least measured distance, lower bound over the box [m], best dimension to halve:
+        LINE, a body or NOTHING, and the direction of it in which the pair is nearer.
     """
     rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
@@ -146,19 +146,19 @@ def box_gap(
 def gap_along(
     node: int, box: int, rows: Matrix, n: Vec3, p: Pair, m: Motion
 ) -> tuple[float, float, float]:
-    """Least distance along a direction over a box of a span, to the second order.
+    """Least distance along a direction over a box of an interval, to second order.
 
     Args:
-        node: The span.
-        box: The box of it.
+        node: The interval.
+        box: Box of the interval.
         rows: Both rows in the middle of the box.
         n: Unit direction from A to B; any gives a lower bound of the distance.
         p: The pair.
         m: The prediction.
 
     Returns:
-        The least distance, what the second order leaves out [m], and at which end of
-        the line, -1 or 1, it is.
+        The least distance, the bound on the terms of higher order [m], and the end of
+        the line at which the distance is least, -1 or 1.
     """
     gap_one = gap_other = bend = 0.0
     for side in range(2):
@@ -167,9 +167,9 @@ def gap_along(
         gap_one -= one
         gap_other -= other
         bend += curved
-    # Both sides are at the same place of their lines; between the two ends the gap is
-    # a concave function of it but for the bend along the line, which is taken in full
-    # wherever it lessens the gap.
+    # Both sides are at the same place of their lines. Between the two ends the gap is
+    # a concave function of it except for the curvature along the line, which counts in
+    # full wherever it reduces the gap.
     if gap_one < gap_other:
         return (gap_one, bend, -1.0)
     return (gap_other, bend, 1.0)
@@ -179,11 +179,11 @@ def gap_along(
 def longest_way(
     node: int, box: int, witness: Floats, end: float, p: Pair, m: Motion
 ) -> tuple[int, float]:
-    """What moves a pair's sides farthest within a box, and which way is nearer.
+    """Dimension of a box that moves a pair farthest, and its closing direction.
 
     Returns:
-        LINE, a body whose joint it is, or NOTHING; and the direction of it that brings
-        the witness points together.
+        LINE, the body of a joint, or NOTHING; and the direction in which the witness
+        points approach each other.
     """
     u, half = m.box_line[box, 0], m.box_line[box, 1]
     most, which, nearer = 0.0, NOTHING, 1.0

@@ -1,8 +1,8 @@
-"""Which joints move a primitive, and how far from each joint's axis it can get.
+"""Kinematic chains of bodies, and levers of primitives about the joints' axes.
 
-A point of a link moves at most Σ |Δq| · R over the joints between it and the ground,
-where R is the largest distance the point can have from the joint's axis. These R are
-here: one for each primitive and each joint of its chain, good for every configuration.
+A point of a link moves at most Σ |Δq| · R over the joints between it and the base. The
+lever R is the largest distance of the point from the joint's axis. There is one for
+each primitive and each joint of its chain; it holds in every configuration.
 """
 
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ ANCHOR_WIDTH = 7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chains:
-    """Joints above bodies, and levers of primitives.
+    """Kinematic chains of bodies, and levers of primitives.
 
     Attributes:
         joints: Bodies with a joint from the root to each body, itself included, -1
-            where the chain has ended, shape (b, depth).
-        length: How many, shape (b,).
-        shared: How many of them two bodies share, from the root on, shape (b, b).
+            after the end of the chain, shape (b, depth).
+        length: Number of joints of each body's chain, shape (b,).
+        shared: Number of joints that two chains share from the root, shape (b, b).
         levers: Largest distance of a primitive's points from the axis of each joint of
             its chain; 1 for prismatic joints, shape (m, depth) [m].
         anchors: Capsule round each moving primitive, in its body, shape (m, 7) [m].
@@ -105,7 +105,7 @@ def chains(
 
 
 def shared_lengths(above: Sequence[Sequence[int]]) -> Ints:
-    """How many joints the chains of two bodies share from the root on, (b, b)."""
+    """Number of joints that the chains of two bodies share from the root, (b, b)."""
     shared = np.zeros((len(above), len(above)), dtype=np.int32)
     for a, one in enumerate(above):
         for b, other in enumerate(above):
@@ -126,7 +126,7 @@ def strokes(
     lower: Floats,
     upper: Floats,
 ) -> list[float]:
-    """How far each joint of a chain may shift its frame; 0 for turning ones [m]."""
+    """Greatest shift of its frame by each joint of a chain; 0 if revolute [m]."""
     found = []
     for body in chain:
         if joint_kind[body] != PRISMATIC:
@@ -148,9 +148,9 @@ def primitive_levers(
 ) -> list[float]:
     """Levers of one primitive about the joints of its chain, from the root on [m].
 
-    About its own body's joint the distance from the axis does not depend on the
-    configuration. About one further up the offset of the next joint's frame is fixed,
-    and what lies beyond may stand anywhere at its distance.
+    The distance from the axis of its own body's joint does not depend on the
+    configuration. For a joint further up the offset of the next joint's frame is fixed,
+    and the rest of the chain may point in any direction.
     """
     ends = capsule[[[0, 1, 2], [3, 4, 5]]]
     radius = float(capsule[ANCHOR_RADIUS])
@@ -176,7 +176,7 @@ def off_axis(point: Floats, axis: Floats) -> float:
 
 
 def anchor(kind: int, row: Floats) -> Floats:
-    """Capsule that holds a primitive, shape (7,); infinite for a half-space."""
+    """Capsule that contains a primitive, shape (7,) [m]; infinite for a half-space."""
     radius, origin = row[0], row[1:4]
     if kind == ShapeKind.SPHERE:
         return np.array([*origin, *origin, radius])
@@ -200,7 +200,7 @@ def anchor(kind: int, row: Floats) -> Floats:
         across = max(row[4], row[6])
         along = row[5] * R[:, 2]
     else:
-        # A hull or a shape by its support: a ball about its origin.
+        # A hull or a shape by its support function: a ball about its origin.
         across = row[6]
         along = np.zeros(3)
     return np.array([*(origin - along), *(origin + along), radius + across])

@@ -1,4 +1,4 @@
-"""How far the points of every moving primitive can get over an interval of joints."""
+"""Displacement bounds of the moving primitives for given steps of the joints."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,14 @@ def scene_chains(tables: SceneTables) -> Chains:
 
 
 def displacement_bounds(tables: SceneTables, steps: Floats) -> Floats:
-    """Bound how far any point of each moving primitive gets when joints move.
+    """Bound the displacement of any point of each moving primitive.
 
     A point moves no farther than the sum of |step| times lever over the joints above
-    it, from whatever configuration that is not refused.
+    it, from any configuration that the guard accepts.
 
     Args:
         tables: A compiled scene.
-        steps: How far each joint moves, shape (n,) or (k, n) [rad or m].
+        steps: Displacement of each joint, shape (n,) or (k, n) [rad or m].
 
     Returns:
         Bounds, shape (m,) or (k, m) [m].

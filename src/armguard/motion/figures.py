@@ -1,24 +1,25 @@
-"""The declared figures of joints and robots, as a cycle reads them."""
+"""Declared stopping figures of joints and robots, as a cycle reads them."""
 
 from armguard.record import record
 
 
 @record
 class JointFigures:
-    """Figures of a joint, in its own unit; see `StoppingFigures`.
+    """Stopping figures of a joint, in its own unit; see `StoppingFigures`.
 
     Attributes:
         velocity: Top speed [rad/s or m/s].
-        acceleration: Greatest a command can cause [rad/s² or m/s²].
-        deceleration: Least of a stop [rad/s² or m/s²].
-        deceleration_most: Greatest of a stop; may be infinite [rad/s² or m/s²].
+        acceleration: Greatest acceleration by a command [rad/s² or m/s²].
+        deceleration: Least deceleration of a stop [rad/s² or m/s²].
+        deceleration_most: Greatest deceleration of a stop; may be infinite
+            [rad/s² or m/s²].
         settle: Swing after a stop from top speed [rad or m].
-        brake_deceleration: Least of a brake [rad/s² or m/s²].
-        position_error: Of its measurement [rad or m].
-        velocity_error: Of its measurement [rad/s or m/s].
-        tracking_error: How far a velocity may miss the commanded ones [rad/s or m/s].
-        led_beyond: How far beyond a limit the guard may lead it [rad or m].
-        curve: 1 where a table of measured stops takes the place of the formula.
+        brake_deceleration: Least deceleration of a brake [rad/s² or m/s²].
+        position_error: Greatest error of a measured position [rad or m].
+        velocity_error: Greatest error of a measured velocity [rad/s or m/s].
+        tracking_error: Greatest deviation from the pending commands [rad/s or m/s].
+        led_beyond: Greatest position beyond a limit under the guard [rad or m].
+        curve: 1 if a table of measured stops replaces the formula.
     """
 
     velocity: float
@@ -36,21 +37,21 @@ class JointFigures:
 
 @record
 class RobotFigures:
-    """Figures of a robot; see `StoppingFigures`.
+    """Stopping figures of a robot; see `StoppingFigures`.
 
     Attributes:
         mode: FIXED, SPEED or PATH.
-        first_joint: Its first place in q.
-        joint_count: How many joints it has.
-        ramp: Time until a stop's deceleration is full [s].
-        settle_time: Longest time it swings about its rest [s].
+        first_joint: First place of its joints in q.
+        joint_count: Number of its joints.
+        ramp: Time until the deceleration of a stop is full [s].
+        settle_time: Greatest duration of its swing after a stop [s].
         brake_delay: Time until a brake takes effect [s].
         sensing: Greatest delay of a measurement [s].
-        command: Greatest delay of an order [s].
-        stale: Age from which on a measurement is refused [s].
-        model_error: Of its links' shapes [m].
-        base_error: Of its base's position [m].
-        base_turn: Of its base's orientation [rad].
+        command: Greatest delay of a command [s].
+        stale: Age from which a measurement is refused [s].
+        model_error: Greatest error of the shapes of its links [m].
+        base_error: Greatest error of its base's position [m].
+        base_turn: Greatest error of its base's orientation [rad].
     """
 
     mode: int
@@ -67,10 +68,10 @@ class RobotFigures:
     base_turn: float
 
 
-# Modes of a robot's buffer.
+# Modes of a robot's required separation.
 FIXED = 0
 SPEED = 1
 PATH = 2
 
-# Measured stops as a curve: this many speeds from 0 to the top one, evenly spaced.
+# Points of a curve of measured stops: speeds from 0 to the top one, evenly spaced.
 CURVE_POINTS = 17

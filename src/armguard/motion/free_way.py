@@ -1,6 +1,6 @@
-"""How far joints may get in a time whatever their operators do, for a few times.
+"""Displacement bounds of joints under any commands, until the times of a grid.
 
-The times are those of a grid, so that all pairs of a cycle share them.
+All pairs of a cycle share the grid of times.
 """
 
 from armguard.kernel import kernel
@@ -14,20 +14,20 @@ from armguard.motion.state import (
 from armguard.motion.stop_path import error_of
 from armguard.robot.kinematics import FIXED as NO_JOINT
 
-# Times of the grid: the first [s], and each by the one before [-].
+# Times of the grid: the first [s], and the ratio of successive ones [-].
 FIRST_TIME = 0.004
 RATIO = 1.45
 
 
 @kernel
 def grid_time(k: int) -> float:
-    """A time of the grid [s]."""
+    """Time k of the grid [s]."""
     return float(FIRST_TIME * RATIO**k)
 
 
 @kernel
 def time_after(t: float) -> int:
-    """The first time of the grid after a time; GRID if there is none."""
+    """Index of the first time of the grid after a time; GRID if there is none."""
     k = 0
     while k < GRID and grid_time(k) <= t:
         k += 1
@@ -36,12 +36,12 @@ def time_after(t: float) -> int:
 
 @kernel(separate=True)
 def bound_free_way(k: int, m: Motion) -> None:
-    """Bound where each body's joint may be until a time of the grid, from its stamp on.
+    """Bound each joint's displacement from its measurement until a time of the grid.
 
-    Written as of a plan, in row FREE + k, unless that was done in this cycle.
+    The result is written like that of a plan, to row FREE + k, once per cycle.
 
     Args:
-        k: Which time, less than GRID.
+        k: Index of the time, less than GRID.
         m: The prediction.
     """
     if m.grid_stamp[k] == m.effort[STAMP]:
@@ -66,10 +66,10 @@ def bound_free_way(k: int, m: Motion) -> None:
 
 @kernel
 def free_way(j: int, velocity: float, t: float, m: Motion) -> float:
-    """Farthest a joint gets in a direction within a time [rad].
+    """Greatest displacement of a joint in a direction within a time [rad].
 
-    What moves the other way may stop at once: nothing bounds how hard an arm is
-    stopped.
+    A joint that moves the other way may stop at once: no bound on its deceleration is
+    assumed.
     """
     figures = m.joint_figures[j]
     a, speed = figures.acceleration, max(velocity, 0.0)

@@ -1,19 +1,19 @@
-"""A lower bound of the distance of two primitives over all positions of a span.
+"""Lower bound of the distance of two primitives over all positions of an interval.
 
 Fix a direction n from A to B. Over any motion the distance is at least
 `min of n·b over B - max of n·a over A`, so each side can be bounded alone. A point p of
-A rides on a chain of joints; when these move by Δ,
+A moves with a chain of joints; when these move by Δ,
 
     n·p(q + Δ) <= n·p + Σ g_k Δ_k + ½ Σ Σ h_jk Δ_j Δ_k + 1/6 Σ Σ Σ |Δ_i Δ_j Δ_k| R_max
 
-    g_k = n · u_k          u_k = axis_k x (p - origin_k)      for a turning joint,
-    h_jk = (n x axis_j) · u_k  for j <= k                     u_k = axis_k, sliding,
+    g_k = n · u_k          u_k = axis_k x (p - origin_k)      for a revolute joint,
+    h_jk = (n x axis_j) · u_k  for j <= k                     u_k = axis_k, prismatic,
 
 where R_k is the largest distance the points of A can have from axis k: a derivative of
 p by several joints is no longer than the lever about the outermost of them. For given
-ranges of Δ the first two sums have their greatest values at ends of the ranges, which
-is a convex function of p; so only vertices of the core are looked at, and a radius
-moves with its centre. Motion common to both sides changes no distance and is left out.
+ranges of Δ the greatest value of the first two sums is a convex function of p; so only
+vertices of the core are tested, and a radius moves with its centre. Motion common to
+both sides changes no distance and is left out.
 """
 
 from math import inf
@@ -71,21 +71,21 @@ def side_reach(
 ) -> Ends:
     """Greatest `n·p` over a primitive's points and all positions, to second order [m].
 
-    A vertex that could not be the one even if it moved as far as any point does is
-    passed over.
+    A vertex is skipped if it cannot reach the greatest value even with the displacement
+    bound.
 
     Args:
-        kind: ShapeKind.
-        row: Its row in the world, shape (16,).
+        kind: ShapeKind of the primitive.
+        row: Row of the primitive in the world, shape (16,).
         n: Unit direction.
         line: Whether the joints are on a line.
-        most: How far any of its points may move, by levers [m].
+        most: Displacement bound of its points, by levers [m].
         first: First joint of the chain that counts.
-        count: Length of the chain; no more than `first` for what stands still.
-        rows: Written by `joint_rows`, with ranges.
+        count: Length of the chain; at most `first` for a static primitive.
+        rows: Derivatives and ranges, see `joint_rows`.
 
     Returns:
-        The same twice, or one for each end of the line.
+        The value twice, or one for each end of the line.
     """
     origin = (row[1], row[2], row[3])
     if count <= first:
@@ -95,7 +95,7 @@ def side_reach(
             reach = row[0] + dot(n, add(origin, core_support(kind, row, n)))
         return (reach, reach)
     if kind == HALF_SPACE or kind == TRIANGLE:
-        # Neither rides on a link.
+        # Neither is part of a link.
         return (inf, inf)
     if kind == SPHERE or kind == CAPSULE:
         one, other = segment_reach(kind, row, n, line, most, first, count, rows)
@@ -144,7 +144,7 @@ def box_reach(
 ) -> Ends:
     """Greatest reach of a box's corners, or of a curved core within a box [m].
 
-    A curved core moves no farther than the box about it, on top of its own support.
+    A curved core reaches at most its support plus the growth of the box about it.
     """
     x, y, z = row[4], row[5], row[6]
     if kind == CYLINDER or kind == CONE:
@@ -152,7 +152,7 @@ def box_reach(
         z = row[5]
     elif kind != BOX and kind != ELLIPSOID:
         x = y = z = row[6]
-    # A corner reaches as far as it is, and as its way leads.
+    # Reach of a corner: its projection plus its growth.
     one = other = way_one = way_other = -inf
     for c in range(8):
         p = corner(row, x, y, z, c)
@@ -171,11 +171,10 @@ def box_reach(
 
 @kernel
 def half_space_reach(row: Floats, n: Vec3) -> float:
-    """Greatest `n·p` of a half-space: finite only against its own normal.
+    """Greatest `n·p` of a half-space [m]: finite only along its own outward normal.
 
-    The plane's own normal takes the place of the direction, so the two may differ by
-    round-off only: an angle between them would count by the coordinates of what the
-    plane is compared with.
+    The plane's own normal replaces the direction, so the two may differ by round-off
+    only: the effect of an angle would grow with the coordinates of the other primitive.
     """
     outward = (row[4], row[5], row[6])
     for k in range(3):
@@ -235,7 +234,7 @@ def hull_reach(
 def most_way(
     chain: Ints, first: int, count: int, levers: Floats, sizes: Floats
 ) -> float:
-    """How far any point of a primitive may move, by levers [m].
+    """Displacement bound of a primitive's points, by levers [m].
 
     Args:
         chain: Bodies of the chain.
@@ -259,7 +258,7 @@ def curvature(
     joint_kind: Ints,
     sizes: Floats,
 ) -> float:
-    """What the second order leaves out: 1/6 Σ Σ Σ |Δ_i Δ_j Δ_k| R_max [m].
+    """Bound on the terms of higher order: 1/6 Σ Σ Σ |Δ_i Δ_j Δ_k| R_max [m].
 
     Args:
         chain: Bodies of the chain.
@@ -275,7 +274,7 @@ def curvature(
         b = chain[k]
         size = sizes[b]
         if joint_kind[b] == PRISMATIC:
-            # It is turned by the joints before it, and turns nothing itself.
+            # A prismatic joint is turned by the joints before it, and turns none.
             total += 3.0 * size * turned * turned
         else:
             before = turned * turned * turned
@@ -286,7 +285,7 @@ def curvature(
 
 @kernel(separate=True)
 def range_reach(side: int, n: Vec3, p: Pair, m: Motion) -> float:
-    """Greatest `n·p` of a side on the whole stop path, from where it is now [m].
+    """Greatest `n·p` of a side on the whole stop path, about its measured pose [m].
 
     Args:
         side: 0 for A, 1 for B.
@@ -312,19 +311,19 @@ def range_reach(side: int, n: Vec3, p: Pair, m: Motion) -> float:
 def line_reach(
     side: int, node: int, box: int, both: Matrix, n: Vec3, p: Pair, m: Motion
 ) -> Vec3:
-    """The same over a box of a span, for the two ends of its line, and the rest.
+    """Greatest `n·p` of a side over a box of an interval, at both ends of its line.
 
     Args:
         side: 0 for A, 1 for B.
-        node: The span.
-        box: Box of the span, see `Motion.box_line`.
+        node: The interval.
+        box: Box of the interval, see `Motion.box_line`.
         both: Rows of both sides in the world, in the middle of the box.
         n: Unit direction.
         p: The pair.
         m: The prediction.
 
     Returns:
-        Greatest `n·p` at the first end, at the other, and the curvature [m].
+        Greatest `n·p` at the first and at the other end, and the curvature bound [m].
     """
     kind, a, body, first = p.kind[side], both[side], p.body[side], p.shared
     at = p.plan[side] * NODES + node
@@ -361,8 +360,8 @@ def line_ranges(
 ) -> None:
     """Write the Δ of each joint on a box's line, and its greatest size.
 
-    A joint's position in a span is `u · way + s · (wide + u · grow)`, with one u for
-    all joints and an s of its own, each in [-1, 1]; in a box in a part of that.
+    A joint's position in an interval is `u · way + s · (wide + u · grow)`, with one u
+    for all joints and an s of its own, each in [-1, 1]; in a box in a part of that.
     """
     u, half = m.box_line[box, 0], m.box_line[box, 1]
     for k in range(first, count):

@@ -1,4 +1,4 @@
-"""How the joints of a chain move a point along a direction: to the second order."""
+"""Derivatives of a point's position along a direction by the joints of its chain."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,32 +10,32 @@ from armguard.robot.kinematics import PRISMATIC
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-# Reach at both ends of a line, or twice the same.
+# Reach at both ends of a line, or one value twice [m].
 Ends = tuple[float, float]
 
-# What round-off may make of a unit normal's coordinate: a micrometre per 10⁹ m [-].
+# Greatest round-off of a unit normal's coordinate: a micrometre per 10⁹ m [-].
 TURNED = 1e-15
 
-# Places in a row that tells how a joint moves points, see LEVER_ROW: g(p) is
-# slope·p + level, and its Δ is `FROM ± TO`. Over a span of time all joints are at the
-# same place u of their lines, and both ends of these are looked at: from the middle to
-# an end Δ changes by TURN, and TO by WIDEN; GROWTH is the most of that.
-SLOPE = 0  # n x axis, 3 numbers; 0 for a sliding joint
+# Places in a joint's row of derivatives, see LEVER_ROW: g(p) is slope·p + level, and
+# its Δ is `FROM ± TO`. In an interval all joints are at the same place u of their
+# lines, and both ends of these are tested: from the middle to an end Δ changes by TURN,
+# and TO by WIDEN; GROWTH is the size of WIDEN.
+SLOPE = 0  # n x axis, 3 numbers; 0 for a prismatic joint
 LEVEL = 3
 FROM = 4
 TO = 5
 AXIS = 6  # 3 numbers
 ORIGIN = 9  # 3 numbers
-TURNS = 12  # 1 for a turning joint, 0 for a sliding one
-GRADIENT = 13  # g of the vertex that is looked at
-ALONG = 14  # the same where the joints are on their line
-OPEN = 15  # 1 while the end of its range is not yet decided
+TURNS = 12  # 1 for a revolute joint, 0 for a prismatic one
+GRADIENT = 13  # g of the vertex that is tested
+ALONG = 14  # g of this vertex at the joints' place on their line
+OPEN = 15  # 1 until the end of its range with the greatest value is known
 TURN = 16
 WIDEN = 17
 GROWTH = 18
-CURVED = 19  # how ALONG changes from the middle of the line to its end
-RANGE = 20  # TO where it is looked at
-HESSIAN = 21  # h by each joint of the chain
+CURVED = 19  # change of ALONG from the middle of the line to its end
+RANGE = 20  # TO at the joints' place on their line
+HESSIAN = 21  # h with each joint of the chain
 
 
 @kernel
@@ -49,17 +49,17 @@ def joint_rows(
     joint_kind: Ints,
     rows: Floats,
 ) -> None:
-    """Write how each joint of a chain moves points along n; not yet how far it goes.
+    """Write the gradient of `n·p` by each joint of a chain, without the ranges of Δ.
 
     Args:
         n: Unit direction.
         chain: Bodies of the chain, shape (depth,).
-        first: First of them that counts.
+        first: First joint of the chain that counts.
         count: Length of the chain.
         axes: Axes in the world, shape (k, 6).
-        origin: The row of `axes` that is body 0's.
+        origin: Row of body 0 in `axes`.
         joint_kind: Joint kinds, shape (b,).
-        rows: Overwritten but for the Δ, shape (depth, LEVER_ROW + depth).
+        rows: Overwritten except for the Δ, shape (depth, LEVER_ROW + depth).
     """
     for k in range(first, count):
         b = chain[k]
@@ -82,14 +82,14 @@ def joint_rows(
 def joint_ranges(
     chain: Ints, first: int, count: int, middle: Floats, width: Floats, rows: Floats
 ) -> None:
-    """Write a range of Δ of each joint of a chain, of its own.
+    """Write an independent range of Δ for each joint of a chain.
 
     Args:
         chain: Bodies of the chain, shape (depth,).
-        first: First of them that counts.
+        first: First joint of the chain that counts.
         count: Length of the chain.
         middle: Middle of the Δ of each body's joint, shape (b,).
-        width: How far Δ may be off that, shape (b,).
+        width: Greatest deviation from that middle, shape (b,).
         rows: Rows of `joint_rows`.
     """
     for k in range(first, count):
@@ -101,15 +101,15 @@ def joint_ranges(
 def point_reach(
     n: Vec3, p: Vec3, line: bool, first: int, count: int, rows: Floats
 ) -> Ends:
-    """`n·p` and how far it can grow, to the second order, at both ends of a line [m].
+    """Greatest `n·p` of a vertex to second order, at both ends of a line [m].
 
     Args:
         n: Direction; 0 for the growth alone.
-        p: A vertex of the core, in the world [m].
+        p: Vertex of the core, in the world [m].
         line: Whether the joints are on a line.
         first: First joint of the chain that counts.
         count: Length of the chain.
-        rows: Written by `joint_rows`, with ranges.
+        rows: Derivatives and ranges, see `joint_rows`.
     """
     differentiate(p, first, count, rows)
     if line:
@@ -129,7 +129,7 @@ def point_reach(
 
 @kernel
 def line_ends(still: float, first: int, count: int, rows: Floats) -> Ends:
-    """The same at each end of the joints' line, and how much more in between."""
+    """Greatest `n·p` at each end of the joints' line, valid also in between [m]."""
     way = bend = grown = 0.0
     for k in range(first, count):
         own = rows[k]
@@ -142,7 +142,7 @@ def line_ends(still: float, first: int, count: int, rows: Floats) -> Ends:
         bend += 0.5 * own[TURN] * curved
         grown += (abs(own[TURN]) + 0.5 * own[GROWTH]) * mixed
         own[CURVED] = curved
-    # Between the two ends of a line the way is above both by no more than it bows.
+    # Between the ends of a line the value exceeds both by at most its curvature.
     reach = still + bend + max(-bend, 0.0) + grown
     return (
         reach - way + line_end(-1.0, first, count, rows),
@@ -152,7 +152,7 @@ def line_ends(still: float, first: int, count: int, rows: Floats) -> Ends:
 
 @kernel
 def line_end(sign: float, first: int, count: int, rows: Floats) -> float:
-    """What the ranges of the joints add at one end of their line."""
+    """Greatest addition by the ranges of the joints at one end of their line [m]."""
     for k in range(first, count):
         own = rows[k]
         own[ALONG] = own[GRADIENT] + sign * own[CURVED]
@@ -180,11 +180,11 @@ def differentiate(p: Vec3, first: int, count: int, rows: Floats) -> None:
 
 @kernel
 def widest(first: int, count: int, rows: Floats) -> float:
-    """Greatest `Σ g Δ + ½ Σ Σ h Δ Δ` for Δ within plus and minus the widths.
+    """Upper bound of `Σ g Δ + ½ Σ Σ h Δ Δ` for Δ within plus and minus the widths.
 
-    Where g outweighs all that h can change of it, the greatest value is at that end of
-    the joint's range, whatever the others do, and the others are left with what it
-    makes of them. Of what remains every part is taken at its largest.
+    If g exceeds every change that h can make to it, the greatest value is at that end
+    of the joint's range for any values of the others, whose g is then updated. For the
+    remaining joints each term takes its greatest size.
     """
     total = 0.0
     for k in range(first, count):

@@ -1,9 +1,9 @@
-"""How far a joint may get, and until when, if it is told to stop after a delay.
+"""Stop of a joint: greatest displacement over time if a stop is ordered after a delay.
 
-Everything a joint can do inside its figures lies between two curves over time. The
-upper one is a joint that speeds up as hard as it may until the stop takes effect as
-late as it may, and then slows down as little as it may. A joint that moves the other
-way gets least far back if it stops as hard as it may at once. Both are functions of
+Every motion within the declared figures lies between two curves over time. On the upper
+one the joint speeds up at its greatest acceleration until the stop takes effect at the
+latest, and then brakes at its least deceleration. A joint that moves the other way gets
+least far back if it brakes at once at its greatest deceleration. Both are functions of
 the measured velocity alone, in closed form.
 
 A phase of full deceleration may have begun already: `passed` is the time since a stop
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 @record
 class JointStop:
-    """How far a joint may get in one direction.
+    """Stop of a joint in one direction.
 
     Attributes:
         speed: Speed in this direction now, not negative [rad/s].
@@ -32,24 +32,24 @@ class JointStop:
         acceleration: Greatest acceleration until then [rad/s²].
         top_speed: Speed it cannot exceed [rad/s].
         effect_speed: Speed when the stop takes effect [rad/s].
-        effect_way: Way until then [rad].
-        ramp_left: Time until deceleration is full, from then on [s].
-        ramp_share: Share of the deceleration there is by then [-].
+        effect_way: Displacement until the stop takes effect [rad].
+        ramp_left: Time from then on until the deceleration is full [s].
+        ramp_share: Share of the deceleration when the stop takes effect [-].
         deceleration: Full deceleration [rad/s²].
         rest_time: Time until it rests [s].
-        travel: Way until it rests [rad].
+        travel: Displacement until it rests [rad].
         opposite_deceleration: Greatest deceleration of a joint that moves the other
             way, before the stop takes effect [rad/s²].
-        opposite_speed: Its speed; 0 if the joint does not surely move the other way
-            [rad/s].
-        swing: What settling may add [rad].
+        opposite_speed: Speed in the other direction; 0 if the joint does not surely
+            move that way [rad/s].
+        swing: Greatest swing beyond the rest position [rad].
         curvature: Bound on the second derivative of the curve; infinite at a kink
             [rad/s²].
         deceleration_most: Greatest deceleration once the stop has taken effect
             [rad/s²].
-        settled: Time until it has settled [s].
-        swing_back: Farthest a swing about its rest may lead, whichever way it moves
-            now [rad].
+        settled: Time until its swing has ended [s].
+        swing_back: Greatest displacement by a swing about its rest position, for motion
+            in either direction now [rad].
     """
 
     speed: float
@@ -89,23 +89,23 @@ def plan_stop(
     curve: Floats,
     out: JointStop,
 ) -> None:
-    """Describe the farthest a joint can get in its positive direction.
+    """Write the stop of a joint in its positive direction.
 
     Args:
         velocity: Greatest velocity it may have now, of either sign [rad/s].
         against: Greatest speed it may have in the other direction now [rad/s].
-        top: Top speed; a joint measured faster counts as it is [rad/s].
-        driven: Greatest velocity its operator may drive it to, of either sign
-            [rad/s].
+        top: Top speed; a faster measured velocity counts as measured [rad/s].
+        driven: Greatest velocity it may be commanded, of either sign [rad/s].
         acceleration: Greatest acceleration until the stop takes effect [rad/s²].
-        reaction: Until when it takes effect at the latest [s].
+        reaction: Time at which the stop takes effect at the latest [s].
         ramp: Time in which deceleration rises to its full value [s].
         passed: Time since the stop surely took effect [s].
         least: Least full deceleration [rad/s²].
         most: Greatest deceleration; may be infinite [rad/s²].
         settle: Swing about its rest, either way, after a stop from top speed [rad].
-        settle_time: Longest time that takes [s].
-        curve: Measured stops, times then ways, shape (2 · CURVE_POINTS,), or empty.
+        settle_time: Greatest duration of the swing [s].
+        curve: Measured stops, times [s] then displacements [rad], shape
+            (2 · CURVE_POINTS,), or empty.
         out: Overwritten.
     """
     out.top_speed = max(driven, velocity, 0.0)
@@ -120,11 +120,11 @@ def plan_stop(
     out.speed = max(velocity, 0.0)
     against = max(against, 0.0)
     out.swing_back = swing_back(velocity, against, settle / top, out)
-    # One that moves the other way may speed up, and rests and swings so much later.
+    # A joint that moves the other way may speed up, and then rests and swings later.
     out.settled = reaction + ramp + (against + acceleration * reaction) / least
     out.settled += settle_time
     if backwards:
-        # It cannot turn round before the stop takes effect: it only gets back.
+        # It cannot reverse before the stop takes effect: it only moves back.
         out.effect_speed = out.effect_way = out.travel = out.swing = 0.0
         if curve.shape[0] > 0:
             out.swing_back = -inf
@@ -144,7 +144,7 @@ def plan_stop(
         out.swing_back = -inf
         out.rest_time = out.settled = reaction + time
         out.travel = out.effect_way + way
-        # At full speed until the way is used up: no stop is later at any place.
+        # Full speed until the displacement is used up bounds every such stop.
         out.deceleration = inf
         out.curvature = inf
         return
@@ -157,28 +157,28 @@ def plan_stop(
 
 @kernel
 def swing_back(velocity: float, against: float, share: float, out: JointStop) -> float:
-    """Farthest a joint that moves the other way may swing back past where it is now.
+    """Displacement to which a joint that moves the other way may swing back.
 
-    It swings about its rest in proportion to the speed its stop began with. So the
-    worst stop begins at once, or later and from a greater speed, whichever gains more
-    than the way until then takes. The way to rest is no shorter than that of the
-    hardest braking.
+    It swings about its rest in proportion to the speed at the begin of its stop. So the
+    worst stop begins at once, or later from a greater speed if the swing grows more
+    than the distance until then. The distance to rest is at least that of the hardest
+    braking.
 
     Args:
         velocity: Greatest velocity it may have now, of either sign [rad/s].
         against: Greatest speed it may have in the other direction now [rad/s].
-        share: Swing by the speed a stop began with [s].
+        share: Ratio of the swing and the speed at the begin of a stop [s].
         out: The joint's stop; reaction and greatest accelerations are read.
 
     Returns:
-        Displacement; negative where its way to rest is longer than its swing [rad].
+        Displacement; negative if its distance to rest exceeds its swing [rad].
     """
     slowest = max(-velocity, 0.0)
     way = 0.5 * slowest * slowest / out.opposite_deceleration if slowest > 0.0 else 0.0
     gain, speed = out.acceleration * out.reaction, against
     longer = 0.0
     if gain > 0.0:
-        # What each square of speed beyond the present one costs of way.
+        # Twice the distance per square of speed beyond the present one.
         cost = 1.0 / out.acceleration + 1.0 / out.deceleration_most
         speed = min(max(against, share / cost), against + gain)
         longer = 0.5 * (speed * speed - against * against) * cost
@@ -187,7 +187,7 @@ def swing_back(velocity: float, against: float, share: float, out: JointStop) ->
 
 @kernel
 def whole_way(stop: JointStop) -> float:
-    """Farthest a joint gets in the planned direction, settling included [rad]."""
+    """Greatest displacement in the planned direction, swing included [rad]."""
     return float(max(stop.travel + stop.swing, stop.swing_back))
 
 
@@ -224,17 +224,20 @@ def rest_way(stop: JointStop) -> float:
 def swing_within(
     start: float, end: float, first: float, last: float, stop: JointStop
 ) -> tuple[float, float]:
-    """What settling may add to the farthest displacement in a span of time [rad].
+    """Addition of the swing to the greatest displacement in an interval [rad].
 
-    A swing back, or one that is under way, leads no farther than `BOUNCE`: a straight
-    line between both ends that reaches it there reaches it in between.
+    A swing back, or one in progress, leads no farther than `swing_back`: a straight
+    line that reaches it at both ends of the interval also reaches it in between.
 
     Args:
-        start: Start of the span, from the measurement on [s].
-        end: Its end [s].
-        first: Farthest displacement at its start [rad].
-        last: The same at its end [rad].
+        start: Start of the interval, from the measurement on [s].
+        end: End of the interval [s].
+        first: Greatest displacement at the start, without the swing [rad].
+        last: Greatest displacement at the end, without the swing [rad].
         stop: Written by `plan_stop`.
+
+    Returns:
+        The additions at the start and at the end [rad].
     """
     if start >= stop.settled:
         return (0.0, 0.0)
@@ -246,13 +249,13 @@ def swing_within(
 def onward_swing(
     start: float, end: float, first: float, last: float, stop: JointStop
 ) -> float:
-    """What a swing on in the direction of the motion may add in a span [rad].
+    """Addition of a swing in the direction of the motion in an interval [rad].
 
-    A joint that brakes harder rests earlier, and then swings; but it rests so much
-    nearer that its swing stays behind the farthest joint, except at the beginning of
-    a stop and towards its end. A joint at rest by a time has gone no farther than at
-    half its speed until then, half the ramp's time added. The difference to that is a
-    concave function of time, so it is enough to look at both ends.
+    A joint that brakes harder rests earlier, and then swings. But it rests so much
+    nearer that its swing stays below the greatest displacement, except at the begin of
+    a stop and towards its end. A joint at rest by a time has moved no farther than at
+    half its speed until then plus half the ramp. The difference to that is a concave
+    function of time, so both ends of the interval suffice.
     """
     swing = stop.swing
     if swing == 0.0 or start < stop.reaction or end > stop.rest_time:
@@ -267,7 +270,7 @@ def onward_swing(
 
 @kernel
 def least_way(t: float, stop: JointStop) -> float:
-    """Least way of a joint that moves the other way, braked as hard as may be [rad]."""
+    """Least distance of a joint that moves the other way, at hardest braking [rad]."""
     v, hard = stop.opposite_speed, stop.opposite_deceleration
     if hard == inf:
         return 0.0
@@ -282,7 +285,7 @@ def least_way(t: float, stop: JointStop) -> float:
 
 @kernel
 def accelerated_way(t: float, stop: JointStop) -> float:
-    """Way of a joint that speeds up until its top speed [rad]."""
+    """Distance of a joint that speeds up until its top speed [rad]."""
     v, a, top = stop.speed, stop.acceleration, stop.top_speed
     gain = top - v
     if a * t <= gain:
@@ -293,7 +296,7 @@ def accelerated_way(t: float, stop: JointStop) -> float:
 
 @kernel
 def braked_way(since: float, stop: JointStop) -> float:
-    """Way from the moment the stop takes effect, not beyond rest [rad]."""
+    """Distance from the moment the stop takes effect, at most until rest [rad]."""
     v, d = stop.effect_speed, stop.deceleration
     ramp, share = stop.ramp_left, stop.ramp_share
     rising = min(since, ramp)
@@ -324,9 +327,9 @@ def rest_time(v: float, ramp: float, share: float, d: float) -> float:
 
 @kernel
 def curve_at(curve: Floats, share: float) -> tuple[float, float]:
-    """Time [s] and way [rad] of a measured stop from a share of the top speed.
+    """Time [s] and distance [rad] of a measured stop from a share of the top speed.
 
-    Beyond the top speed time grows with the speed, and the way with its square.
+    Beyond the top speed the time grows with the speed, the distance with its square.
     """
     over = max(share, 1.0)
     place = share / over * (CURVE_POINTS - 1)
@@ -340,10 +343,10 @@ def curve_at(curve: Floats, share: float) -> tuple[float, float]:
 
 @kernel
 def speed_lost(since: float, ramp: float, d: float) -> float:
-    """Least speed a stop that surely took effect some time ago has taken away [rad/s].
+    """Least speed lost by a stop that surely took effect some time ago [rad/s].
 
     Args:
-        since: Time since then [s].
+        since: Time since it took effect [s].
         ramp: Time in which deceleration rises to its full value [s].
         d: Least full deceleration [rad/s²].
     """

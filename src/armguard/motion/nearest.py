@@ -1,10 +1,9 @@
-"""Where the joints of a span, or of a box of it, bring two primitives nearest.
+"""Estimate of the joint positions in an interval at which two primitives are nearest.
 
-A guess: the pair's witness points are held, their way is taken for linear in the
-joints, and the length of their difference is made least, one variable after the other.
-What is measured there is worth knowing either way. If it is nearer than it may be, the
-stop is needed: all joints can be there at the same time. If not, its normal is the
-direction along which a bound of the distance over the whole span loses least: the
+The pair's witness points are fixed, their motion is linearised in the joints, and the
+length of their difference is minimised by coordinate descent. The pair is measured at
+the result. If it is too near, the stop is needed: all joints can be there at the same
+time. If not, its normal is the best direction for a bound over the whole interval: the
 distance of convex shapes over a box of shifts is bounded exactly by the plane where it
 is least, and by no other.
 """
@@ -28,8 +27,8 @@ from armguard.table import Matrix, Vector
 
 Floats = NDArray[np.float64]
 
-# Places in a row of `Motion.columns`: how a joint moves the difference, 3 numbers; its
-# line and range, as in a node; its place in its range now, and between which it may be.
+# Places in a row of `Motion.columns`: derivative of the difference by a joint, 3
+# numbers; its line and deviation, as in a node; its place in [-1, 1] and the bounds.
 WAY = 3
 WIDE = 4
 GROW = 5
@@ -38,10 +37,10 @@ LEAST = 7
 MOST = 8
 COLUMN = 9
 
-# How often each variable is set anew.
+# Sweeps of the coordinate descent.
 SWEEPS = 6
 
-# A variable that moves nothing has no best value [m²].
+# Squared motion below which a variable keeps its value [m²].
 NO_MOVE = 1e-18
 
 
@@ -49,13 +48,13 @@ NO_MOVE = 1e-18
 def nearest_position(
     node: int, box: int, rows: Matrix, witness: Vector, p: Pair, m: Motion
 ) -> tuple[float, Vec3]:
-    """Measure a pair where the joints of a box bring it nearest.
+    """Measure a pair at the estimated nearest joint positions of a box.
 
     Args:
-        node: The span.
-        box: The box of it.
+        node: The interval.
+        box: Box of the interval.
         rows: Both rows in the middle of the box.
-        witness: The pair's witness there; apart.
+        witness: Witness of the pair in the middle of the box; not overlapping.
         p: The pair.
         m: The prediction.
 
@@ -85,8 +84,8 @@ def middle_position(node: int, box: int, p: Pair, m: Motion, rows: Matrix) -> No
     """Place a pair in the middle of a box, and write the axes of all joints there.
 
     Args:
-        node: The span.
-        box: The box of it.
+        node: The interval.
+        box: Box of the interval.
         p: The pair.
         m: The prediction.
         rows: Both rows in the world, overwritten.
@@ -105,7 +104,7 @@ def middle_position(node: int, box: int, p: Pair, m: Motion, rows: Matrix) -> No
 
 @kernel
 def start_positions(node: int, p: Pair, m: Motion) -> None:
-    """Write the joint positions in the middle of a pair's span into `q_node`."""
+    """Write the joint positions in the middle of a pair's interval into `q_node`."""
     for side in range(2):
         body, span = p.body[side], p.plan[side]
         for k in range(m.length[body] if body >= 0 else 0):
@@ -115,7 +114,7 @@ def start_positions(node: int, p: Pair, m: Motion) -> None:
 
 @kernel
 def move_joint(b: int, span: int, u: float, s: float, m: Motion) -> None:
-    """Move a body's joint in `q_node` along its line and within its range."""
+    """Move a body's joint in `q_node` along its line and by its deviation."""
     if m.gain[b, 0] != 0.0:
         width = m.node_wide[span, b] + u * m.node_grow[span, b]
         m.q_node[m.q_index[b]] += (u * m.node_way[span, b] + s * width) / m.gain[b, 0]
@@ -123,7 +122,7 @@ def move_joint(b: int, span: int, u: float, s: float, m: Motion) -> None:
 
 @kernel
 def place_pair(p: Pair, m: Motion, rows: Matrix) -> None:
-    """Place both sides of a pair where `q_node` has their joints."""
+    """Place both sides of a pair at the joint positions in `q_node`."""
     forward_kinematics(
         m.q_node,
         m.parent,
@@ -145,10 +144,10 @@ def place_pair(p: Pair, m: Motion, rows: Matrix) -> None:
 
 @kernel
 def write_columns(node: int, box: int, seen: Vector, p: Pair, m: Motion) -> int:
-    """Write how each joint moves the difference of the witness points.
+    """Write the derivative of the witness points' difference by each joint.
 
     Returns:
-        How many joints there are.
+        Number of joints.
     """
     bodies = m.parent.shape[0]
     count = 0
@@ -176,12 +175,12 @@ def write_columns(node: int, box: int, seen: Vector, p: Pair, m: Motion) -> int:
 def bring_together(
     box: int, count: int, rows: Matrix, seen: Vector, m: Motion
 ) -> float:
-    """Make the difference of the witness points short by the joints of a box.
+    """Minimise the difference of the witness points over the joints of a box.
 
     Returns:
-        The place on the span's line; each joint's place in its range is in its column.
+        Place on the interval's line; the place of each joint is in its column.
     """
-    # A radius moves with its centre: only cores come together.
+    # A radius moves with its centre: only the distance of the cores shrinks.
     apart = seen[0] + rows[0, 0] + rows[1, 0]
     r = scaled(apart, (seen[7], seen[8], seen[9]))
     u, half = m.box_line[box, 0], m.box_line[box, 1]
@@ -211,7 +210,7 @@ def bring_together(
 
 @kernel
 def joint_way(point: Vec3, b: int, axis: Floats, m: Motion) -> Vec3:
-    """How a body's joint moves a point, by its own unit [m]."""
+    """Derivative of a point's position by a body's joint, in the world [m/rad]."""
     direction = (axis[0], axis[1], axis[2])
     if m.joint_kind[b] == PRISMATIC:
         return direction

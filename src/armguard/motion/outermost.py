@@ -1,10 +1,9 @@
-"""How far beyond its limits a joint may be without being refused.
+"""Greatest positions of joints beyond their limits that the guard accepts.
 
-A joint at its limit is measured beyond it by as much as its declared error. Where
-commands go through the guard one that is told to stand still may creep outwards, by
-what its drive misses. It is led back when it surely is outside, that is measured beyond
-by more than the error: so it gets no farther than twice the error, and what it creeps
-until that takes effect.
+A joint at its limit may be measured beyond it by its declared error. A joint that is
+commanded to rest may creep outwards by its tracking error. The guard moves it back when
+it surely is outside, that is measured beyond the limit by more than the error. So it
+gets no farther than twice the error plus the creep until the command takes effect.
 """
 
 import numpy as np
@@ -16,9 +15,9 @@ Floats = NDArray[np.float64]
 
 
 def led_beyond(tables: SceneTables) -> Floats:
-    """How far beyond a limit a joint that the guard leads may truly be, shape (n,).
+    """Greatest true position beyond a limit under the guard, (n,) [rad or m].
 
-    Nothing for robots in mode "fixed", which declare no errors [rad or m].
+    Zero for robots in mode "fixed", which declare no errors.
     """
     beyond = np.zeros(len(tables.q_names))
     for part in tables.robots:
@@ -26,7 +25,7 @@ def led_beyond(tables: SceneTables) -> Floats:
         if f is None or part.mode == "fixed":
             continue
         late = f.sensing + tables.period + tables.late + f.command
-        # It turns round no faster than a command can make it.
+        # A command reverses it within its acceleration.
         turning = 0.5 * f.tracking_error / f.acceleration
         own = slice(part.first_joint, part.first_joint + part.joint_count)
         beyond[own] = 2.0 * f.position_error + f.tracking_error * (late + turning)
@@ -34,10 +33,10 @@ def led_beyond(tables: SceneTables) -> Floats:
 
 
 def true_limits(tables: SceneTables) -> tuple[Floats, Floats]:
-    """Least and greatest positions of joints that are not refused, each shape (n,).
+    """Least and greatest true positions of accepted joints, each (n,) [rad or m].
 
-    What is not refused is measured an error farther than it may be led, and may be
-    another one farther than it is measured [rad or m].
+    An accepted position is measured at most an error beyond the greatest true position
+    under the guard, and the true position may be another error beyond that.
     """
     error = np.zeros(len(tables.q_names))
     for part in tables.robots:

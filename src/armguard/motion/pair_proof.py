@@ -1,9 +1,9 @@
 """Proof that two primitives keep a distance on the whole stop path.
 
-First the path as a whole is bounded about the measured configuration, which needs
-nothing but the witness the pair was measured by. Where that does not suffice, time is
-halved again and again: in the middle of each span the pair is placed and measured, and
-the span is bounded about that.
+First the whole path is bounded about the measured configuration, which needs only the
+measured witness of the pair. If that does not suffice, the path is bisected in time: in
+the middle of each interval the pair is placed and measured, and the interval is bounded
+about that.
 """
 
 import numba
@@ -42,23 +42,22 @@ from armguard.motion.stop_path import make_node, span_of
 
 Floats = NDArray[np.float64]
 
-# What is told to be left of a pair is what an arm may use up. So one that has less than
-# LITTLE is looked at in shorter spans, down to a sixteenth of the path, where these may
-# have GAIN more [m].
+# An arm may use up the clearance that a proof returns. So an interval with less than
+# LITTLE is bisected, down to a sixteenth of the path, if it may gain GAIN [m].
 LITTLE = 2e-3
 GAIN = 2e-4
 SHORT = 16
 
-# The span that is the whole path.
+# Interval that is the whole path.
 WHOLE_PATH = 1
 
-# A span is wide if what is not known of its joints is this many times their way [-].
+# Ratio of deviations and lines of its joints above which an interval is wide [-].
 WIDE = 3.0
 
 
 @kernel
 def shared_joints(body_a: int, body_b: int, m: Motion) -> int:
-    """Joints that move both sides alike."""
+    """Number of joints that move both sides alike."""
     if body_a < 0 or body_b < 0:
         return 0
     return int(m.shared[body_a, body_b])
@@ -66,7 +65,7 @@ def shared_joints(body_a: int, body_b: int, m: Motion) -> int:
 
 @kernel(separate=True)
 def path_gap(n: Vec3, p: Pair, m: Motion) -> float:
-    """Least distance of a pair on the whole stop path, bounded from where it is [m].
+    """Lower bound of a pair's distance on the stop path, about its measured pose [m].
 
     Args:
         n: Unit normal from A to B as measured.
@@ -82,18 +81,18 @@ def path_gap(n: Vec3, p: Pair, m: Motion) -> float:
 
 @kernel(separate=True)
 def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
-    """Prove that a pair keeps a distance on the stop path, span by span.
+    """Prove that a pair keeps a distance on the stop path, interval by interval.
 
     Args:
-        known: What the pair surely has left; minus infinity if that is nothing [m].
+        known: Clearance that is proven already; minus infinity for none [m].
         p: The pair.
         m: The prediction.
 
     Returns:
         PROVEN, NEEDED, UNSURE or SPENT, and the least of distance minus requirement:
-        a bound of what is left if proven, an estimate of what lacks if not [m].
+        a lower bound of the clearance if proven, else an estimate of the deficit [m].
     """
-    # One span waits on each level, and one more; and what it surely has left.
+    # Intervals that wait, one on each level and one more, and their proven clearances.
     waiting = numba.carray(stack(16), (8, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
     left = 1
@@ -106,12 +105,12 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         m.effort[TESTS] += 1
         _, end = span_of(node, m.span[HORIZON])
         if end >= m.span[HORIZON]:
-            # Until they have settled arms may still be met by what moves.
+            # Until their swings have ended, moving bodies may still meet the arms.
             end = m.span[SETTLED]
         wanted = p.need + p.drift * end
         distance, second_order, bend = span_gap(node, p, m)
         spare = second_order - bend - wanted
-        # It is part of a span of which that is known.
+        # The clearance of the whole interval holds for its halves.
         spare = before if before > spare else spare
         if spare >= 0.0 and not (
             spare < LITTLE
@@ -148,7 +147,10 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
 
 @kernel
 def is_wide(node: int, p: Pair, m: Motion) -> bool:
-    """Whether a span's joints move a pair by their ranges more than by their lines."""
+    """Whether deviations move a pair more than the lines of the joints do.
+
+    By more than the factor WIDE, in an interval.
+    """
     line = wide = 0.0
     for side in range(2):
         body, span = p.body[side], p.plan[side] * NODES + node
@@ -162,14 +164,16 @@ def is_wide(node: int, p: Pair, m: Motion) -> bool:
 
 @kernel(separate=True)
 def span_gap(node: int, p: Pair, m: Motion) -> Vec3:
-    """Distance in the middle of a span, and its least over it [m].
-
-    That to the second order, and what the second order leaves out.
+    """Distance of a pair in the middle of an interval, and its least value over it.
 
     Args:
-        node: The span.
+        node: The interval.
         p: The pair.
         m: The prediction.
+
+    Returns:
+        The distance in the middle, its least value to second order, and the bound on
+        the terms of higher order [m].
     """
     rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)

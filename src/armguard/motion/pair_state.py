@@ -1,4 +1,4 @@
-"""The pair whose proof is sought, and how a proof ends."""
+"""Pair of a proof, and the results of proofs."""
 
 from typing import Annotated
 
@@ -13,31 +13,32 @@ from armguard.record import maker, record
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# How a proof ends.
+# Results of a proof.
 PROVEN = 0
-NEEDED = 1  # as far as the bound can tell, some admissible motion breaks the distance
-UNSURE = 2  # the bound is too coarse to tell
+NEEDED = 1  # by this bound some admissible motion violates the distance: stop
+UNSURE = 2  # the bound is too coarse to decide
 SPENT = 3  # the cycle's budget of tests is used up
-ALLOWED = 4  # a contract is kept that lets the pair be nearer
-EXCEEDED = 5  # neither that nor its distance
-UNPROVEN = 6  # a robot leaves what comes by itself: it may be met on its way
+ALLOWED = 4  # the pair satisfies a contract that permits it to be nearer
+EXCEEDED = 5  # the pair satisfies neither its contract nor its distance
+UNPROVEN = 6  # a recovering or evading robot: a moving object may still meet it
 
 
 @record
 class Pair:
-    """A pair while its proof is sought; of each field of two, the first is side A's.
+    """Pair of a proof; of each field of two, the first is side A's.
 
     Attributes:
-        kind: ShapeKind.
-        body: Its body, -1 if it is static.
-        plan: NEXT or NOW, the stop of its robot.
-        primitive: Row of its levers in `Motion.levers`.
-        exact: Row of its levers in `Motion.exact_levers`; -1: the primitive counts.
-        row: Its row in the world as measured.
-        local: Its row in its body's frame, or in the world if it is static.
-        shared: Joints that move both sides alike.
-        need: Distance to keep now [m].
-        drift: Speed at which that grows [m/s].
+        kind: ShapeKind of each side, shape (2,).
+        body: Body of each side, -1 if static, shape (2,).
+        plan: Plan of its robot's stop, NEXT or NOW, shape (2,).
+        primitive: Row of its levers in `Motion.levers`, shape (2,).
+        exact: Row of its levers in `Motion.exact_levers`, -1 for those of the
+            primitive, shape (2,).
+        row: Row in the world as measured, shape (2, 16).
+        local: Row in the frame of its body, or in the world if static, shape (2, 16).
+        shared: Number of joints that move both sides alike.
+        need: Required separation now [m].
+        drift: Rate at which the required separation grows [m/s].
     """
 
     kind: Annotated[Longs, (2,)]

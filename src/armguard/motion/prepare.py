@@ -1,4 +1,4 @@
-"""The arrays of a prediction, made once from a compiled scene."""
+"""Arrays of the stop prediction, allocated once from a compiled scene."""
 
 from typing import Any
 
@@ -40,11 +40,11 @@ MODES = {"fixed": place.FIXED, "speed": place.SPEED, "path": place.PATH}
 
 
 def motion_of(tables: SceneTables, budget: int) -> Motion:
-    """Arrays of the prediction for a scene.
+    """Arrays of the stop prediction for a scene.
 
     Args:
         tables: The scene.
-        budget: Spans of time a cycle may test.
+        budget: Greatest number of intervals that a cycle may test.
     """
     m, b, n = tables.moving_count, len(tables.parent), len(tables.q_names)
     found = scene_chains(tables)
@@ -142,12 +142,12 @@ def exact_levers(
     return levers
 
 
-# Figures of joints that do not come from `StoppingFigures` by their names.
+# Figures of joints that are not fields of `StoppingFigures`.
 DERIVED = ("led_beyond", "curve")
 
 
 def joint_figures(tables: SceneTables) -> Any:
-    """`JointFigures` of each joint, shape (n,); zeros where none are needed."""
+    """`JointFigures` of each joint, shape (n,); zeros for robots without figures."""
     rows = records(len(tables.q_names), JointFigures)
     rows["led_beyond"] = led_beyond(tables)
     for part in tables.robots:
@@ -161,9 +161,9 @@ def joint_figures(tables: SceneTables) -> Any:
 
 
 def by_levers(figure: str, tables: SceneTables, found: Chains) -> Floats:
-    """What a figure of all joints can do to each primitive's points at most, (m,).
+    """Bound on the effect of a joint figure on each primitive's points, shape (m,).
 
-    An acceleration [m/s²], or an error of positions [m].
+    An acceleration [m/s²], or a position error [m].
     """
     by_joint = joint_figures(tables)[figure]
     by_body = np.abs(tables.gain[:, 0]) * by_joint[tables.q_index]
@@ -187,7 +187,7 @@ def robot_figures(tables: SceneTables) -> Any:
 
 
 def stop_curves(tables: SceneTables) -> Floats:
-    """Measured stops at even speeds, times then ways, shape (n, 2 · CURVE_POINTS)."""
+    """Measured stops at even speeds, times then distances, (n, 2 · CURVE_POINTS)."""
     curves = np.zeros((len(tables.q_names), 2 * place.CURVE_POINTS))
     for part in tables.robots:
         if part.stopping is None:
@@ -201,11 +201,11 @@ def stop_curves(tables: SceneTables) -> Floats:
 
 
 def curve_row(table: StopTable, top: float) -> Floats:
-    """A table at even speeds from 0 to the top one, shape (2 · CURVE_POINTS,).
+    """Table of measured stops at even speeds up to the top one, (2 · CURVE_POINTS,).
 
-    The time of each piece between two even speeds is that of the next higher speed
-    that was measured. The way follows the straight lines between the measured ones,
-    lifted where one of them stands above the line between two even speeds.
+    The time of each piece between two even speeds is that of the next higher measured
+    speed. The distance follows the straight lines between the measured ones, raised
+    where a measured one is above the line between two even speeds.
     """
     even = np.linspace(0.0, top, place.CURVE_POINTS)
     step = even[1]

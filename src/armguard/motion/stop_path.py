@@ -1,6 +1,6 @@
-"""The stop path of all joints: where each may be, from the measurement until rest.
+"""Stop path: ranges of all joint positions from the measurement until rest.
 
-All robots brake on one clock, whose zero is now. A robot's measurement lies its own age
+All robots brake on one clock, whose zero is now. A robot was measured its own age
 before that.
 """
 
@@ -47,12 +47,12 @@ Ints = NDArray[np.int32]
 
 @kernel(separate=True)
 def plan_stops(plan: int, m: Motion) -> None:
-    """Predict the stop of every joint, and bound how far it gets in all.
+    """Predict the stop of every joint, and bound its whole displacement.
 
     Args:
-        plan: NEXT or NOW; NEXT goes first, its horizon is that of both.
-        m: The prediction: figures, measured state and
-            clocks are read, the rest is written.
+        plan: NEXT or NOW; NEXT must be first, its horizon is that of both.
+        m: The prediction: figures, measured state and clocks are read, the rest is
+            written.
     """
     n = m.q.shape[0]
     horizon = settled = 0.0
@@ -84,10 +84,10 @@ def plan_stops(plan: int, m: Motion) -> None:
 
 @kernel
 def plan_joint(plan: int, j: int, m: Motion) -> float:
-    """Plan one joint's stop both ways.
+    """Plan one joint's stop in both directions.
 
     Returns:
-        From now until it rests [s].
+        Time from now until it rests [s].
     """
     r, n = m.robot_of_joint[j], m.q.shape[0]
     figures, robot = m.joint_figures[j], m.robot_figures[r]
@@ -120,14 +120,14 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
             up if side == 0 else down,
         )
     if clock[SWINGS] != 0.0 and points == 0:
-        # How fast it was when its stop began is not seen any more, but remembered.
+        # The speed at the begin of the stop is not measured any more but remembered.
         for side in range(2):
             stop = up if side == 0 else down
             swing = m.swings[j, OF_STOP]
             if stop.opposite_speed == 0.0:
                 stop.swing = swing
             # It may swing already, from one side of its rest to the other, but never
-            # beyond where the stop was proven to end.
+            # beyond the proven positions of the stop.
             beyond = m.swings[j, HIGHEST] - m.q[j]
             if side == 1:
                 beyond = m.q[j] - m.swings[j, LOWEST]
@@ -139,14 +139,14 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
 
 @kernel
 def error_of(j: int, m: Motion) -> float:
-    """Greatest error of a joint's position; 0 where its motion is left out."""
+    """Greatest error of a joint's position; 0 if its motion is left out."""
     still = m.clock[m.robot_of_joint[j], STILL] != 0.0
     return 0.0 if still else float(m.joint_figures[j].position_error)
 
 
 @kernel(separate=True)
 def write_axes(T_world: Matrix, m: Motion) -> None:
-    """Write the axes of all joints where they were measured.
+    """Write the axes of all joints at their measured positions.
 
     Args:
         T_world: Poses of all bodies, shape (b, 12).
@@ -158,11 +158,11 @@ def write_axes(T_world: Matrix, m: Motion) -> None:
 
 @kernel(separate=True)
 def plan_segment(first: Vector, last: Vector, m: Motion) -> None:
-    """Take a straight line of joint positions for the path of both plans.
+    """Set the path of both plans to a straight line in joint space.
 
     Args:
         first: Joint positions at its start, shape (n,) [rad or m].
-        last: Those at its end.
+        last: Joint positions at its end, shape (n,) [rad or m].
         m: The prediction.
     """
     n = m.q.shape[0]
@@ -197,11 +197,11 @@ def measured_speeds(m: Motion) -> None:
 
 @kernel(separate=True)
 def bound_reaches(plan: int, ridden: IntVector, m: Motion) -> None:
-    """Bound the way and the speed of every moving primitive's points.
+    """Bound the displacement and the speed of every moving primitive's points.
 
     Args:
         plan: NEXT or NOW.
-        ridden: Body of each primitive; the moving ones come first, shape (p,).
+        ridden: Body of each primitive, shape (p,); the moving ones are first.
         m: The prediction.
     """
     count = m.reach.shape[1]
@@ -225,10 +225,10 @@ def write_axis(T: Floats, axis: Floats, out: Floats) -> None:
 
 @kernel(separate=True)
 def make_node(plan: int, node: int, m: Motion) -> None:
-    """Write a span of the stop path, unless that was done in this cycle.
+    """Write an interval of the stop path, once per cycle.
 
-    Within the span each joint's position is `middle + u · way ± (wide + u · grow)` for
-    one u in [-1, 1] that is the same for all joints.
+    Within it each joint's position is `middle + u · way ± (wide + u · grow)` for one u
+    in [-1, 1] that is common to all joints.
     """
     at = plan * NODES + node
     if m.node_stamp[at] == m.effort[STAMP]:
@@ -271,7 +271,7 @@ def make_node(plan: int, node: int, m: Motion) -> None:
 
 @kernel
 def span_of(node: int, horizon: float) -> tuple[float, float]:
-    """Start and end of a node's span [s]."""
+    """Start and end of a node's interval [s]."""
     level = 0
     while (2 << level) <= node:
         level += 1
@@ -283,18 +283,18 @@ def span_of(node: int, horizon: float) -> tuple[float, float]:
 def joint_span(
     plan: int, j: int, start: float, end: float, m: Motion
 ) -> tuple[float, float, float, float]:
-    """A joint's positions over a span of time, relative to the measured one.
+    """Range of a joint's positions in an interval, relative to the measured one.
 
     Args:
         plan: NEXT or NOW.
         j: The joint.
-        start: Start of the span, from now on [s].
-        end: Its end [s].
+        start: Start of the interval, from now on [s].
+        end: End of the interval, from now on [s].
         m: Planned stops.
 
     Returns:
         Middle of the straight line from the middle position at the start to that at
-        the end; half of its length, signed; how far a position may be off it at the
+        the end; half of its length, signed; greatest deviation from the line at the
         start, and at the end [rad].
     """
     n, robots = m.q.shape[0], m.robot_figures.shape[0]
@@ -306,8 +306,8 @@ def joint_span(
     low_0, low_1 = -farthest(start, down), -farthest(end, down)
     swing_up = swing_within(start, end, high_0, high_1, up)
     swing_down = swing_within(start, end, -low_0, -low_1, down)
-    # A curve is off its chord by no more than an eighth of its second derivative
-    # times the square of the span; and one that only rises by no more than it rises.
+    # A curve deviates from its chord by at most an eighth of its second derivative
+    # times the square of the interval; a monotonic one by at most its rise.
     eighth = 0.125 * (end - start) * (end - start)
     above = min(curve_bow(start, up) * eighth, abs(high_1 - high_0))
     below = min(curve_bow(start, down) * eighth, abs(low_1 - low_0))
