@@ -1,4 +1,4 @@
-"""Broad phase: which primitives are near each other."""
+"""Broad phase: indices that find the pairs of primitives that may be near."""
 
 from armguard.index.base import Index
 from armguard.index.brute_force import BruteForce

@@ -1,4 +1,4 @@
-"""What any index can do."""
+"""Protocol of an index of the broad phase."""
 
 from typing import Protocol
 
@@ -9,31 +9,31 @@ from armguard.index.world import World
 
 
 class Index(Protocol):
-    """Finds, for a primitive, the others that may be near it.
+    """Index that finds the primitives that may be near a primitive.
 
-    Whatever the index: a pair whose distance is at most the larger of the two growths
-    is never missing from the candidates.
+    Every index keeps this contract: the candidates contain every pair whose distance is
+    at most the larger of the two growths.
 
     Attributes:
-        world: The primitives; the caller moves them.
+        world: Primitives of the index; the caller moves them.
     """
 
     world: World
 
     def insert(self, i: int) -> None:
-        """Take primitive i in, at its present row."""
+        """Add primitive i at its present row."""
 
     def remove(self, i: int) -> None:
-        """Leave primitive i out from now on."""
+        """Remove primitive i."""
 
     def update(self, i: int) -> None:
-        """Follow primitive i to its present row."""
+        """Update the index after primitive i moved to its present row."""
 
     def candidates(self, i: int) -> NDArray[np.int32]:
-        """Ids that may be near primitive i, ascending, without i."""
+        """Ids of primitives that may be near primitive i, ascending, without i."""
 
     def check(self) -> None:
-        """Audit every invariant; raise OctreeError with the first that is broken."""
+        """Check every invariant; raise OctreeError with the first that is violated."""
 
     def statistics(self) -> dict[str, object]:
-        """What the index looks like, in numbers."""
+        """Figures of the index by name, such as counts and bytes."""

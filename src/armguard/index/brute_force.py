@@ -1,4 +1,4 @@
-"""No index at all: every primitive is a candidate of every other."""
+"""Brute force: every primitive is a candidate of every other."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +10,17 @@ from armguard.index.world import World
 
 
 class BruteForce:
-    """The oracle of the octree and the baseline of the benchmarks.
+    """Index without structure: oracle of the octree and baseline of the benchmarks.
 
     Args:
-        world: The primitives.
+        world: Primitives of the index.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
         count = len(world.kinds)
-        # The cycle is handed an octree's state whatever the index; of this one it
-        # reads only who is present.
+        # The cycle takes the state of an octree for any index; of this one it reads
+        # only which primitives are present.
         self.state = empty_state(
             count,
             leaf_capacity=1,
@@ -36,32 +36,32 @@ class BruteForce:
         self._out = np.zeros(max(count, 1), dtype=np.int32)
 
     def insert(self, i: int) -> None:
-        """Take primitive i in."""
+        """Add primitive i."""
         self.residency[i, STATUS] = INDEXED
 
     def remove(self, i: int) -> None:
-        """Leave primitive i out from now on."""
+        """Remove primitive i."""
         self.residency[i, STATUS] = 0
 
     def update(self, i: int) -> None:
-        """Nothing follows a move: there is no structure."""
+        """Do nothing: a motion changes no structure."""
 
     def candidates(self, i: int) -> NDArray[np.int32]:
-        """All primitives that are present, but i, ascending."""
+        """Ids of all present primitives except i, ascending."""
         found = present_primitives(i, self.residency, self._out)
         return self._out[:found].copy()
 
     def check(self) -> None:
-        """Every status is known; there is nothing else that could be wrong.
+        """Check that every status is valid; there are no other invariants.
 
         Raises:
-            OctreeError: A status is none.
+            OctreeError: A status is invalid.
         """
         if not np.isin(self.residency[:, STATUS], (0, INDEXED)).all():
             raise OctreeError("a primitive is neither present nor absent")
 
     def statistics(self) -> dict[str, object]:
-        """How many primitives there are."""
+        """Number of present primitives, and bytes."""
         return {
             "kind": "brute_force",
             "primitives": int((self.residency[:, STATUS] != 0).sum()),

@@ -1,8 +1,8 @@
-"""Distance of a core to many cells between two bounds: the audit's own way to tell.
+"""Lower and upper bounds of the distance of a core to cells, for the audit.
 
 Alternating projections give a pair of points, whose distance is the upper bound; the
-direction between them separates the two sets by at least the lower one. None of it is
-shared with the kernels that build the tree.
+direction between them separates the two sets by at least the lower bound. The code is
+independent of the kernels that build the tree.
 """
 
 import numpy as np
@@ -14,28 +14,28 @@ from armguard.geometry.shapes import ShapeKind
 
 Floats = NDArray[np.float64]
 
-# Alternating projections stop when no distance falls by more than this [m], or after
+# Alternating projections end when no distance falls by more than this [m], or after
 # this many steps; the bounds hold in any case.
 SETTLED = 1e-12
 STEPS = 400
 
 ROUND = (ShapeKind.CYLINDER, ShapeKind.CONE)
 
-# Kinds without a projection of their own: the convex solver is asked, whose oracles are
-# elsewhere (docs/accuracy.md).
+# Kinds without a projection: the convex solver computes them, which has its own oracles
+# (docs/accuracy.md).
 ASKED = (ShapeKind.ELLIPSOID, ShapeKind.HULL, ShapeKind.SUPPORT)
 
 
 def bracket_gaps(
     kind: int, row: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, Floats]:
-    """Distance of a core to many cells, between two bounds, each shape (k,) [m].
+    """Lower and upper bounds of the distance of a core to cells, each shape (k,) [m].
 
     Args:
-        kind: ShapeKind.
+        kind: ShapeKind of the primitive.
         row: Row of the primitive, shape (16,).
         low: Lower corners of the cells, shape (k, 3) [m].
-        high: Upper corners, shape (k, 3) [m].
+        high: Upper corners of the cells, shape (k, 3) [m].
     """
     if kind in ASKED:
         cells = zip(*closed(kind, row, low, high), strict=True)
@@ -65,7 +65,7 @@ def bracket_gaps(
 
 
 def closed(kind: int, row: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Cells that have a bound on every side, and are as far from a core as before."""
+    """Cells with open sides closed, at an unchanged distance from a core [m]."""
     box = np.zeros(6)
     row_bounds(kind, row, 0.0, box)
     below = np.minimum(box[:3], np.where(np.isfinite(high), high, box[:3])) - 1.0
@@ -76,7 +76,7 @@ def closed(kind: int, row: Floats, low: Floats, high: Floats) -> tuple[Floats, F
 
 
 def core_reach(kind: int, row: Floats, n: Floats) -> Floats:
-    """How far a core extends along directions n of shape (k, 3), from the origin."""
+    """Support of a core in directions n, (k, 3), from the origin, shape (k,) [m]."""
     if kind == ShapeKind.SPHERE:
         return np.asarray(n @ row[1:4])
     if kind == ShapeKind.CAPSULE:

@@ -1,4 +1,4 @@
-"""The N-objects octree: a cube divided until no leaf holds more than N primitives."""
+"""N-objects octree: a cube divided until no leaf holds more than N objects."""
 
 from math import ceil, log2
 
@@ -52,38 +52,38 @@ from armguard.kernel import kernel
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# Room beyond what was built, since a scene in motion splits and merges: this much of
-# what the moving primitives take up, and at least so many.
+# Spare capacity after a build, since a moving scene splits and merges leaves: multiple
+# of the entries of the moving primitives, and least numbers of nodes and entries.
 SPARE = 4
 LEAST_NODES = 8 * 512
 LEAST_ENTRIES = 8192
 
-# Beyond so many nodes or entries a tree is less deep instead: things that are large
-# and overlap would fill any memory with leaves of the same lists.
+# Nodes or entries beyond which the depth is reduced instead: large objects that overlap
+# would fill any memory with leaves of equal lists.
 MOST_ROOM = 1 << 18
 
-# Primitives that have an anchor even if nothing tells that they move.
+# Primitives that have an anchor even without a growth.
 LEAST_ANCHORS = 1024
 
 
 class Octree:
-    """Index of primitives by the leaves of an octree they inhabit.
+    """Index of primitives by the leaves of an octree that they overlap.
 
-    The decomposition rule is the paper's: a leaf with more than N primitives is split,
-    eight leaves that hold at most N together are merged. Structure and lists are a
-    function of where the primitives are, never of how they got there.
+    The decomposition rule is the paper's: a leaf with more than N objects is split,
+    eight leaves that hold at most N together are merged. The tree is canonical:
+    structure and lists are a function of the present poses alone.
 
-    Primitives with a growth are taken for those that move: there is room to spare for
-    them, and up to the last of them each has an anchor. The others may be moved as
-    well, but every update of theirs looks at the tree.
+    Primitives with a growth count as moving: they have spare capacity, and each one up
+    to the last of them has an anchor. Others may move as well, but each of their
+    updates searches the tree.
 
     Args:
-        world: The primitives. Arrays are shared: the caller writes rows and boxes, and
-            calls `update`.
+        world: Primitives of the index. Arrays are shared: the caller writes rows and
+            boxes, and calls `update`.
         leaf_capacity: The paper's N.
-        max_depth: Leaves at this depth are not split; chosen from the growth if None.
+        max_depth: Depth at which leaves are not split; chosen from the growth if None.
         cube: Centre and edge of the root [m]; chosen around the primitives if None,
-            and enlarged if it does not hold them all.
+            and enlarged if it does not contain them all.
 
     Raises:
         OctreeError: A setting is out of range, or a row is not finite.
@@ -120,9 +120,9 @@ class Octree:
         self.state = self._build(everyone)
 
     def insert(self, i: int) -> None:
-        """Take primitive i in; the root cube grows if the primitive is outside.
+        """Add primitive i; the root cube grows if the primitive is outside.
 
-        If there is no room for it, the tree is built anew with more.
+        If the capacity is too small, the tree is rebuilt with more.
 
         Raises:
             OctreeError: The row of the primitive is not finite.
@@ -142,17 +142,17 @@ class Octree:
             self.state = self._build(self.present)
 
     def remove(self, i: int) -> None:
-        """Leave primitive i out from now on."""
+        """Remove primitive i."""
         self._check_id(i)
         octree_remove(i, self.world, self.state)
 
     def update(self, i: int) -> None:
-        """Follow primitive i to its present row."""
+        """Update the tree after primitive i moved to its present row."""
         self._check_id(i)
         octree_update(i, self.world, self.state)
 
     def candidates(self, i: int) -> NDArray[np.int32]:
-        """Ids that share a leaf with primitive i, ascending."""
+        """Ids of primitives that share a leaf with primitive i, ascending."""
         self._check_id(i)
         state = self.state
         state.header[TOKEN] += 1
@@ -163,19 +163,19 @@ class Octree:
 
     @property
     def present(self) -> Bools:
-        """Which primitives are in the tree, shape (p,)."""
+        """True for each primitive in the tree, shape (p,)."""
         return np.asarray(self.state.residency[:, STATUS] != ABSENT)
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all arrays of the tree; the world's are not among them."""
+        """Bytes of all arrays of the tree, without those of the world."""
         return int(sum(array.nbytes for array in self.state))
 
     def check(self) -> None:
-        """Audit every invariant; see `octree_audit`.
+        """Check every invariant; see `octree_audit`.
 
         Raises:
-            OctreeError: The first invariant that is broken, in words.
+            OctreeError: The first invariant that is violated, in words.
         """
         audit(self.world, self.state)
 
@@ -191,7 +191,7 @@ class Octree:
         return out
 
     def statistics(self) -> dict[str, object]:
-        """What the tree looks like: nodes, leaves, depths, lists, memory."""
+        """Figures of the tree by name: nodes, leaves, depths, lists, memory."""
         state = self.state
         leaves = self.leaves()
         lengths = state.nodes[leaves, COUNT]
@@ -219,9 +219,12 @@ class Octree:
         }
 
     def _grow_cube(self, i: int) -> bool:
-        """Enlarge the cube until it holds primitive i; whether that was necessary.
+        """Enlarge the cube until it contains primitive i.
 
-        What has no end on a side does not stick out there: outermost leaves have none.
+        An unbounded side of a primitive does not count: outermost leaves are unbounded.
+
+        Returns:
+            Whether the cube was enlarged.
         """
         box = np.zeros(6)
         world = self.world
@@ -230,7 +233,7 @@ class Octree:
         box[3:] = np.where(np.isposinf(box[3:]), self.high, box[3:])
         grown = False
         while (box[:3] < self.low).any() or (box[3:] > self.high).any():
-            # Twice the edge, towards the side that sticks out.
+            # Double the edge towards the side on which the primitive is outside.
             edge = self.high - self.low
             towards_low = box[:3] < self.low
             self.low = np.where(towards_low, self.low - edge, self.low)
@@ -246,7 +249,7 @@ class Octree:
             )
 
     def _build(self, present: Bools) -> OctreeState:
-        """The tree of what is present, with room to spare for what moves."""
+        """Tree of the present primitives, with spare capacity for moving ones."""
         world = self.world
         count = len(present)
         moving = np.flatnonzero(world.growth > 0.0)
@@ -254,7 +257,7 @@ class Octree:
         extent = extent_of(present, world)
         reach = np.abs(np.concatenate([self.low, self.high, extent]))
         clear = CLEAR * float(reach[np.isfinite(reach)].max())
-        # Pages that are never written are never there: guesses may be generous.
+        # Pages that are never written take no memory, so the capacity may be generous.
         room = {
             NODES_SHORT: LEAST_NODES + 2 * count,
             ENTRIES_SHORT: LEAST_ENTRIES + 4 * count,
@@ -281,7 +284,7 @@ class Octree:
             if room[answer] <= most or self.max_depth == 0:
                 room[answer] *= 2
             else:
-                # Finer leaves inside of many large things tell none of them apart.
+                # Finer leaves inside many large objects do not separate them.
                 self.max_depth -= 1
         state.counters[:] = 0
         held = SPARE * entries_of_moving(world, state)
@@ -310,7 +313,7 @@ def extent_of(present: Bools, world: World) -> Floats:
 def root_corners(
     extent: Floats, cube: tuple[Floats, float] | None
 ) -> tuple[Floats, Floats]:
-    """Corners of a cube that holds an extent, and the wished-for cube."""
+    """Corners of a cube that contains an extent and the requested cube, (3,) [m]."""
     low, high = extent[:3], extent[3:]
     if cube is not None:
         centre, edge = np.asarray(cube[0], dtype=np.float64), float(cube[1])
@@ -334,8 +337,7 @@ def root_corners(
 def depth_for(edge: float, growth: Floats) -> int:
     """Depth at which a leaf is twice as large as a growth, at most DEPTH_LIMIT.
 
-    Finer leaves would each lie inside the grown primitives: more lists, few of them
-    any shorter.
+    Finer leaves would be inside the grown primitives: more lists, but few shorter ones.
     """
     largest = float(growth.max()) if len(growth) else 0.0
     if largest <= 0.0:

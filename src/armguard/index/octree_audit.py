@@ -1,8 +1,8 @@
-"""Audit of an octree: every invariant, in plain Python, by other means.
+"""Audit of an octree: every invariant, checked in plain Python by independent code.
 
 Overlap of a primitive and a cell is decided here by alternating projections onto two
-convex sets and a separating direction, not by the kernel the tree is built with; cells
-are made by halving from the root, not read from the nodes.
+convex sets and a separating direction, not by the kernel that builds the tree. Cells
+result from halving the root, not from the nodes.
 """
 
 import numpy as np
@@ -44,7 +44,7 @@ from armguard.index.world import World
 
 Floats = NDArray[np.float64]
 
-# Two independent computations may differ by this much [m].
+# Greatest accepted difference of two independent computations [m].
 UNDECIDED = 1e-9
 
 
@@ -54,12 +54,12 @@ def audit(world: World, state: OctreeState) -> None:
     1. Topology: children name their parent, none is too deep, no node twice.
     2. Cells: each place is its parent's with the child's number, and leads to the cell
        that halving gives.
-    3. Lists: linked both ways, counts right, entries name their leaf, nobody twice.
+    3. Lists: linked both ways, counts right, entries name their leaf, no duplicates.
     4. Books: every node and every entry is in use or free, never both, none lost.
-    5. Truth: a list holds exactly the primitives that inhabit the leaf.
+    5. Truth: a list holds exactly the primitives that overlap the leaf.
     6. Rule: no leaf holds more than N objects above the depth limit; no eight leaves
-       could be one. (Where a split was refused for want of room this may not hold.)
-    7. Slack: a primitive's anchor, its row and its slack belong together.
+       could be one. (If a split was refused for lack of room this may not hold.)
+    7. Slack: no leaf changes before a primitive has moved from its anchor by its slack.
     """
     leaves, cells, used = walk(state)
     members = read_lists(leaves, state)
@@ -76,7 +76,7 @@ def demand(holds: bool, sentence: str) -> None:
 
 
 def walk(state: OctreeState) -> tuple[list[int], dict[int, Floats], set[int]]:
-    """Walk from the root; leaves, their cells with open borders, and nodes in use."""
+    """Leaves, their cells with open borders, and nodes in use, by a walk."""
     nodes = state.nodes
     root = np.concatenate([state.cube[0], state.cube[0] + state.cube[1]])
     leaves: list[int] = []
@@ -112,7 +112,7 @@ def walk(state: OctreeState) -> tuple[list[int], dict[int, Floats], set[int]]:
 
 
 def read_lists(leaves: list[int], state: OctreeState) -> dict[int, set[int]]:
-    """Members of each leaf, by its own list; checked against the primitives' lists."""
+    """Members of each leaf by its own list, checked against the primitives' lists."""
     nodes, entries, residency = state.nodes, state.entries, state.residency
     members: dict[int, set[int]] = {}
     homes: dict[int, set[int]] = {}
@@ -149,7 +149,7 @@ def read_lists(leaves: list[int], state: OctreeState) -> dict[int, set[int]]:
 def check_books(
     used: set[int], members: dict[int, set[int]], state: OctreeState
 ) -> None:
-    """Nodes and entries: in use or free, never both, none lost."""
+    """Check that each node and entry is in use or free, never both, none lost."""
     nodes, entries, header = state.nodes, state.entries, state.header
     free_nodes: set[int] = set()
     block = int(header[FREE_BLOCK])
@@ -184,7 +184,7 @@ def check_truth(
     world: World,
     state: OctreeState,
 ) -> None:
-    """A list holds exactly the primitives that inhabit the leaf."""
+    """Check that each list holds exactly the primitives that overlap its leaf."""
     low = np.array([cells[leaf][:3] for leaf in leaves])
     high = np.array([cells[leaf][3:] for leaf in leaves])
     for i in range(len(world.kinds)):
@@ -209,7 +209,7 @@ def check_rule(
     world: World,
     state: OctreeState,
 ) -> None:
-    """Split above N objects, merged when N suffice."""
+    """Check the rule: leaves are split above N objects and merged at N or fewer."""
     if state.counters[COUNT_UNSPLIT]:
         return
     nodes = state.nodes
@@ -234,7 +234,7 @@ def check_slack(
     world: World,
     state: OctreeState,
 ) -> None:
-    """No cell is nearer to changing sides than the slack promises."""
+    """Check that no cell changes sides within the slack of a primitive."""
     low = np.array([cells[leaf][:3] for leaf in leaves])
     high = np.array([cells[leaf][3:] for leaf in leaves])
     for i in range(len(state.anchors)):

@@ -1,9 +1,9 @@
-"""A whole tree at once: ids are handed down from the root, level by level.
+"""Bulk build of an octree: lists of ids are divided from the root downwards.
 
-The tree is canonical, so it is the one that single inserts would give. What is handed
-to a child is decided by `grown_gap` as ever, except where something cheaper is certain
-to agree: a bounding box well inside a cell, two boxes that overlap well or are well
-apart. *Well* is by a length that no rounding of either test reaches.
+The tree is canonical, so it equals the one that single inserts give. `grown_gap`
+decides which children a primitive overlaps, unless a cheaper test surely agrees: a
+bounding box well inside a cell, two boxes that overlap well or are well apart. *Well*
+is by a length that exceeds the rounding of either test.
 """
 
 from math import sqrt
@@ -52,14 +52,14 @@ Bools = NDArray[np.bool_]
 
 BOX = int(ShapeKind.BOX)
 
-# Rounding of a coordinate that no test exceeds, relative to the largest one [-]. A
-# double has sixteen digits and the longest test loses three of them.
+# Bound on the rounding of every test, relative to the largest coordinate [-]. A double
+# has sixteen digits and the longest test loses three of them.
 CLEAR = 1e-10
 
-# Sine of the angle of two edges above which the axis across both is exact enough [-].
+# Sine of the angle of two edges above which their cross product is exact enough [-].
 TRUSTED_SIN = 1e-5
 
-# Answers of `build_tree`.
+# Results of `build_tree`.
 BUILT = 0
 NODES_SHORT = 1
 ENTRIES_SHORT = 2
@@ -68,10 +68,10 @@ LISTS_SHORT = 3
 
 @kernel(inline=False, entry=True)
 def grown_extent(present: Bools, world: World, box: Floats, out: Floats) -> None:
-    """Smallest box around the grown primitives that are present, where it is finite.
+    """Smallest box around the present grown primitives, by their finite sides.
 
     Args:
-        present: True where a primitive counts, shape (p,).
+        present: True for each primitive that counts, shape (p,).
         world: The primitives.
         box: Scratch, shape (6,).
         out: Lower and upper corner, overwritten, shape (6,) [m]; the lower one above
@@ -100,23 +100,23 @@ def build_tree(
     masks: Bytes,
     frames: Longs,
 ) -> int:
-    """Build the tree of the primitives that are present.
+    """Build the tree of the present primitives.
 
-    Depth first: the lists of the nodes on the way stand one behind the other, and each
-    is given up when the node is done.
+    Depth first: the lists of the nodes on the path are stored in sequence, and each is
+    discarded when its node is done.
 
     Args:
-        present: True where a primitive is to be in the tree, shape (p,).
-        clear: What counts as well inside or well apart [m].
+        present: True for each primitive that enters the tree, shape (p,).
+        clear: Least length that counts as well inside or well apart [m].
         world: The primitives.
-        state: A tree of one empty leaf; left unfinished if something is short.
+        state: A tree of one empty leaf; left unfinished if a capacity is too small.
         lists: Scratch for ids.
-        masks: Scratch, children of one id of a list, shape (p,).
-        frames: Scratch, node, start and length of the lists to be done, shape
+        masks: Scratch for the children of each id of a list, shape (p,).
+        frames: Scratch for node, start and length of the open lists, shape
             (STACK_ROOM, 3).
 
     Returns:
-        BUILT, or what there was too little room for.
+        BUILT, or the capacity that was too small.
     """
     nodes, header = state.nodes, state.header
     count = 0
@@ -170,7 +170,7 @@ def build_tree(
 def list_is_long(
     node: int, start: int, length: int, lists: Ints, world: World, state: OctreeState
 ) -> bool:
-    """Whether a list has ids of more than N objects, and its node may go deeper."""
+    """Whether a list has ids of more than N objects, and its node may be divided."""
     most = state.rule[LEAF_CAPACITY]
     if length <= most or not depth_of(state.nodes[node, PLACE]) < state.rule[MAX_DEPTH]:
         return False
@@ -198,12 +198,12 @@ def choose_children(
     lists: Ints,
     masks: Bytes,
 ) -> None:
-    """Write for each id of a list which children it inhabits, child c as bit c."""
+    """Write the children that each id of a list overlaps, child c as bit c."""
     place = state.nodes[node, PLACE]
     x0, y0, z0, x1, y1, z1 = cell_at(place, state.cube)
     _, _, _, mx, my, mz = cell_at(place << 3, state.cube)
     border = border_of(place)
-    # Faces that do not count are far away.
+    # Faces at the root's border are at infinity.
     x0, x1 = -np.inf if border & 1 else x0, np.inf if border & 8 else x1
     y0, y1 = -np.inf if border & 2 else y0, np.inf if border & 16 else y1
     z0, z1 = -np.inf if border & 4 else z0, np.inf if border & 32 else z1
@@ -213,7 +213,7 @@ def choose_children(
         grown = world.growth[i] + clear
         bx0, by0, bz0 = boxes[i, 0] - grown, boxes[i, 1] - grown, boxes[i, 2] - grown
         bx1, by1, bz1 = boxes[i, 3] + grown, boxes[i, 4] + grown, boxes[i, 5] + grown
-        # Of a NaN every half is possible.
+        # A NaN leaves every half possible.
         mask = 0xFF
         if bx0 > mx:
             mask &= 0b10101010
@@ -242,7 +242,7 @@ def choose_children(
 def test_children(
     i: int, mask: int, place: int, clear: float, world: World, state: OctreeState
 ) -> int:
-    """Those of the children in a mask that primitive i inhabits."""
+    """Children of a mask that primitive i overlaps, as a mask."""
     tested = 0
     kind, row = world.kinds[i], world.rows[i]
     for c in range(8):
@@ -260,18 +260,18 @@ def test_children(
 
 @kernel(entry=True)
 def box_meets_cell(row: Floats, growth: float, cell: Cell, clear: float) -> int:
-    """Whether a grown box inhabits a cell, where that is plain to see.
+    """Whether a grown box overlaps a cell, by a separating axis test with a margin.
 
     Args:
         row: Row of the box, shape (16,).
-        growth: Its growth [m].
+        growth: Growth of the box [m].
         cell: The cell.
-        clear: What counts as well inside or well apart [m].
+        clear: Least length that counts as well inside or well apart [m].
 
     Returns:
         1 if the core and the cell overlap well; -1 if they are well apart along one of
-        the fifteen axes that can separate two boxes; 0 if neither is certain, also
-        where a number is NaN.
+        the fifteen axes that can separate two boxes; 0 if neither is certain, or a
+        number is NaN.
 
     References:
         Ericson, Real-Time Collision Detection, 2005, section 4.4.1.
@@ -322,7 +322,7 @@ def box_meets_cell(row: Floats, growth: float, cell: Cell, clear: float) -> int:
             reach += row[4 + m] * abs(row[7 + 3 * i + n])
             reach += row[4 + n] * abs(row[7 + 3 * i + m])
             gap = abs(d[b] * u - d[a] * v) - reach
-            # An axis too short to be trusted with its direction tells nothing.
+            # An axis that is too short has no certain direction, so it decides nothing.
             certain = length > TRUSTED_SIN
             if certain and gap > far * length:
                 return -1
@@ -332,7 +332,7 @@ def box_meets_cell(row: Floats, growth: float, cell: Cell, clear: float) -> int:
 
 @kernel
 def settle(world: World, state: OctreeState) -> None:
-    """Give what has an anchor its anchor and its slack."""
+    """Write the anchors and slacks of all primitives that have one."""
     for i in range(state.anchors.shape[0]):
         state.anchors[i] = world.rows[i]
         state.slack[i] = 0.0

@@ -1,4 +1,4 @@
-"""Where a cell is, and how far a primitive is from inhabiting it or leaving it."""
+"""Cells of an octree: corners, and signed gap of a primitive and a cell."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,14 @@ Floats = NDArray[np.float64]
 # x0, y0, z0, x1, y1, z1: lower and upper corner [m].
 Cell = tuple[float, float, float, float, float, float]
 
-# How far beyond a primitive's own box an outermost cell is thought to reach [m]. Any
-# positive length serves: it only has to be outside the primitive.
+# Length by which an outermost cell extends beyond a primitive's box [m]. Any positive
+# length serves: the face only has to be outside the primitive.
 BEYOND = 1.0
 
 
 @kernel
 def depth_of(place: int) -> int:
-    """Depth of a node by its place, 0 for the root."""
+    """Depth of a node from its place, 0 for the root."""
     depth = 0
     while place > 1:
         place >>= 3
@@ -30,7 +30,7 @@ def depth_of(place: int) -> int:
 
 @kernel
 def every_third_bit(code: int) -> int:
-    """Bits 0, 3, 6, … 27 of a number, moved together."""
+    """Bits 0, 3, 6, … 27 of a number, packed."""
     bits = code & 0x09249249
     bits = (bits | (bits >> 2)) & 0x030C30C3
     bits = (bits | (bits >> 4)) & 0x0300F00F
@@ -53,7 +53,7 @@ def steps_of(place: int) -> tuple[int, int, int, int]:
 
 @kernel(entry=True)
 def cell_at(place: int, cube: Floats) -> Cell:
-    """Corners of a node's cell.
+    """Corners of a node's cell [m].
 
     A step divided by a power of two is exact, so two cells that meet, whatever their
     depths, get the same number for the plane between them: no crack.
@@ -87,10 +87,10 @@ def border_of(place: int) -> int:
 
 @kernel
 def open_cell(i: int, place: int, world: World, state: OctreeState) -> Cell:
-    """Corners of a cell; where it is at the root's border, from beyond primitive i.
+    """Corners of a cell; faces at the root's border are moved beyond primitive i [m].
 
-    Outermost cells reach outwards without end: a primitive that leaves the root cube
-    stays in the tree.
+    Outermost cells are unbounded outwards: a primitive that leaves the root cube stays
+    in the tree.
     """
     x0, y0, z0, x1, y1, z1 = cell_at(place, state.cube)
     border = border_of(place)
@@ -113,18 +113,18 @@ def open_cell(i: int, place: int, world: World, state: OctreeState) -> Cell:
 
 @kernel(entry=True)
 def grown_gap(i: int, place: int, world: World, state: OctreeState) -> float:
-    """Distance between a grown primitive and a cell [m]; it inhabits the cell if <= 0.
+    """Gap between a grown primitive and a cell [m]; it overlaps the cell if <= 0.
 
-    The distance of the core to the cell minus the radius and the growth, so that a
-    negative value says how far the core may withdraw before the primitive leaves. Far
-    away, a lower bound of it.
+    The distance of the core to the cell minus the radius and the growth. So the size of
+    a negative value is how far the core may withdraw before the primitive leaves. Far
+    away, a lower bound of the gap.
 
-    A NaN row gives NaN, which callers must read as "inhabits".
+    A NaN row gives NaN, which callers must read as "overlaps".
     """
     x0, y0, z0, x1, y1, z1 = open_cell(i, place, world, state)
     box = world.boxes[i]
-    # A box round the primitive that is too far away settles it; what is left for the
-    # exact test is near, or inside. The gap of the box is a bound from below.
+    # The gap of the bounding box is a lower bound; if it exceeds the growth, the exact
+    # test is not needed.
     apart = max(x0 - box[3], box[0] - x1)
     apart = max(apart, y0 - box[4], box[1] - y1)
     apart = max(apart, z0 - box[5], box[2] - z1)

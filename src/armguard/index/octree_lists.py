@@ -1,7 +1,7 @@
-"""Lists of the octree: entries handed out, linked, unlinked and taken back.
+"""Lists of the octree: entries are allocated, linked, unlinked and freed.
 
-An entry is in the list of its leaf, which is short, and in that of its primitive, which
-is as long as the primitive is large: only the latter is linked both ways.
+An entry is in the list of its leaf, which is short, and in that of its primitive, whose
+length grows with the size of the primitive: only the latter is linked both ways.
 """
 
 from armguard.index.octree_state import (
@@ -29,7 +29,7 @@ from armguard.kernel import kernel
 
 @kernel
 def link_entry(i: int, leaf: int, state: OctreeState) -> None:
-    """Put primitive i into a leaf's list. The caller has made sure of a free entry."""
+    """Add primitive i to a leaf's list. The caller guarantees a free entry."""
     entries, header, residency = state.entries, state.header, state.residency
     entry = header[FREE_ENTRY]
     if entry == NONE:
@@ -60,7 +60,7 @@ def hang_entry(entry: int, leaf: int, state: OctreeState) -> None:
 
 @kernel
 def unhang_entry(entry: int, state: OctreeState) -> None:
-    """Take an entry out of its leaf's list."""
+    """Remove an entry from its leaf's list."""
     entries, nodes = state.entries, state.nodes
     leaf, after = entries[entry, IN_LEAF], entries[entry, NEXT_IN_LEAF]
     here = nodes[leaf, LINK]
@@ -75,7 +75,7 @@ def unhang_entry(entry: int, state: OctreeState) -> None:
 
 @kernel
 def take_entry_back(entry: int, state: OctreeState) -> None:
-    """Unlink an entry that hangs in no leaf from its primitive; it is free."""
+    """Unlink an entry that is in no leaf's list from its primitive, and free it."""
     entries, header = state.entries, state.header
     before = entries[entry, PREVIOUS_OF_PRIMITIVE]
     after = entries[entry, NEXT_OF_PRIMITIVE]
@@ -93,14 +93,14 @@ def take_entry_back(entry: int, state: OctreeState) -> None:
 
 @kernel
 def free_entry(entry: int, state: OctreeState) -> None:
-    """Unlink an entry everywhere and take it back."""
+    """Unlink an entry from leaf and primitive, and free it."""
     unhang_entry(entry, state)
     take_entry_back(entry, state)
 
 
 @kernel
 def take_block(parent: int, state: OctreeState) -> int:
-    """Eight empty leaves below a node: first of them, or NONE if there is no room."""
+    """Allocate eight empty leaves below a node; the first, or NONE without room."""
     nodes, header = state.nodes, state.header
     first = header[FREE_BLOCK]
     if first != NONE:
@@ -121,7 +121,7 @@ def take_block(parent: int, state: OctreeState) -> int:
 
 @kernel
 def free_block(first: int, state: OctreeState) -> None:
-    """Take eight leaves back."""
+    """Free eight leaves."""
     nodes, header = state.nodes, state.header
     for c in range(8):
         nodes[first + c, COUNT] = FREE

@@ -1,4 +1,4 @@
-"""Who shares a leaf with whom."""
+"""Queries of the octree: primitives that share a leaf, or are near a box."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +38,10 @@ def octree_candidates(
         state: The octree.
         seen: Marks, one a primitive; those equal to `token` were met before.
         token: A number `seen` does not hold yet.
-        out: Ids, overwritten, shape (p,) or as many as `candidate_bound` says.
+        out: Ids, overwritten, shape (p,), or as long as `candidate_bound`.
 
     Returns:
-        How many ids stand in `out`.
+        Number of ids in `out`.
     """
     if state.header[OVERFLOW_COUNT] > 0:
         return int(present_primitives(i, state.residency, out))
@@ -68,25 +68,25 @@ def primitives_in_box(
 ) -> int:
     """Primitives other than i in the leaves that meet a box, each once.
 
-    Every primitive that meets the box is among them. What lies outside the root cube
-    is in its outermost leaves, so the box is moved into the cube before.
+    They include every primitive that meets the box. A primitive outside the root cube
+    is in its outermost leaves, so the box is first moved into the cube.
 
     Args:
-        i: A primitive that is left out.
+        i: Primitive that is left out.
         box: Lower and upper corner, shape (6,); changed [m].
         state: The octree.
         seen: Marks, one a primitive; those equal to `token` were met before.
-        token: A number `seen` does not hold yet.
+        token: A number that `seen` does not hold yet.
         out: Ids, overwritten, shape (p,).
 
     Returns:
-        How many ids stand in `out`.
+        Number of ids in `out`.
     """
     if state.header[OVERFLOW_COUNT] > 0:
         return int(present_primitives(i, state.residency, out))
     for k in range(3):
         low, high = state.cube[0, k], state.cube[0, k] + state.cube[1, k]
-        # A NaN goes to the far end of its side, which looks at everything.
+        # A NaN becomes the far end of its side, so that all leaves are searched.
         box[k] = min(box[k], high) if box[k] >= low else low
         box[k + 3] = max(box[k + 3], low) if box[k + 3] <= high else high
     entries, nodes, stack = state.entries, state.nodes, state.stack
@@ -125,7 +125,7 @@ def primitives_in_box(
 
 @kernel(entry=True)
 def candidate_bound(i: int, state: OctreeState) -> int:
-    """At least as many as primitive i has candidates."""
+    """Upper bound of the number of candidates of primitive i."""
     everyone = int(state.residency.shape[0])
     if state.header[OVERFLOW_COUNT] > 0:
         return everyone
@@ -139,15 +139,16 @@ def candidate_bound(i: int, state: OctreeState) -> int:
 
 @kernel(entry=True)
 def present_primitives(i: int, residency: Ints, out: Ints) -> int:
-    """All primitives in the index but i: what brute force looks at.
+    """Write all primitives in the index except i: the candidates of brute force.
 
     Args:
         i: The primitive.
-        residency: Only its STATUS is read, shape (p, RESIDENCY_WIDTH).
+        residency: Residency of the primitives, of which only STATUS is read, shape
+            (p, RESIDENCY_WIDTH).
         out: Ids, overwritten, shape (p,).
 
     Returns:
-        How many ids stand in `out`.
+        Number of ids in `out`.
     """
     count = 0
     for j in range(residency.shape[0]):

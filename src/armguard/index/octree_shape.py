@@ -1,4 +1,4 @@
-"""The decomposition rule: split above N members, merge when N suffice again."""
+"""Decomposition rule: split leaves above N objects, merge them at N or fewer."""
 
 from armguard.geometry.place import displacement
 from armguard.index.octree_cell import depth_of, grown_gap
@@ -58,11 +58,11 @@ def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
 
 @kernel(inline=False)
 def merge_below(top: int, world: World, state: OctreeState) -> None:
-    """Merge what can be merged below a node that was split just now.
+    """Merge all leaves that the rule merges below a node that was just split.
 
-    A member that has moved, and whose own update is still to come, may be in none of
-    the children, and so may one that touches the node, by rounding: then fewer are left
-    than made the split necessary.
+    A member may be in none of the children: one that has moved and is not updated yet,
+    or one that only touches the node, by rounding. Then the remaining members may not
+    require the split.
     """
     nodes, stack = state.nodes, state.stack
     stack[0] = top
@@ -82,9 +82,9 @@ def merge_below(top: int, world: World, state: OctreeState) -> None:
 
 @kernel
 def must_split(leaf: int, world: World, state: OctreeState) -> bool:
-    """Whether a leaf has members of more than N objects and may go deeper.
+    """Whether a leaf has members of more than N objects and may be divided.
 
-    A node that is divided already need not be.
+    False for a node that is divided already.
     """
     nodes, rule = state.nodes, state.rule
     if not nodes[leaf, COUNT] > rule[LEAF_CAPACITY]:
@@ -97,11 +97,11 @@ def must_split(leaf: int, world: World, state: OctreeState) -> bool:
 
 @kernel
 def count_owners(leaf: int, known: int, world: World, state: OctreeState) -> int:
-    """Objects with a member in a leaf that do not bear the present token, and known.
+    """Number of objects in a leaf without the present token, added to known ones.
 
     Args:
         leaf: The leaf.
-        known: Objects that bear the token already.
+        known: Number of objects that have the token already.
         world: The primitives.
         state: The octree.
     """
@@ -118,13 +118,13 @@ def count_owners(leaf: int, known: int, world: World, state: OctreeState) -> int
 
 @kernel(inline=False)
 def split(node: int, world: World, state: OctreeState) -> int:
-    """Hand a leaf's members on to eight children.
+    """Distribute a leaf's members to eight children.
 
     Returns:
         The first child, or NONE if there is no room; then nothing has changed.
     """
     nodes, entries = state.nodes, state.entries
-    # Each member takes the entry it has along, and up to seven more.
+    # Each member keeps its entry, and needs up to seven more.
     if state.header[FREE_ENTRIES] < 7 * nodes[node, COUNT]:
         return NONE
     first = take_block(node, state)
@@ -164,7 +164,7 @@ def split(node: int, world: World, state: OctreeState) -> int:
 
 @kernel(inline=False)
 def merge_upwards(node: int, world: World, state: OctreeState) -> None:
-    """Merge a node's eight leaves if N suffice for them together, then its parent's."""
+    """Merge a node's eight leaves if they hold at most N objects, then its parent's."""
     while node != NONE and mergeable(node, world, state):
         merge(node, state)
         node = state.nodes[node, PARENT]
@@ -172,7 +172,7 @@ def merge_upwards(node: int, world: World, state: OctreeState) -> None:
 
 @kernel
 def mergeable(node: int, world: World, state: OctreeState) -> bool:
-    """Whether a node has eight leaves with members of at most N objects together."""
+    """Whether a node has eight leaves that together hold at most N objects."""
     nodes = state.nodes
     if nodes[node, COUNT] != DIVIDED:
         return False
@@ -191,7 +191,7 @@ def mergeable(node: int, world: World, state: OctreeState) -> bool:
 
 @kernel(inline=False)
 def merge(node: int, state: OctreeState) -> None:
-    """Make a node of eight leaves a leaf that holds their members, each once."""
+    """Replace a node's eight leaves by one leaf with their members, each once."""
     nodes, entries, header = state.nodes, state.entries, state.header
     first = nodes[node, LINK]
     nodes[node, LINK] = NONE

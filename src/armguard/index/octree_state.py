@@ -1,4 +1,4 @@
-"""Arrays of the N-objects octree, and what their places mean."""
+"""State of the N-objects octree: its arrays and their places."""
 
 from typing import NamedTuple
 
@@ -7,19 +7,19 @@ from numpy.typing import NDArray
 
 from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector
 
-# nodes: one row a node; children stand in blocks of eight, child c at first + c with
-# bit 0 of c for the upper half in x, bit 1 in y, bit 2 in z.
+# nodes: one row a node; children are blocks of eight, child c at first + c with bit 0
+# of c for the upper half in x, bit 1 in y, bit 2 in z.
 LINK = 0  # of a leaf, the first entry of its list; of a divided node, its first child
 PARENT = 1  # NONE for the root; in a free block, the next free block
-COUNT = 2  # members of a leaf; DIVIDED; FREE
-PLACE = 3  # which cell: 1 for the root, 8 · place + c for child c of a node
+COUNT = 2  # number of members of a leaf; DIVIDED; FREE
+PLACE = 3  # code of the cell: 1 for the root, 8 · place + c for child c of a node
 NODE_WIDTH = 4
 
 DIVIDED = -1
 FREE = -2
 NONE = -1
 
-# Set in COUNT of the leaves a search has found, until they are entered.
+# Mark in COUNT of the leaves that a search has found, until they are entered.
 FOUND = 1 << 30
 
 # entries: one row for each primitive in each leaf.
@@ -37,7 +37,7 @@ RESIDENCY_WIDTH = 2
 
 ABSENT = 0  # not in the tree
 INDEXED = 1  # in every leaf it overlaps
-OVERFLOWED = 2  # no entry was left; everything is a candidate until it fits again
+OVERFLOWED = 2  # no entry was left; all are candidates until it fits again
 
 # rule: the decomposition rule.
 LEAF_CAPACITY = 0  # the paper's N, in objects
@@ -50,23 +50,23 @@ NODES_USED = 1  # nodes below this were handed out at least once
 FREE_ENTRY = 2
 ENTRIES_USED = 3
 FREE_ENTRIES = 4  # entries that can still be handed out
-TOKEN = 5  # grows with every search, so that marks need no clearing
+TOKEN = 5  # grows with every search, so that marks are never cleared
 OVERFLOW_COUNT = 6  # primitives that are OVERFLOWED
 DROPPED = 7  # 1 if a split found a member that is in none of the children
 HEADER_WIDTH = 8
 
-# counters: they only grow; the difference over a cycle is what the cycle did.
+# counters: they only grow; their difference over a cycle is the work of the cycle.
 COUNT_ENTERED = 0
 COUNT_LEFT = 1
 COUNT_SPLITS = 2
 COUNT_MERGES = 3
 COUNT_VISITED = 4  # cells tested against a primitive
-COUNT_EVALUATED = 5  # updates that had to look at the tree
-COUNT_SKIPPED = 6  # updates that the slack proved needless
-COUNT_UNSPLIT = 7  # splits that had no room; the leaf stays, correct but long
+COUNT_EVALUATED = 5  # updates that searched the tree
+COUNT_SKIPPED = 6  # updates that the slack proved unnecessary
+COUNT_UNSPLIT = 7  # splits without room; the leaf stays, correct but long
 COUNTER_WIDTH = 8
 
-# Deeper than this a leaf of a ten metre cube is 1 cm, and a place has no room in 32
+# Greatest depth: a leaf of a ten metre cube is then 1 cm, and a deeper place exceeds 32
 # bits [-].
 DEPTH_LIMIT = 10
 
@@ -75,28 +75,29 @@ STACK_ROOM = 8 + 7 * DEPTH_LIMIT
 
 
 class OctreeState(NamedTuple):
-    """All an octree consists of; kernels read and write it in place.
+    """Arrays of an octree; kernels read and write them in place.
 
-    What stands still has a place in a million, so nothing here is kept for it that
-    could be derived: a node's cell follows from its place, and only the first a
-    primitives, among them all that move, have an anchor and a slack.
+    There may be a million static primitives, so derived values are not stored for them:
+    a node's cell follows from its place, and only the first a primitives, which include
+    all moving ones, have an anchor and a slack.
 
     Attributes:
-        nodes: Topology, shape (n, NODE_WIDTH).
+        nodes: Topology, see LINK, shape (n, NODE_WIDTH).
         cube: Lower corner and edges of the root, shape (2, 3) [m].
-        entries: Lists of the leaves, shape (e, ENTRY_WIDTH).
-        residency: Where each primitive is, shape (p, RESIDENCY_WIDTH).
-        anchors: Row each primitive had when its leaves were determined, (a, 16).
-        slack: How far its points may move before its leaves can change, (a,) [m].
+        entries: Lists of the leaves, see PRIMITIVE, shape (e, ENTRY_WIDTH).
+        residency: Entries and status of each primitive, shape (p, RESIDENCY_WIDTH).
+        anchors: Row of each primitive when its leaves were determined, (a, 16).
+        slack: Displacement of its points from the anchor up to which its leaves are
+            unchanged, shape (a,) [m].
         primitive_marks: Scratch, one token a primitive, shape (p,).
         owner_marks: Scratch, one token an object, shape (p,).
         rule: N and the depth limit, shape (RULE_WIDTH,).
         stack: Scratch for walks, shape (STACK_ROOM,).
         found: Scratch for the leaves of a primitive, shape (f,).
-        left: Scratch for parents of leaves, shape (f,).
-        box: Scratch for a bounding box, shape (6,).
-        header: Free lists and tokens, shape (HEADER_WIDTH,).
-        counters: What was done, shape (COUNTER_WIDTH,).
+        left: Scratch for the parents of leaves that a primitive left, shape (f,).
+        box: Scratch for a bounding box, shape (6,) [m].
+        header: Free lists and tokens, see FREE_BLOCK, shape (HEADER_WIDTH,).
+        counters: Counts of operations, see COUNT_ENTERED, shape (COUNTER_WIDTH,).
     """
 
     nodes: IntMatrix
@@ -127,17 +128,17 @@ def empty_state(
     entry_capacity: int,
     anchor_count: int | None = None,
 ) -> OctreeState:
-    """A tree of one empty leaf.
+    """State of a tree of one empty leaf.
 
     Args:
-        primitive_count: Rows the tree is for.
-        leaf_capacity: N: a leaf with more members is split.
-        max_depth: A leaf at this depth is not split.
+        primitive_count: Number of primitives of the world.
+        leaf_capacity: N: a leaf with more objects is split.
+        max_depth: Depth at which a leaf is not split.
         low: Lower corner of the root cube, shape (3,) [m].
-        high: Upper corner, shape (3,) [m].
-        node_capacity: Room for nodes.
-        entry_capacity: Room for entries, and for the leaves one search may find.
-        anchor_count: Primitives that have an anchor; all if None.
+        high: Upper corner of the root cube, shape (3,) [m].
+        node_capacity: Greatest number of nodes.
+        entry_capacity: Greatest number of entries, and of leaves that a search finds.
+        anchor_count: Number of primitives that have an anchor; all if None.
     """
     nodes = np.zeros((node_capacity, NODE_WIDTH), dtype=np.int32)
     nodes[0] = (NONE, NONE, 0, 1)
@@ -174,12 +175,12 @@ def empty_state(
 def state_with_room(
     state: OctreeState, *, spare_nodes: int, spare_entries: int
 ) -> OctreeState:
-    """The same tree in arrays of their exact size and some room for what moves.
+    """Copy of a tree in arrays of exact size plus spare capacity for moving primitives.
 
     Args:
         state: The tree.
-        spare_nodes: Room for further nodes.
-        spare_entries: Room for further entries, and for the leaves a search may find.
+        spare_nodes: Number of further nodes.
+        spare_entries: Number of further entries, and of leaves that a search finds.
     """
     header = state.header.copy()
     header[FREE_ENTRIES] += header[ENTRIES_USED] + spare_entries - len(state.entries)
@@ -193,7 +194,7 @@ def state_with_room(
 
 
 def enlarged(rows: NDArray[np.int32], spare: int) -> NDArray[np.int32]:
-    """A copy of a matrix with further rows of zeros."""
+    """Copy of a matrix with further rows of zeros."""
     copy = np.zeros((len(rows) + spare, rows.shape[1]), dtype=np.int32)
     copy[: len(rows)] = rows
     return copy

@@ -1,4 +1,4 @@
-"""Insert, remove and move single primitives."""
+"""Insertion, removal and motion of single primitives in the octree."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,17 +37,17 @@ from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
 
-# What rounding may add to a displacement or take from a slack [m]: a thousand times
-# the last place of a coordinate of ten metres.
+# Bound on the rounding of a displacement and a slack [m]: a thousand times the last
+# place of a coordinate of ten metres.
 ROUNDING = 1e-12
 
 
 @kernel(entry=True)
 def octree_update(i: int, world: World, state: OctreeState) -> None:
-    """Let the tree follow primitive i to its present row.
+    """Update the tree after primitive i moved to its present row.
 
-    While no point of its core has moved farther than the slack, every cell is on the
-    side it was on, and there is nothing to do. What has no anchor is looked for anew.
+    While no point of its core has moved farther than the slack, every cell stays on its
+    side and nothing changes. A primitive without an anchor is always searched again.
     """
     if state.residency[i, STATUS] == ABSENT:
         return
@@ -61,7 +61,7 @@ def octree_update(i: int, world: World, state: OctreeState) -> None:
 
 @kernel(entry=True)
 def octree_insert(i: int, world: World, state: OctreeState) -> None:
-    """Put primitive i into the tree, at its present row."""
+    """Add primitive i to the tree at its present row."""
     if state.residency[i, STATUS] != ABSENT:
         return
     state.residency[i, STATUS] = INDEXED
@@ -70,7 +70,7 @@ def octree_insert(i: int, world: World, state: OctreeState) -> None:
 
 @kernel(entry=True)
 def octree_remove(i: int, world: World, state: OctreeState) -> None:
-    """Take primitive i out of the tree."""
+    """Remove primitive i from the tree."""
     if state.residency[i, STATUS] == OVERFLOWED:
         state.header[OVERFLOW_COUNT] -= 1
     state.residency[i, STATUS] = ABSENT
@@ -79,9 +79,9 @@ def octree_remove(i: int, world: World, state: OctreeState) -> None:
 
 @kernel(inline=False)
 def withdraw(i: int, world: World, state: OctreeState) -> None:
-    """Take primitive i out of every leaf it is in, and merge what can be merged.
+    """Remove primitive i from all its leaves, and merge leaves by the rule.
 
-    A merge on the way may free entries of i: the first one is looked up every time.
+    A merge may free entries of i, so the first entry is looked up every time.
     """
     entry = state.residency[i, FIRST_ENTRY]
     while entry != NONE:
@@ -94,11 +94,11 @@ def withdraw(i: int, world: World, state: OctreeState) -> None:
 
 @kernel(inline=False)
 def relocate(i: int, world: World, state: OctreeState) -> None:
-    """Determine the leaves of primitive i anew, and its slack.
+    """Determine the leaves and the slack of primitive i again.
 
-    The search is local: from a leaf it is in, it climbs to the smallest node that
-    holds the primitive with room for its growth, and goes down only where the
-    primitive is. A small step searches the neighbourhood, a jump climbs to the root.
+    The search is local: from a leaf of the primitive it climbs to the smallest node
+    that contains the primitive with room for its growth, and descends only into cells
+    that the primitive overlaps. A large displacement climbs to the root.
     """
     nodes, leaves = state.nodes, state.found
     state.counters[COUNT_EVALUATED] += 1
@@ -112,8 +112,8 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
     if found > leaves.shape[0]:
         overflow(i, world, state)
         return
-    # What i is in and bears no mark it leaves; what bears one and i is not in yet it
-    # enters. Marks are gone before anything is split or merged.
+    # i leaves its leaves without a mark, and enters marked leaves that are not its own
+    # yet. All marks are removed before any split or merge.
     for k in range(found):
         nodes[leaves[k], COUNT] += FOUND
     left, kept = leave_unmarked(i, state)
@@ -128,8 +128,8 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
     if fits and state.residency[i, STATUS] == OVERFLOWED:
         state.residency[i, STATUS] = INDEXED
         state.header[OVERFLOW_COUNT] -= 1
-    # Enter, leave, split, merge: in another order a small step would merge what the
-    # next line splits again.
+    # Enter, leave, split, merge: in another order a small step would merge leaves that
+    # the next line splits again.
     if fits:
         for k in range(found):
             split_as_needed(leaves[k], world, state)
@@ -141,7 +141,7 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
 
 @kernel
 def few_leaves(i: int, state: OctreeState) -> bool:
-    """Whether the parents of the leaves of primitive i have room in `left`."""
+    """Whether `left` has room for the parents of all leaves of primitive i."""
     count = 0
     entry = state.residency[i, FIRST_ENTRY]
     while entry != NONE:
@@ -154,11 +154,11 @@ def few_leaves(i: int, state: OctreeState) -> bool:
 
 @kernel
 def search_root(i: int, world: World, state: OctreeState) -> tuple[int, float]:
-    """The smallest node above a leaf of primitive i that holds it now, with room.
+    """Smallest node above a leaf of primitive i that contains it now, with room.
 
     Returns:
-        The node, and how far i is from its faces [m]: beyond them nothing is searched,
-        so they count for the slack.
+        The node, and the distance of i from its faces [m]: cells beyond them are not
+        searched, so this distance bounds the slack.
     """
     entry = state.residency[i, FIRST_ENTRY]
     if entry == NONE:
@@ -179,7 +179,7 @@ def search_root(i: int, world: World, state: OctreeState) -> tuple[int, float]:
 def room_inside(place: int, box: Floats, cube: Floats) -> float:
     """Least distance from a box to the faces of the cell around it [m].
 
-    Negative if the box sticks out; faces at the root's border do not count.
+    Negative if the box is partly outside; faces at the root's border do not count.
     """
     x0, y0, z0, x1, y1, z1 = cell_at(place, cube)
     border = border_of(place)
@@ -203,11 +203,11 @@ def room_inside(place: int, box: Floats, cube: Floats) -> float:
 def find_leaves(
     i: int, start: int, slack: float, world: World, state: OctreeState
 ) -> tuple[int, float]:
-    """Write the leaves below `start` that primitive i inhabits into `state.found`.
+    """Write the leaves below `start` that primitive i overlaps into `state.found`.
 
     Returns:
-        How many there are, more than `found` has room for if they do not fit; and the
-        slack, lowered by every cell that was tested [m].
+        Their number, which exceeds the length of `found` if they do not fit; and the
+        slack, reduced by every tested cell [m].
     """
     nodes, stack = state.nodes, state.stack
     stack[0] = start
@@ -236,11 +236,10 @@ def find_leaves(
 
 @kernel
 def leave_unmarked(i: int, state: OctreeState) -> tuple[int, int]:
-    """Take primitive i out of every leaf without a mark, and the marks off the others.
+    """Remove primitive i from its leaves without a mark, and the marks of the others.
 
     Returns:
-        How many parents of leaves it left stand in `state.left`, and how many leaves
-        it kept.
+        Number of parents in `state.left`, and number of leaves that i kept.
     """
     nodes, entries = state.nodes, state.entries
     left = 0
@@ -263,7 +262,7 @@ def leave_unmarked(i: int, state: OctreeState) -> tuple[int, int]:
 
 @kernel
 def overflow(i: int, world: World, state: OctreeState) -> None:
-    """No entry is left for primitive i: from now on everything is its candidate."""
+    """Mark primitive i as overflowed: from now on all primitives are its candidates."""
     if state.residency[i, STATUS] != OVERFLOWED:
         state.residency[i, STATUS] = OVERFLOWED
         state.header[OVERFLOW_COUNT] += 1

@@ -1,4 +1,4 @@
-"""Figures of a whole octree: leaves, cells, lengths of lists."""
+"""Statistics of a whole octree: leaves, cells, lengths of lists."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,10 @@ def walk_leaves(state: OctreeState, out: Ints) -> int:
 
     Args:
         state: The octree.
-        out: Leaves, overwritten, as many as there are nodes in use.
+        out: Leaves, overwritten; as long as the number of nodes in use.
 
     Returns:
-        How many leaves there are.
+        Number of leaves.
     """
     nodes, stack = state.nodes, state.stack
     stack[0] = 0
@@ -61,7 +61,7 @@ def corners(places: Ints, cube: Floats, out: Floats) -> None:
 
 @kernel(inline=False, entry=True)
 def most_owners(leaves: Ints, world: World, state: OctreeState) -> int:
-    """Objects in the leaf that holds most of them."""
+    """Greatest number of objects in a leaf."""
     most = 0
     for k in range(leaves.shape[0]):
         state.header[TOKEN] += 1
@@ -71,7 +71,7 @@ def most_owners(leaves: Ints, world: World, state: OctreeState) -> int:
 
 @kernel(inline=False, entry=True)
 def entries_of_moving(world: World, state: OctreeState) -> int:
-    """Entries of all primitives that have a growth."""
+    """Number of entries of all primitives with a growth."""
     count = 0
     for i in range(world.growth.shape[0]):
         if world.growth[i] > 0.0:

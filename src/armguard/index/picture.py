@@ -1,4 +1,4 @@
-"""A picture of an octree, like the paper's Fig. 3: a slice, and the tree in space."""
+"""Picture of an octree, like the paper's Fig. 3: a slice, and the tree in space."""
 
 from pathlib import Path
 from typing import Any
@@ -14,23 +14,23 @@ from armguard.index.octree_state import COUNT
 
 Floats = NDArray[np.float64]
 
-# Points along each side of the grid the slice through the primitives is drawn on.
+# Points along each side of the grid for the slice through the primitives.
 GRID = 400
 
 
 def draw_octree(
     octree: Octree, path: Path, *, title: str = "", height: float | None = None
 ) -> None:
-    """Write a PNG: a horizontal slice, and all leaves that hold something in space.
+    """Write a PNG: a horizontal slice, and all leaves with members in space.
 
-    In the slice, leaves are squares shaded by the number of their members, primitives
-    are filled; those that move are drawn with the growth they are indexed with.
+    In the slice, leaves are squares shaded by the number of their members, and
+    primitives are filled. Moving ones are drawn with their growth in the index.
 
     Args:
         octree: The tree.
         path: File to write.
         title: Heading.
-        height: z of the slice [m]; where most leaves are, if None.
+        height: z of the slice [m]; the plane that meets most leaves if None.
 
     Raises:
         OctreeError: matplotlib is not installed.
@@ -67,7 +67,7 @@ def busiest_height(cells: Floats) -> float:
 def draw_slice(
     axes: Any, octree: Octree, cells: Floats, counts: NDArray[np.int32], z: float
 ) -> None:
-    """Leaves and primitives in the plane at height z."""
+    """Draw leaves and primitives in the plane at height z [m]."""
     from matplotlib.patches import Rectangle
 
     met = (cells[:, 2] <= z) & (z < cells[:, 5])
@@ -128,7 +128,7 @@ def section(kind: int, row: Floats, x: Floats, y: Floats, z: float) -> Floats:
 
 
 def draw_space(axes: Any, cells: Floats, counts: NDArray[np.int32]) -> None:
-    """Edges of the leaves that hold something, darker the more they hold."""
+    """Draw the edges of the leaves with members, darker for more members."""
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     held = counts > 0

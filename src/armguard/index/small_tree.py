@@ -1,4 +1,4 @@
-"""A small octree, to compile or load the kernels of one."""
+"""Small octree whose use compiles or loads the kernels of the octree."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from armguard.index.world import World
 
 
 def small_tree() -> Octree:
-    """An octree of eight spheres."""
+    """Octree of eight spheres."""
     places = np.random.default_rng(0).uniform(-1.0, 1.0, (8, 3))
     rows = np.array(
         [shape_row(Sphere(radius=0.1), Pose(xyz=tuple(p)).matrix()) for p in places]
@@ -26,7 +26,7 @@ def small_tree() -> Octree:
 
 
 def compile_octree() -> None:
-    """Do with a small tree all that a guard does."""
+    """Call every kernel of the octree that a guard calls, on a small tree."""
     tree = small_tree()
     tree.update(0)
     tree.candidates(0)

@@ -1,4 +1,4 @@
-"""The primitives an index looks after."""
+"""World: the primitives of an index."""
 
 from typing import NamedTuple
 
@@ -6,17 +6,16 @@ from armguard.table import IntVector, Matrix, Vector
 
 
 class World(NamedTuple):
-    """Primitives in the world frame; the caller moves them, the index follows.
+    """Primitives in the world frame; the caller moves them and updates the index.
 
     Attributes:
         kinds: ShapeKind of each primitive, shape (p,).
-        rows: Their rows, see `geometry.shapes`, shape (p, 16).
-        boxes: Their bounding boxes, lower and upper corner, shape (p, 6) [m].
-        owners: Which object each is part of, from 0 on, shape (p,). Parts of one
-            object are never checked against each other, so it is objects that the
-            octree counts.
-        growth: Extra radius each is indexed with: two primitives whose distance is at
-            most the larger of their growths share a leaf, shape (p,) [m].
+        rows: Row of each primitive, see `geometry.shapes`, shape (p, 16).
+        boxes: Lower and upper corner of each bounding box, shape (p, 6) [m].
+        owners: Object of each primitive, from 0 on, shape (p,). Parts of one object are
+            never checked against each other, so the octree counts objects.
+        growth: Extra radius of each primitive in the index: two primitives whose
+            distance is at most the larger of their growths share a leaf, (p,) [m].
     """
 
     kinds: IntVector
