@@ -1,4 +1,4 @@
-"""Decide: the cycle from joint angles to verdict."""
+"""The guard: the cycle from joint angles to a verdict."""
 
 from armguard.guard.answer import Counts, NearPair
 from armguard.guard.budget import ProtectiveDistance

@@ -107,7 +107,7 @@ def proves_change(w: Workspace) -> bool:
 
 @kernel
 def is_known(w: Workspace, v: Watch) -> bool:
-    """Whether all judged pairs were recorded, and the answer lacks none of them."""
+    """Whether all judged pairs were recorded, and the answer is complete."""
     reason = int(w.out[REASON])
     commanded = reason != CAPACITY and reason != NO_DISTANCE
     return bool(commanded and v.judged_count[0] != TOO_MANY)

@@ -282,7 +282,7 @@ def decide(count: int, w: Workspace) -> None:
 
 @kernel
 def reason_of(proof: int) -> int:
-    """Reason for a pair whose proof ended in this way."""
+    """Reason of a pair by the result of its proof."""
     if proof == UNSURE:
         return NO_PROOF
     if proof == EXCEEDED:

@@ -126,7 +126,7 @@ def untouched(guard: Loop) -> Iterator[None]:
 
 
 def see_movers(watch: Watch) -> None:
-    """Mark moving objects as absent, so that they need no sighting."""
+    """Let moving objects count as just seen, without sightings."""
     if len(watch.seen_at):
         watch.seen_at[watch.movers] = inf
 

@@ -132,7 +132,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
     v.fastest_at[r] = now
     unannounced = v.given[NOW_TIME] != v.given[NOW_TIME]
     if unannounced and int(v.last[FORCED]) == CYCLE_LATE:
-        # Stamps alone do not tell a pause from a clock that jumped ahead.
+        # Stamps alone do not distinguish a pause from a clock that jumped ahead.
         return -1
     first = robot.first_joint
     lagging = -1
@@ -176,7 +176,7 @@ def effect_time(r: int, v: Watch, m: Motion) -> float:
 
 @kernel
 def speed_before(j: int, v: Watch, m: Motion) -> float:
-    """Greatest speed by the sample before the last believed one; 0 if there is none."""
+    """Greatest speed by the sample before the last accepted one; 0 if there is none."""
     speed = abs(v.agreement[j, EARLIER])
     return float(speed + m.joint_figures[j].velocity_error) if speed == speed else 0.0
 

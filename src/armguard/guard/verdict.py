@@ -1,4 +1,4 @@
-"""What a cycle says: a snapshot that costs nothing until it is read."""
+"""Verdict of a cycle: a snapshot whose values are computed when they are read."""
 
 from dataclasses import asdict, dataclass, fields
 from math import inf, isfinite
@@ -19,13 +19,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Slack:
-    """What is left until a stop must be ordered.
+    """Slack of a verdict: length and time until a stop must be ordered.
 
     Attributes:
-        m: Length the nearest pair has beyond what it needs [m]; infinite if none is
-            near.
-        s: Time the present motion of all robots may go on [s]; infinite if nothing
-            that moves is near.
+        m: Clearance of the nearest pair [m]; infinite if none is near.
+        s: Time that the present motion of all robots may continue [s]; infinite if no
+            moving pair is near.
     """
 
     m: float
@@ -34,19 +33,20 @@ class Slack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cue:
-    """Cues of one robot, from the pairs that are near or about to be.
+    """Cues of one robot, from the pairs that are near or soon will be.
 
     Attributes:
-        urgency: For light and sound: 0 if nothing is about to happen, 1 where the robot
+        urgency: For light and sound, in [0, 1]: 0 if no stop is near, 1 where the robot
             does not follow its operator any more [-].
-        time_to_contact: Nothing of the robot can touch before that [s]; infinite if
-            nothing is near.
-        escape: Joint motion that leads away, a unit vector in the order of the robot's
-            joints, or zeros, shape (n,).
-        tool_escape: Where the tool's origin goes on it, world, shape (3,) [m/rad].
-        force: On the tool, away from what is near, for a haptic device; world, shape
-            (3,) [N].
-        torque: The same about the tool's origin, shape (3,) [N m].
+        time_to_contact: Lower bound of the robot's time to contact [s]; infinite if no
+            pair is near.
+        escape: Escape direction in joint space, a unit vector in the order of the
+            robot's joints, or zeros, shape (n,).
+        tool_escape: Motion of the tool's origin in that direction, world, shape (3,)
+            [m/rad].
+        force: Force on the tool away from near bodies, for a haptic device; world,
+            shape (3,) [N].
+        torque: Torque of that force about the tool's origin, world, shape (3,) [N m].
     """
 
     urgency: float
@@ -57,20 +57,20 @@ class Cue:
     torque: Floats
 
     def to_dict(self) -> dict[str, object]:
-        """As plain numbers and lists."""
+        """The cues as plain numbers and lists, ready for JSON."""
         return {f.name: listed(getattr(self, f.name)) for f in fields(self)}
 
 
 class Verdict:
     """Answer of one cycle; immutable, safe to keep.
 
-    Holds the numbers of the cycle; names, points and sentences are made when asked
-    for.
+    Holds the numbers of the cycle; names, points and sentences are made when they are
+    read.
 
     Attributes:
-        stamp: The stamp the cycle was given [s], or None.
-        cycle_time: Duration of the cycle [s]; all else in a verdict is a
-            function of the inputs.
+        stamp: Stamp, or if given the time, of the cycle [s], or None.
+        cycle_time: Duration of the cycle [s]; all else in a verdict is a function of
+            the inputs.
     """
 
     __slots__ = ("_data", "_fault", "_names", "cycle_time", "stamp")
@@ -91,80 +91,79 @@ class Verdict:
 
     @property
     def numbers(self) -> Floats:
-        """All numbers of the verdict as `armguard.guard.layout` places them.
+        """All numbers of the verdict, in the layout of `armguard.guard.layout`.
 
-        With the names of the scene, `names_of`, they make the same verdict again.
+        With the names of the scene, `names_of`, they give the same verdict again.
         """
         return self._data
 
     @property
     def fault(self) -> str:
-        """What was wrong with the input, in words; empty if nothing was."""
+        """Fault of the input in words; empty if there is none."""
         return self._fault
 
     @property
     def reason(self) -> Reason:
-        """Why the level is what it is."""
+        """Reason of the level."""
         return Reason(int(self._data[layout.REASON]))
 
     @property
     def level(self) -> Level:
-        """What the arms should do: the highest of `levels`."""
+        """Required behaviour of all arms: the highest of `levels` and of the reason."""
         return max((level_of(self.reason), *map(Level, self._numbers_of("level"))))
 
     @property
     def levels(self) -> dict[str, Level]:
-        """What each robot should do; empty where every mode is "fixed"."""
+        """Required behaviour of each robot; empty where every mode is "fixed"."""
         levels = map(Level, self._numbers_of("level"))
         return dict(zip(self._names.robots, levels, strict=True))
 
     @property
     def speed_scale(self) -> dict[str, float]:
-        """Share of the operator's speed each robot may have, in [0, 1].
+        """Factor of the operator's speed for each robot, in [0, 1].
 
-        Falls with the time that is left until its stop must be ordered.
+        It decreases with the time left until the robot's stop must be ordered.
         """
         return self._of_robots("scale")
 
     @property
     def ages(self) -> dict[str, float]:
-        """How old each robot's measurement may have been in this cycle [s]."""
+        """Greatest age of each robot's measurement in this cycle [s]."""
         return self._of_robots("age")
 
     @property
     def unbounded(self) -> tuple[str, ...]:
-        """Robots whose motion no proof bounds: their mode is "fixed", others' is not.
+        """Robots whose motion no proof bounds: those in mode "fixed" beside others.
 
-        In the proof of a neighbour such a robot counts as still.
+        In the proof of a neighbour such a robot counts as at rest.
         """
         return self._answer.unbounded
 
     @property
     def drive_delays(self) -> dict[str, float]:
-        """How late each robot's drives follow commands at least, since a reset [s].
+        """Observed lower bound of the delay of each robot's drives, since a reset [s].
 
-        From commands that went through `Guard.filter` and velocities that were
-        measured, while nothing stops; in quarters of the declared delay of commands, up
-        to twice of it. 0 where nothing was seen that a drive without a delay would not
-        do.
+        From commands of `Guard.filter` and measured velocities of robots that do not
+        stop; in quarters of the declared delay of commands, up to twice that delay. 0
+        where a drive without a delay explains all measurements.
         """
         return self._of_robots("delay")
 
     @property
     def causes(self) -> dict[str, Reason]:
-        """Why each robot that is stopping, braking or at rest was ordered to."""
+        """Reason of the last order of each robot that stops, brakes or is at rest."""
         last, levels = self.last_causes, self.levels
         return {name: last[name] for name in last if levels[name] >= Level.STOP}
 
     @property
     def last_causes(self) -> dict[str, Reason]:
-        """Why each robot was ordered to stop last; `OK` if it never was."""
+        """Reason of each robot's last order to stop; `OK` if there was none."""
         causes = map(Reason, self._numbers_of("cause"))
         return dict(zip(self._names.robots, causes, strict=True))
 
     @property
     def slack(self) -> Slack:
-        """How much is left until a stop must be ordered, in length and in time."""
+        """Length and time that are left until a stop must be ordered."""
         nearest = self.nearest
         return Slack(
             inf if nearest is None else nearest.clearance,
@@ -173,17 +172,17 @@ class Verdict:
 
     @property
     def budget(self) -> Budget | None:
-        """What the nearest pair needs, split by cause; None if no pair is near."""
+        """Required separation of the nearest pair by cause; None if none is near."""
         return self._answer.budget
 
     @property
     def nuisance(self) -> Nuisance | None:
-        """What made this slow or stop, and what would have let it pass; see there."""
+        """Cause of slowing or stopping, and its remedy; see `Nuisance`."""
         return classify(self.level, self.reason, lack_of(self.reason, self._answer))
 
     @property
     def protective_distance(self) -> ProtectiveDistance | None:
-        """What the nearest pair needs in the letters of the standards.
+        """Required separation of the nearest pair in the symbols of the standards.
 
         None if its second side is no person, or no pair is near.
         """
@@ -193,10 +192,10 @@ class Verdict:
         return self.protective_distance_of(nearest)
 
     def protective_distance_of(self, pair: NearPair) -> ProtectiveDistance | None:
-        """The same of the nearest pair, whatever its second side is.
+        """Protective separation distance of the nearest pair, with any second side.
 
         Args:
-            pair: `nearest`; of other near pairs the terms are not known.
+            pair: `nearest`; the terms of other near pairs are not known.
 
         Returns:
             None for another pair, for two links of one robot, and where every mode is
@@ -218,7 +217,7 @@ class Verdict:
 
     @property
     def cues(self) -> dict[str, Cue]:
-        """What to tell each robot's operator: eye, ear and hand."""
+        """Cues for each robot's operator: urgency, escape direction and force."""
         tables, robots = self._names.tables, self._names.robots
         if not robots:
             return {}
@@ -238,7 +237,7 @@ class Verdict:
 
     @property
     def disproved(self) -> tuple[str, ...]:
-        """Joints that have not stopped as declared, so that no proof is worth much."""
+        """Joints that have not stopped as declared, which invalidates the proofs."""
         return tuple(
             name
             for name, broken in zip(
@@ -249,7 +248,7 @@ class Verdict:
 
     @property
     def near(self) -> tuple[NearPair, ...]:
-        """Every checked pair within the margin, ordered by primitive."""
+        """All near pairs, ordered by primitive."""
         answer = self._answer
         return tuple(answer.pair(k) for k in range(len(answer.near)))
 
@@ -266,18 +265,18 @@ class Verdict:
 
     @property
     def joint(self) -> str | None:
-        """The joint a fault is about, None if it is about none."""
+        """The joint of a fault, None if it concerns none."""
         k = int(self._data[layout.JOINT])
         return None if k < 0 else self._names.tables.q_names[k]
 
     @property
     def subject(self) -> str:
-        """What a fault is about: a joint, an object or a robot; "" if all, or none."""
+        """Name of the joint, object or robot of a fault; "" if all, or none."""
         return subject_of(self.reason, self._answer, self.disproved)
 
     @property
     def counts(self) -> Counts:
-        """What the cycle had to do."""
+        """Work of the cycle, as counts."""
         return self._answer.counts
 
     @property
@@ -290,7 +289,7 @@ class Verdict:
     def to_dict(self) -> dict[str, object]:
         """The verdict as plain numbers, lists and strings, ready for JSON.
 
-        What is infinite or NaN is None there.
+        Infinite and NaN values become None.
         """
         nuisance, kept, nearest = self.nuisance, self.protective_distance, self.nearest
         answer = {
@@ -322,7 +321,7 @@ class Verdict:
     def tobytes(self) -> bytes:
         """Level, reason and near pairs as bytes: equal inputs give equal bytes.
 
-        What the cycle had to do is left out: it depends on where the arms came from.
+        The counts of work are left out: they depend on the earlier poses of the arms.
         """
         state = self._data.copy()
         state[layout.PAIRS_TESTED : layout.PAIRS_APART + 1] = 0.0
@@ -334,23 +333,23 @@ class Verdict:
 
     @property
     def _answer(self) -> Answer:
-        """Its numbers by name."""
+        """The numbers of the verdict by name."""
         return Answer(self._data, self._names)
 
     def _numbers_of(self, field: str) -> list[Any]:
-        """A number of each robot, in their order; none where every mode is "fixed"."""
+        """One number per robot, in their order; none where every mode is "fixed"."""
         first = layout.HEADER + ROBOT_PLACES[field]
         end = layout.HEADER + len(self._names.robots) * layout.ROBOT_WIDTH
         numbers: list[Any] = self._data[first : end : layout.ROBOT_WIDTH].tolist()
         return numbers
 
     def _of_robots(self, field: str) -> dict[str, float]:
-        """The same by the robots' names."""
+        """One number per robot, by the robots' names."""
         return dict(zip(self._names.robots, self._numbers_of(field), strict=True))
 
 
 def finite(value: object) -> object:
-    """A value in which None stands for every number that JSON has no word for."""
+    """A value in which None replaces every number that JSON cannot represent."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""A robot that is not there: consecutive samples of one joint's approach."""
+"""Simulated robot of the self-test: consecutive samples of one joint's approach."""
 
 from collections.abc import Iterator
 
@@ -12,34 +12,34 @@ from armguard.guard.verdict import Verdict
 from armguard.robot.stopping.distance import brake_way, stop_travel
 from armguard.scene.tables import SceneTables
 
-# Time allowed beyond what the figures say [s], and how many times that itself [-].
+# Additional time beyond the declared figures [s], and a factor of the whole [-].
 GRACE = 0.1
 PATIENCE = 3.0
 
-# A cycle that comes late comes after so many periods [-].
+# Duration of a late cycle in periods [-].
 LATE_CYCLES = 3.0
 
-# Cycles more than a robot must be at rest for.
+# Cycles in addition to those that a robot must be at rest.
 MORE_CYCLES = 10
 
 
 def late_cycle(tables: SceneTables) -> float:
-    """Time after which a cycle surely comes late, whose time is not given [s]."""
+    """Time after the last cycle at which a cycle is surely late [s]."""
     figures = [part.stopping for part in tables.robots if part.stopping is not None]
     unannounced = max((f.sensing for f in figures), default=0.0)
     return LATE_CYCLES * (tables.period + unannounced) + 2.0 * tables.late
 
 
 class Walk:
-    """One joint's walk, and what the guard says to it.
+    """Simulated motion of one joint, and the levels that the guard answers.
 
     Args:
-        guard: Reset here.
-        approach: What is walked.
+        guard: The guard; it is reset here.
+        approach: The motion.
 
     Attributes:
-        levels: Levels of the joint's robot so far, each where it changes.
-        level: The last of them.
+        levels: Levels of the joint's robot so far, one per change.
+        level: The last level.
         speed: Speed of the last sample [rad/s or m/s].
     """
 
@@ -60,18 +60,18 @@ class Walk:
 
     @property
     def words(self) -> str:
-        """Who walks how fast."""
+        """Joint and speed in words."""
         a = self._approach
         name = self._guard.q_names[a.joint]
         return f"joint '{name}' at {a.direction * a.speed:.2f} a second"
 
     @property
     def is_up_to_speed(self) -> bool:
-        """Whether the joint has its speed."""
+        """Whether the joint has reached its test speed."""
         return self.speed == self._approach.speed
 
     def forward(self) -> Iterator[Verdict]:
-        """Speed up and go on, for longer than any way takes."""
+        """Accelerate and move on, for longer than the approach takes."""
         a = self._approach
         place = a.place
         tables = self._guard.tables
@@ -82,7 +82,7 @@ class Walk:
             yield self._move(min(self.speed + self._gain, a.speed))
 
     def stop(self) -> Iterator[Verdict]:
-        """Stop as declared, from the order in the last cycle on; then stand."""
+        """Stop as declared, from the order in the last cycle on; then rest."""
         a, begin, top = self._approach, self._time, self.speed
         rest = self._rest_time(top)
         time = a.figures.command + rest
@@ -92,7 +92,7 @@ class Walk:
             yield self._move(self._left(top, since, rest))
 
     def run_away(self) -> Iterator[Verdict]:
-        """Speed up, come late once, and go on as if nothing had been ordered."""
+        """Accelerate, make one late cycle, and move on in spite of orders to stop."""
         a = self._approach
         figures, tables = a.figures, self._guard.tables
         self._q[a.joint] = a.far
@@ -107,14 +107,14 @@ class Walk:
         waited = False
         for _ in range(int(PATIENCE * time / self._period) + MORE_CYCLES):
             if self.level is Level.BRAKE and not waited:
-                # No cycle before a brake can hold says anything of it.
+                # Cycles before a brake takes effect do not test it.
                 waited = True
                 yield self._move(a.speed, max(figures.brake_delay, self._period))
             else:
                 yield self._move(a.speed)
 
     def _rest_time(self, speed: float) -> float:
-        """Time from where a stop takes effect to rest [s]."""
+        """Time from the effect of a stop to rest [s]."""
         figures, place = self._approach.figures, self._approach.place
         table = figures.table_of(place)
         if table is not None:
@@ -124,7 +124,7 @@ class Walk:
         return time
 
     def _left(self, speed: float, since: float, rest: float) -> float:
-        """Speed that is left some time after a stop took effect."""
+        """Speed at a time `since` a stop took effect [rad/s or m/s]."""
         figures, place = self._approach.figures, self._approach.place
         if since <= 0.0:
             return speed
@@ -138,7 +138,7 @@ class Walk:
         return max(speed - lost, 0.0)
 
     def _move(self, speed: float, time: float | None = None) -> Verdict:
-        """Go on for a cycle, or another time, and end it with a speed."""
+        """Move for one cycle, or another time, that ends at a given speed."""
         a = self._approach
         passed = self._period if time is None else time
         self._q[a.joint] += a.direction * 0.5 * (self.speed + speed) * passed
@@ -148,7 +148,7 @@ class Walk:
         return self._look()
 
     def _look(self) -> Verdict:
-        """What the guard says now."""
+        """Verdict of the guard on the present sample; its level is recorded."""
         verdict = self._guard.step(self._q, self._time, velocity=self._v)
         self.level = verdict.levels[self._approach.robot.name]
         if not self.levels or self.levels[-1] is not self.level:
