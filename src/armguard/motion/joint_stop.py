@@ -159,7 +159,7 @@ def plan_stop(
 def swing_back(velocity: float, against: float, share: float, out: JointStop) -> float:
     """Displacement to which a joint that moves the other way may swing back.
 
-    It swings about its rest in proportion to the speed at the begin of its stop. So the
+    It swings about its rest in proportion to the speed at which its stop begins. So the
     worst stop begins at once, or later from a greater speed if the swing grows more
     than the distance until then. The distance to rest is at least that of the hardest
     braking.
@@ -167,7 +167,7 @@ def swing_back(velocity: float, against: float, share: float, out: JointStop) ->
     Args:
         velocity: Greatest velocity it may have now, of either sign [rad/s].
         against: Greatest speed it may have in the other direction now [rad/s].
-        share: Ratio of the swing and the speed at the begin of a stop [s].
+        share: Ratio of the swing to the speed at which a stop begins [s].
         out: The joint's stop; reaction and greatest accelerations are read.
 
     Returns:
@@ -252,7 +252,7 @@ def onward_swing(
     """Addition of a swing in the direction of the motion in an interval [rad].
 
     A joint that brakes harder rests earlier, and then swings. But it rests so much
-    nearer that its swing stays below the greatest displacement, except at the begin of
+    nearer that its swing stays below the greatest displacement, except at the start of
     a stop and towards its end. A joint at rest by a time has moved no farther than at
     half its speed until then plus half the ramp. The difference to that is a concave
     function of time, so both ends of the interval suffice.

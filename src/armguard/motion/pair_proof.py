@@ -147,10 +147,7 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
 
 @kernel
 def is_wide(node: int, p: Pair, m: Motion) -> bool:
-    """Whether deviations move a pair more than the lines of the joints do.
-
-    By more than the factor WIDE, in an interval.
-    """
+    """Whether joint deviations move a pair over WIDE times as far as the lines do."""
     line = wide = 0.0
     for side in range(2):
         body, span = p.body[side], p.plan[side] * NODES + node

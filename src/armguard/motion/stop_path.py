@@ -120,7 +120,7 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
             up if side == 0 else down,
         )
     if clock[SWINGS] != 0.0 and points == 0:
-        # The speed at the begin of the stop is not measured any more but remembered.
+        # The speed at the start of the stop is not measured any more but remembered.
         for side in range(2):
             stop = up if side == 0 else down
             swing = m.swings[j, OF_STOP]

@@ -133,7 +133,7 @@ def led_speed(
     Args:
         r: The robot; its `memory` holds the time to the goal.
         most: Greatest share [-].
-        attraction: Ratio of speed and way to the goal near its end [1/s].
+        attraction: Ratio of speed to remaining way near the goal [1/s].
         s: Lead.
         v: Watch.
         m: Motion.
@@ -151,10 +151,7 @@ def led_speed(
 
 @kernel
 def tool_way(r: int, s: Lead, w: Workspace) -> tuple[Vec3, Vec3]:
-    """Displacement [m] and rotation vector [rad] of a tool to its goal, in the world.
-
-    Both are of the tool's frame.
-    """
+    """Displacement [m] and rotation vector [rad] from a tool to its goal, in world."""
     aim = s.tool_aim[r]
     T = w.T_world[s.notes[r, TOOL_BODY]]
     x, y, z = aim[12], aim[13], aim[14]

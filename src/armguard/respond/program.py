@@ -146,7 +146,7 @@ def add_pairs(a: Response, w: Workspace) -> None:
 def write_costs(a: Response, v: Watch, m: Motion) -> None:
     """Write the time for which each joint's velocity counts until it has stopped.
 
-    A joint that opens a pair now can close it only after it has come to rest.
+    A joint that opens a pair now can close it only after it has stopped.
     """
     for j in range(a.closing_time.shape[0]):
         figures, last = m.joint_figures[j], abs(v.commanded[j])

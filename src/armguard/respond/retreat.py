@@ -2,7 +2,7 @@
 
 A robot that retreats keeps to its path: constraint rows only slow it down, at most to a
 halt, where it waits. The retreat ends when the robot has arrived, when its operator
-requests zero velocity and then motion, when he engages it, or with another stop.
+requests zero velocity and then motion, with `engage`, or with another stop.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 PASSED = 0.25 * TRAIL_STEP
 ARRIVED = 0.002
 
-# Share of its top speed below which a joint may come to rest at once [-].
+# Share of its top speed below which a joint may stop at once [-].
 NO_SPEED = 1e-4
 
 # Ratio of the speed of a retreat and the way that is left, near its end [1/s].
@@ -133,7 +133,7 @@ def ask_for_place(
         r: The robot.
         place: Joint positions of the place, shape (n,) [rad or m].
         time: Distance of the place, as time at top speed [s].
-        last: Whether the robot comes to rest there.
+        last: Whether the robot stops there.
         a: Responses; `requested` is written.
         s: Lead.
         v: Watch.
@@ -158,6 +158,6 @@ def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
     waits = commanded < HELD_UP * requested
     s.memory[r, STANDS] = s.memory[r, STANDS] + time_passed(v) if waits else 0.0
     if waits:
-        # It speeds up again as smoothly as at the begin.
+        # It speeds up again as smoothly as at its start.
         s.memory[r, PULL] = min(s.memory[r, PULL], commanded + HELD_UP * requested)
     return bool(s.memory[r, STANDS] > HELD_UP_TIME)

@@ -105,7 +105,7 @@ TOOL_POINT = 2  # origin of the tool in its body, 3 numbers [m]
 TOOL_TWIST = 5  # requested twist, 6 numbers [m/s], [rad/s]
 TWIST_ROW = 11
 
-# How much clearance a pair may lose in a cycle, in `pace`.
+# Greatest loss of clearance of a pair in a cycle, in `pace`.
 STEP = 0  # time since the last commands [s]
 NEARER = 1  # share of the clearance, in an approach row [-]
 LESS = 2  # share of the clearance, in a holding row [-]
