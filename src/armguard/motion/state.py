@@ -53,7 +53,7 @@ SWINGS_WIDTH = 3
 TESTS = 0  # intervals tested for pairs in this cycle
 BUDGET = 1  # greatest number of intervals in a cycle
 STAMP = 2  # stamp of the nodes of this cycle
-LOOKED = 3  # 1 if more than the primitives of a pair were measured
+LOOKED = 3  # 1 if a pair's result rests on exact shapes, a relief or a contract
 EFFORT = 4
 
 # Greatest number of boxes of joint positions that wait while one is divided, and place
