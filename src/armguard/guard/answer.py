@@ -55,7 +55,7 @@ def listed(value: object) -> object:
 
 @dataclass(frozen=True, slots=True)
 class NearPair:
-    """Two primitives within the reporting margin.
+    """A near pair: two primitives that a verdict reports.
 
     `point_b - point_a = distance · normal`.
 

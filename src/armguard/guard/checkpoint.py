@@ -228,7 +228,7 @@ def stand(
 
 
 def put_back(index: Octree | BruteForce, item: Standing, local_rows: Floats) -> None:
-    """Reset an object to its scene: its boxes and presence, and, if fixed, its rows."""
+    """Reset an object to its placement in the scene, present or not."""
     own = slice(item.first, item.first + item.count)
     if item.body < 0:
         index.world.rows[own] = local_rows[own]

@@ -37,7 +37,7 @@ OWN_SHARE = 0.25
 
 @kernel(separate=True)
 def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
-    """Write clearance and time left of a measured pair; demand stops if it has none.
+    """Write clearance and time left of a measured pair; demand stops without a proof.
 
     Args:
         i: Lower primitive.

@@ -28,7 +28,7 @@ def real_number(value: object) -> float:
     """A real number as a Python float.
 
     Raises:
-        TypeError: It is no real number: complex, a date, text, an array, masked.
+        TypeError: It is complex, a date, text, an array or a masked value.
         OverflowError: It is larger than a float can be.
     """
     if type(value) is np.ndarray and value.ndim == 0:

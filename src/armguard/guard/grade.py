@@ -1,4 +1,4 @@
-"""Last step of a guarded cycle: level and speed scale of each robot, common reason.
+"""Last step of a cycle with predicted stops: level and speed scale of each robot.
 
 A robot is slowed when its time left is short, and until that time is clearly longer
 again: levels do not flicker.

@@ -189,7 +189,7 @@ class Monitor(Loop):
     def take_over(self, other: "Monitor") -> None:
         """Copy the state of another guard, without the poses of objects.
 
-        It allows to compare the verdicts of both, cycle by cycle. The scenes may differ
+        It serves to compare the verdicts of both, cycle by cycle. The scenes may differ
         in settings, not in content.
 
         Raises:
