@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armguard.cli.console import say
+from armguard.guard import layout
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from arrays import Floats
@@ -76,6 +77,12 @@ class Estimate(NamedTuple):
     distance: float
 
 
+def primitives(verdict: Any, k: int) -> tuple[int, int]:
+    """Numbers of the primitives of a verdict's k-th near pair."""
+    row = verdict._data[verdict._names.first_row + k * layout.NEAR_WIDTH :]
+    return int(row[layout.FIRST]), int(row[layout.SECOND])
+
+
 class Bay(Arms):
     """The bay with its guard and its judge; see also `Arms`.
 
@@ -124,7 +131,7 @@ class Bay(Arms):
         """Pairs of a verdict that are apart."""
         return [
             Estimate(
-                self.judge.place_of(*verdict._primitives(k)),
+                self.judge.place_of(*primitives(verdict, k)),
                 pair.time_to_contact,
                 pair.primitive_distance,
             )

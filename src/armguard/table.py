@@ -10,6 +10,7 @@ owner of a ledger owns the arrays too and keeps them alive.
 """
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
@@ -69,16 +70,19 @@ def array_type(hint: Any) -> Any:
 as_numba_type.register(array_type)
 
 
-def array_types(table: type) -> Iterator[tuple[str, Any]]:
+@cache
+def array_types(table: type) -> tuple[tuple[str, Any], ...]:
     """Name and Numba type of each field, a tuple of arrays as the tuple it is."""
+    found: dict[str, Any] = {}
     for name, hint in get_type_hints(table, include_extras=True).items():
         if TABLE in get_args(hint):
-            yield name, TableType(get_args(hint)[0])
+            found[name] = TableType(get_args(hint)[0])
         elif get_args(hint):
-            yield name, array_type(hint)
+            found[name] = array_type(hint)
         else:
             parts = [kind for _, kind in array_types(hint)]
-            yield name, types.containers.BaseTuple.from_types(parts, pyclass=hint)
+            found[name] = types.containers.BaseTuple.from_types(parts, pyclass=hint)
+    return tuple(found.items())
 
 
 def arrays_of(

@@ -1,6 +1,8 @@
 """The guard: levels, reasons, names, and that nothing gets out of the loop."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -215,6 +217,13 @@ def test_every_reason_has_a_sentence_and_only_three_are_no_stop():
     assert set(SENTENCES) == set(Reason)
     passing = {reason for reason in Reason if level_of(reason) < Level.STOP}
     assert passing == {Reason.OK, Reason.NEAR, Reason.SHORT_TIME}
+
+
+def test_the_page_of_concepts_has_every_reason_with_its_level():
+    page = Path(__file__).parents[2].joinpath("docs/concepts.md").read_text("utf-8")
+    rows = re.findall(r"^\| `([A-Z_]+)` \| ([A-Z_]+) \|", page, flags=re.MULTILINE)
+    known = {(reason.name, level_of(reason).name) for reason in Reason}
+    assert known <= set(rows)
 
 
 def test_a_robot_that_stands_in_something_at_home_is_refused():

@@ -118,7 +118,13 @@ def built(folder: Path, count: int = 40) -> list[Mutant]:
         "guard/caller.py": CALLER,
         **{
             name: (PACKAGE / name).read_text("utf-8")
-            for name in ("errors.py", "kernel.py", "separate.py")
+            for name in (
+                "errors.py",
+                "inlined.py",
+                "kernel.py",
+                "ready.py",
+                "separate.py",
+            )
         },
     }.items():
         path = source / name

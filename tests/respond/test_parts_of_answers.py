@@ -24,7 +24,7 @@ from armguard.guard.watch import (
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.state import CLOCK, PLANS, REACTION
 from armguard.record import records
-from armguard.respond import field, leading, program
+from armguard.respond import constraints, field, leading, program
 from armguard.respond import state as places
 from armguard.respond.engagement import OK, STOP_ORDERED, wait_if_ordered
 from armguard.respond.escape_path import LIMIT_ROOM, speed_of, stand_on_way
@@ -154,7 +154,7 @@ def costs(a, v, m):
 
 @numba.njit
 def lost(a, v, m):
-    return program.lost_till_then(0, a, v, m)
+    return constraints.lost_till_then(0, a, v, m)
 
 
 @numba.njit
@@ -164,17 +164,17 @@ def within_limits(j, a, w, m):
 
 @numba.njit
 def keep(at, limit, opens, a):
-    program.keep_row(0, 0, 3, at, limit, limit, opens, a)
+    constraints.keep_row(0, 0, 3, at, limit, limit, opens, a)
 
 
 @numba.njit
 def hold(left, a, v, m):
-    program.add_holding(0, left, False, a, v, m)
+    constraints.add_holding(0, left, False, a, v, m)
 
 
 @numba.njit
 def part(own, its, settings):
-    return program.part_of(0, 1, own, its, settings)
+    return constraints.part_of(0, 1, own, its, settings)
 
 
 @numba.njit

@@ -18,6 +18,7 @@ Everything stands in the frame of the body that carries both chains.
 """
 
 from math import inf, pi, sin
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -33,9 +34,10 @@ from armguard.motion.gap_bound import curvature, side_reach
 from armguard.motion.joint_rows import joint_ranges, joint_rows
 from armguard.prove.pair_proof import TOUCHING
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
+from armguard.table import IntMatrix, IntVector, Matrix, Vector, opener, table
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
 
 # Points that hold a shape: its convex hull lies in theirs, grown by the radius.
 HOLD_POINTS = 8
@@ -49,208 +51,217 @@ SPLIT = 4  # place in q of the joint that moves the worst pair the most
 BOUNDS = 5
 
 
-@kernel
-def place_shape(
-    s: int,
-    side: int,
-    kinds: Ints,
-    local_rows: Floats,
-    hold: Floats,
-    hold_count: Ints,
-    hold_radius: Floats,
-    joint_kind: Ints,
-    chains: Ints,
-    lengths: Ints,
-    T: Floats,
-    axes: Floats,
-    width: Floats,
-    rows: Floats,
-    levers: Floats,
-    reaches: Floats,
-    sway: Floats,
-    balls: Floats,
-) -> None:
-    """Place a shape in the middle of a box, and find how far the box moves its points.
+@table
+class LinkPair(NamedTuple):
+    """Two links of one robot, and the memory of their bounds.
 
-    Args:
-        s: The shape.
-        side: 0 or 1, whose chain it rides on.
+    Attributes:
+        parent: See `SceneTables`, from here to `axis`; body 0 carries both chains.
+        joint_kind: Joint kinds.
+        q_index: Places in q.
+        gain: Multipliers and offsets.
+        T_parent_joint: Joint frames.
+        axis: Joint axes.
+        chains: Bodies of both chains, from body 0 on, shape (2, depth).
+        lengths: Lengths of both chains, shape (2,).
         kinds: Shape kinds, shape (s,).
+        sides: 0 or 1, shape (s,).
         local_rows: Rows in the frames of their bodies, shape (s, 16).
-        hold: Points that hold each shape, in its body, shape (s, 8, 3).
+        hold: Points that hold each shape, in its body, shape (s · HOLD_POINTS, 3).
         hold_count: How many, shape (s,).
         hold_radius: Radius these are grown by, shape (s,).
-        joint_kind: Joint kinds, shape (b,).
-        chains: Bodies of both chains, shape (2, depth).
-        lengths: Lengths of both chains, shape (2,).
-        T: Poses of the bodies, shape (b, 12).
+        pairs: Pairs of shapes, side 0 first, those of one model together, shape (p, 2).
+        models: Where the pairs of each model start, and the end, shape (m + 1,).
+        T: Poses of the bodies in the middle of the box, shape (b, 12).
         axes: Their axes: direction and a point, shape (b, 6).
+        middle: Zeros, shape (b,).
         width: Half widths of the bodies' joints, shape (b,).
-        rows: Rows where the shapes stand, its own is written, shape (s, 16).
-        levers: Distance of its farthest point from each axis in the middle of the box,
-            1 for sliding joints; written, shape (s, depth).
-        reaches: The same anywhere in the box; written, shape (s, depth).
-        sway: How far its points may be from where they are; written, shape (s,).
-        balls: Middle and radius of a ball round it; written, shape (s, 4).
+        rows: Rows of the shapes in the middle of the box, shape (s, 16).
+        levers: Distance of a shape's farthest point from each axis in the middle of the
+            box, 1 for sliding joints, shape (s, depth).
+        reaches: The greatest such distance anywhere in the box, shape (s, depth).
+        sway: How far a shape's points may be from where they are, shape (s,).
+        balls: Middle and radius of a ball round each shape, shape (s, 4).
+        placed: 1 for shapes that are placed in this box, shape (s,).
+        moves: Scratch for how far each joint moves a pair, shape (n,).
+        lever_rows: Scratch, see `joint_rows`.
     """
-    count = lengths[side]
-    body = chains[side, count - 1] if count > 0 else 0
-    place_row(kinds[s], local_rows[s], T[body], rows[s])
+
+    parent: IntVector
+    joint_kind: IntVector
+    q_index: IntVector
+    gain: Matrix
+    T_parent_joint: Matrix
+    axis: Matrix
+    chains: IntMatrix
+    lengths: IntVector
+    kinds: IntVector
+    sides: IntVector
+    local_rows: Matrix
+    hold: Matrix
+    hold_count: IntVector
+    hold_radius: Vector
+    pairs: IntMatrix
+    models: IntVector
+    T: Matrix
+    axes: Matrix
+    middle: Vector
+    width: Vector
+    rows: Matrix
+    levers: Matrix
+    reaches: Matrix
+    sway: Vector
+    balls: Matrix
+    placed: IntVector
+    moves: Vector
+    lever_rows: Matrix
+
+
+open_link_pair = opener(LinkPair)
+
+
+@kernel
+def place_shape(s: int, t: LinkPair) -> None:
+    """Place a shape in the middle of a box, and find how far the box moves its points.
+
+    Its row, levers, reaches, sway and ball are written.
+    """
+    side, T, axes, levers = t.sides[s], t.T, t.axes, t.levers
+    count = t.lengths[side]
+    body = t.chains[side, count - 1] if count > 0 else 0
+    place_row(t.kinds[s], t.local_rows[s], T[body], t.rows[s])
     for k in range(count):
         levers[s, k] = 0.0
-    ball = balls[s]
+    ball = t.balls[s]
     for k in range(4):
         ball[k] = 0.0
-    for i in range(hold_count[s]):
+    for i in range(t.hold_count[s]):
         for r in range(3):
-            ball[r] += hold[s, i, r] / hold_count[s]
-    for i in range(hold_count[s]):
-        x, y, z = hold[s, i, 0], hold[s, i, 1], hold[s, i, 2]
+            ball[r] += t.hold[s * HOLD_POINTS + i, r] / t.hold_count[s]
+    for at in range(s * HOLD_POINTS, s * HOLD_POINTS + t.hold_count[s]):
+        x, y, z = t.hold[at, 0], t.hold[at, 1], t.hold[at, 2]
         p = (
             T[body, 0] * x + T[body, 1] * y + T[body, 2] * z + T[body, 3],
             T[body, 4] * x + T[body, 5] * y + T[body, 6] * z + T[body, 7],
             T[body, 8] * x + T[body, 9] * y + T[body, 10] * z + T[body, 11],
         )
         for k in range(count):
-            b = chains[side, k]
+            b = t.chains[side, k]
             arm = sub(p, (axes[b, 3], axes[b, 4], axes[b, 5]))
             across = cross((axes[b, 0], axes[b, 1], axes[b, 2]), arm)
             levers[s, k] = max(levers[s, k], norm(across))
         from_middle = sub((x, y, z), (ball[0], ball[1], ball[2]))
-        ball[3] = max(ball[3], norm(from_middle) + hold_radius[s])
+        ball[3] = max(ball[3], norm(from_middle) + t.hold_radius[s])
     place_point(T[body], ball, 0, ball)
     total = 0.0
     for back in range(count):
         k = count - 1 - back
-        b = chains[side, k]
-        if joint_kind[b] == PRISMATIC:
-            levers[s, k] = reaches[s, k] = 1.0
-            total += width[b]
+        b = t.chains[side, k]
+        if t.joint_kind[b] == PRISMATIC:
+            levers[s, k] = t.reaches[s, k] = 1.0
+            total += t.width[b]
         else:
-            levers[s, k] += hold_radius[s]
-            reaches[s, k] = levers[s, k] + total
-            total += 2.0 * levers[s, k] * sin(0.5 * min(width[b], pi))
-    sway[s] = total
+            levers[s, k] += t.hold_radius[s]
+            t.reaches[s, k] = levers[s, k] + total
+            total += 2.0 * levers[s, k] * sin(0.5 * min(t.width[b], pi))
+    t.sway[s] = total
 
 
 @kernel(inline=False)
-def directed_gap(
-    kind_a: int,
-    row_a: Floats,
-    kind_b: int,
-    row_b: Floats,
-    n: Vec3,
-    sway_a: float,
-    sway_b: float,
-    bend: float,
-    chains: Ints,
-    lengths: Ints,
-    axes: Floats,
-    joint_kind: Ints,
-    middle: Floats,
-    width: Floats,
-    lever_rows: Floats,
-) -> float:
+def directed_gap(i: int, j: int, n: Vec3, bend: float, t: LinkPair) -> float:
     """Least gap along a direction over a box, bounded to the second order [m].
 
     Args:
-        kind_a: Shape kind of A.
-        row_a: Its row in the middle of the box.
-        kind_b: Shape kind of B.
-        row_b: Its row.
-        n: Unit direction from A to B.
-        sway_a: How far any point of A may move [m].
-        sway_b: How far any point of B may move [m].
+        i: Shape of side 0.
+        j: Shape of side 1.
+        n: Unit direction from the first to the second.
         bend: What the second order leaves out of both sides [m].
-        chains: Bodies of both chains, shape (2, depth).
-        lengths: Lengths of both chains, shape (2,).
-        axes: Axes of the bodies, shape (b, 6).
-        joint_kind: Joint kinds, shape (b,).
-        middle: Zeros, shape (b,).
-        width: Half widths, shape (b,).
-        lever_rows: Scratch, see `joint_rows`.
+        t: The links.
     """
-    joint_rows(n, chains[0], 0, lengths[0], axes, 0, joint_kind, lever_rows)
-    joint_ranges(chains[0], 0, lengths[0], middle, width, lever_rows)
-    gap = -side_reach(kind_a, row_a, n, False, sway_a, 0, lengths[0], lever_rows)[0]
-    back = scaled(-1.0, n)
-    joint_rows(back, chains[1], 0, lengths[1], axes, 0, joint_kind, lever_rows)
-    joint_ranges(chains[1], 0, lengths[1], middle, width, lever_rows)
-    gap -= side_reach(kind_b, row_b, back, False, sway_b, 0, lengths[1], lever_rows)[0]
+    gap = 0.0
+    for side in range(2):
+        s, along = (i, n) if side == 0 else (j, scaled(-1.0, n))
+        chain, count, rows = t.chains[side], t.lengths[side], t.lever_rows
+        joint_rows(along, chain, 0, count, t.axes, 0, t.joint_kind, rows)
+        joint_ranges(chain, 0, count, t.middle, t.width, rows)
+        reach = side_reach(
+            t.kinds[s], t.rows[s], along, False, t.sway[s], 0, count, rows
+        )
+        gap -= reach[0]
     return float(gap - bend)
 
 
 @kernel
-def widest_joint(
-    a: int,
-    b: int,
-    q_index: Ints,
-    chains: Ints,
-    lengths: Ints,
-    width: Floats,
-    levers: Floats,
-    moves: Floats,
-) -> int:
-    """Place in q whose joints move a pair the most over the box.
+def widest_joint(i: int, j: int, t: LinkPair) -> int:
+    """Place in q of the joint that moves a pair the most over the box."""
+    moves = t.moves
+    for k in range(moves.shape[0]):
+        moves[k] = 0.0
+    for side in range(2):
+        s = i if side == 0 else j
+        for k in range(t.lengths[side]):
+            body = t.chains[side, k]
+            moves[t.q_index[body]] += t.width[body] * t.levers[s, k]
+    best = 0
+    for k in range(moves.shape[0]):
+        if moves[k] > moves[best]:
+            best = k
+    return best
+
+
+@kernel
+def place_box(centre: Floats, half: Floats, t: LinkPair) -> None:
+    """Place the bodies in the middle of a box; no shape is placed yet."""
+    forward_kinematics(
+        centre, t.parent, t.joint_kind, t.q_index, t.gain, t.T_parent_joint, t.axis, t.T
+    )
+    T, axes = t.T, t.axes
+    for b in range(t.parent.shape[0]):
+        x, y, z = t.axis[b, 0], t.axis[b, 1], t.axis[b, 2]
+        for r in range(3):
+            axes[b, r] = T[b, 4 * r] * x + T[b, 4 * r + 1] * y + T[b, 4 * r + 2] * z
+            axes[b, 3 + r] = T[b, 4 * r + 3]
+        t.width[b] = 0.0
+        if t.q_index[b] >= 0:
+            t.width[b] = abs(t.gain[b, 0]) * half[t.q_index[b]]
+    for s in range(t.kinds.shape[0]):
+        t.placed[s] = 0
+
+
+@kernel
+def ball_gap(i: int, j: int, t: LinkPair) -> float:
+    """Distance of the balls round two shapes, no more than that of the shapes [m]."""
+    a = (t.balls[i, 0], t.balls[i, 1], t.balls[i, 2])
+    b = (t.balls[j, 0], t.balls[j, 1], t.balls[j, 2])
+    return float(norm(sub(a, b)) - t.balls[i, 3] - t.balls[j, 3])
+
+
+@kernel
+def least_distance(i: int, j: int, witness: Floats, t: LinkPair) -> float:
+    """Lower bound of two shapes' distance over the box [m].
 
     Args:
-        a: Shape of side 0.
-        b: Shape of side 1.
-        q_index: Place in q of each body's joint, shape (b,).
-        chains: Bodies of both chains, shape (2, depth).
-        lengths: Lengths of both chains, shape (2,).
-        width: Half widths, shape (b,).
-        levers: Distances from the axes, shape (s, depth).
-        moves: Scratch, shape (n,).
+        i: Shape of side 0.
+        j: Shape of side 1.
+        witness: Their witness in the middle of the box.
+        t: The links.
     """
-    for j in range(moves.shape[0]):
-        moves[j] = 0.0
-    for side in range(2):
-        s = a if side == 0 else b
-        for k in range(lengths[side]):
-            body = chains[side, k]
-            moves[q_index[body]] += width[body] * levers[s, k]
-    best = 0
-    for j in range(moves.shape[0]):
-        if moves[j] > moves[best]:
-            best = j
-    return best
+    distance = witness[0]
+    own = distance - (t.sway[i] + t.sway[j])
+    if not own > TOUCHING and distance > TOUCHING:
+        bend = curvature(
+            t.chains[0], 0, t.lengths[0], t.reaches[i], t.joint_kind, t.width
+        ) + curvature(t.chains[1], 0, t.lengths[1], t.reaches[j], t.joint_kind, t.width)
+        if distance - bend > TOUCHING:
+            n = (witness[7], witness[8], witness[9])
+            own = max(own, directed_gap(i, j, n, bend, t))
+    # A distance that is no number proves nothing.
+    return float(own) if own > -inf else -inf
 
 
 @kernel(inline=False, entry=True)
 def bound_boxes(
-    centres: Floats,
-    halves: Floats,
-    full: int,
-    parent: Ints,
-    joint_kind: Ints,
-    q_index: Ints,
-    gain: Floats,
-    T_parent_joint: Floats,
-    axis: Floats,
-    chains: Ints,
-    lengths: Ints,
-    kinds: Ints,
-    sides: Ints,
-    local_rows: Floats,
-    hold: Floats,
-    hold_count: Ints,
-    hold_radius: Floats,
-    pairs: Ints,
-    models: Ints,
-    T: Floats,
-    axes: Floats,
-    middle: Floats,
-    width: Floats,
-    rows: Floats,
-    levers: Floats,
-    reaches: Floats,
-    sway: Floats,
-    balls: Floats,
-    placed: Ints,
-    moves: Floats,
-    lever_rows: Floats,
-    out: Floats,
+    centres: Floats, halves: Floats, full: int, lines: Longs, out: Floats
 ) -> None:
     """Bounds of two links' distance over boxes of joint positions.
 
@@ -263,108 +274,39 @@ def bound_boxes(
         halves: Half widths, shape (k, n) [rad or m].
         full: 1 to look at every model in full; 0 where the lower bound alone is wanted,
             and the others are what the search for it came upon.
-        parent: See `SceneTables`, from here to `axis`; body 0 carries both chains.
-        joint_kind: Joint kinds.
-        q_index: Places in q.
-        gain: Multipliers and offsets.
-        T_parent_joint: Joint frames.
-        axis: Joint axes.
-        chains: Bodies of both chains, from body 0 on, shape (2, depth).
-        lengths: Lengths of both chains, shape (2,).
-        kinds: Shape kinds, shape (s,).
-        sides: 0 or 1, shape (s,).
-        local_rows: Rows in the frames of their bodies, shape (s, 16).
-        hold: Points that hold each shape, shape (s, 8, 3).
-        hold_count: How many, shape (s,).
-        hold_radius: Radius these are grown by, shape (s,).
-        pairs: Pairs of shapes, side 0 first, those of one model together, shape (p, 2).
-        models: Where the pairs of each model start, and the end, shape (m + 1,).
-        T: Scratch, shape (b, 12).
-        axes: Scratch, shape (b, 6).
-        middle: Zeros, shape (b,).
-        width: Scratch, shape (b,).
-        rows: Scratch, shape (s, 16).
-        levers: Scratch, shape (s, depth).
-        reaches: Scratch, shape (s, depth).
-        sway: Scratch, shape (s,).
-        balls: Scratch, shape (s, 4).
-        placed: Scratch, shape (s,).
-        moves: Scratch, shape (n,).
-        lever_rows: Scratch, see `joint_rows`.
+        lines: Ledger of the links, a `LinkPair`.
         out: Bounds, overwritten, shape (k, BOUNDS).
     """
+    t = open_link_pair(lines)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     for box in range(centres.shape[0]):
-        forward_kinematics(
-            centres[box], parent, joint_kind, q_index, gain, T_parent_joint, axis, T
-        )
-        for b in range(parent.shape[0]):
-            x, y, z = axis[b, 0], axis[b, 1], axis[b, 2]
-            for r in range(3):
-                axes[b, r] = T[b, 4 * r] * x + T[b, 4 * r + 1] * y + T[b, 4 * r + 2] * z
-                axes[b, 3 + r] = T[b, 4 * r + 3]
-            width[b] = 0.0
-            if q_index[b] >= 0:
-                width[b] = abs(gain[b, 0]) * halves[box, q_index[b]]
-        for s in range(kinds.shape[0]):
-            placed[s] = 0
+        place_box(centres[box], halves[box], t)
         best_lower = best_apart = best_upper = -inf
         gap = inf
         split = 0
-        for m in range(models.shape[0] - 1):
+        for m in range(t.models.shape[0] - 1):
             lower = nearest = upper = inf
-            for k in range(models[m], models[m + 1]):
-                i, j = pairs[k, 0], pairs[k, 1]
+            for k in range(t.models[m], t.models[m + 1]):
+                i, j = t.pairs[k, 0], t.pairs[k, 1]
                 for end in range(2):
                     s = i if end == 0 else j
-                    if placed[s] == 0:
-                        placed[s] = 1
-                        place_shape(
-                            s, sides[s], kinds, local_rows, hold, hold_count,
-                            hold_radius, joint_kind, chains, lengths, T, axes, width,
-                            rows, levers, reaches, sway, balls,
-                        )  # fmt: skip
-                both = sway[i] + sway[j]
-                between = norm(
-                    sub(
-                        (balls[i, 0], balls[i, 1], balls[i, 2]),
-                        (balls[j, 0], balls[j, 1], balls[j, 2]),
-                    )
-                )
-                clear = between - balls[i, 3] - balls[j, 3]
+                    if t.placed[s] == 0:
+                        t.placed[s] = 1
+                        place_shape(s, t)
+                both = t.sway[i] + t.sway[j]
+                clear = ball_gap(i, j, t)
                 if clear > nearest and clear - both > lower and clear + both > upper:
-                    # Not the pair that any of these will be told for.
+                    # None of the three is that of this pair.
                     continue
-                measure(kinds[i], rows[i], kinds[j], rows[j], witness)
+                measure(t.kinds[i], t.rows[i], t.kinds[j], t.rows[j], witness)
                 distance = witness[0]
                 nearest = min(nearest, distance)
                 upper = min(upper, distance + both)
-                own = distance - both
-                if not own > TOUCHING and distance > TOUCHING:
-                    bend = curvature(
-                        chains[0], 0, lengths[0], reaches[i], joint_kind, width
-                    ) + curvature(
-                        chains[1], 0, lengths[1], reaches[j], joint_kind, width
-                    )
-                    if distance - bend > TOUCHING:
-                        n = (witness[7], witness[8], witness[9])
-                        own = max(
-                            own,
-                            directed_gap(
-                                kinds[i], rows[i], kinds[j], rows[j], n,
-                                sway[i], sway[j], bend, chains, lengths, axes,
-                                joint_kind, middle, width, lever_rows,
-                            ),
-                        )  # fmt: skip
-                if not own > -inf:
-                    # A distance that is no number proves nothing.
-                    own = -inf
+                own = least_distance(i, j, witness, t)
                 if own < lower:
                     lower = own
                     if m == 0:
-                        split = widest_joint(
-                            i, j, q_index, chains, lengths, width, levers, moves
-                        )
+                        split = widest_joint(i, j, t)
                 if m > 0 and full == 0 and not own > TOUCHING:
                     nearest = -inf
                     break

@@ -18,10 +18,11 @@ from armguard.geometry.shapes import (
 )
 from armguard.motion.chains import anchor
 from armguard.motion.joint_rows import HESSIAN
-from armguard.prove.box_bound import BOUNDS, HOLD_POINTS, bound_boxes
+from armguard.prove.box_bound import BOUNDS, HOLD_POINTS, LinkPair, bound_boxes
 from armguard.robot.kinematics import FIXED, KinematicTable
 from armguard.robot.limits import joint_limits
 from armguard.robot.model import FittedLink, RobotModel
+from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -61,16 +62,16 @@ class PairTables:
         joints: Joints that move the two against each other, length n.
         lower: Their least positions, shape (n,) [rad or m].
         upper: Their greatest positions; of a joint without limits a turn, shape (n,).
-        kinematics: Arguments of `bound_boxes` from `parent` to `lengths`.
-        surfaces: Its arguments from `kinds` to `models`.
+        kinematics: Fields of `LinkPair` from `parent` to `lengths`.
+        surfaces: Its fields from `kinds` to `models`.
         shapes: The shapes, whose numbers the rows lead to.
     """
 
     joints: tuple[str, ...]
     lower: Floats
     upper: Floats
-    kinematics: tuple[NDArray[Any], ...]
-    surfaces: tuple[NDArray[Any], ...]
+    kinematics: dict[str, NDArray[Any]]
+    surfaces: dict[str, NDArray[Any]]
     shapes: tuple[Shape, ...]
 
     def bounds(self, centres: Floats, halves: Floats, *, full: bool) -> Floats:
@@ -82,29 +83,26 @@ class PairTables:
             full: Whether more than the lower bound is wanted.
         """
         out = np.empty((len(centres), BOUNDS))
-        bodies, shapes = len(self.kinematics[0]), len(self.surfaces[0])
-        depth = self.kinematics[6].shape[1]
-        arguments: tuple[Any, ...] = (
-            np.ascontiguousarray(centres),
-            np.ascontiguousarray(halves),
-            int(full),
-            *self.kinematics,
-            *self.surfaces,
-            np.zeros((bodies, 12)),
-            np.zeros((bodies, 6)),
-            np.zeros(bodies),
-            np.zeros(bodies),
-            np.zeros((shapes, ROW_WIDTH)),
-            np.zeros((shapes, depth)),
-            np.zeros((shapes, depth)),
-            np.zeros(shapes),
-            np.zeros((shapes, 4)),
-            np.zeros(shapes, dtype=np.int32),
-            np.zeros(max(len(self.joints), 1)),
-            np.zeros((depth, HESSIAN + depth)),
-            out,
+        bodies, shapes = len(self.kinematics["parent"]), len(self.surfaces["kinds"])
+        depth = self.kinematics["chains"].shape[1]
+        links = LinkPair(
+            **self.kinematics,
+            **self.surfaces,
+            T=np.zeros((bodies, 12)),
+            axes=np.zeros((bodies, 6)),
+            middle=np.zeros(bodies),
+            width=np.zeros(bodies),
+            rows=np.zeros((shapes, ROW_WIDTH)),
+            levers=np.zeros((shapes, depth)),
+            reaches=np.zeros((shapes, depth)),
+            sway=np.zeros(shapes),
+            balls=np.zeros((shapes, 4)),
+            placed=np.zeros(shapes, dtype=np.int32),
+            moves=np.zeros(max(len(self.joints), 1)),
+            lever_rows=np.zeros((depth, HESSIAN + depth)),
         )
-        bound_boxes(*arguments)
+        boxes = np.ascontiguousarray(centres), np.ascontiguousarray(halves)
+        bound_boxes(*boxes, int(full), Ledger(links).lines, out)
         return out
 
 
@@ -168,7 +166,7 @@ def whole_turns(gains: Sequence[float]) -> float:
 
 def chain_tables(
     table: KinematicTable, chains: Sequence[Sequence[int]], used: Sequence[int]
-) -> tuple[NDArray[Any], ...]:
+) -> dict[str, NDArray[Any]]:
     """Bodies of both chains behind body 0, and the chains by their numbers there."""
     bodies = [0, *chains[0], *chains[1]]
     count = len(bodies)
@@ -190,12 +188,21 @@ def chain_tables(
     kinds[0], q_index[0] = FIXED, -1
     frames[0] = np.eye(4)[:3].reshape(12)
     lengths = np.array([len(chain) for chain in chains], dtype=np.int32)
-    return (parent, kinds, q_index, gain, frames, axis, numbers, lengths)
+    return {
+        "parent": parent,
+        "joint_kind": kinds,
+        "q_index": q_index,
+        "gain": gain,
+        "T_parent_joint": frames,
+        "axis": axis,
+        "chains": numbers,
+        "lengths": lengths,
+    }
 
 
 def shape_tables(
     table: KinematicTable, sides: Sequence[SideShapes]
-) -> tuple[NDArray[Any], ...]:
+) -> dict[str, NDArray[Any]]:
     """Shapes of both links, and which pairs of them make each model."""
     placed: list[PlacedShape] = []
     side_of: list[int] = []
@@ -222,16 +229,16 @@ def shape_tables(
         points, radius[k] = hold_points(s.shape, rows[k], T)
         count[k] = len(points)
         hold[k, : len(points)] = points
-    return (
-        kinds,
-        np.array(side_of, dtype=np.int32),
-        rows,
-        hold,
-        count,
-        radius,
-        np.array([pair for m in models for pair in m], dtype=np.int32),
-        np.cumsum([0, *map(len, models)]).astype(np.int32),
-    )
+    return {
+        "kinds": kinds,
+        "sides": np.array(side_of, dtype=np.int32),
+        "local_rows": rows,
+        "hold": hold.reshape(-1, 3),
+        "hold_count": count,
+        "hold_radius": radius,
+        "pairs": np.array([pair for m in models for pair in m], dtype=np.int32),
+        "models": np.cumsum([0, *map(len, models)]).astype(np.int32),
+    }
 
 
 def hold_points(shape: Shape, row: Floats, T: Floats) -> tuple[Floats, float]:

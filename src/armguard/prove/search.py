@@ -243,13 +243,14 @@ def worthy_models(tables: PairTables, q: Floats) -> PairTables:
         tables: The two links.
         q: Configurations in which they are near, shape (k, n).
     """
-    *shapes, pairs, models = tables.surfaces
+    surfaces = tables.surfaces
+    pairs, models = surfaces["pairs"], surfaces["models"]
     still = np.zeros_like(q)
     kept, sizes, exact = [], [], np.zeros(0)
     for m in range(len(models) - 1):
         own = pairs[models[m] : models[m + 1]]
         ends = np.array([0, len(own)], dtype=np.int32)
-        alone = replace(tables, surfaces=(*shapes, own, ends))
+        alone = replace(tables, surfaces={**surfaces, "pairs": own, "models": ends})
         gaps = alone.bounds(q, still, full=True)[:, GAP]
         if m == 0:
             exact = gaps
@@ -258,4 +259,5 @@ def worthy_models(tables: PairTables, q: Floats) -> PairTables:
         kept.append(own)
         sizes.append(len(own))
     starts = np.cumsum([0, *sizes]).astype(np.int32)
-    return replace(tables, surfaces=(*shapes, np.concatenate(kept), starts))
+    chosen = {"pairs": np.concatenate(kept), "models": starts}
+    return replace(tables, surfaces={**surfaces, **chosen})

@@ -32,7 +32,7 @@ def proof_key(tables: PairTables, prints: Sequence[str]) -> str:
     for source in sorted((PACKAGE / "prove").glob("*.py")):
         digest.update(source.read_bytes())
     digest.update(repr(tables.joints).encode())
-    for numbers in (tables.lower, tables.upper, *tables.kinematics):
+    for numbers in (tables.lower, tables.upper, *tables.kinematics.values()):
         digest.update(numbers.tobytes())
     digest.update(repr(tuple(prints)).encode())
     return digest.hexdigest()[:32]
