@@ -19,6 +19,9 @@ class InlinedLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     _final_module: Any
 
+    def _optimize_final_module(self) -> None:
+        """Leave that to the callers, who optimise it with their own code."""
+
     def _finalize_final_module(self) -> None:
         """Hand the engine the environments alone."""
         whole = self._final_module

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +31,25 @@ ROBOT_PLACES = {
     name: offset // 8 for name, (_, offset, *_) in (ROBOT_ROW.fields or {}).items()
 }
 
-NEAR_ROW = record(
-    *"first second clearance buffer outer exact time_left time_to_contact".split(),
-    *"proof envelope distance point_a:3 point_b:3 normal:3".split(),
-)
 
+class NearNumbers(NamedTuple):
+    """What the row of a near pair begins with; a tuple is read faster than a record."""
+
+    first: float
+    second: float
+    clearance: float
+    buffer: float
+    outer: float
+    exact: float
+    time_left: float
+    time_to_contact: float
+    proof: float
+    envelope: float
+    distance: float
+
+
+NEAR_ROW = record(*NearNumbers._fields, "point_a:3", "point_b:3", "normal:3")
+POINTS = len(NearNumbers._fields)
 
 # A model error that rounds to 0 mm is left out of a sentence [m].
 WORTH_A_CLAUSE = 5e-4
@@ -256,7 +270,6 @@ COUNTED = (
 ).split()
 
 # Fields of `NearPair` that have the same name in the row of the answer.
-AS_THEY_ARE = "distance buffer clearance envelope time_left time_to_contact".split()
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,8 +293,13 @@ class Answer:
     @property
     def near(self) -> NDArray[np.void]:
         """Rows of all near pairs."""
-        first, count = self.names.first_row, int(self.data[layout.NEAR_COUNT])
-        return self.data[first : first + count * layout.NEAR_WIDTH].view(NEAR_ROW)
+        first, width = self.names.first_row, self.near_count * layout.NEAR_WIDTH
+        return self.data[first : first + width].view(NEAR_ROW)
+
+    @property
+    def near_count(self) -> int:
+        """How many near pairs there are."""
+        return int(self.data[layout.NEAR_COUNT])
 
     @property
     def nearest(self) -> int:
@@ -316,26 +334,31 @@ class Answer:
 
     def pair(self, k: int) -> NearPair:
         """The k-th near pair."""
-        row, tables = self.near[k], self.names.tables
-        i, j = self.primitives(k)
-        exact = float(row["exact"])
-        refined = exact != np.inf and not exact <= row["outer"]
+        tables, at = self.names.tables, self.names.first_row + k * layout.NEAR_WIDTH
+        row = self.data[at : at + layout.NEAR_WIDTH]
+        n = NearNumbers(*row[:POINTS].tolist())
+        i, j = int(n.first), int(n.second)
+        refined = n.exact != np.inf and not n.exact <= n.outer
         errors = tables.exact.errors if refined else tables.model_errors
-        numbers: dict[str, Any] = {name: float(row[name]) for name in AS_THEY_ARE}
         return NearPair(
             a=tables.body_names[i],
             b=tables.body_names[j],
             primitive_a=tables.labels[i],
             primitive_b=tables.labels[j],
-            primitive_distance=float(row["outer"]),
-            exact_distance=None if exact == np.inf else exact,
-            point_a=row["point_a"].copy(),
-            point_b=row["point_b"].copy(),
-            normal=row["normal"].copy(),
-            **numbers,
+            distance=n.distance,
+            primitive_distance=n.outer,
+            exact_distance=None if n.exact == np.inf else n.exact,
+            buffer=n.buffer,
+            clearance=n.clearance,
+            envelope=n.envelope,
+            time_left=n.time_left,
+            time_to_contact=n.time_to_contact,
+            point_a=row[POINTS : POINTS + 3].copy(),
+            point_b=row[POINTS + 3 : POINTS + 6].copy(),
+            normal=row[POINTS + 6 :].copy(),
             model_error=float(errors[i] + errors[j]),
-            contract=int(row["proof"]) == ALLOWED,
-            unproven=int(row["proof"]) == UNPROVEN,
+            contract=n.proof == ALLOWED,
+            unproven=n.proof == UNPROVEN,
         )
 
     def primitives(self, k: int) -> tuple[int, int]:

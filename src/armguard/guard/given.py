@@ -132,7 +132,9 @@ class CycleInput:
     def judge_stamp(self, stamp: float | Mapping[str, float]) -> str:
         """Store a stamp where no stops are predicted; returns its fault, or ""."""
         try:
-            if isinstance(stamp, Mapping):
+            if type(stamp) is float:
+                newest = stamp
+            elif isinstance(stamp, Mapping):
                 stamps = [self.last_stamp, *map(real_number, stamp.values())]
                 newest = max(stamps[1:] or stamps)
             else:

@@ -206,7 +206,7 @@ class Loop:
         """
         start = self._clock()
         time: Any = stamp if now is None else now
-        if type(time) is not float:
+        if time is not None and type(time) is not float:
             time = real_or_none(time)
         thread = get_ident()
         if self._thread and self._thread != thread:

@@ -250,7 +250,7 @@ class Verdict:
     def near(self) -> tuple[NearPair, ...]:
         """All near pairs, ordered by primitive."""
         answer = self._answer
-        return tuple(answer.pair(k) for k in range(len(answer.near)))
+        return tuple(answer.pair(k) for k in range(answer.near_count))
 
     @property
     def nearest(self) -> NearPair | None:

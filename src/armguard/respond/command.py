@@ -19,60 +19,60 @@ class Action(IntEnum):
     """What a client has a robot do; a higher value is always safer."""
 
     FOLLOW = 0
-    """Send it the velocities."""
+    """Send the velocities to the robot."""
 
     HOLD = 5
-    """Send it the velocities, which keep it at rest: it waits, see `Command.held`."""
+    """Send the velocities; they keep the robot at rest, see `Command.held`."""
 
     STOP = 10
-    """A controlled stop, power stays, standstill is held (IEC 60204-1 category 2): the
-    velocities lead to it as the figures declare it, or the robot's own stop does."""
+    """Controlled stop with power, then monitored standstill (IEC 60204-1 category 2):
+    by the velocities, within the declared figures, or by the robot's own stop."""
 
     BRAKE = 20
-    """Remove power at once (category 0): the stop is not what was declared."""
+    """Remove power at once (category 0): the stop deviates from its declaration."""
 
     HARDWARE_STOP = 30
-    """Use whatever stops it from outside: the brake is not what was declared."""
+    """Stop the robot by external means: the brake deviates from its declaration."""
 
 
 class Blocked(IntEnum):
     """Reason for which a robot does not follow its operator, or only later."""
 
     NOT = 0
-    """It follows."""
+    """The robot follows its operator."""
 
     STOPPED = 10
-    """It is being stopped, or was and waits: its operator has to let go of it first, or
-    to lead it away from all that is near, or to engage it; after a stop that was
-    ordered, to engage it."""
+    """The robot stops, or was stopped and waits: its operator must request zero
+    velocity, lead it away from all near pairs, or engage it; after an ordered stop,
+    engage it."""
 
     TOO_NEAR = 11
-    """It rests where it may only move away."""
+    """The robot rests too near to a body: it may only move away."""
 
     PINCHED = 12
-    """It rests where every joint that leads away from one thing leads to another."""
+    """The robot has no recovery: each motion that opens one pair closes another."""
 
     FAR_START = 20
-    """It is told a position far from where it is, and its scene says to refuse that."""
+    """The requested position is far from the robot, and its scene refuses that."""
 
     CATCHING_UP = 21
-    """It is told a position far from where it is, and goes there slowly."""
+    """The requested position is far from the robot, which moves there slowly."""
 
     EVADING = 23
-    """It gets out of the way of something that comes at it."""
+    """The robot evades an approaching obstacle."""
 
     RETREATING = 24
-    """It goes back along the way that led in, or to a safe configuration."""
+    """The robot retreats along its trail, or to a safe configuration."""
 
     WAY_BLOCKED = 25
-    """It retreats, and something stands in its way; it goes on when that is gone."""
+    """A body blocks the retreat of the robot, which goes on when the path is free."""
 
     NO_WAY = 30
-    """No velocity was found that keeps all it must; it is stopped."""
+    """No velocity was found that satisfies all constraints: the robot is stopped."""
 
     LOCAL_MINIMUM = 40
-    """Its field does not bring it nearer to its goal; it rests until somebody leads it
-    elsewhere, engages it or sets a goal."""
+    """The field brings the robot no nearer to its goal: it rests until it is led
+    elsewhere or engaged, or a goal is set."""
 
     @property
     def sentence(self) -> str:
@@ -100,22 +100,22 @@ class Changed(IntFlag):
     """Reasons for which the command of a robot differs from the requested motion."""
 
     SPEED = 1
-    """A joint's top speed, or the share of it that its robot may use."""
+    """Top speed of a joint, or the share of it that its robot may use."""
 
     ACCELERATION = 2
-    """The declared acceleration."""
+    """Declared acceleration of a joint."""
 
     LIMITS = 4
-    """The limit of a joint is near."""
+    """Position limit of a joint."""
 
     ROWS = 8
-    """A near pair: its row, or the way out of what is too near."""
+    """Constraint row of a near pair, or a recovery."""
 
     PROOF = 16
-    """It was not proven, or the robot is stopped."""
+    """The request was not proven, or the robot is stopped."""
 
     BLOCKED = 32
-    """It does not follow, see `Command.blocked`."""
+    """The robot does not follow its operator, see `Command.blocked`."""
 
 
 @dataclass(frozen=True, slots=True)
