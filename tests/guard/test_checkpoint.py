@@ -28,7 +28,8 @@ SCRATCH = {
     "_response": "twists tool_columns tool_square tool_speeds raw rows limits eased "
     "program",
     "_lead": "pull push weight columns square twist",
-    "_escape": "plan trial q T rows boxes reach comer witness closest columns across",
+    "_escape": "plan trial q T rows boxes reach obstacle witness closest columns "
+    "across",
     "_workspace": "T_next kept out memo_rows look_box",
 }
 

@@ -129,7 +129,7 @@ def keep(r, share, v, m):
 
 @numba.njit
 def follows(v, m, out):
-    return kernels.is_as_told(v, m, out)
+    return kernels.is_as_commanded(v, m, out)
 
 
 @numba.njit

@@ -108,7 +108,6 @@ IN_DIGEST = {
     "response.commanded": "response.told",
     "response.requested": "response.asked",
     "escape.approaching": "escape.comers",
-    "escape.obstacle": "escape.comer",
 }
 
 
