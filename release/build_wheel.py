@@ -37,9 +37,10 @@ def compile_kernels() -> None:
     """Compile what a guard needs, then what programs add to it."""
     from armguard.respond import Guard
     from armguard.respond.compiling import compile_ahead
+    from armguard.respond.guard import try_out
     from armguard.scene import bay_scene
 
-    compile_ahead(print, guarded=True)
+    compile_ahead(print, True, try_out)
     guard = Guard(bay_scene("path"))
     guard.restore(guard.checkpoint())
     for arguments in PROGRAMS:
