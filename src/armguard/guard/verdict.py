@@ -255,8 +255,8 @@ class Verdict:
     @property
     def nearest(self) -> NearPair | None:
         """The near pair with the least clearance, None if no pair is near."""
-        answer = self._answer
-        return None if answer.nearest < 0 else answer.pair(answer.nearest)
+        k = int(self._data[layout.NEAREST])
+        return None if k < 0 else self._answer.pair(k)
 
     @property
     def unproven(self) -> tuple[NearPair, ...]:
