@@ -30,6 +30,9 @@ NEARER = 1.1
 # How far it is driven from there: into the fixture [rad].
 BEYOND = 0.6
 
+# A stop before it has moved so far is the busy machine's: it is engaged again [rad].
+UNDERWAY = 0.15
+
 # Longest drive one way [s].
 LONGEST = 30.0
 
@@ -60,10 +63,12 @@ class Driver:
         """Drive until the arm is stopped, then back; whether it did both in time."""
         self.arms.engages, self._way = True, 0.0
         self.arms.wait_until(lambda answer: not any(answer.actions), LONGEST)
-        self.arms.engages, self._way = False, 1.0
+        self._way = 1.0
+        self.arms.wait_until(lambda _: self._moved > UNDERWAY, LONGEST)
+        self.arms.engages = False
         stopped = self.arms.wait_until(lambda _: self.rests, LONGEST)
         self.arms.engages, self._way = True, -1.0
-        back = self.arms.wait_until(lambda _: self.arms.q[JOINT] <= self._home, LONGEST)
+        back = self.arms.wait_until(lambda _: self._moved <= 0.0, LONGEST)
         self._way = 0.0
         return stopped and back
 
@@ -72,7 +77,12 @@ class Driver:
         """Whether the arm was stopped and rests, or is where it was driven to."""
         arms = self.arms
         stopped = arms.newest is not None and any(arms.newest.actions)
-        return (stopped and not any(arms.v)) or arms.q[JOINT] > self._home + BEYOND
+        return (stopped and not any(arms.v)) or self._moved > BEYOND
+
+    @property
+    def _moved(self) -> float:
+        """How far the joint is from where it began [rad]."""
+        return self.arms.q[JOINT] - self._home
 
     def _wish(self, t: float) -> list[float]:
         found = [0.0] * len(self.arms.q)

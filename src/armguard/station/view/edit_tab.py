@@ -101,8 +101,8 @@ class Editor:
             return None
         return Placed(T, self._half(name) if name in self.reserved else None)
 
-    def add(self, T: Floats) -> str:
-        """Place a reserved box; its name in the loop.
+    def add(self, T: Floats) -> str | None:
+        """Place a reserved box; its name in the loop, None if the service refuses.
 
         Raises:
             SceneError: None is left.
@@ -114,15 +114,16 @@ class Editor:
                 "the service holds no box ready any more; remove one, or write these "
                 "to the scene file and start the service again"
             )
-        self.put(free[0], Placed(T, (HALF,) * 3))
-        return free[0]
+        return free[0] if self.put(free[0], Placed(T, (HALF,) * 3)) else None
 
-    def put(self, name: str, placed: Placed | None) -> None:
-        """Place an object, or remove it; can be undone."""
+    def put(self, name: str, placed: Placed | None) -> bool:
+        """Place an object, or remove it; whether it was done. It can be undone."""
         before = self.placed(name)
-        if self._do(name, placed):
+        done = self._do(name, placed)
+        if done:
             self._began.setdefault(name, before)
             self._undo.append((name, before))
+        return done
 
     def drag(self, name: str, placed: Placed, begins: bool) -> None:
         """Place an object during a drag, of whose poses only the newest counts."""
@@ -206,6 +207,7 @@ class EditTab(Drawable):
         super().__init__(world)
         self._editor, self._file = editor, file
         self._held = False
+        self._added = NOTHING
         self._names: dict[str, str] = {}
         self._poses: Floats = np.zeros((0, 12))
         gui, zero, icon = self.gui, (0.0, 0.0, 0.0), viser.Icon
@@ -234,6 +236,11 @@ class EditTab(Drawable):
     def _draw(self, cycle: Cycle) -> None:
         self._poses = cycle.frame.poses
         movable, name = (NOTHING, *self._editor.movable), self._choice.value
+        if self._added in movable:
+            self._added = NOTHING
+        else:
+            # The service has placed it; the recording shows it a few cycles later.
+            movable = (*movable, self._added)
         if movable != self._choice.options:
             self._choice.options = movable
             if name not in movable:
@@ -259,11 +266,13 @@ class EditTab(Drawable):
         T = np.eye(4)
         T[:3, 3] = free_place(self.tables, self._poses)
         name = self._editor.add(T)
+        if name is None:
+            return
         taken = {*self.world.scene.body_names(), *self._names.values()}
         fresh = next(f"wall_{k}" for k in range(1, 1000) if f"wall_{k}" not in taken)
         self._names.setdefault(name, fresh)
-        self._choice.options = (*self._choice.options, name)
-        self._choice.value = name
+        self._added = name
+        self._choice.options = tuple(dict.fromkeys((*self._choice.options, name)))
         self._choose(name)
 
     def _remove(self) -> None:
