@@ -9,23 +9,13 @@ import pytest
 from armguard.motion.joint_stop import (
     JointStop,
     farthest,
-    plan_stop,
     swing_within,
     whole_way,
 )
 from armguard.record import records
+from joint_stops import planned
 
 NO_CURVE = np.zeros(0)
-
-
-@numba.njit
-def planned(
-    v, against, top, driven, a, reaction, ramp, least, most, settle, time, curve, out
-):
-    plan_stop(
-        v, against, top, driven, a, reaction, ramp, 0.0, least, most, settle, time,
-        curve, out,
-    )  # fmt: skip
 
 
 @numba.njit
@@ -40,8 +30,8 @@ def stop_of(
     out = records(1, JointStop)[0]
     driven = top if driven is None else driven
     planned(
-        velocity, -velocity, top, driven, a, reaction, ramp, least, most, settle, time,
-        table, out,
+        velocity, -velocity, top, driven, a, reaction, ramp, 0.0, least, most, settle,
+        time, table, out,
     )  # fmt: skip
     return out
 

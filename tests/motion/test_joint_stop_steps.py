@@ -10,11 +10,11 @@ from armguard.motion.figures import CURVE_POINTS
 from armguard.motion.joint_stop import (
     JointStop,
     farthest,
-    plan_stop,
     speed_lost,
     swing_within,
 )
 from armguard.record import records
+from joint_stops import planned
 
 NO_CURVE = np.zeros(0)
 
@@ -23,17 +23,6 @@ SETTLE_TIME = 0.1
 
 # Step of a joint that does its worst [-], and what such steps may be off by.
 STEPS, STEP_ERROR = 4000, 2e-6
-
-
-@numba.njit
-def planned(
-    v, against, top, driven, a, reaction, ramp, passed, least, most, settle, time,
-    curve, out,
-):  # fmt: skip
-    plan_stop(
-        v, against, top, driven, a, reaction, ramp, passed, least, most, settle, time,
-        curve, out,
-    )  # fmt: skip
 
 
 @numba.njit

@@ -10,7 +10,6 @@ from armguard.motion.free_way import FIRST_TIME, RATIO, bound_free_way
 from armguard.motion.joint_stop import (
     JointStop,
     farthest,
-    plan_stop,
     swing_within,
 )
 from armguard.motion.prepare import motion_of
@@ -44,6 +43,7 @@ from armguard.motion.stop_path import (
 from armguard.record import records
 from armguard.scene.compile import compile_scene
 from armguard.table import Ledger, opener
+from joint_stops import planned
 from planar import chain_scene
 from planar import place as tip_of
 
@@ -106,17 +106,6 @@ def span(which, j, start, end, address):
 
 
 @numba.njit
-def stop_of(
-    v, against, top, driven, a, reaction, ramp, passed, least, most, settle, time, out
-):
-    none = np.zeros(0)
-    plan_stop(
-        v, against, top, driven, a, reaction, ramp, passed, least, most, settle, time,
-        none, out,
-    )  # fmt: skip
-
-
-@numba.njit
 def ways(times, stop):
     return np.array([farthest(t, stop) for t in times])
 
@@ -139,6 +128,7 @@ class Planned:
         self.m.gain[self.bodies, 0] = GAINS
         # Slower, and known less well.
         self.m.joint_figures[1].velocity = 0.8
+        self.m.joint_figures[1].swing_share = self.m.joint_figures[1].settle / 0.8
         self.m.joint_figures[1].position_error = 0.003
 
     def draw(self):
@@ -157,7 +147,7 @@ class Planned:
         """The plan of a joint by its figures."""
         m, f, out = self.m, self.m.joint_figures[j], records(1, JointStop)[0]
         deceleration = "brake_deceleration" if brakes else "deceleration"
-        stop_of(
+        planned(
             m.v_high[j] if side == 0 else -m.v_low[j],
             -m.v_low[j] if side == 0 else m.v_high[j],
             f.velocity,
@@ -170,6 +160,7 @@ class Planned:
             np.inf if brakes else f.deceleration_most,
             f.settle,
             FIGURES["settle_time"],
+            np.zeros(0),
             out,
         )
         return out

@@ -10,6 +10,8 @@ intervals that end now. Within the declared figures neither exceeds its limit, s
 is no false alarm.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,28 +45,62 @@ STAMP_GRAIN = 1e-6
 GRAIN = 1e-7
 
 
+class Interval(NamedTuple):
+    """Interval between the last two samples of a robot.
+
+    Attributes:
+        stamp: Stamp of the new sample [s].
+        time: Time between both stamps [s].
+        known: Whether there is an earlier sample.
+        has_velocity: Whether the new sample has measured velocities.
+        stops: Whether a stop of the robot was ordered and is not yet done.
+        r: The robot.
+    """
+
+    stamp: float
+    time: float
+    known: bool
+    has_velocity: bool
+    stops: bool
+    r: int
+
+
 @kernel
-def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
+def interval_of(r: int, v: Watch, m: Motion) -> Interval:
+    """Interval that ends with the new sample of a robot."""
+    phase = v.phase[r]
+    return Interval(
+        stamp=float(v.stamps[r]),
+        time=float(v.stamps[r] - v.last_stamp[r]),
+        known=bool(v.sample_count[r] > 0),
+        has_velocity=bool(v.given[HAS_VELOCITY] != 0.0),
+        stops=bool(phase == STOPPING or phase == BRAKING or phase == LOST),
+        r=r,
+    )
+
+
+@kernel
+def contradiction(
+    j: int, position: float, interval: Interval, v: Watch, m: Motion
+) -> int:
     """Reason why a new sample of a joint contradicts the ones before; OK if none.
 
     Args:
         j: The joint.
-        r: Its robot.
         position: Its new position [rad or m].
+        interval: Interval since the sample before.
         v: Watch; the sums that hold if the sample is accepted are written.
         m: Motion.
     """
     sums, figures = v.agreement[j], m.joint_figures[j]
     sums[AHEAD_NEXT] = sums[BEHIND_NEXT] = 0.0
     before, speed = sums[LATEST], v.velocity[j]
-    time = v.stamps[r] - v.last_stamp[r]
-    known = v.given[HAS_VELOCITY] != 0.0 and v.sample_count[r] > 0 and before == before
+    time, stops = interval.time, interval.stops
+    known = interval.has_velocity and interval.known and before == before
     if not (known and time > 0.0):
         return OK
     period, error = v.pace[PERIOD], figures.velocity_error
-    phase = v.phase[r]
-    stops = phase == STOPPING or phase == BRAKING or phase == LOST
-    swing = swing_speed(m.robot_figures[r], figures) if stops else 0.0
+    swing = swing_speed(m.robot_figures[interval.r], figures) if stops else 0.0
     gain = 0.5 * figures.acceleration * (time + period)
     faster = max(speed - max(before, 0.0), min(before, 0.0) - speed)
     if stops and not faster <= 2.0 * (gain + error) + swing + GRAIN:
@@ -84,12 +120,12 @@ def contradiction(j: int, r: int, position: float, v: Watch, m: Motion) -> int:
 
 
 @kernel
-def fits_its_stamp(j: int, r: int, position: float, v: Watch) -> bool:
+def fits_its_stamp(j: int, position: float, interval: Interval, v: Watch) -> bool:
     """Whether a sample with a repeated stamp also repeats its values."""
-    if v.sample_count[r] == 0 or v.stamps[r] != v.last_stamp[r]:
+    if not interval.known or interval.time != 0.0:
         return True
     before = v.agreement[j, LATEST]
-    same = v.given[HAS_VELOCITY] == 0.0 or before != before or v.velocity[j] == before
+    same = not interval.has_velocity or before != before or v.velocity[j] == before
     return bool(same and position == v.sample_q[j, 0])
 
 

@@ -115,8 +115,14 @@ class CycleInput:
         With a fault the positions are empty: the cycle refuses them, and orders its
         stops.
         """
-        fault = self._take_times(stamp, now) or self._take_velocity(velocity)
-        return (NO_POSITIONS, fault) if fault else self.positions(q)
+        if type(stamp) is float and type(now) is float and now == now:
+            self._given[NOW_TIME] = now
+            self._stamps.fill(stamp)
+        elif fault := self._take_times(stamp, now):
+            return NO_POSITIONS, fault
+        if fault := self._take_velocity(velocity):
+            return NO_POSITIONS, fault
+        return self.positions(q)
 
     def positions(self, q: ArrayLike) -> tuple[Floats, str]:
         """Positions for the kernel, and their fault in words, or ""."""

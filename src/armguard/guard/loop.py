@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -60,8 +59,6 @@ OF_SCENE = (
     "groups checked buffers"
 ).split()
 
-# In place of a thread's number: two threads were in a cycle at once.
-SEVERAL = -1
 OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
 
 # Arrays that `reset` does not change: figures of the scene, and sightings of objects.
@@ -92,7 +89,7 @@ class Loop:
         self._clock = clock
         self._guarded = any(part.mode != "fixed" for part in tables.robots)
         self._pace = Pace(tables.period, tables.late)
-        self._thread = 0
+        self._busy = False
         self._memory = np.zeros(MEMORY, dtype=np.int64)
         capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
         T_world = np.zeros((len(tables.parent), 12))
@@ -208,20 +205,16 @@ class Loop:
         time: Any = stamp if now is None else now
         if time is not None and type(time) is not float:
             time = real_or_none(time)
-        thread = get_ident()
-        if self._thread and self._thread != thread:
-            return Verdict(
-                stop_answer(self._names, Reason.WRONG_INPUT),
-                self._names,
-                time,
-                0.0,
-                OTHER_THREAD,
-            )
-        self._thread = thread
+        # The interpreter changes threads in calls and jumps only: none comes between
+        # this test and the assignment.
+        if self._busy:
+            data = stop_answer(self._names, Reason.WRONG_INPUT)
+            return Verdict(data, self._names, time, 0.0, OTHER_THREAD)
+        self._busy = True
         try:
             if self._guarded:
-                data, fault = self._judge(q, stamp, velocity, now)
-                self._pace.note(data)
+                array, fault = self._input.take(q, stamp, velocity, now)
+                data = self._answer(run_guarded_cycle(array, self._lines), fault)
             else:
                 fault = "" if stamp is None else self._input.judge_stamp(stamp)
                 if fault:
@@ -233,10 +226,7 @@ class Loop:
                     else:
                         data = self._out[: run_cycle(array, self._lines)].copy()
         finally:
-            alone = self._thread == thread
-            self._thread = 0 if alone else self._leave_others()
-        if not alone:
-            data, fault = stop_answer(self._names, Reason.WRONG_INPUT), OTHER_THREAD
+            self._busy = False
         elapsed = (self._clock() - start) * 1e-9
         return Verdict(data, self._names, time, elapsed, fault)
 
@@ -259,21 +249,19 @@ class Loop:
                 data = self._out[:used].copy()
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
-    def _judge(
-        self,
-        q: ArrayLike,
-        stamp: float | Mapping[str, float] | None,
-        velocity: ArrayLike | None,
-        now: float | None,
-    ) -> tuple[NDArray[np.float64], str]:
-        """Answer of a cycle with predicted stops, and the fault of its input, or ""."""
-        array, fault = self._input.take(q, stamp, velocity, now)
-        used = run_guarded_cycle(array, self._lines)
+    def _answer(self, used: int, fault: str) -> NDArray[np.float64]:
+        """Copy of the answer of a cycle with predicted stops.
+
+        Args:
+            used: Count of its numbers.
+            fault: Fault of its input in words, or "".
+        """
         data = self._out[:used].copy()
+        self._pace.note(data)
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT
             data[layout.JOINT] = -1.0
-        return data, fault
+        return data
 
     def reset(self) -> None:
         """Clear the last cycle, the last stamps, ordered stops and disproved figures.
@@ -292,10 +280,6 @@ class Loop:
         if len(self.tables.holds.grippers):
             self._holding.forget()
             self._world_changed()
-
-    def _leave_others(self) -> int:
-        """Thread number to store when a cycle ends that overlapped with another one."""
-        return 0 if self._thread == SEVERAL else SEVERAL
 
     def _expect_contracts(self) -> None:
         """Enable contracts in the loop if there may be any, else disable them."""

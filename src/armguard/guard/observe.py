@@ -11,7 +11,13 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.agreement import contradiction, fits_its_stamp, keep_agreement
+from armguard.guard.agreement import (
+    Interval,
+    contradiction,
+    fits_its_stamp,
+    interval_of,
+    keep_agreement,
+)
 from armguard.guard.layout import JOINT, REASON, ROBOT, VALUE
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
@@ -221,29 +227,41 @@ def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
 @kernel
 def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
     """Whether each joint can have moved as measured since its last sample."""
-    for j in range(q.shape[0]):
-        r = m.robot_of_joint[j]
-        if m.robot_figures[r].mode == FIXED:
+    for r in range(m.robot_figures.shape[0]):
+        robot = m.robot_figures[r]
+        if robot.mode == FIXED:
             continue
-        figures = m.joint_figures[j]
-        top = figures.velocity * (1.0 + SPEED_SHARE)
-        if v.sample_count[r] > 0 and v.stamps[r] > v.last_stamp[r]:
-            time = v.stamps[r] - v.last_stamp[r]
-            way = abs(q[j] - v.sample_q[j, 0])
-            if not way <= top * time + 2.0 * figures.position_error:
-                forget_samples(r, v)
-                return blame_joint(STATE_JUMPED, j, way / time, out)
-        if v.given[HAS_VELOCITY] != 0.0:
-            speed = v.velocity[j]
-            if not isfinite(speed):
-                return blame_joint(NOT_FINITE, j, speed, out)
-            if not abs(speed) <= top + 3.0 * figures.velocity_error:
-                return blame_joint(TOO_FAST, j, speed, out)
-        if not fits_its_stamp(j, r, q[j], v):
-            return blame_joint(STAMP_REPEATED, j, v.stamps[r], out)
-        reason = contradiction(j, r, q[j], v, m)
-        if reason != OK:
-            return blame_joint(reason, j, v.velocity[j], out)
+        interval = interval_of(r, v, m)
+        for j in range(robot.first_joint, robot.first_joint + robot.joint_count):
+            if not joint_sample_is_right(j, q[j], interval, v, m, out):
+                if out[REASON] == STATE_JUMPED:
+                    forget_samples(r, v)
+                return False
+    return True
+
+
+@kernel
+def joint_sample_is_right(
+    j: int, position: float, interval: Interval, v: Watch, m: Motion, out: Floats
+) -> bool:
+    """Whether a joint can have moved as measured since its last sample."""
+    figures = m.joint_figures[j]
+    top = figures.velocity * (1.0 + SPEED_SHARE)
+    if interval.known and interval.time > 0.0:
+        way = abs(position - v.sample_q[j, 0])
+        if not way <= top * interval.time + 2.0 * figures.position_error:
+            return blame_joint(STATE_JUMPED, j, way / interval.time, out)
+    if interval.has_velocity:
+        speed = v.velocity[j]
+        if not isfinite(speed):
+            return blame_joint(NOT_FINITE, j, speed, out)
+        if not abs(speed) <= top + 3.0 * figures.velocity_error:
+            return blame_joint(TOO_FAST, j, speed, out)
+    if not fits_its_stamp(j, position, interval, v):
+        return blame_joint(STAMP_REPEATED, j, interval.stamp, out)
+    reason = contradiction(j, position, interval, v, m)
+    if reason != OK:
+        return blame_joint(reason, j, v.velocity[j], out)
     return True
 
 

@@ -38,8 +38,8 @@ class Pace:
 
     def note(self, answer: NDArray[np.float64]) -> None:
         """Add the answer of a cycle."""
-        if answer[REASON] == CYCLE_LATE:
-            self._add(float(answer[VALUE]))
+        if answer.item(REASON) == CYCLE_LATE:
+            self._add(answer.item(VALUE))
         elif self._count:
             self._count = 0
 

@@ -19,6 +19,10 @@ class JointFigures:
         velocity_error: Greatest error of a measured velocity [rad/s or m/s].
         tracking_error: Greatest deviation from the pending commands [rad/s or m/s].
         led_beyond: Greatest position beyond a limit under the guard [rad or m].
+        swing_share: `settle` by `velocity` [s].
+        speed_up_way: Twice the displacement per squared speed at which it speeds up
+            [s²/rad].
+        return_way: The same for speeding up and the hardest stop after it [s²/rad].
         curve: 1 if a table of measured stops replaces the formula.
     """
 
@@ -32,6 +36,9 @@ class JointFigures:
     velocity_error: float
     tracking_error: float
     led_beyond: float
+    swing_share: float
+    speed_up_way: float
+    return_way: float
     curve: int
 
 

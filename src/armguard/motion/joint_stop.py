@@ -11,12 +11,13 @@ surely took effect, and shortens the ramp.
 """
 
 from math import inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.kernel import kernel
-from armguard.motion.figures import CURVE_POINTS
+from armguard.motion.figures import CURVE_POINTS, JointFigures
 from armguard.record import record
 
 Floats = NDArray[np.float64]
@@ -72,20 +73,33 @@ class JointStop:
     swing_back: float
 
 
+class Order(NamedTuple):
+    """Order to stop a joint, by the controller or the brake.
+
+    Attributes:
+        reaction: Time at which the stop takes effect at the latest [s].
+        passed: Time since the stop surely took effect [s].
+        ramp: Time in which deceleration rises to its full value [s].
+        least: Least full deceleration [rad/s²].
+        most: Greatest deceleration; may be infinite [rad/s²].
+        settled_after: Greatest duration of the swing about its rest [s].
+    """
+
+    reaction: float
+    passed: float
+    ramp: float
+    least: float
+    most: float
+    settled_after: float
+
+
 @kernel
 def plan_stop(
     velocity: float,
     against: float,
-    top: float,
     driven: float,
-    acceleration: float,
-    reaction: float,
-    ramp: float,
-    passed: float,
-    least: float,
-    most: float,
-    settle: float,
-    settle_time: float,
+    order: Order,
+    figures: JointFigures,
     curve: Floats,
     out: JointStop,
 ) -> None:
@@ -94,20 +108,17 @@ def plan_stop(
     Args:
         velocity: Greatest velocity it may have now, of either sign [rad/s].
         against: Greatest speed it may have in the other direction now [rad/s].
-        top: Top speed; a faster measured velocity counts as measured [rad/s].
         driven: Greatest velocity it may be commanded, of either sign [rad/s].
-        acceleration: Greatest acceleration until the stop takes effect [rad/s²].
-        reaction: Time at which the stop takes effect at the latest [s].
-        ramp: Time in which deceleration rises to its full value [s].
-        passed: Time since the stop surely took effect [s].
-        least: Least full deceleration [rad/s²].
-        most: Greatest deceleration; may be infinite [rad/s²].
-        settle: Swing about its rest, either way, after a stop from top speed [rad].
-        settle_time: Greatest duration of the swing [s].
+        order: When and how hard it brakes.
+        figures: Its figures; a measured velocity above its top speed counts as
+            measured.
         curve: Measured stops, times [s] then displacements [rad], shape
             (2 · CURVE_POINTS,), or empty.
         out: Overwritten.
     """
+    reaction, acceleration = order.reaction, figures.acceleration
+    least, most, ramp = order.least, order.most, order.ramp
+    settle_time, top = order.settled_after, figures.velocity
     out.top_speed = max(driven, velocity, 0.0)
     out.reaction = reaction
     out.acceleration = acceleration
@@ -119,7 +130,7 @@ def plan_stop(
     out.opposite_speed = -velocity if backwards else 0.0
     out.speed = max(velocity, 0.0)
     against = max(against, 0.0)
-    out.swing_back = swing_back(velocity, against, settle / top, out)
+    out.swing_back = swing_back(velocity, against, figures, out)
     # A joint that moves the other way may speed up, and then rests and swings later.
     out.settled = reaction + ramp + (against + acceleration * reaction) / least
     out.settled += settle_time
@@ -134,9 +145,9 @@ def plan_stop(
         return
     out.effect_way = accelerated_way(reaction, out)
     out.effect_speed = min(out.speed + acceleration * reaction, out.top_speed)
-    out.ramp_left = max(ramp - passed, 0.0)
+    out.ramp_left = max(ramp - order.passed, 0.0)
     out.ramp_share = 1.0 - out.ramp_left / ramp if ramp > 0.0 else 1.0
-    out.swing = settle * out.effect_speed / top
+    out.swing = figures.settle * out.effect_speed / top
     out.curvature = max(acceleration, least)
     if curve.shape[0] > 0:
         time, way = curve_at(curve, out.effect_speed / top)
@@ -156,7 +167,9 @@ def plan_stop(
 
 
 @kernel
-def swing_back(velocity: float, against: float, share: float, out: JointStop) -> float:
+def swing_back(
+    velocity: float, against: float, figures: JointFigures, out: JointStop
+) -> float:
     """Displacement to which a joint that moves the other way may swing back.
 
     It swings about its rest in proportion to the speed at which its stop begins. So the
@@ -167,7 +180,7 @@ def swing_back(velocity: float, against: float, share: float, out: JointStop) ->
     Args:
         velocity: Greatest velocity it may have now, of either sign [rad/s].
         against: Greatest speed it may have in the other direction now [rad/s].
-        share: Ratio of the swing to the speed at which a stop begins [s].
+        figures: Its figures.
         out: The joint's stop; reaction and greatest accelerations are read.
 
     Returns:
@@ -176,10 +189,11 @@ def swing_back(velocity: float, against: float, share: float, out: JointStop) ->
     slowest = max(-velocity, 0.0)
     way = 0.5 * slowest * slowest / out.opposite_deceleration if slowest > 0.0 else 0.0
     gain, speed = out.acceleration * out.reaction, against
-    longer = 0.0
+    share, longer = figures.swing_share, 0.0
     if gain > 0.0:
-        # Twice the distance per square of speed beyond the present one.
-        cost = 1.0 / out.acceleration + 1.0 / out.deceleration_most
+        # A brake has no greatest deceleration.
+        braked = out.deceleration_most == inf
+        cost = figures.speed_up_way if braked else figures.return_way
         speed = min(max(against, share / cost), against + gain)
         longer = 0.5 * (speed * speed - against * against) * cost
     return float(share * speed - longer - way)

@@ -143,7 +143,7 @@ def exact_levers(
 
 
 # Figures of joints that are not fields of `StoppingFigures`.
-DERIVED = ("led_beyond", "curve")
+DERIVED = ("led_beyond", "curve", "swing_share", "speed_up_way", "return_way")
 
 
 def joint_figures(tables: SceneTables) -> Any:
@@ -157,6 +157,10 @@ def joint_figures(tables: SceneTables) -> Any:
         for name in set(own.dtype.names).difference(DERIVED):
             own[name] = getattr(part.stopping, name)
         own["curve"] = [name in part.stopping.tables for name in part.joints]
+        own["swing_share"] = own["settle"] / own["velocity"]
+        with np.errstate(divide="ignore"):
+            own["speed_up_way"] = 1.0 / own["acceleration"]
+            own["return_way"] = own["speed_up_way"] + 1.0 / own["deceleration_most"]
     return rows
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import (
     JointStop,
+    Order,
     farthest,
     plan_stop,
     swing_within,
@@ -97,28 +98,22 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
         clear(up)
         clear(down)
         return 0.0
-    least, most = figures.deceleration, figures.deceleration_most
-    ramp = robot.ramp
     points = m.curves.shape[1] if figures.curve != 0.0 else 0
-    if clock[BRAKING] != 0.0:
-        least, most, ramp, points = figures.brake_deceleration, inf, 0.0, 0
-    for side in range(2):
-        plan_stop(
-            m.v_high[j] if side == 0 else -m.v_low[j],
-            -m.v_low[j] if side == 0 else m.v_high[j],
-            figures.velocity,
-            m.driven[plan * n + j, side],
-            figures.acceleration,
-            clock[REACTION],
-            ramp,
-            clock[PASSED],
-            least,
-            most,
-            figures.settle,
-            robot.settle_time,
-            m.curves[j, :points],
-            up if side == 0 else down,
-        )
+    brakes = clock[BRAKING] != 0.0
+    if brakes:
+        points = 0
+    order = Order(
+        reaction=clock[REACTION],
+        passed=clock[PASSED],
+        ramp=0.0 if brakes else robot.ramp,
+        least=figures.brake_deceleration if brakes else figures.deceleration,
+        most=inf if brakes else figures.deceleration_most,
+        settled_after=robot.settle_time,
+    )
+    high, low = m.v_high[j], -m.v_low[j]
+    driven, curve = m.driven[plan * n + j], m.curves[j, :points]
+    plan_stop(high, low, driven[0], order, figures, curve, up)
+    plan_stop(low, high, driven[1], order, figures, curve, down)
     if clock[SWINGS] != 0.0 and points == 0:
         # The speed at the start of the stop is not measured any more but remembered.
         for side in range(2):

@@ -1,14 +1,12 @@
 """Guard: a monitor that also filters the operators' desired motion."""
 
 from collections.abc import Callable, Mapping
-from threading import get_ident
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.guard import layout
 from armguard.guard.answer import stop_answer
 from armguard.guard.checkpoint import chosen
 from armguard.guard.given import (
@@ -286,18 +284,14 @@ class Guard(Monitor):
         time: Any = given[1] if given[3] is None else given[3]
         if type(time) is not float:
             time = real_or_none(time)
-        thread = get_ident()
-        if self._thread and self._thread != thread:
+        if self._busy:
             return self._crowded_command(response, time)
-        self._thread = thread
+        self._busy = True
         try:
             data, fault = self._filtered(response, given, form, requested)
             numbers = response.commanded.copy()
         finally:
-            alone = self._thread == thread
-            self._thread = 0 if alone else self._leave_others()
-        if not alone:
-            return self._crowded_command(response, time)
+            self._busy = False
         elapsed = (self._clock() - start) * 1e-9
         verdict = Verdict(data, self._names, time, elapsed, fault or refused)
         return Command(numbers, self.tables.robots, verdict)
@@ -316,12 +310,7 @@ class Guard(Monitor):
             if unsolved > 0:
                 unsolved = self.solve_programs(unsolved)
             used = end_filtered_cycle(array, unsolved, answers, lines)
-        data = self._out[:used].copy()
-        self._pace.note(data)
-        if fault:
-            data[layout.REASON] = Reason.WRONG_INPUT
-            data[layout.JOINT] = -1.0
-        return data, fault
+        return self._answer(used, fault), fault
 
     def _crowded_command(self, response: Response, stamp: float | None) -> Command:
         """Stop command for a cycle during which another thread called the guard."""
