@@ -9,7 +9,6 @@ from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason, Region
 from armguard.guard import grips as at
 from armguard.guard.contracts import prove_with_contract
-from armguard.guard.levels import SENTENCES
 from armguard.guard.near_pairs import row_place
 from armguard.guard.watch import RECOVERING, RESTING
 from armguard.guard.workspace import CONTRACTS, INTENTS, open_workspace
@@ -385,7 +384,7 @@ def test_contracts_cost_nothing_where_there_is_no_gripper():
 
 
 def test_the_reason_has_its_sentence():
-    assert "contract" in SENTENCES[Reason.CONTRACT_EXCEEDED]
+    assert "contract" in Reason.CONTRACT_EXCEEDED.sentence
 
 
 @numba.njit

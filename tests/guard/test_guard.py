@@ -9,7 +9,7 @@ import pytest
 
 from armguard.errors import HomeContactError, SceneError, UnknownNameError
 from armguard.geometry import Box, Pose, Sphere
-from armguard.guard import SENTENCES, Level, Reason, level_of
+from armguard.guard import Level, Reason
 from armguard.respond import Guard
 from armguard.scene import Scene, bay_scene, bay_task
 from armguard.scene.settings import IndexSettings
@@ -214,15 +214,15 @@ def test_time_must_not_go_back(guard):
 
 
 def test_every_reason_has_a_sentence_and_only_three_are_no_stop():
-    assert set(SENTENCES) == set(Reason)
-    passing = {reason for reason in Reason if level_of(reason) < Level.STOP}
+    assert all(reason.sentence for reason in Reason)
+    passing = {reason for reason in Reason if reason.level < Level.STOP}
     assert passing == {Reason.OK, Reason.NEAR, Reason.SHORT_TIME}
 
 
 def test_the_page_of_concepts_has_every_reason_with_its_level():
     page = Path(__file__).parents[2].joinpath("docs/concepts.md").read_text("utf-8")
     rows = re.findall(r"^\| `([A-Z_]+)` \| ([A-Z_]+) \|", page, flags=re.MULTILINE)
-    known = {(reason.name, level_of(reason).name) for reason in Reason}
+    known = {(reason.name, reason.level.name) for reason in Reason}
     assert known <= set(rows)
 
 

@@ -16,36 +16,37 @@ from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
 from armguard.guard.workspace import FIRST_ROW, open_workspace
 from armguard.motion.state import BUDGET
+from armguard.record import records
 from armguard.respond import Guard
 from armguard.respond.constraints import part_of
 from armguard.respond.state import (
     BY_CONTRIBUTION,
     BY_PRIORITY,
     EQUALLY,
-    PRIORITY,
-    SHARING,
+    Behaviour,
 )
 from armguard.scene import Scene
 from arms import simple_arm
 from grippers import Loop, add_gantry, add_table, guard_of
+from records import record
 from sliding import at_gap, let_go, slides
 
 PERIOD = 0.005
 
 
 @numba.njit
-def share(r, own, its, settings):
-    return part_of(r, 1 - r, own, its, settings)
+def share(r, own, its, a):
+    return part_of(r, 1 - r, own, its, a)
 
 
 @pytest.mark.parametrize("sharing", [BY_CONTRIBUTION, EQUALLY, BY_PRIORITY])
 @pytest.mark.parametrize("priorities", [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 def test_two_robots_that_close_a_pair_share_no_more_than_it_has(sharing, priorities):
-    settings = np.zeros((2, max(SHARING, PRIORITY) + 1))
-    settings[:, SHARING] = sharing
-    settings[:, PRIORITY] = priorities
+    settings = records(2, Behaviour)
+    settings.sharing, settings.priority = sharing, priorities
+    a = record(settings=settings)
     for one, other in product((0.1, 0.3, 1.0), repeat=2):
-        shares = share(0, one, other, settings), share(1, other, one, settings)
+        shares = share(0, one, other, a), share(1, other, one, a)
         assert sum(shares) == pytest.approx(1.0)
         if sharing == BY_CONTRIBUTION:
             assert shares[0] / shares[1] == pytest.approx(one / other)

@@ -11,7 +11,9 @@ from armguard.respond import Action, Blocked
 from armguard.respond.field import STEEPEST, field_at, repel
 from armguard.respond.lead_state import BY_FIELD, LED, OPERATOR
 from armguard.respond.lead_state import LEFT as WAY_LEFT
-from armguard.respond.state import INFLUENCE, REPULSION, open_response
+from armguard.respond.state import (
+    open_response,
+)
 from armguard.respond.tool_motion import solve_positive, turn_between
 from armguard.scene import Scene
 from bay_loop import LEFT, RIGHT, TOP, bay_guard, bay_loop, tool_pose
@@ -371,7 +373,7 @@ def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(m
             q, still = at_gap(FLOOR + share * reach, 2), np.zeros(2)
             guard.filter(q, still, 0.0, velocity=still, now=0.0)
             lead, settings = guard._lead, guard._response.settings
-            assert settings[0, INFLUENCE] == 0.1
+            assert settings[0].influence == 0.1
             lead.notes[:, LED] = left, right
             # Its goal is far.
             lead.memory[:, WAY_LEFT] = 1.0
@@ -379,7 +381,7 @@ def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(m
             push_off(guard._response_lines, guard._lines.ctypes.data)
             led = np.array([left, right]) == BY_FIELD
             near = led & (share < 1.0)
-            force = settings[:, REPULSION] * near * push(share)
+            force = settings.repulsion * near * push(share)
             assert lead.weight == pytest.approx(np.stack([force, force], axis=-1))
             # The lever of a slide is 1, beside which 0.1 m is kept.
             square = 1.0 + 0.1**2

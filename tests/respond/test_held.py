@@ -5,7 +5,7 @@ import pytest
 
 from approach import ball_scene
 from armguard import Action, Guard, Level, Reason
-from armguard.guard.levels import ORDERED, UNTIL_ENGAGED, level_of
+from armguard.guard.levels import ORDERED, UNTIL_ENGAGED
 from armguard.respond import Blocked
 from armguard.scene.settings import ResponseSettings
 from driven import Driven, ball_guard
@@ -90,7 +90,7 @@ def test_an_ordered_stop_keeps_its_reason(reason):
     loop.run([0.5], 150)
     command = loop.stop(reason=reason)
     assert command.verdict.reason is reason
-    assert command.verdict.level is level_of(reason) is Level.STOP
+    assert command.verdict.level is reason.level is Level.STOP
     assert command.action is Action.STOP
     command = loop.stop(400, reason=reason)
     assert command.action is Action.HOLD

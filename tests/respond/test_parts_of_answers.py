@@ -114,8 +114,8 @@ def watch(rng):
 def answers(rng):
     """Rows and limits of one robot."""
     low, high = -rng.uniform(0.1, 0.5, JOINTS), rng.uniform(0.1, 0.5, JOINTS)
-    settings = np.zeros((1, places.SETTINGS))
-    settings[0, places.REPULSION] = 0.3
+    settings = records(1, places.Behaviour)
+    settings.repulsion = 0.3
     pace = np.zeros(places.PACE)
     pace[places.STEP], pace[places.LESS] = DT, 0.4
     return record(
@@ -173,8 +173,8 @@ def hold(left, a, v, m):
 
 
 @numba.njit
-def part(own, its, settings):
-    return constraints.part_of(0, 1, own, its, settings)
+def part(own, its, a):
+    return constraints.part_of(0, 1, own, its, a)
 
 
 @numba.njit
@@ -343,14 +343,14 @@ def test_a_joint_that_opens_a_pair_is_given_no_credit_for_going_on():
 
 
 def test_a_robot_that_is_yielded_to_has_all_and_the_other_what_nobody_needs():
-    settings = np.zeros((2, places.SETTINGS))
-    settings[:, places.SHARING] = places.BY_PRIORITY
+    settings = records(2, places.Behaviour)
+    settings.sharing = places.BY_PRIORITY
     for its, above, known in ((0.3, 1.0, 1.0), (0.3, -1.0, 0.0), (0.0, -1.0, 1.0)):
-        settings[0, places.PRIORITY] = above
-        assert part(0.2, its, settings) == known
-    settings[:, places.PRIORITY] = 0.0
-    assert part(0.2, 0.6, settings) == pytest.approx(0.25)
-    assert part(-1.0, -1.0, settings) == 0.5
+        settings[0].priority = above
+        assert part(0.2, its, record(settings=settings)) == known
+    settings.priority = 0.0
+    assert part(0.2, 0.6, record(settings=settings)) == pytest.approx(0.25)
+    assert part(-1.0, -1.0, record(settings=settings)) == 0.5
 
 
 def lead(rng):

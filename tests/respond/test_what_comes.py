@@ -17,7 +17,7 @@ from armguard.respond.escape_state import (
     PLAN,
 )
 from armguard.respond.evasion import BEHIND, BESIDE, FORESIGHT, look_for_approaching
-from armguard.respond.state import EVADE_TIME, SETTINGS
+from armguard.respond.state import Behaviour
 from records import record
 
 # Two boxes of the robot, one of another robot, and an object.
@@ -47,8 +47,8 @@ def found(centre, velocity, half=0.05, present=True):
     boxes[3] = np.concatenate([np.array(centre) - half, np.array(centre) + half])
     residency = np.full((4, RESIDENCY_WIDTH), ABSENT + 1, dtype=np.int32)
     residency[3, STATUS] = ABSENT + 1 if present else ABSENT
-    settings, given = np.zeros((1, SETTINGS)), np.zeros(GIVEN)
-    settings[0, EVADE_TIME], given[NOW_TIME] = TIME, 5.0
+    settings, given = records(1, Behaviour), np.zeros(GIVEN)
+    settings[0].evade_time, given[NOW_TIME] = TIME, 5.0
     counts = np.zeros(4, dtype=np.int32)
     counts[MOVING_COUNT] = 3
     e = record(

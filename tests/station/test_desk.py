@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from armguard import Guard, Level, Reason, bay_scene
-from armguard.guard.levels import level_of
 from armguard.respond import Action
 from armguard.respond.command import DRIVEN
 from armguard.respond.daqp_interface import FUNCTION
@@ -295,7 +294,7 @@ def told(command, guard, k, start, form):
         )
     levels = verdict.levels
     reason = verdict.reason
-    level = max(level_of(reason), *levels.values())
+    level = max(reason.level, *levels.values())
     cause = Cause.STOP_ORDERED if k == 250 else Cause.NONE
     form = FrameForm.STOP if cause else form
     actions = command.actions

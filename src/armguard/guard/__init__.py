@@ -4,14 +4,13 @@ from armguard.guard.answer import Counts, NearPair
 from armguard.guard.budget import ProtectiveDistance
 from armguard.guard.contract import Contract, Region
 from armguard.guard.events import Event, EventLog
-from armguard.guard.levels import SENTENCES, Level, Reason, level_of
+from armguard.guard.levels import Level, Reason
 from armguard.guard.monitor import Monitor
 from armguard.guard.nuisance import Cause, Nuisance
 from armguard.guard.self_test import SelfTestLine, SelfTestReport, self_test
 from armguard.guard.verdict import Verdict
 
 __all__ = [
-    "SENTENCES",
     "Cause",
     "Contract",
     "Counts",
@@ -27,6 +26,5 @@ __all__ = [
     "SelfTestLine",
     "SelfTestReport",
     "Verdict",
-    "level_of",
     "self_test",
 ]

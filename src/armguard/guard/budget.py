@@ -10,8 +10,20 @@ the terms are for a risk assessment, and each is only as true as the figure behi
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import floor, isfinite
+
+from armguard.guard.static_errors import STATIC_ERRORS
+
+# Words of the sum for terms that are not called by their names; terms of one word are
+# summed.
+WORDS = {
+    "error": "measurement",
+    "reaction_a": "reaction",
+    "reaction_b": "reaction",
+    "stopping_a": "stopping",
+    "stopping_b": "stopping",
+}
 
 # Tenths of millimetres in a metre.
 TENTHS = 1e4
@@ -68,21 +80,14 @@ class Budget:
     @property
     def sentence(self) -> str:
         """The sum in words and millimetres, without terms that are 0."""
-        terms = [
-            ("floor", self.floor),
-            ("model", self.model),
-            ("base", self.base),
-            ("object", self.object),
-            ("measurement", self.error),
-            ("reaction", self.reaction),
-            ("stopping", self.stopping),
-            ("envelope", self.envelope),
-            ("path", self.path),
-        ]
-        values = whole_tenths([value for _, value in terms])
+        terms: dict[str, float] = {}
+        for field in fields(self)[:-1]:
+            word = WORDS.get(field.name, field.name)
+            terms[word] = terms.get(word, 0.0) + getattr(self, field.name)
+        values = whole_tenths(list(terms.values()))
         words = [
-            f"{name} {value:.1f}"
-            for (name, _), value in zip(terms, values, strict=True)
+            f"{word} {value:.1f}"
+            for word, value in zip(terms, values, strict=True)
             if value
         ]
         parts = " + ".join(words).replace("+ path -", "- path ")
@@ -179,5 +184,5 @@ def protective_distance(robot: str, other: str, budget: Budget) -> ProtectiveDis
         s_s=budget.stopping_a + budget.path,
         c=budget.floor,
         z_d=0.0,
-        z_r=budget.error + budget.base + budget.model,
+        z_r=sum((getattr(budget, k.term) for k in STATIC_ERRORS[::-1]), budget.error),
     )

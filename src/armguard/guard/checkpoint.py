@@ -38,9 +38,9 @@ LENGTH = 8
 LEFT_OUT: dict[str, frozenset[str]] = {
     "watch": frozenset(
         (
-            "pace top_speed robot_of movers pairs pair_need look row tool_body "
-            "tool_point judged_pairs judged_left judged_count judged_ways judged_clock "
-            "judged_settled grown object_stale"
+            "pace static_error top_speed robot_of movers pairs pair_need look row "
+            "tool_body tool_point judged_pairs judged_left judged_count judged_ways "
+            "judged_clock judged_settled grown object_stale"
         ).split()
     ),
     "grips": frozenset("swap fingers members velocity".split()),
@@ -102,6 +102,8 @@ def kept_of_tables(tables: SceneTables) -> dict[str, NDArray[Any]]:
 
 # Arrays whose fields have another name in the digests of checkpoints.
 IN_DIGEST = {
+    "watch.link_error": "watch.model",
+    "watch.robot_error": "watch.base",
     "watch.commanded": "watch.told",
     "watch.commanded_at": "watch.told_at",
     "watch.stuck": "watch.hangs",

@@ -14,18 +14,7 @@ from armguard.guard.layout import (
     NEAREST,
     OUTER,
     SECOND,
-    TERM_BASE,
-    TERM_ENVELOPE,
-    TERM_ERROR,
-    TERM_FLOOR,
-    TERM_MODEL,
-    TERM_NEEDED,
-    TERM_OBJECT,
-    TERM_PATH,
-    TERM_REACTION_A,
-    TERM_REACTION_B,
-    TERM_STOPPING_A,
-    TERM_STOPPING_B,
+    TERM_NAMES,
     TERMS,
     WITNESS,
 )
@@ -33,6 +22,7 @@ from armguard.guard.near_pairs import row_place
 from armguard.guard.needs import object_speed, robot_of, static_need
 from armguard.guard.proofs import OF_EXACT, OF_PRIMITIVES
 from armguard.guard.refine import refine_pair
+from armguard.guard.static_errors import BETWEEN_ROBOTS, STATIC_ERRORS
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -43,6 +33,19 @@ from armguard.motion.state import NEXT, SETTLED, Motion
 from armguard.motion.stop_path import error_of
 
 Floats = NDArray[np.float64]
+
+# Places of the terms, in the order of the fields of `Budget`.
+TERM_FLOOR = TERM_NAMES.index("floor")
+TERM_STATIC = TERM_NAMES.index(STATIC_ERRORS[0].term)
+TERM_OBJECT = TERM_NAMES.index("object")
+TERM_ERROR = TERM_NAMES.index("error")
+TERM_REACTION_A = TERM_NAMES.index("reaction_a")
+TERM_STOPPING_A = TERM_NAMES.index("stopping_a")
+TERM_REACTION_B = TERM_NAMES.index("reaction_b")
+TERM_STOPPING_B = TERM_NAMES.index("stopping_b")
+TERM_ENVELOPE = TERM_NAMES.index("envelope")
+TERM_PATH = TERM_NAMES.index("path")
+TERM_NEEDED = TERM_NAMES.index("needed")
 
 
 @kernel(separate=True)
@@ -88,11 +91,14 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
         terms[k] = 0.0
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     terms[TERM_FLOOR] = out[place + BUFFER]
-    terms[TERM_MODEL] = v.model[i] + (v.model[j] if robot_j >= 0 else 0.0)
-    if robot_i != robot_j:
-        terms[TERM_BASE] = v.base[i] + (v.base[j] if robot_j >= 0 else 0.0)
-    standing = terms[TERM_FLOOR] + terms[TERM_MODEL] + terms[TERM_BASE]
-    seen = static_need(i, j, w, v, m) - standing
+    known = terms[TERM_FLOOR]
+    for k in range(v.static_error.shape[0]):
+        if robot_i != robot_j or not BETWEEN_ROBOTS[k]:
+            error = v.static_error[k, i]
+            error += v.static_error[k, j] if robot_j >= 0 else 0.0
+            terms[TERM_STATIC + k] = error
+            known += error
+    seen = static_need(i, j, w, v, m) - known
     terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[SETTLED]
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])

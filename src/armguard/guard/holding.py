@@ -304,7 +304,8 @@ class Holding:
         first, end = tables.holds.places[item.name]
         own = boxes[first:end]
         low, high = own[:, :3].min(axis=0), own[:, 3:].max(axis=0)
-        errors = np.pad(watch.model + watch.base, (0, len(boxes) - len(watch.model)))
+        errors = watch.link_error + watch.robot_error
+        errors = np.pad(errors, (0, len(boxes) - len(errors)))
         most = float(tables.buffers[item.group].max() + 2.0 * errors.max()) + AT_REST
         most = max(most, item.grasp.lift)
         near = (boxes[:, :3] <= high + most) & (boxes[:, 3:] >= low - most)

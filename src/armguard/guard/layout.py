@@ -5,6 +5,10 @@ The answer of a cycle is a header of `HEADER` float64 followed by one row of
 Whole numbers are exact in float64 up to 2⁵³.
 """
 
+from dataclasses import fields
+
+from armguard.guard.budget import Budget
+
 # Version of this layout, which recordings carry. Any change of an index below raises
 # it: a recording of another layout is refused and not misread.
 LAYOUT = 2
@@ -30,23 +34,10 @@ PAIRS_APART = 16  # pairs that a stored plane proves to be beyond the margin
 ROBOT = 17  # index of the robot of a fault, -1 if none
 SLACK_TIME = 18  # least time until a stop must be ordered, up to the look-ahead [s]
 SPANS_TESTED = 19  # spans of time that were tested to prove pairs
-TERMS = 20  # required separation of the nearest pair, TERM_COUNT numbers [m]
-TERM_COUNT = 12
-HEADER = 32
-
-# Indices of the terms of the nearest pair.
-TERM_FLOOR = 0  # buffer of the scene, kept at rest
-TERM_MODEL = 1
-TERM_BASE = 2
-TERM_OBJECT = 3  # displacement of a moving object
-TERM_ERROR = 4  # error of measured positions, both sides
-TERM_REACTION_A = 5
-TERM_STOPPING_A = 6
-TERM_REACTION_B = 7
-TERM_STOPPING_B = 8
-TERM_ENVELOPE = 9  # by how much the judged shapes are nearer than the reported ones
-TERM_PATH = 10  # what curvature of the path adds, or the common time of stops saves
-TERM_NEEDED = 11  # their sum
+TERMS = 20  # required separation of the nearest pair, the fields of `Budget` [m]
+TERM_NAMES = tuple(field.name for field in fields(Budget))
+TERM_COUNT = len(TERM_NAMES)
+HEADER = TERMS + TERM_COUNT
 
 # The header is followed by a row per robot, if one has a mode other than "fixed".
 ROBOT_LEVEL = 0

@@ -1,6 +1,7 @@
 """Levels and reasons of a verdict."""
 
 from enum import IntEnum
+from typing import Self
 
 
 class Level(IntEnum):
@@ -34,110 +35,98 @@ class Level(IntEnum):
 
 
 class Reason(IntEnum):
-    """Reason of a verdict's level; each member has one sentence in `SENTENCES`."""
+    """Reason of a verdict's level: its number, its sentence and the level.
 
-    OK = 0
-    NEAR = 10
-    SHORT_TIME = 15
-    TOO_CLOSE = 20
-    NO_PROOF = 21
-    BUDGET_SPENT = 22
-    CONTRACT_EXCEEDED = 23
-    STOPPING = 25
-    RESTING = 26
-    MOVED_AT_REST = 27
-    UNPROVEN = 28
-    STOP_LAGS = 30
-    BRAKE_LAGS = 31
-    STOP_ORDERED = 40
-    RESTARTED = 41
-    DEADLINE_MISSED = 42
-    SERVICE_FAULT = 43
-    SHUTDOWN = 44
-    NOT_FINITE = 100
-    OUT_OF_LIMITS = 103
-    WRONG_INPUT = 105
-    TIME_BACKWARDS = 106
-    CAPACITY = 107
-    NO_DISTANCE = 108
-    STAMP_MISSING = 110
-    TIME_STILL = 111
-    STAMP_AHEAD = 112
-    STATE_STALE = 113
-    CYCLE_LATE = 114
-    STATE_JUMPED = 115
-    TOO_FAST = 116
-    NO_VELOCITY = 117
-    OBJECT_UNSEEN = 118
-    NOT_FOLLOWED = 119
-    WRONG_COMMAND = 120
-    NO_WAY = 121
-    STATE_FROZEN = 122
-    DRIVE_LAGS = 126
-    STATE_DISAGREES = 130
-    STAMP_REPEATED = 132
-    OBJECT_AHEAD = 140
-    OBJECT_BACKWARDS = 141
-    OBJECT_REPEATED = 142
-    OBJECT_STALE = 143
-    OBJECT_JUMPED = 144
-    OBJECT_TOO_FAST = 145
-    OBJECT_NOT_FINITE = 146
+    Attributes:
+        sentence: The reason in words.
+        level: Level that the reason leads to.
 
+    Example:
+        >>> Reason.NOT_FINITE.level
+        <Level.STOP: 30>
+    """
 
-SENTENCES: dict[Reason, str] = {
-    Reason.OK: "no checked pair is within the margin",
-    Reason.NEAR: "a pair is within the margin and keeps its buffer",
-    Reason.SHORT_TIME: "a stop would have to be ordered soon",
-    Reason.TOO_CLOSE: "a pair is nearer than its buffer, or would be before the arms "
-    "could stop",
-    Reason.NO_PROOF: "no proof that a pair keeps its buffer until the arms could stop",
-    Reason.BUDGET_SPENT: "the cycle's budget was used up before all pairs were proven",
-    Reason.CONTRACT_EXCEEDED: "a contact is deeper or faster than its contract allows, "
-    "or the contract is over",
-    Reason.STOPPING: "an ordered stop is not yet done",
-    Reason.RESTING: "at rest; too near to go on in every direction",
-    Reason.UNPROVEN: "nothing is proven for a pair: a robot leaves an object that "
-    "moves by itself, and may be met on its way",
-    Reason.MOVED_AT_REST: "an arm moves though it was to rest until it is let go",
-    Reason.STOP_LAGS: "a stop was slower than declared; the brake is ordered",
-    Reason.BRAKE_LAGS: "a brake was slower than declared; stop the arm from outside",
-    Reason.STOP_ORDERED: "a stop was ordered",
-    Reason.RESTARTED: "the service was restarted after a crash",
-    Reason.DEADLINE_MISSED: "the service missed the deadline of a cycle",
-    Reason.SERVICE_FAULT: "a fault in the service; its log names the fault",
-    Reason.SHUTDOWN: "the service shuts down",
-    Reason.NOT_FINITE: "a joint position is NaN or infinite",
-    Reason.OUT_OF_LIMITS: "a joint is outside its limits, where the model is not valid",
-    Reason.WRONG_INPUT: "the joint vector has the wrong length or holds no numbers",
-    Reason.TIME_BACKWARDS: "the stamp is older than the one before, or is no number",
-    Reason.CAPACITY: "more near pairs than the tables hold; not all could be measured",
-    Reason.NO_DISTANCE: "a measured distance is NaN",
-    Reason.STAMP_MISSING: "a stamp is missing, or is no finite number",
-    Reason.TIME_STILL: "the time of this cycle is that of the last one",
-    Reason.STAMP_AHEAD: "a stamp is later than the time of the cycle",
-    Reason.STATE_STALE: "a measurement is older than its limit",
-    Reason.CYCLE_LATE: "the cycle came later than the declared period allows",
-    Reason.STATE_JUMPED: "a joint moved faster than it can",
-    Reason.TOO_FAST: "a joint is faster than its declared top speed",
-    Reason.OBJECT_UNSEEN: "an object that moves was never seen: place it, with a stamp",
-    Reason.WRONG_COMMAND: "the desired motion has the wrong length or is not finite",
-    Reason.STATE_FROZEN: "what it measures does not change though it was told to move, "
-    "or its velocity says that it moves",
-    Reason.STATE_DISAGREES: "velocities and positions over time contradict each other",
-    Reason.STAMP_REPEATED: "the measurement changed and its stamp did not",
-    Reason.OBJECT_AHEAD: "the stamp of a sighting is later than the time of the cycle",
-    Reason.OBJECT_BACKWARDS: "the stamp of a sighting is older than the one before",
-    Reason.OBJECT_REPEATED: "two sightings with one stamp have different poses",
-    Reason.OBJECT_STALE: "the last sighting is older than its limit",
-    Reason.OBJECT_JUMPED: "the object moved farther than its top speed allows",
-    Reason.OBJECT_TOO_FAST: "the object was seen to be faster than its top speed",
-    Reason.OBJECT_NOT_FINITE: "a pose, velocity or stamp of a sighting is not finite",
-    Reason.NO_WAY: "no velocity was found that keeps all it must",
-    Reason.NOT_FOLLOWED: "a joint is faster than it was told to be",
-    Reason.DRIVE_LAGS: "a drive follows commands later than its declared delay",
-    Reason.NO_VELOCITY: "the velocity is not known from one sample; give the next one",
-}
+    sentence: str
+    level: Level
+
+    def __new__(cls, value: int, sentence: str = "", level: Level = Level.STOP) -> Self:
+        """A member, of its row."""
+        reason = int.__new__(cls, value)
+        reason._value_ = value
+        reason.sentence, reason.level = sentence, level
+        return reason
+
+    OK = 0, "no checked pair is within the margin", Level.CLEAR
+    NEAR = 10, "a pair is within the margin and keeps its buffer", Level.CAUTION
+    SHORT_TIME = 15, "a stop would have to be ordered soon", Level.SLOW
+    TOO_CLOSE = (
+        20,
+        "a pair is nearer than its buffer, or would be before the arms could stop",
+    )
+    NO_PROOF = 21, "no proof that a pair keeps its buffer until the arms could stop"
+    BUDGET_SPENT = 22, "the cycle's budget was used up before all pairs were proven"
+    CONTRACT_EXCEEDED = (
+        23,
+        "a contact is deeper or faster than its contract allows, or the contract "
+        "is over",
+    )
+    STOPPING = 25, "an ordered stop is not yet done"
+    RESTING = (
+        26,
+        "at rest; too near to a body to move in every direction",
+        Level.RECOVER,
+    )
+    MOVED_AT_REST = 27, "an arm moves, but it must rest until it is released"
+    UNPROVEN = (
+        28,
+        "nothing is proven for a pair: a robot leaves an object that moves by "
+        "itself, and may be met on its way",
+        Level.RECOVER,
+    )
+    STOP_LAGS = 30, "a stop was slower than declared; the brake is ordered", Level.BRAKE
+    BRAKE_LAGS = (
+        31,
+        "a brake was slower than declared; stop the arm from outside",
+        Level.HARDWARE_STOP,
+    )
+    STOP_ORDERED = 40, "a stop was ordered"
+    RESTARTED = 41, "the service was restarted after a crash"
+    DEADLINE_MISSED = 42, "the service missed the deadline of a cycle"
+    SERVICE_FAULT = 43, "a fault in the service; its log names the fault"
+    SHUTDOWN = 44, "the service shuts down"
+    NOT_FINITE = 100, "a joint position is NaN or infinite"
+    OUT_OF_LIMITS = 103, "a joint is outside its limits, where the model is not valid"
+    WRONG_INPUT = 105, "the joint vector has the wrong length or holds no numbers"
+    TIME_BACKWARDS = 106, "the stamp is older than the one before, or is no number"
+    CAPACITY = 107, "more near pairs than the tables hold; not all could be measured"
+    NO_DISTANCE = 108, "a measured distance is NaN"
+    STAMP_MISSING = 110, "a stamp is missing, or is no finite number"
+    TIME_STILL = 111, "the time of this cycle is that of the last one"
+    STAMP_AHEAD = 112, "a stamp is later than the time of the cycle"
+    STATE_STALE = 113, "a measurement is older than its limit"
+    CYCLE_LATE = 114, "the cycle came later than the declared period allows"
+    STATE_JUMPED = 115, "a joint moved faster than it can"
+    TOO_FAST = 116, "a joint is faster than its declared top speed"
+    NO_VELOCITY = 117, "the velocity is not known from one sample; give the next one"
+    OBJECT_UNSEEN = 118, "an object that moves was never seen: place it, with a stamp"
+    NOT_FOLLOWED = 119, "a joint is faster than its command"
+    WRONG_COMMAND = 120, "the desired motion has the wrong length or is not finite"
+    NO_WAY = 121, "no velocity was found that satisfies all constraints"
+    STATE_FROZEN = (
+        122,
+        "the measured positions do not change, but a command or the measured "
+        "velocity moves the joint",
+    )
+    DRIVE_LAGS = 126, "a drive follows commands later than its declared delay"
+    STATE_DISAGREES = 130, "velocities and positions over time contradict each other"
+    STAMP_REPEATED = 132, "the measurement changed and its stamp did not"
+    OBJECT_AHEAD = 140, "the stamp of a sighting is later than the time of the cycle"
+    OBJECT_BACKWARDS = 141, "the stamp of a sighting is older than the one before"
+    OBJECT_REPEATED = 142, "two sightings with one stamp have different poses"
+    OBJECT_STALE = 143, "the last sighting is older than its limit"
+    OBJECT_JUMPED = 144, "the object moved farther than its top speed allows"
+    OBJECT_TOO_FAST = 145, "the object was seen to be faster than its top speed"
+    OBJECT_NOT_FINITE = 146, "a pose, velocity or stamp of a sighting is not finite"
 
 
 # Reasons of a stop that a person or the service orders, not the judgement of a cycle.
@@ -152,35 +141,4 @@ ORDERED = (
 UNTIL_ENGAGED = (Reason.STOP_ORDERED, Reason.RESTARTED)
 
 # Reasons that name an object.
-OF_OBJECTS = (
-    Reason.OBJECT_UNSEEN,
-    Reason.OBJECT_AHEAD,
-    Reason.OBJECT_BACKWARDS,
-    Reason.OBJECT_REPEATED,
-    Reason.OBJECT_STALE,
-    Reason.OBJECT_JUMPED,
-    Reason.OBJECT_TOO_FAST,
-    Reason.OBJECT_NOT_FINITE,
-)
-
-GRADED = {
-    Reason.SHORT_TIME: Level.SLOW,
-    Reason.RESTING: Level.RECOVER,
-    Reason.UNPROVEN: Level.RECOVER,
-    Reason.STOP_LAGS: Level.BRAKE,
-    Reason.BRAKE_LAGS: Level.HARDWARE_STOP,
-}
-
-
-def level_of(reason: Reason) -> Level:
-    """Level that a reason leads to; STOP where no other level is declared.
-
-    Example:
-        >>> level_of(Reason.NOT_FINITE)
-        <Level.STOP: 30>
-    """
-    if reason is Reason.OK:
-        return Level.CLEAR
-    if reason is Reason.NEAR:
-        return Level.CAUTION
-    return GRADED.get(reason, Level.STOP)
+OF_OBJECTS = tuple(reason for reason in Reason if reason.name.startswith("OBJECT_"))

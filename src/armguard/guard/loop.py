@@ -26,11 +26,11 @@ from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.saving import Saving
+from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import (
     Watch,
     all_pairs,
-    static_needs,
     watch_of,
 )
 from armguard.guard.workspace import (
@@ -63,8 +63,8 @@ OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one t
 
 # Arrays that `reset` does not change: figures of the scene, and sightings of objects.
 KEPT = (
-    "pace model base top_speed seen_at object_velocity doubt object_stale robot_of "
-    "movers pairs pair_need"
+    "pace static_error link_error robot_error top_speed seen_at object_velocity doubt "
+    "object_stale robot_of movers pairs pair_need"
 ).split()
 
 
@@ -291,7 +291,7 @@ class Loop:
         tables = self.tables
         pairs = all_pairs(tables)
         watch = self._watch
-        needs = static_needs(pairs, watch.model, watch.base, tables)
+        needs = static_needs(pairs, watch.link_error, watch.robot_error, tables)
         self._watch = watch._replace(pairs=pairs, pair_need=needs)
         self._holding.watch = self._watch
         for name, table in (("pairs", pairs), ("pair_need", needs)):
@@ -344,5 +344,5 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
 
 def largest_static_need(tables: SceneTables, watch: Watch) -> float:
     """Upper bound of the static need of any pair, without object motion [m]."""
-    errors = watch.model + watch.base
+    errors = watch.link_error + watch.robot_error
     return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))

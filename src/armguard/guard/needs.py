@@ -108,17 +108,17 @@ def object_speed(j: int, v: Watch) -> float:
 def static_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Distance that a pair must keep even if its robots do not move [m].
 
-    Its buffer, the errors of models and bases, and an object's travel since it was
+    Its buffer, the static errors of both sides, and an object's travel since it was
     seen.
     """
-    need = w.buffers[w.groups[i], w.groups[j]] + v.model[i]
+    need = w.buffers[w.groups[i], w.groups[j]] + v.link_error[i]
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     if robot_j >= 0:
-        need += v.model[j]
+        need += v.link_error[j]
         if robot_i != robot_j:
-            need += v.base[i] + v.base[j]
+            need += v.robot_error[i] + v.robot_error[j]
         return float(need)
-    need += v.base[i]
+    need += v.robot_error[i]
     speed = object_speed(j, v)
     if speed > 0.0 and m.span[SEGMENT] == 0.0:
         need += speed * time_since(v.seen_at[j], v, m)

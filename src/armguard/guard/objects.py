@@ -14,7 +14,7 @@ from armguard.geometry.pose import Pose, check_transform
 from armguard.geometry.shapes import Shape
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.guard.holding import Holding
-from armguard.guard.levels import SENTENCES, Reason
+from armguard.guard.levels import Reason
 from armguard.guard.watch import Watch
 from armguard.index import BruteForce, Octree
 from armguard.index.base import Index
@@ -313,7 +313,7 @@ def check_sighting(
 
 def refused(name: str, reason: Reason, says: str) -> SightingError:
     """The error of an implausible sighting."""
-    return SightingError(f"object '{name}': {SENTENCES[reason]}: {says}", reason.name)
+    return SightingError(f"object '{name}': {reason.sentence}: {says}", reason.name)
 
 
 def least_way(kinds: NDArray[np.int32], before: Floats, now: Floats) -> float:

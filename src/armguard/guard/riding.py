@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 
 from armguard.guard import grips as at
 from armguard.guard.grips import Grips
-from armguard.guard.watch import Watch, base_error
+from armguard.guard.static_errors import (
+    STATIC_ERRORS,
+    errors_at,
+    set_static_errors,
+)
+from armguard.guard.watch import Watch
 from armguard.motion.chains import anchor, primitive_levers, strokes
 from armguard.motion.outermost import true_limits
 from armguard.motion.state import Motion
@@ -57,9 +62,8 @@ def carry(
         far = np.linalg.norm(round_it[:6].reshape(2, 3), axis=1).max()
         tables.base_reach[i] = reach + float(far + round_it[6])
         tables.robot_of_primitive[i] = part.robot
-        watch.base[i] = base_error(part.robot, float(tables.base_reach[i]), tables)
-    figures = tables.robots[part.robot].stopping
-    watch.model[first:end] = 0.0 if figures is None else figures.model_error
+        errors = errors_at(part.robot, float(tables.base_reach[i]), tables)
+        set_static_errors(slice(i, i + 1), np.array([errors]).T, watch)
 
 
 def set_down(
@@ -82,7 +86,7 @@ def set_down(
     motion.reach[:, own] = 0.0
     tables.base_reach[own] = 0.0
     tables.robot_of_primitive[own] = -1
-    watch.base[own] = watch.model[own] = 0.0
+    set_static_errors(own, np.zeros((len(STATIC_ERRORS), own.stop - own.start)), watch)
 
 
 def reach_of(body: int, tables: SceneTables) -> float:

@@ -30,6 +30,7 @@ from armguard.guard.given import CycleInput
 from armguard.guard.holding import Holding
 from armguard.guard.memory import FORCE, KEPT_COUNT
 from armguard.guard.objects import Objects
+from armguard.guard.static_errors import static_errors
 from armguard.guard.watch import Watch
 
 
@@ -127,6 +128,7 @@ class Saving:
             )
         self.objects.changed = set(changed)
         stand(index, places, **{name: found[name] for name in where})
+        self._renew_static_errors()
         self.holding.grippers.tables_changed()
         self.memory[KEPT_COUNT] = 0
 
@@ -140,6 +142,7 @@ class Saving:
         self.holding.grippers.show_detailed()
         for name, array in self.arrays.items():
             array[...] = other.arrays[name]
+        self._renew_static_errors()
         self.holding.grippers.show_those_coarse()
         self.given.last_stamp = other.given.last_stamp
 
@@ -152,6 +155,11 @@ class Saving:
         for name in ("seen_at", "object_velocity", "doubt", "sighted_at"):
             getattr(self.watch, name)[:] = getattr(other.watch, name)
         self.holding.grippers.tables_changed()
+
+    def _renew_static_errors(self) -> None:
+        """Write the static errors of this scene's figures for the restored tables."""
+        for name, errors in static_errors(self.holding.tables).items():
+            getattr(self.watch, name)[...] = errors
 
     def _layout_kept(self) -> bytes:
         """Digest of the saved arrays and of the scene."""

@@ -5,7 +5,7 @@ from math import isfinite
 
 from armguard.guard import layout
 from armguard.guard.answer import Answer
-from armguard.guard.levels import OF_OBJECTS, ORDERED, SENTENCES, Reason
+from armguard.guard.levels import OF_OBJECTS, ORDERED, Reason
 from armguard.guard.pace import late_sentence
 
 # Reasons that the nearest pair explains.
@@ -79,7 +79,7 @@ def pair_sentence(reason: Reason, answer: Answer) -> str:
         near = (answer.pair(k) for k in range(len(answer.near)))
         pairs = tuple(pair for pair in near if pair.unproven) or (nearest,)
         distances = "; ".join(pair.distance_sentence for pair in pairs)
-        return f"{SENTENCES[reason]}: {distances}"
+        return f"{reason.sentence}: {distances}"
     budget, sentence = answer.budget, nearest.why
     if budget is not None and not nearest.contract:
         sentence = f"{nearest.distance_sentence}, {budget.sentence}"
@@ -90,12 +90,12 @@ def pair_sentence(reason: Reason, answer: Answer) -> str:
             sentence += f"; nothing is proven about the motion of '{name}', mode fixed"
     if reason in (Reason.NEAR, Reason.TOO_CLOSE):
         return sentence
-    return f"{SENTENCES[reason]}: {sentence}"
+    return f"{reason.sentence}: {sentence}"
 
 
 def input_sentence(reason: Reason, answer: Answer, subject: str) -> str:
     """Sentence of a reason about a robot, an object or the cycle."""
-    sentence, value = SENTENCES[reason], float(answer.data[layout.VALUE])
+    sentence, value = reason.sentence, float(answer.data[layout.VALUE])
     about = f"'{subject}': " if subject else ""
     tables = answer.names.tables
     if reason is Reason.CYCLE_LATE and isfinite(value):
@@ -108,7 +108,7 @@ def input_sentence(reason: Reason, answer: Answer, subject: str) -> str:
 def joint_sentence(reason: Reason, answer: Answer) -> str:
     """Sentence of a reason about a joint."""
     k, value = int(answer.data[layout.JOINT]), float(answer.data[layout.VALUE])
-    names, sentence = answer.names, SENTENCES[reason]
+    names, sentence = answer.names, reason.sentence
     joint = f"joint '{names.tables.q_names[k]}'"
     if reason in AT_SPEED:
         return f"{joint} at {value:.2f} a second: {sentence}"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armguard.guard import layout
 from armguard.guard.answer import ROBOT_PLACES, Answer, Counts, Names, NearPair, listed
 from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
-from armguard.guard.levels import Level, Reason, level_of
+from armguard.guard.levels import Level, Reason
 from armguard.guard.nuisance import Nuisance, classify, lack_of
 from armguard.guard.sentences import sentence_of, subject_of
 
@@ -110,7 +110,7 @@ class Verdict:
     @property
     def level(self) -> Level:
         """Required behaviour of all arms: the highest of `levels` and of the reason."""
-        return max((level_of(self.reason), *map(Level, self._numbers_of("level"))))
+        return max((self.reason.level, *map(Level, self._numbers_of("level"))))
 
     @property
     def levels(self) -> dict[str, Level]:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.static_errors import static_errors, static_needs
 from armguard.motion.state import CLOCK, PLANS
 from armguard.scene.tables import SceneTables
 from armguard.table import (
@@ -133,8 +134,10 @@ class Watch(NamedTuple):
         level: Level of each robot in the last cycle, shape (r,).
         time_left: Least time left of each robot's pairs, shape (r,) [s].
         disproved: 1 where a joint exceeded a declared figure, shape (n,).
-        model: Model error of each moving primitive's robot, shape (m,) [m].
-        base: Displacement of each moving primitive by its base's error, (m,) [m].
+        static_error: Static errors of each moving primitive by kind, see
+            `STATIC_ERRORS`, shape (kinds, m) [m].
+        link_error: Sum of those that apply to every pair, shape (m,) [m].
+        robot_error: Sum of those that apply between robots only, shape (m,) [m].
         top_speed: Greatest speed of each primitive without a robot, (p,) or (0,) [m/s].
         seen_at: Time of the last sighting of each primitive, less its position error at
             top speed; inf if absent, shape (p,) or (0,) [s].
@@ -223,8 +226,9 @@ class Watch(NamedTuple):
     level: LongVector
     time_left: Vector
     disproved: LongVector
-    model: Vector
-    base: Vector
+    static_error: Matrix
+    link_error: Vector
+    robot_error: Vector
     top_speed: Vector
     seen_at: Vector
     robot_of: IntVector
@@ -282,11 +286,7 @@ def watch_of(tables: SceneTables) -> Watch:
     pace[[PERIOD, LATE, SLOW_TIME]] = tables.period, tables.late, SLOW_TIME_DEFAULT
     last = np.zeros(LAST)
     last[LAST_NOW] = -np.inf
-    figures = [part.stopping for part in tables.robots]
-    by_robot = np.array([0.0 if f is None else f.model_error for f in figures])
-    rides = tables.robot_of_primitive
-    model = np.where(rides >= 0, by_robot[rides], 0.0) if m else np.zeros(0)
-    base = base_errors(tables)
+    errors = static_errors(tables)
     pairs = all_pairs(tables)
     tools = [tables.links[part.tool] for part in tables.robots]
     return Watch(
@@ -312,14 +312,15 @@ def watch_of(tables: SceneTables) -> Watch:
         level=np.zeros(robots, dtype=np.int64),
         time_left=np.zeros(robots),
         disproved=np.zeros(n, dtype=np.int64),
-        model=model,
-        base=base,
+        **errors,
         top_speed=speeds,
         seen_at=np.full(len(speeds) and p, -np.inf),
         robot_of=tables.robot_of_primitive,
         movers=np.flatnonzero(speeds).astype(np.int32),
         pairs=pairs,
-        pair_need=static_needs(pairs, model, base, tables),
+        pair_need=static_needs(
+            pairs, errors["link_error"], errors["robot_error"], tables
+        ),
         look=np.zeros(p),
         wanted=np.zeros(n),
         sent=np.zeros((commands := commands_under_way(tables), n)),
@@ -417,42 +418,3 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
     behind = tables.robot_of_primitive[pairs[:, 0]] < 0
     pairs[behind] = pairs[behind, ::-1]
     return pairs
-
-
-def static_needs(
-    pairs: NDArray[np.int32], model: Floats, base: Floats, tables: SceneTables
-) -> Floats:
-    """Static need of each pair, without object motion, shape (c,) [m].
-
-    Its buffer and the errors of the models; those of the bases only for two sides that
-    do not belong to one robot.
-    """
-    others = len(tables.kinds) - tables.moving_count
-    model, base = np.pad(model, (0, others)), np.pad(base, (0, others))
-    robot = np.pad(tables.robot_of_primitive, (0, others), constant_values=-1)
-    i, j = pairs.T
-    apart = np.where(robot[i] != robot[j], base[i] + base[j], 0.0)
-    buffers = tables.buffers[tables.groups[i], tables.groups[j]]
-    return np.asarray(buffers + model[i] + model[j] + apart)
-
-
-def base_errors(tables: SceneTables) -> NDArray[np.float64]:
-    """Displacement of each moving primitive by the error of its robot's base, (m,) [m].
-
-    Translation error, plus angle error times the greatest distance from the base.
-    """
-    errors = np.zeros(tables.moving_count)
-    for i in range(tables.moving_count):
-        r = int(tables.robot_of_primitive[i])
-        if r >= 0:
-            errors[i] = base_error(r, float(tables.base_reach[i]), tables)
-    return errors
-
-
-def base_error(robot: int, reach: float, tables: SceneTables) -> float:
-    """Greatest displacement, by a base's error, of a point within `reach` of it [m]."""
-    figures = tables.robots[robot].stopping
-    if figures is None:
-        return 0.0
-    turn = 2.0 * np.sin(min(figures.base_turn, np.pi) / 2.0)
-    return float(figures.base_error + turn * reach)

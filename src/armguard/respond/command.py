@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.levels import ORDERED, SENTENCES, UNTIL_ENGAGED, Level, Reason
+from armguard.guard.levels import ORDERED, UNTIL_ENGAGED, Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import RECOVERING, RUNNING
 from armguard.scene.tables import RobotPart
@@ -36,64 +37,70 @@ class Action(IntEnum):
 
 
 class Blocked(IntEnum):
-    """Reason for which a robot does not follow its operator, or only later."""
+    """Reason for which a robot does not follow its operator, or only later.
 
-    NOT = 0
+    Attributes:
+        sentence: The reason in words.
+        remedy: What releases a robot that is held; empty for robots that move.
+    """
+
+    sentence: str
+    remedy: str
+
+    def __new__(cls, value: int, sentence: str = "", remedy: str = "") -> Self:
+        """A member, of its row."""
+        blocked = int.__new__(cls, value)
+        blocked._value_ = value
+        blocked.sentence, blocked.remedy = sentence, remedy
+        return blocked
+
+    NOT = 0, "it follows its operator"
     """The robot follows its operator."""
 
-    STOPPED = 10
+    STOPPED = (
+        10,
+        "it was stopped",
+        "send zero velocity once (or a position near it), lead it away",
+    )
     """The robot stops, or was stopped and waits: its operator must request zero
     velocity, lead it away from all near pairs, or engage it; after an ordered stop,
     engage it."""
 
-    TOO_NEAR = 11
+    TOO_NEAR = 11, "it rests too near to a body, and may only move away"
     """The robot rests too near to a body: it may only move away."""
 
-    PINCHED = 12
+    PINCHED = 12, "each motion away from one body leads towards another"
     """The robot has no recovery: each motion that opens one pair closes another."""
 
-    FAR_START = 20
+    FAR_START = (
+        20,
+        "the commanded position is far from the measured one",
+        "command a position near it",
+    )
     """The requested position is far from the robot, and its scene refuses that."""
 
-    CATCHING_UP = 21
+    CATCHING_UP = 21, "the commanded position is far; it moves there slowly"
     """The requested position is far from the robot, which moves there slowly."""
 
-    EVADING = 23
+    EVADING = 23, "it evades an approaching obstacle"
     """The robot evades an approaching obstacle."""
 
-    RETREATING = 24
+    RETREATING = 24, "it retreats, as requested"
     """The robot retreats along its trail, or to a safe configuration."""
 
-    WAY_BLOCKED = 25
+    WAY_BLOCKED = 25, "a body blocks its retreat; it waits until the path is free"
     """A body blocks the retreat of the robot, which goes on when the path is free."""
 
-    NO_WAY = 30
+    NO_WAY = 30, "no velocity was found that satisfies all constraints"
     """No velocity was found that satisfies all constraints: the robot is stopped."""
 
-    LOCAL_MINIMUM = 40
+    LOCAL_MINIMUM = (
+        40,
+        "its field has a local minimum here and leads no nearer to the goal",
+        "lead it elsewhere, set another goal",
+    )
     """The field brings the robot no nearer to its goal: it rests until it is led
     elsewhere or engaged, or a goal is set."""
-
-    @property
-    def sentence(self) -> str:
-        """Reason as a sentence."""
-        return BLOCKED_SENTENCES[self]
-
-
-BLOCKED_SENTENCES: dict[Blocked, str] = {
-    Blocked.NOT: "it follows",
-    Blocked.STOPPED: "it was stopped; release it once, lead it away, or engage it",
-    Blocked.TOO_NEAR: "it rests too near to something, and may only move away",
-    Blocked.PINCHED: "what leads away from one thing leads to another",
-    Blocked.FAR_START: "the position it is told is far away; bring the master to it",
-    Blocked.CATCHING_UP: "the position it is told is far away; it goes there slowly",
-    Blocked.EVADING: "it gets out of the way of something that comes at it",
-    Blocked.RETREATING: "it retreats, as it was asked to",
-    Blocked.WAY_BLOCKED: "it retreats, and waits for what stands in its way",
-    Blocked.NO_WAY: "no velocity was found that keeps all it must",
-    Blocked.LOCAL_MINIMUM: "its field has a local minimum here and leads no nearer to "
-    "the goal; lead it elsewhere, engage it or set another goal",
-}
 
 
 class Changed(IntFlag):
@@ -143,8 +150,8 @@ class Held:
     def cause(self) -> str:
         """Cause of the hold, in words."""
         if self.blocked is Blocked.STOPPED:
-            return SENTENCES[self.reason]
-        return CAUSES[self.blocked]
+            return self.reason.sentence
+        return self.blocked.sentence
 
     @property
     def remedy(self) -> str:
@@ -152,7 +159,7 @@ class Held:
         engage = f"call engage('{self.robot}')"
         if self.until_engaged:
             return engage
-        return f"{REMEDIES[self.blocked]}, or {engage}"
+        return f"{self.blocked.remedy}, or {engage}"
 
     @property
     def sentence(self) -> str:
@@ -161,18 +168,6 @@ class Held:
             f"{self.robot} is held since {self.since:.1f} s ({self.cause}): "
             f"{self.remedy}"
         )
-
-
-CAUSES: dict[Blocked, str] = {
-    Blocked.FAR_START: "the first position commanded is far from where it is",
-    Blocked.LOCAL_MINIMUM: "its field has a local minimum here",
-}
-
-REMEDIES: dict[Blocked, str] = {
-    Blocked.STOPPED: "send zero velocity once (or a position near it), lead it away",
-    Blocked.FAR_START: "command a position near it",
-    Blocked.LOCAL_MINIMUM: "lead it elsewhere, set another goal",
-}
 
 
 # Phases in which a robot moves as commanded. A robot that rests until it may go on is

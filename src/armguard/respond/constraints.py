@@ -21,10 +21,8 @@ from armguard.respond.state import (
     EQUALLY,
     LESS,
     NEARER,
-    PRIORITY,
     ROW_COUNT,
     ROWS,
-    SHARING,
     STEP,
     Response,
 )
@@ -79,18 +77,19 @@ def surely_opens_by(r: int, raw: Floats, a: Response, m: Motion) -> bool:
 
 
 @kernel
-def part_of(r: int, other: int, own: float, its: float, settings: Floats) -> float:
+def part_of(r: int, other: int, own: float, its: float, a: Response) -> float:
     """Share of one robot in the clearance of its pair with another robot, in [0, 1].
 
     No robot gets credit for the other one that opens the pair: that one may stop.
     """
-    if settings[r, SHARING] == EQUALLY:
+    settings, others = a.settings[r], a.settings[other]
+    if settings.sharing == EQUALLY:
         return 0.5
     own, its = max(own, 0.0), max(its, 0.0)
-    if settings[r, SHARING] == BY_PRIORITY:
-        if settings[r, PRIORITY] > settings[other, PRIORITY]:
+    if settings.sharing == BY_PRIORITY:
+        if settings.priority > others.priority:
             return 1.0
-        if settings[r, PRIORITY] < settings[other, PRIORITY]:
+        if settings.priority < others.priority:
             return 0.0 if its > 0.0 else 1.0
     return own / (own + its) if own + its > 0.0 else 0.5
 

@@ -54,15 +54,10 @@ from armguard.respond.state import (
     BREAKS,
     CHANGED,
     CROWDED,
-    DEFLECT,
-    FIELD,
     FORM,
-    KIND,
     POSITIONS,
     RETREATS,
-    SLOW,
     STANDSTILL,
-    STOP,
     STOP_REASON,
     TANGLED,
     TWISTS,
@@ -120,19 +115,18 @@ def respond(a: Response, w: Workspace) -> int:
     for r in range(a.notes.shape[0]):
         if a.notes[r, BREAKS] != 0:
             a.notes[r, CHANGED] |= BY_ROWS
-            kind = a.settings[r, KIND]
             if a.notes[r, TANGLED] != 0:
                 # Under any response: only coupled joints lead out.
                 open_programs |= 1 << r
             elif retreats(r, a):
                 scale_back(r, a, m)
-            elif kind == SLOW:
+            elif a.settings[r].scales != 0:
                 slow_fingers(r, a, w, m)
                 scale_back(r, a, m)
                 if a.notes[r, CROWDED] == 0 and breaks_rows(r, a.limits, a, m):
                     # A touching pair has to open, although the robot leaves its path.
                     open_programs |= 1 << r
-            elif kind == DEFLECT or kind == FIELD:
+            elif a.settings[r].solves != 0:
                 open_programs |= 1 << r
     if a.solver[FUNCTION] != 0:
         return solve_programs(open_programs, a, m)
@@ -191,7 +185,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
     v, m = w.watch, w.motion
     for r in range(a.notes.shape[0]):
         v.recover[r] = 0
-        stays = a.settings[r, KIND] == STOP and not retreats(r, a)
+        stays = a.settings[r].stops != 0 and not retreats(r, a)
         v.yields[r] = 0 if stays else 1
         if judged != 0:
             settle_target(r, (unsolved >> r) & 1, a, w, v, m)

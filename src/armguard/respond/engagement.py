@@ -26,17 +26,12 @@ from armguard.respond.command import Blocked
 from armguard.respond.state import (
     ASKS,
     BLOCKED,
-    EVADE_SPEED,
-    FAR,
-    FAR_START,
     FORM,
     GAVE_POSITIONS,
     LEADS_AWAY,
     ORDERED,
     POSITIONS,
-    RECOVER_SPEED,
     REFUSED,
-    RESUME_SPEED,
     RETREATS,
     STANDSTILL,
     STATE,
@@ -99,16 +94,16 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
         stand_to_velocities(r, a)
     if v.evades[r] != 0:
         notes[BLOCKED], notes[RETREATS], notes[ASKS] = EVADES, 1, 1
-        a.speed[r] = a.settings[r, EVADE_SPEED]
+        a.speed[r] = a.settings[r].evade_speed
         return True
     stuck = phase == RESTING and v.must[r] != 0
     if stuck or phase == RECOVERING:
         # A requested recovery is granted, whatever the robot waits for.
         notes[BLOCKED], notes[RETREATS] = TOO_NEAR, 1
-        a.speed[r] = a.settings[r, RECOVER_SPEED]
+        a.speed[r] = a.settings[r].recover_speed
         return True
     if notes[STATE] == CATCHING_UP:
-        a.speed[r] = a.settings[r, RESUME_SPEED]
+        a.speed[r] = a.settings[r].resume_speed
     return bool(notes[STATE] != WAITING)
 
 
@@ -172,12 +167,12 @@ def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     farthest = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
         farthest = max(farthest, a.far[j])
-    if farthest <= NEAR_AGAIN * settings[FAR]:
+    if farthest <= NEAR_AGAIN * settings.far:
         notes[STATE] = FOLLOWING
-    elif farthest > settings[FAR] and notes[STATE] == FOLLOWING:
+    elif farthest > settings.far and notes[STATE] == FOLLOWING:
         # The robot was delayed, the master jumped, or the robot starts elsewhere.
         notes[STATE] = CATCHING_UP
-        if notes[GAVE_POSITIONS] == 0 and settings[FAR_START] != 0.0:
+        if notes[GAVE_POSITIONS] == 0 and settings.far_start != 0.0:
             notes[STATE], notes[REFUSED] = WAITING, 1
     notes[GAVE_POSITIONS] = 1
     notes[BLOCKED] = FOLLOWS

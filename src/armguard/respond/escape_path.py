@@ -272,8 +272,8 @@ def gap_to_approaching(
 @kernel
 def obstacle_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Required separation from an obstacle that keeps its velocity [m]."""
-    need = w.buffers[w.groups[i], w.groups[j]] + v.model[i] + v.base[i]
-    return float(need + m.blur[i])
+    need = w.buffers[w.groups[i], w.groups[j]] + v.link_error[i]
+    return float(need + v.robot_error[i] + m.blur[i])
 
 
 @kernel

@@ -60,8 +60,6 @@ from armguard.respond.escape_state import (
 )
 from armguard.respond.escape_ways import look_across, way_count, write_way
 from armguard.respond.state import (
-    EVADE_SPEED,
-    EVADE_TIME,
     Response,
 )
 
@@ -125,7 +123,7 @@ def look_for_threats(a: Response, w: Workspace) -> None:
         return
     e = a.escape
     for r in range(v.evades.shape[0]):
-        if a.settings[r, EVADE_TIME] == 0.0:
+        if a.settings[r].evade_time == 0.0:
             continue
         if evades(r, a, e, w, v, m):
             v.evades[r] = 1
@@ -162,7 +160,7 @@ def evades(
     look_for_approaching(r, a, e, w, v, m)
     approaches = e.counts[APPROACHING_COUNT] > 0
     if approaches and is_threatened(r, a, e, w, v, m):
-        left = e.plan[WHEN] / a.settings[r, EVADE_TIME]
+        left = e.plan[WHEN] / a.settings[r].evade_time
         look_across(r, e, w, v, m)
         look_for_others(r, e, w, v)
         if notes[EVADING] == 0:
@@ -229,7 +227,7 @@ def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> int
     Returns:
         GOOD, SOME or BEST.
     """
-    notes, memory, share = e.notes[r], e.memory[r], a.settings[r, EVADE_SPEED]
+    notes, memory, share = e.notes[r], e.memory[r], a.settings[r].evade_speed
     ways = way_count(r, m)
     memory[WORTH] = -inf
     if notes[KNOWN] != 0:
@@ -274,7 +272,7 @@ def look_for_approaching(
         for k in range(3):
             reach[k] = min(reach[k], boxes[i, k])
             reach[k + 3] = max(reach[k + 3], boxes[i, k + 3])
-    ahead = FORESIGHT * a.settings[r, EVADE_TIME]
+    ahead = FORESIGHT * a.settings[r].evade_time
     horizon = 0.0
     for c in range(v.movers.shape[0]):
         j = int(v.movers[c])
@@ -309,7 +307,7 @@ def is_threatened(
     worth = judge_way(r, ASKED, -inf, 0, a, w)
     if e.notes[r, EVADING] != 0:
         return worth < CLEAR
-    return worth < NEAR and e.plan[WHEN] < FORESIGHT * a.settings[r, EVADE_TIME]
+    return worth < NEAR and e.plan[WHEN] < FORESIGHT * a.settings[r].evade_time
 
 
 @kernel
@@ -359,7 +357,7 @@ def choose_way(
     for _ in range(ways):
         if wanted > ENOUGH or e.counts[SPENT] > PLACED:
             break
-        go = write_way(notes[NEXT_TRY], r, a.settings[r, EVADE_SPEED], e, m)
+        go = write_way(notes[NEXT_TRY], r, a.settings[r].evade_speed, e, m)
         worth = judge_way(r, go, wanted, 1, a, w)
         if worth >= wanted:
             for j in range(first, end):

@@ -50,11 +50,6 @@ from armguard.respond.lead_state import (
     Lead,
 )
 from armguard.respond.state import (
-    ATTRACTION,
-    FIELD_SPEED,
-    INFLUENCE,
-    PATIENCE,
-    REPULSION,
     Response,
 )
 from armguard.respond.tool_motion import lead_tools, tool_columns, turn_between
@@ -107,13 +102,13 @@ def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> 
             s.pull[j] = s.aim[j] - m.q[j]
             left = max(left, abs(s.pull[j]) / m.joint_figures[j].velocity)
         memory[LEFT] = left
-        speed = led_speed(r, settings[FIELD_SPEED], settings[ATTRACTION], s, v, m)
+        speed = led_speed(r, settings.field_speed, settings.attraction, s, v, m)
         for j in range(first, end):
             s.pull[j] *= speed / left if left > 0.0 else 0.0
         return
     shift, turn = tool_way(r, s, w)
     memory[LEFT] = max(norm(shift) / TOOL_SPEED, norm(turn) / TOOL_TURN)
-    speed = led_speed(r, settings[FIELD_SPEED], settings[ATTRACTION], s, v, m)
+    speed = led_speed(r, settings.field_speed, settings.attraction, s, v, m)
     rate = speed / memory[LEFT] if memory[LEFT] > 0.0 else 0.0
     body = s.notes[r, TOOL_BODY]
     aim = s.tool_aim[r]
@@ -121,7 +116,7 @@ def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> 
     for k in range(3):
         s.twist[k], s.twist[k + 3] = rate * shift[k], rate * turn[k]
     lead_tools(6, s.twist, first, end, s.columns, s.square, s.push, s.pull, w, m)
-    limit_share(first, end, settings[FIELD_SPEED], s.pull, m)
+    limit_share(first, end, settings.field_speed, s.pull, m)
 
 
 @kernel
@@ -188,7 +183,7 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
             if r < 0 or s.notes[r, LED] != BY_FIELD or (side == 1 and r == robot_i):
                 continue
             # Pairs beyond the margin are not measured, so they do not repel.
-            reach = min(a.settings[r, INFLUENCE], w.margin[0] - need)
+            reach = min(a.settings[r].influence, w.margin[0] - need)
             if spare < reach:
                 repel_by(r, max(spare / reach, 0.0), a, s, m)
     for r in range(s.weight.shape[0]):
@@ -214,7 +209,7 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
         closing += a.raw[j] * s.pull[j]
     taken = (1.0 - part) * max(closing, 0.0) / square
     near = min(s.memory[r, LEFT] / GOAL_NEAR, 1.0)
-    push = a.settings[r, REPULSION] * field_at(part, near)[1]
+    push = a.settings[r].repulsion * field_at(part, near)[1]
     for j in range(first, end):
         s.pull[j] -= taken * a.raw[j]
         s.push[j] -= push * push * a.raw[j] / square
@@ -266,7 +261,7 @@ def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
         share = 1.0 / s.weight[r, 1]
     for j in range(first, end):
         a.requested[j] = s.pull[j] + share * s.push[j]
-    limit_share(first, end, a.settings[r, FIELD_SPEED], a.requested, m)
+    limit_share(first, end, a.settings[r].field_speed, a.requested, m)
 
 
 @kernel
@@ -321,6 +316,6 @@ def look_for_minimum(
     for j in range(first, first + m.robot_figures[r].joint_count):
         fastest = max(fastest, abs(v.commanded[j]) / m.joint_figures[j].velocity)
     memory[STANDS] = memory[STANDS] + dt if fastest < STILL_SHARE else 0.0
-    patience = a.settings[r, PATIENCE]
+    patience = a.settings[r].patience
     if memory[IDLE] > patience or memory[STANDS] > 0.5 * patience:
         s.notes[r, IN_MINIMUM] = 1

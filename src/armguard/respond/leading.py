@@ -56,7 +56,6 @@ from armguard.respond.state import (
     ORDERED,
     POSITIONS,
     REFUSED,
-    RESUME_SPEED,
     STATE,
     VELOCITIES,
     Response,
@@ -194,7 +193,7 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     notes[STATE], notes[GAVE_POSITIONS], notes[REFUSED] = WAITING, 1, 0
     if notes[BLOCKED] != TOO_NEAR:
         notes[BLOCKED] = RETREATING
-        a.speed[r] = a.settings[r, RESUME_SPEED]
+        a.speed[r] = a.settings[r].resume_speed
     return True
 
 

@@ -74,7 +74,6 @@ from armguard.respond.state import (
     BREAKS,
     CHANGED,
     CROWDED,
-    KIND,
     LEADS_AWAY,
     LESS,
     NEARER,
@@ -82,7 +81,6 @@ from armguard.respond.state import (
     RETREATS,
     ROW_COUNT,
     ROWS,
-    SLOW,
     STEP,
     TANGLED,
     Response,
@@ -214,7 +212,7 @@ def frame_limits(
         last = abs(v.commanded[j])
         if last > 0.0:
             lost = min(lost, m.joint_figures[j].deceleration * dt / last)
-    straight = a.settings[r, KIND] == SLOW or retreats(r, a)
+    straight = a.settings[r].scales != 0 or retreats(r, a)
     for j in range(first, end):
         figures = m.joint_figures[j]
         last, gain = v.commanded[j], figures.acceleration * dt
@@ -346,7 +344,7 @@ def add_pair(
         if robot_j >= 0 and robot_i != robot_j:
             other = robot_j if side == 0 else robot_i
             own, its = (closing_i, closing_j) if side == 0 else (closing_j, closing_i)
-            part = part_of(r, other, own, its, a.settings)
+            part = part_of(r, other, own, its, a)
         if a.notes[r, ROW_COUNT] > ROWS - 3:
             a.notes[r, CROWDED] = 1
             continue
@@ -358,7 +356,7 @@ def add_pair(
         begin = a.notes[r, ROW_COUNT]
         # A touching pair opens whenever an arm drifts into it. Other pairs do not move
         # a robot that has no request or keeps its path.
-        keeps_path = a.settings[r, KIND] == SLOW
+        keeps_path = a.settings[r].scales != 0
         opens = intended or (a.notes[r, ASKS] != 0 and not keeps_path)
         lost = lost_till_then(r, a, v, m)
         add_approach(r, part * (left - SPARE) - lost, opens, a, v, m)

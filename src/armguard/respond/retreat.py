@@ -27,7 +27,9 @@ from armguard.respond.lead_state import (
     WAY,
     Lead,
 )
-from armguard.respond.state import RESUME_SPEED, Response
+from armguard.respond.state import (
+    Response,
+)
 from armguard.respond.trail import (
     TRAIL_STEP,
     drop_place,
@@ -140,7 +142,7 @@ def ask_for_place(
         m: Motion.
     """
     s.memory[r, LEFT] = time if last else np.inf
-    speed = led_speed(r, a.settings[r, RESUME_SPEED], ARRIVAL, s, v, m)
+    speed = led_speed(r, a.settings[r].resume_speed, ARRIVAL, s, v, m)
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         a.requested[j] = (place[j] - m.q[j]) * speed / time

@@ -1,15 +1,16 @@
 """State of the responses: arrays allocated once and written every cycle."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.record import Records, record, records
 from armguard.respond.daqp_interface import daqp_memory
 from armguard.respond.escape_state import Escape
 from armguard.respond.lead_state import Lead
 from armguard.respond.solver import MOST_ITERATIONS, PRIMAL_TOLERANCE
-from armguard.scene.settings import FarStart, ResponseName, Sharing
+from armguard.scene.settings import CHOICES, RESPONSES
 from armguard.scene.tables import SceneTables
 from armguard.table import TABLE, LongMatrix, LongVector, Matrix, Vector, opener, table
 
@@ -20,45 +21,68 @@ Longs = NDArray[np.int64]
 # admissible velocity can violate are left out; these are most of them.
 ROWS = 96
 
-# Places in the settings of a robot.
-KIND = 0  # its response, see KINDS
-SHARING = 1  # how two robots share the clearance of their pair, see SHARINGS
-PRIORITY = 2  # the robot of lower priority gives way
-RECOVER_SPEED = 3  # share of top speeds in a recovery [-]
-RESUME_SPEED = 4  # share of top speeds while catching up, and in a retreat [-]
-FAR = 5  # distance from which a requested position counts as far [rad or m]
-FAR_START = 6  # 1 if a first position far away is refused
-EVADE_TIME = 7  # 0 if it does not evade [s]
-EVADE_SPEED = 8  # share of top speeds in an evasion [-]
-FIELD_SPEED = 9  # share of top speeds under a field [-]
-ATTRACTION = 10  # [1/s]
-REPULSION = 11  # [m/s]
-INFLUENCE = 12  # [m]
-PATIENCE = 13  # [s]
-SETTINGS = 14
+# How two robots share the clearance of their pair, by number.
+BY_CONTRIBUTION, EQUALLY, BY_PRIORITY = (
+    CHOICES["sharing"].index(name) for name in ("contribution", "equal", "priority")
+)
 
-# Responses by number.
-STOP = 0
-SLOW = 1
-DEFLECT = 2
-FIELD = 3
-KINDS: dict[ResponseName, int] = {
-    "stop": STOP,
-    "slow": SLOW,
-    "deflect": DEFLECT,
-    "field": FIELD,
-}
 
-# How two robots share the clearance of their pair.
-BY_CONTRIBUTION = 0
-EQUALLY = 1
-BY_PRIORITY = 2
-SHARINGS: dict[Sharing, int] = {
-    "contribution": BY_CONTRIBUTION,
-    "equal": EQUALLY,
-    "priority": BY_PRIORITY,
-}
-FAR_STARTS: dict[FarStart, int] = {"ramp": 0, "refuse": 1}
+@record
+class Behaviour:
+    """Response of a robot and its settings, see `RESPONSES` and `ResponseSettings`.
+
+    Attributes:
+        stops: See `ResponseKind`, from here to `solves`.
+        scales: See there.
+        solves: See there.
+        sharing: See `ResponseSettings`, from here on; choices by number.
+        priority: See there.
+        recover_speed: See there.
+        resume_speed: See there.
+        far: See there.
+        far_start: See there.
+        evade_time: See there; 0 if the robot does not evade.
+        evade_speed: See there.
+        field_speed: See there.
+        attraction: See there.
+        repulsion: See there.
+        influence: See there.
+        patience: See there.
+    """
+
+    stops: int
+    scales: int
+    solves: int
+    sharing: int
+    priority: float
+    recover_speed: float
+    resume_speed: float
+    far: float
+    far_start: int
+    evade_time: float
+    evade_speed: float
+    field_speed: float
+    attraction: float
+    repulsion: float
+    influence: float
+    patience: float
+
+
+def behaviours(tables: SceneTables) -> Any:
+    """`Behaviour` of each robot, shape (r,)."""
+    rows = records(len(tables.robots), Behaviour)
+    for row, part in zip(rows, tables.robots, strict=True):
+        chosen = part.response
+        for name in rows.dtype.names:
+            if hasattr(chosen, name):
+                value = getattr(chosen, name)
+                row[name] = CHOICES[name].index(value) if name in CHOICES else value
+            else:
+                row[name] = getattr(RESPONSES[chosen.kind], name)
+        if not chosen.evade:
+            row["evade_time"] = 0.0
+    return rows
+
 
 # Places in the notes of a robot.
 STATE = 0  # engagement by its operator, see `engagement`
@@ -117,7 +141,7 @@ class Response(NamedTuple):
     """Arrays of one guard's responses.
 
     Attributes:
-        settings: Settings of each robot, see KIND, shape (r, SETTINGS).
+        settings: Behaviour of each robot, shape (r,).
         notes: Notes on each robot, see STATE, shape (r, NOTES).
         asking: Form of the request, see FORM, shape (ASKING,).
         twists: Requested twists of tools, shape (MOST_TWISTS, TWIST_ROW).
@@ -162,7 +186,7 @@ class Response(NamedTuple):
             (r · ROWS,).
     """
 
-    settings: Matrix
+    settings: Annotated[Records[Behaviour], 1]
     notes: LongMatrix
     asking: LongVector
     twists: Matrix
@@ -211,25 +235,8 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
         escape: Evasion of approaching obstacles.
     """
     n, robots = len(tables.q_names), len(tables.robots)
-    settings = np.zeros((robots, SETTINGS))
-    for row, part in zip(settings, tables.robots, strict=True):
-        chosen = part.response
-        row[KIND] = KINDS[chosen.kind]
-        row[SHARING] = SHARINGS[chosen.sharing]
-        row[PRIORITY] = chosen.priority
-        row[RECOVER_SPEED] = chosen.recover_speed
-        row[RESUME_SPEED] = chosen.resume_speed
-        row[FAR] = chosen.far
-        row[FAR_START] = FAR_STARTS[chosen.far_start]
-        row[EVADE_TIME] = chosen.evade_time if chosen.evade else 0.0
-        row[EVADE_SPEED] = chosen.evade_speed
-        row[FIELD_SPEED] = chosen.field_speed
-        row[ATTRACTION] = chosen.attraction
-        row[REPULSION] = chosen.repulsion
-        row[INFLUENCE] = chosen.influence
-        row[PATIENCE] = chosen.patience
     return Response(
-        settings=settings,
+        settings=behaviours(tables),
         notes=np.zeros((robots, NOTES), dtype=np.int64),
         asking=np.zeros(ASKING, dtype=np.int64),
         twists=np.zeros((MOST_TWISTS, TWIST_ROW)),

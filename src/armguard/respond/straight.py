@@ -32,8 +32,11 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, REACTION, Motion
-from armguard.respond.state import DEFLECT, FIELD, ROW_COUNT, ROWS, Response
-from armguard.respond.state import KIND as RESPONSE
+from armguard.respond.state import (
+    ROW_COUNT,
+    ROWS,
+    Response,
+)
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +70,7 @@ def straight_contract(
         v: Watch.
         m: Motion.
     """
-    if a.settings[r, RESPONSE] != DEFLECT and a.settings[r, RESPONSE] != FIELD:
+    if a.settings[r].solves == 0:
         return -1
     h = w.grips
     k = contract_of(i, j, h)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.answer import Names, names_of
-from armguard.guard.levels import Level, Reason, level_of
+from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.scene.archive import ArchiveError, scene_of
 from armguard.scene.compile import compile_scene
@@ -57,8 +57,8 @@ class Summary:
         guarded = first_row > layout.HEADER and len(numbers) >= first_row
         ends = layout.HEADER + (int(row[ROBOTS]) * layout.ROBOT_WIDTH if guarded else 0)
         own = numbers[layout.HEADER : ends : layout.ROBOT_WIDTH]
-        self.levels = tuple(int(x) for x in own) or (int(level_of(reason)),)
-        self.level = max(int(level_of(reason)), *self.levels)
+        self.levels = tuple(int(x) for x in own) or (int(reason.level),)
+        self.level = max(int(reason.level), *self.levels)
         self.slack = float(numbers[layout.SLACK_TIME]) if guarded else np.inf
         nearest = int(numbers[layout.NEAREST])
         self.clearance = np.inf

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.answer import first_row_of
-from armguard.guard.levels import Level, Reason, level_of
+from armguard.guard.levels import Level, Reason
 from armguard.guard.loop import NEAR_CAPACITY
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
 from armguard.respond.tool import tool_of
@@ -37,7 +37,7 @@ def desk_of(
     place = {name: k for k, name in enumerate(names)}
     levels = np.full(max(Reason) + 1, int(Level.STOP), dtype=np.int64)
     for reason in Reason:
-        levels[reason] = level_of(reason)
+        levels[reason] = reason.level
     first_row = first_row_of(tables)
     most = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
     return Desk(

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from armguard.guard.levels import SENTENCES, Level
+from armguard.guard.levels import Level, Reason
 from armguard.scene.tables import SceneTables
 from armguard.station.desk.desk import (
     HAS_WISH,
@@ -325,7 +325,7 @@ def welcome_parts(
         {"name": part.name, "first": part.first_joint, "count": part.joint_count}
         for part in tables.robots
     ]
-    reasons = {str(int(k)): [k.name, sentence] for k, sentence in SENTENCES.items()}
+    reasons = {str(int(k)): [k.name, k.sentence] for k in Reason}
     text = {
         "home": tables.home.tolist(),
         "names": list(tables.q_names),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import Shape
 from armguard.guard import layout
 from armguard.guard.answer import NearPair, names_of
-from armguard.guard.levels import Level, Reason, level_of
+from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.respond import Command
 from armguard.robot.kinematics import forward_kinematics
@@ -101,7 +101,7 @@ def levels_of(frame: Frame, robots: int) -> tuple[int, ...]:
         frame: Frame of a cycle.
         robots: Robots the verdict has a row for.
     """
-    own = level_of(Reason(int(frame.verdict[layout.REASON])))
+    own = Reason(int(frame.verdict[layout.REASON])).level
     step = layout.ROBOT_WIDTH
     first = layout.HEADER + layout.ROBOT_LEVEL
     each = frame.verdict[first : first + robots * step : step]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.answer import Names
-from armguard.guard.levels import Level, Reason, level_of
+from armguard.guard.levels import Level, Reason
 from armguard.station.blackbox.report.formatting import duration
 from armguard.station.frames import Frame
 
@@ -20,7 +20,7 @@ Rows: TypeAlias = Any
 
 # Level of each reason, by its number.
 LEVEL_OF = np.full(max(Reason) + 1, -1, dtype=np.int64)
-LEVEL_OF[list(Reason)] = [level_of(reason) for reason in Reason]
+LEVEL_OF[list(Reason)] = [reason.level for reason in Reason]
 
 # A gap is longer than this many periods, and than this time [s].
 GAP_PERIODS, LEAST_GAP = 10.0, 0.05

@@ -17,7 +17,7 @@ from armguard.guard.layout import (
     SECOND,
     WITNESS,
 )
-from armguard.guard.levels import SENTENCES, Level, Reason
+from armguard.guard.levels import Level, Reason
 from armguard.guard.nuisance import Cause
 from armguard.guard.sentences import ABOUT_PAIRS
 from armguard.guard.verdict import Verdict
@@ -94,7 +94,7 @@ def text_of(frame: Frame, names: Names) -> VerdictText:
     reason, level = verdict.reason, verdict.level
     rows = int(frame.verdict[NEAR_COUNT])
     if len(frame.verdict) < names.first_row + rows * NEAR_WIDTH:
-        why = fault or f"{SENTENCES[reason]} (near pairs are not in the recording)"
+        why = fault or f"{reason.sentence} (near pairs are not in the recording)"
         return VerdictText(level, reason, "", why)
     text = VerdictText(level, reason, verdict.subject, verdict.why)
     pair, nuisance = verdict.nearest, verdict.nuisance

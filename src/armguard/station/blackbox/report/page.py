@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.io.json import to_json_plotly
 from plotly.offline import get_plotlyjs
 
-from armguard.guard.levels import SENTENCES, Level
+from armguard.guard.levels import Level
 from armguard.station.blackbox.recording import reading
 from armguard.station.blackbox.report import plots
 from armguard.station.blackbox.report.cycles import Distribution, distribution
@@ -211,5 +211,5 @@ TEMPLATES.filters |= {
     )
 }
 TEMPLATES.filters["thousands"] = "{:,}".format
-TEMPLATES.globals |= {"NOTHING": NOTHING, "SHOWN": SHOWN, "SENTENCES": SENTENCES}
+TEMPLATES.globals |= {"NOTHING": NOTHING, "SHOWN": SHOWN}
 TEMPLATES.globals |= {"Level": Level, "Sense": Sense, "look": plots, "count": count}
