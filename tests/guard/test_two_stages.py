@@ -235,9 +235,10 @@ def left_of_exact(i, j, need, drift, lines):
     """What exact shapes have left, looked at once and span by span [m]."""
     w = open_workspace(lines)
     m, pair = w.motion, new_pair()
-    describe_pair(i, j, NEXT, NEXT, need, drift, w, m, pair)
+    pair.need, pair.drift = need, drift
+    describe_pair(i, j, NEXT, NEXT, w, m, pair)
     once = look_at_exact(i, j, w, pair)
-    describe_pair(i, j, NEXT, NEXT, need, drift, w, m, pair)
+    describe_pair(i, j, NEXT, NEXT, w, m, pair)
     return once, prove_exact(i, j, w, pair)[1]
 
 

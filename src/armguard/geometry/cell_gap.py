@@ -11,6 +11,7 @@ from armguard.geometry.box_separation import box_distance
 from armguard.geometry.gjk import core_gap
 from armguard.geometry.segment_box import nearest_to_box
 from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.vec3 import Vec3
 from armguard.kernel import kernel
 
 Row = NDArray[np.float64]
@@ -32,12 +33,11 @@ def outside(x: float, low: float, high: float) -> float:
 
 
 @kernel
-def point_gap(
-    x: float, y: float, z: float,
-    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float,
-) -> float:  # fmt: skip
-    """Distance of a point to a cell [m]."""
-    dx, dy, dz = outside(x, x0, x1), outside(y, y0, y1), outside(z, z0, z1)
+def point_gap(point: Vec3, low: Vec3, high: Vec3) -> float:
+    """Distance of a point to a cell from its lower to its upper corner [m]."""
+    dx = outside(point[0], low[0], high[0])
+    dy = outside(point[1], low[1], high[1])
+    dz = outside(point[2], low[2], high[2])
     return sqrt(dx * dx + dy * dy + dz * dz)
 
 
@@ -63,18 +63,15 @@ def cell_gap(
         z1: Upper corner.
     """
     if kind == SPHERE:
-        return float(point_gap(row[1], row[2], row[3], x0, y0, z0, x1, y1, z1))
+        centre = (row[1], row[2], row[3])
+        return float(point_gap(centre, (x0, y0, z0), (x1, y1, z1)))
     if kind == CAPSULE:
         cx, cy, cz = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1)
         p = (row[1] - cx, row[2] - cy, row[3] - cz)
         u = (row[4] - row[1], row[5] - row[2], row[6] - row[3])
         t = nearest_to_box(p, u, (x1 - cx, y1 - cy, z1 - cz))
-        return float(
-            point_gap(
-                row[1] + t * u[0], row[2] + t * u[1], row[3] + t * u[2],
-                x0, y0, z0, x1, y1, z1,
-            )
-        )  # fmt: skip
+        point = (row[1] + t * u[0], row[2] + t * u[1], row[3] + t * u[2])
+        return float(point_gap(point, (x0, y0, z0), (x1, y1, z1)))
     if kind == BOX:
         return float(box_gap(row, x0, y0, z0, x1, y1, z1))
     if kind == HALF_SPACE:

@@ -108,11 +108,11 @@ def descend(
     for _ in range(STEPS):
         e = any_perpendicular(n)
         f = cross(n, e)
-        gu, gv = slope(kind_a, a, kind_b, b, n, e, f, 0.0, 0.0)
+        gu, gv = slope(kind_a, a, kind_b, b, n, e, f, (0.0, 0.0))
         if not gu * gu + gv * gv > 0.0:
             break
-        uu, uv = slope(kind_a, a, kind_b, b, n, e, f, PROBE, 0.0)
-        vu, vv = slope(kind_a, a, kind_b, b, n, e, f, 0.0, PROBE)
+        uu, uv = slope(kind_a, a, kind_b, b, n, e, f, (PROBE, 0.0))
+        vu, vv = slope(kind_a, a, kind_b, b, n, e, f, (0.0, PROBE))
         uu, uv, vu, vv = (
             (uu - gu) / PROBE,
             (uv - gv) / PROBE,
@@ -155,10 +155,10 @@ def slope(
     n: Vec3,
     e: Vec3,
     f: Vec3,
-    u: float,
-    v: float,
+    at: tuple[float, float],
 ) -> tuple[float, float]:
-    """Slope of the width of A - B along n + u e + v f, per u and per v [m]."""
+    """Slope of the width of A - B along n + u e + v f at (u, v), by u and by v [m]."""
+    u, v = at
     direction = along(along(n, u, e), v, f)
     w, _p = difference(kind_a, a, kind_b, b, direction)
     square = 1.0 + u * u + v * v

@@ -109,7 +109,8 @@ def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
     at = place + WITNESS
     n = (out[at + 7], out[at + 8], out[at + 9])
     p = new_pair()
-    describe_pair(i, j, FREE, FREE, 0.0, 0.0, w, m, p)
+    p.need = p.drift = 0.0
+    describe_pair(i, j, FREE, FREE, w, m, p)
     later = time_after(by_levers + age)
     # It is seldom more than twice the lever bound: test the second time first.
     for k in range(min(later + 1, GRID - 1), later - 1, -1):

@@ -158,7 +158,8 @@ def prove_need(
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
     m.effort[TESTS] += 1
     p = new_pair()
-    describe_pair(i, j, plan_i, plan_j, need, drift, w, m, p)
+    p.need, p.drift = need, drift
+    describe_pair(i, j, plan_i, plan_j, w, m, p)
     n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
     by_path = path_gap(n, p, m) - whole
     spare = max(by_levers, by_path)
@@ -171,7 +172,7 @@ def prove_need(
             m.effort[LOOKED] = 1
             spare = by_shapes
             out[place + ENVELOPE] = OF_EXACT
-        describe_pair(i, j, plan_i, plan_j, need, drift, w, m, p)
+        describe_pair(i, j, plan_i, plan_j, w, m, p)
     if spare >= (LITTLE if m.span[SEGMENT] == 0.0 else 0.0):
         return (PROVEN, spare)
     known = spare if spare >= 0.0 else -inf
@@ -236,13 +237,11 @@ def describe_pair(
     j: int,
     plan_i: int,
     plan_j: int,
-    need: float,
-    drift: float,
     w: Workspace,
     m: Motion,
     p: Pair,
 ) -> None:
-    """Write a pair of primitives into a `Pair`."""
+    """Write a pair of primitives into a `Pair`, all but what it needs."""
     moving = m.rate.shape[0]
     for side in range(2):
         k = i if side == 0 else j
@@ -255,8 +254,6 @@ def describe_pair(
         p.plan[side] = plan_i if side == 0 else plan_j
         p.primitive[side], p.exact[side] = min(k, moving - 1), -1
     p.shared = shared_joints(w.bodies[i], w.bodies[j], m)
-    p.need = need
-    p.drift = drift
 
 
 @kernel(separate=True)

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes import ShapeKind
+from armguard.motion.outermost import true_limits
 from armguard.robot.kinematics import FIXED, PRISMATIC
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -45,34 +47,10 @@ class Chains:
     anchors: Floats
 
 
-def chains(
-    parent: Ints,
-    joint_kind: Ints,
-    gain: Floats,
-    q_index: Ints,
-    T_parent_joint: Floats,
-    axis: Floats,
-    lower: Floats,
-    upper: Floats,
-    kinds: Ints,
-    bodies: Ints,
-    rows: Floats,
-) -> Chains:
-    """Chains of all bodies, and levers of the primitives that move.
-
-    Args:
-        parent: See `SceneTables`, from here to `upper`.
-        joint_kind: Joint kinds.
-        gain: Multipliers and offsets.
-        q_index: Places in q.
-        T_parent_joint: Joint frames.
-        axis: Joint axes.
-        lower: Least positions.
-        upper: Greatest positions.
-        kinds: Kinds of the moving primitives, shape (m,).
-        bodies: Their bodies, shape (m,).
-        rows: Their rows, shape (m, 16).
-    """
+def chains(tables: SceneTables) -> Chains:
+    """Chains of a scene's bodies, and levers of its moving primitives."""
+    m, parent, joint_kind = tables.moving_count, tables.parent, tables.joint_kind
+    lower, upper = true_limits(tables)
     above: list[list[int]] = []
     for body in range(len(parent)):
         own = [body] if joint_kind[body] != FIXED else []
@@ -82,18 +60,21 @@ def chains(
     for body, chain in enumerate(above):
         joints[body, : len(chain)] = chain
     anchors = np.array(
-        [anchor(int(k), row) for k, row in zip(kinds, rows, strict=True)]
+        [
+            anchor(int(kind), row)
+            for kind, row in zip(tables.kinds[:m], tables.local_rows[:m], strict=True)
+        ]
     ).reshape(-1, ANCHOR_WIDTH)
-    levers = np.zeros((len(kinds), max(depth, 1)))
-    for i, body in enumerate(bodies):
+    levers = np.zeros((m, max(depth, 1)))
+    for i, body in enumerate(tables.bodies[:m]):
         chain = above[body]
         levers[i, : len(chain)] = primitive_levers(
             anchors[i],
             chain,
             joint_kind,
-            T_parent_joint,
-            axis,
-            strokes(chain, joint_kind, gain, q_index, lower, upper),
+            tables.T_parent_joint,
+            tables.axis,
+            strokes(chain, joint_kind, tables.gain, tables.q_index, lower, upper),
         )
     return Chains(
         joints=joints,

@@ -3,28 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.motion.chains import Chains, chains
-from armguard.motion.outermost import true_limits
+from armguard.motion.chains import chains
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
-
-
-def scene_chains(tables: SceneTables) -> Chains:
-    """Chains of a scene's bodies, and levers of its moving primitives."""
-    m = tables.moving_count
-    return chains(
-        tables.parent,
-        tables.joint_kind,
-        tables.gain,
-        tables.q_index,
-        tables.T_parent_joint,
-        tables.axis,
-        *true_limits(tables),
-        tables.kinds[:m],
-        tables.bodies[:m],
-        tables.local_rows[:m],
-    )
 
 
 def displacement_bounds(tables: SceneTables, steps: Floats) -> Floats:
@@ -48,7 +30,7 @@ def displacement_bounds(tables: SceneTables, steps: Floats) -> Floats:
         >>> float(displacement_bounds(tables, np.zeros(14)).max())
         0.0
     """
-    found = scene_chains(tables)
+    found = chains(tables)
     sizes = np.abs(np.atleast_2d(steps)[:, tables.q_index] * tables.gain[:, 0])
     bounds = np.zeros((len(sizes), tables.moving_count))
     for i, body in enumerate(tables.bodies[: tables.moving_count]):

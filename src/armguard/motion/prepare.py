@@ -9,10 +9,10 @@ from armguard.motion import figures as place
 from armguard.motion.chains import (
     Chains,
     anchor,
+    chains,
     primitive_levers,
     strokes,
 )
-from armguard.motion.displacement import scene_chains
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.joint_stop import JointStop
 from armguard.motion.nearest import COLUMN
@@ -47,7 +47,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         budget: Greatest number of intervals that a cycle may test.
     """
     m, b, n = tables.moving_count, len(tables.parent), len(tables.q_names)
-    found = scene_chains(tables)
+    found = chains(tables)
     depth = found.joints.shape[1]
     effort = np.zeros(EFFORT, dtype=np.int64)
     effort[BUDGET] = budget

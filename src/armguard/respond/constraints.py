@@ -5,7 +5,6 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.contracts import contract_of
 from armguard.guard.grips import BY_INTENT, ENDING, STATE
 from armguard.guard.grips import KIND as CONTRACT_KIND
 from armguard.guard.watch import Watch
@@ -206,8 +205,7 @@ def time_to_effect(r: int, m: Motion) -> float:
 def add_contract(
     r: int,
     part: float,
-    i: int,
-    j: int,
+    k: int,
     distance: float,
     opens: bool,
     a: Response,
@@ -219,16 +217,13 @@ def add_contract(
     Args:
         r: The robot.
         part: Its share of the speed [-].
-        i: First primitive.
-        j: Second primitive.
-        distance: Signed distance of the two [m].
+        k: Row of the pair's contract, -1 for none.
+        distance: Signed distance of the pair [m].
         opens: Whether the robot may brake harder than its declared stop.
         a: Responses; `raw` holds the distance gradient of the pair.
         w: Workspace.
         m: Motion.
     """
-    h = w.grips
-    k = contract_of(i, j, h)
     if k < 0:
         return
     first = m.robot_figures[r].first_joint
@@ -236,7 +231,7 @@ def add_contract(
     at = r * ROWS + a.notes[r, ROW_COUNT]
     for q in range(first, end):
         a.rows[at, q] = a.raw[q]
-    c = h.contracts[k]
+    c = w.grips.contracts[k]
     limit = part * granted_speed(r, distance, c, m)
     if c[STATE] == ENDING and c[CONTRACT_KIND] == BY_INTENT:
         # The object is no grasp target any more: approach it no further.

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.commands import time_passed
+from armguard.guard.contracts import contract_of
 from armguard.guard.layout import (
     CLEARANCE,
     FIRST,
@@ -363,7 +364,8 @@ def add_pair(
         add_holding(r, part * (left - LEAST_SPARE) - lost, opens, a, v, m)
         if intended:
             distance = out[place + WITNESS]
-            add_contract(r, part, i, j, distance, not keeps_path, a, w, m)
+            contract = contract_of(i, j, w.grips)
+            add_contract(r, part, contract, distance, not keeps_path, a, w, m)
         if straight >= 0:
             slow_to_rows(r, straight, begin, a, w, m)
 

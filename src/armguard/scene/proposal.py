@@ -1,6 +1,7 @@
 """A sampled proposal of pairs that may need no check; for review, never applied."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ def propose_allowed(
     Returns:
         Proposals, 'always' first, each in the order of the tables.
     """
-    first, second, owner, pairs = checked_pairs(tables)
+    primitive_pairs, pairs = checked_pairs(tables)
     if not pairs:
         return []
     least = np.full(len(pairs), np.inf)
@@ -79,24 +80,21 @@ def propose_allowed(
     high = np.where(np.isfinite(tables.upper), tables.upper, HALF_TURN)
     rng = np.random.default_rng(seed)
     configurations = rng.uniform(low, high, size=(samples, len(low)))
-    sample_extremes(
-        configurations,
+    tree = Tree(
         tables.parent,
         tables.joint_kind,
         tables.q_index,
         tables.gain,
         tables.T_parent_joint,
         tables.axis,
+    )
+    sample_extremes(
+        configurations,
+        tree,
         tables.kinds,
         tables.bodies,
         tables.local_rows,
-        first,
-        second,
-        owner,
-        np.zeros((len(tables.parent), 12)),
-        tables.local_rows.copy(),
-        np.zeros(10),
-        np.zeros(len(pairs)),
+        primitive_pairs,
         least,
         greatest,
     )
@@ -108,15 +106,13 @@ def propose_allowed(
     return sorted(found, key=lambda p: p.kind)
 
 
-def checked_pairs(
-    tables: SceneTables,
-) -> tuple[Ints, Ints, Ints, list[tuple[str, str]]]:
+def checked_pairs(tables: SceneTables) -> tuple[Ints, list[tuple[str, str]]]:
     """Primitive pairs of links of one robot that are checked.
 
     Returns:
-        First ids, second ids, index of the body pair each belongs to, body pairs.
+        Two primitives and their body pair, ascending, shape (k, 3); the body pairs.
     """
-    first, second, owner = [], [], []
+    found: list[tuple[int, int, int]] = []
     pairs: dict[tuple[str, str], int] = {}
     count = len(tables.kinds)
     for i in range(tables.moving_count):
@@ -125,32 +121,29 @@ def checked_pairs(
             if "/" not in a or a.split("/")[0] != b.split("/")[0]:
                 continue
             if tables.checked[tables.groups[i], tables.groups[j]]:
-                first.append(i)
-                second.append(j)
-                owner.append(pairs.setdefault((a, b), len(pairs)))
-    as_ids = [np.array(ids, dtype=np.int32) for ids in (first, second, owner)]
-    return as_ids[0], as_ids[1], as_ids[2], list(pairs)
+                found.append((i, j, pairs.setdefault((a, b), len(pairs))))
+    return np.array(found, dtype=np.int32).reshape(-1, 3), list(pairs)
+
+
+class Tree(NamedTuple):
+    """Joints of a scene, see `SceneTables`."""
+
+    parent: Ints
+    joint_kind: Ints
+    q_index: Ints
+    gain: Floats
+    T_parent_joint: Floats
+    axis: Floats
 
 
 @kernel(entry=True)
 def sample_extremes(
     configurations: Floats,
-    parent: Ints,
-    joint_kind: Ints,
-    q_index: Ints,
-    gain: Floats,
-    T_parent_joint: Floats,
-    axis: Floats,
+    tree: Tree,
     kinds: Ints,
     bodies: Ints,
     local_rows: Floats,
-    first: Ints,
-    second: Ints,
-    owner: Ints,
-    T_world: Floats,
-    rows: Floats,
-    witness: Floats,
-    nearest: Floats,
+    pairs: Ints,
     least: Floats,
     greatest: Floats,
 ) -> None:
@@ -158,38 +151,35 @@ def sample_extremes(
 
     Args:
         configurations: Joint positions, shape (s, n).
-        parent: See `SceneTables`, from here to `local_rows`.
-        joint_kind: Joint kinds.
-        q_index: Places in q.
-        gain: Multipliers and offsets.
-        T_parent_joint: Joint frames.
-        axis: Joint axes.
-        kinds: Shape kinds.
-        bodies: Bodies the primitives ride on.
+        tree: The joints.
+        kinds: See `SceneTables`, from here to `local_rows`.
+        bodies: Bodies of the primitives.
         local_rows: Primitives in their bodies.
-        first: Lower ids of the primitive pairs, shape (k,).
-        second: Higher ids, shape (k,).
-        owner: Body pair of each, shape (k,).
-        T_world: Scratch for poses.
-        rows: Scratch for primitives in the world; static ones are there already.
-        witness: Scratch, shape (10,).
-        nearest: Scratch, one place for each body pair.
+        pairs: Two primitives and their body pair, ascending, shape (k, 3).
         least: Least distance of each body pair, updated [m].
         greatest: Greatest distance of each body pair, updated [m].
     """
+    T_world, rows = np.zeros((tree.parent.shape[0], 12)), local_rows.copy()
+    witness, nearest = np.zeros(10), np.zeros(least.shape[0])
     for s in range(configurations.shape[0]):
         forward_kinematics(
-            configurations[s], parent, joint_kind, q_index, gain, T_parent_joint,
-            axis, T_world,
-        )  # fmt: skip
+            configurations[s],
+            tree.parent,
+            tree.joint_kind,
+            tree.q_index,
+            tree.gain,
+            tree.T_parent_joint,
+            tree.axis,
+            T_world,
+        )
         for i in range(kinds.shape[0]):
             if bodies[i] >= 0:
                 place_row(kinds[i], local_rows[i], T_world[bodies[i]], rows[i])
         nearest[:] = np.inf
-        for k in range(first.shape[0]):
-            i, j = first[k], second[k]
+        for k in range(pairs.shape[0]):
+            i, j, owner = pairs[k, 0], pairs[k, 1], pairs[k, 2]
             measure(kinds[i], rows[i], kinds[j], rows[j], witness)
-            nearest[owner[k]] = min(nearest[owner[k]], witness[0])
+            nearest[owner] = min(nearest[owner], witness[0])
         for p in range(nearest.shape[0]):
             least[p] = min(least[p], nearest[p])
             greatest[p] = max(greatest[p], nearest[p])
