@@ -14,7 +14,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "build" / "mutants" / "src"))
+# The folder has to exist before it is first searched: a miss would be remembered.
+SOURCE = Path(__file__).parents[1] / "build" / "mutants" / "src"
+SOURCE.mkdir(parents=True, exist_ok=True)
+sys.path.insert(0, str(SOURCE))
 
 from mutants.build import build
 from mutants.page import page
