@@ -178,7 +178,7 @@ def main() -> int:
     if not chosen.page:
         for door, found in attacked(chosen.only, chosen.share, chosen.full):
             tried = sum(row["tried"] for row in found["rows"])
-            keep(RESULTS, door, found, tried, (*GUARD, "station"))
+            keep(RESULTS, door, found, tried, (*GUARD, "recording", "service"))
     known = read(RESULTS)
     results = {name: known[name] for name in DOORS if name in known}
     write_table(results, RESULTS.with_suffix(".md"), kernels_in_words(known, *results))

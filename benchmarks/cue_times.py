@@ -19,9 +19,9 @@ import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
 from armguard.cli.console import say
-from armguard.station.frames import Kind, frame_of
-from armguard.station.ring import RingReader
-from armguard.station.simulated.stage import Stage
+from armguard.recording.frames import Kind, frame_of
+from armguard.recording.ring import RingReader
+from armguard.simulation.stage import Stage
 from episodes.campaign import command
 from episodes.records import keep
 from pages import DOCS
@@ -93,7 +93,7 @@ def watch(
     view = subprocess.Popen(
         [
             sys.executable,
-            *("-m", "armguard.station.view"),
+            *("-m", "armguard.view"),
             *("--service", str(stage.port), "--page-port", "0"),
         ],
         stdout=subprocess.PIPE,

@@ -14,10 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-# The folder has to exist before it is first searched: a miss would be remembered.
-SOURCE = Path(__file__).parents[1] / "build" / "mutants" / "src"
-SOURCE.mkdir(parents=True, exist_ok=True)
-sys.path.insert(0, str(SOURCE))
+sys.path.insert(0, str(Path(__file__).parents[1] / "build" / "mutants" / "src"))
 
 from mutants.build import build
 from mutants.page import page
@@ -74,8 +71,10 @@ def main() -> None:
         "ARMGUARD_CACHE": str(BUILD / "cache"),
     }
     mutants = build(ROOT / "src" / "armguard", BUILD / "src" / "armguard", COUNT, SEED)
-    # The folder was looked up before the build made it.
+    # The package was imported from elsewhere before the build made its folder.
     importlib.invalidate_caches()
+    for name in [name for name in sys.modules if name.split(".")[0] == "armguard"]:
+        del sys.modules[name]
     known = results_of(mutants)
     tested = digest_of(test_files(chosen.tests), ROOT)
     wanted = [

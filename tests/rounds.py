@@ -9,7 +9,7 @@ from armguard.guard import Level
 from armguard.respond import Action, Guard
 from armguard.scene import bay_scene, compile_scene
 from armguard.scene.two_pandas import two_pandas_scene
-from armguard.station.simulated import Operator, Plant, TeleDriver
+from armguard.simulation import Operator, Plant, TeleDriver
 from closed_loop.judge import Judge
 
 SCENES = {"bay": lambda: bay_scene("path"), "two-pandas": two_pandas_scene}

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 
 from armguard import Client
-from armguard.station.client import Answer
-from armguard.station.errors import RefusedError
-from armguard.station.wire import Role
+from armguard.errors import RefusedError
+from armguard.service.client import Answer
+from armguard.service.wire import Role
 
 # Period of the services in tests [s].
 PERIOD = 0.004

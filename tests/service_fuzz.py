@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from armguard import Client
-from armguard.station.calls import CALLS
-from armguard.station.service.counters import CountersReader
-from armguard.station.wire import Role
-from armguard.station.wire.layout import (
+from armguard.recording.calls import CALLS
+from armguard.recording.counters import CountersReader
+from armguard.service.wire import Role
+from armguard.service.wire.layout import (
     CLAIM,
     GIVE_BACK,
     HEADER,

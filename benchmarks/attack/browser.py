@@ -24,9 +24,9 @@ import numpy as np
 import viser
 from websockets.frames import Frame, Opcode
 
-from armguard.station.errors import NoServiceError
-from armguard.station.simulated.stage import Stage
-from armguard.station.view.live_view import LiveView
+from armguard.errors import NoServiceError
+from armguard.simulation.stage import Stage
+from armguard.view.live_view import LiveView
 from attack.target import free_port
 
 CHROMIUM = Path("/usr/bin/chromium")

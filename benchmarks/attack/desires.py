@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import inf
 from pathlib import Path
 
-from armguard.station.faults.relay import Relay, Tamper
+from armguard.chaos.relay import Relay, Tamper
 from attack.raw import PATIENCE, Kind, Raw, Role
 from attack.row import Row
 from attack.target import Arms, Target

@@ -21,21 +21,20 @@ import numpy as np
 
 from armguard.errors import ArmguardError
 from armguard.geometry import Box, Hull, Pose, Sphere
+from armguard.recording import calls, open_recording
+from armguard.recording.blocks import HEAD, pack_block, unpack_block
+from armguard.recording.frames import DATA, HEADER, KIND, TEXT, Kind, words
+from armguard.recording.mcap_file import McapFile
+from armguard.recording.recorded import RecordedGuard
+from armguard.recording.recorder import Recorder, RecorderSettings
+from armguard.recording.recording import ABOUT, SCENE
+from armguard.recording.replay import replay
+from armguard.recording.ring import RingReader, RingWriter
+from armguard.recording.ros import FRAMES
+from armguard.report import findings_of, write_page
 from armguard.respond import Guard
 from armguard.scene import Grasp, Gripper, Scene
 from armguard.scene.settings import ResponseSettings
-from armguard.station import calls
-from armguard.station.blackbox import open_recording
-from armguard.station.blackbox.blocks import HEAD, pack_block, unpack_block
-from armguard.station.blackbox.mcap_file import McapFile
-from armguard.station.blackbox.recorder import Recorder, RecorderSettings
-from armguard.station.blackbox.recording import ABOUT, SCENE
-from armguard.station.blackbox.replay import replay
-from armguard.station.blackbox.report import findings_of, write_page
-from armguard.station.blackbox.ros import FRAMES
-from armguard.station.frames import DATA, HEADER, KIND, TEXT, Kind, words
-from armguard.station.recorded import RecordedGuard
-from armguard.station.ring import RingReader, RingWriter
 from gripping.gantry import FIGURES, gantry
 
 PERIOD = 0.001

@@ -14,8 +14,8 @@ from pathlib import Path
 from subprocess import PIPE, Popen
 from typing import IO
 
+from armguard.recording.counters import CountersReader
 from armguard.scene.bay import FOLDER, bay_path
-from armguard.station.service.counters import CountersReader
 from attack.raw import Heard, Kind, Raw, Role, heard
 
 # How much later than its period a cycle may come, and how old states may be: an attack

@@ -21,8 +21,8 @@ from typing import IO, Any
 
 import zenoh
 
-from armguard.station.wire.keys import Role
-from armguard.station.zenoh_bridge import ZenohClient
+from armguard.bridges.zenoh_bridge import ZenohClient
+from armguard.recording.calls import Role
 from attack.target import Target, free_port, started
 
 ROOT = "armguard/guard"
@@ -311,7 +311,7 @@ def attack(mode: str, count: int, target: Target, log: IO[bytes]) -> dict[str, i
     """
     port, keys = target.port, target.keys
     here = f"tcp/127.0.0.1:{free_port(SOCK_STREAM)}"
-    bridge = ["armguard.station.zenoh_bridge", "--port", str(port), "--listen", here]
+    bridge = ["armguard.bridges.zenoh_bridge", "--port", str(port), "--listen", here]
     with ExitStack() as stack:
         place = here
         if mode == "router":

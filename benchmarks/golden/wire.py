@@ -9,8 +9,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.recording.ring import RingWriter
 from armguard.scene import bay_scene
-from armguard.station.desk.desk import (
+from armguard.service.desk.desk import (
     BEGAN_AT,
     BEGAN_BY,
     BEGAN_WITH,
@@ -27,12 +28,11 @@ from armguard.station.desk.desk import (
     TOKEN,
     WATCHDOG,
 )
-from armguard.station.desk.taking import take_state
-from armguard.station.ring import RingWriter
-from armguard.station.service import ServiceSettings
-from armguard.station.service.judge import Judge
-from armguard.station.wire import Cause, Form
-from armguard.station.wire.layout import HAS_VELOCITY, HAS_WISH, MOST
+from armguard.service.desk.taking import take_state
+from armguard.service.server import ServiceSettings
+from armguard.service.server.judge import Judge
+from armguard.service.wire import Cause, Form
+from armguard.service.wire.layout import HAS_VELOCITY, HAS_WISH, MOST
 from golden.fields import parts_of
 
 Floats = NDArray[np.float64]

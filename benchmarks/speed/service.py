@@ -31,8 +31,8 @@ from typing import Annotated, Any
 import psutil
 from typer import Option
 
-from armguard.station.service.counters import CountersReader, counters_path
-from armguard.station.service.machine import ask_realtime
+from armguard.recording.counters import CountersReader, counters_path
+from armguard.service.server.machine import ask_realtime
 from speed.service_figures import Found, figures
 from speed.service_loops import answer_echo, bare, client, echo, without_collector
 from speed.service_processes import (
@@ -214,7 +214,7 @@ def viewed(port: int, folder: Path, watch: Watch, notes: list[str]) -> Iterator[
         notes.append("no view looks on: viser is not installed")
         yield
         return
-    words = ("armguard.station.view", "--service", str(port), "--page-port", "0")
+    words = ("armguard.view", "--service", str(port), "--page-port", "0")
     with running(*words, log=folder / "view.log") as view:
         line_of(view, START)
         watch.add("view", view.pid)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armguard.station.service.counters import (
+from armguard.recording.counters import (
     BUCKETS,
     HISTOGRAMS,
     CountersReader,

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from armguard.errors import StationError
 from armguard.scene import bay_scene, bay_task
-from armguard.station.client import Answer, Client
-from armguard.station.errors import StationError
-from armguard.station.service.machine import ask_realtime
-from armguard.station.wire.layout import LEAST, STATE, WISH, command_size
+from armguard.service.client import Answer, Client
+from armguard.service.server.machine import ask_realtime
+from armguard.service.wire.layout import LEAST, STATE, WISH, command_size
 from arrays import Floats, Ints
 
 NANO = 1_000_000_000

@@ -69,7 +69,7 @@ if TYPE_CHECKING:
         load_scene,
         load_trajectory,
     )
-    from armguard.station.client import Client
+    from armguard.service.client import Client
 
 __version__ = version("armguard")
 
@@ -132,7 +132,7 @@ _ROOMS = {
         "load_scene",
         "load_trajectory",
     ),
-    "armguard.station.client": ("Client",),
+    "armguard.service.client": ("Client",),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 

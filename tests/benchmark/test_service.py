@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armguard.station.service.counters import BUCKETS, bucket_of
+from armguard.recording.counters import BUCKETS, bucket_of
 from speed.service import ServiceBench, bench_service
 from speed.service_figures import from_buckets, lateness, print_service
 from speed.service_loops import Arms

@@ -8,9 +8,9 @@ from armguard.geometry import Pose
 from armguard.guard import Cause, Level, Reason
 from armguard.guard.levels import ORDERED
 from armguard.guard.nuisance import Delayed, Lack, by_length, classify
+from armguard.report.incidents import Sense, sense_of
 from armguard.respond import Guard
 from armguard.scene import Scene
-from armguard.station.blackbox.report.incidents import Sense, sense_of
 from arms import simple_arm
 
 # A channel open to the arm: its hull closes it, so the hull reaches into it [m].

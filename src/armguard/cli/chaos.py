@@ -8,6 +8,10 @@ from typing import Annotated, Any
 import typer
 from typer import Option
 
+from armguard.chaos.fault import Fault, Outcome
+from armguard.chaos.play import play
+from armguard.chaos.playground import Playground
+from armguard.chaos.table import FAULTS
 from armguard.cli.console import (
     CLEAR,
     Json,
@@ -20,11 +24,7 @@ from armguard.cli.console import (
     say,
 )
 from armguard.errors import SceneError, did_you_mean
-from armguard.station.faults.fault import Fault, Outcome
-from armguard.station.faults.play import play
-from armguard.station.faults.playground import Playground
-from armguard.station.faults.table import FAULTS
-from armguard.station.service.scenes import open_scene
+from armguard.service.server.scenes import open_scene
 
 STYLES = {"PASS": "blue", "FAIL": "bold white on magenta", "SKIP": "dim"}
 

@@ -23,12 +23,12 @@ from armguard.cli.console import (
     say,
 )
 from armguard.guard import Level
+from armguard.processes import interrupted
+from armguard.recording.frames import Kind, frame_of
 from armguard.scene import compile_scene
-from armguard.station.frames import Kind, frame_of
-from armguard.station.processes import interrupted
-from armguard.station.service.scenes import open_scene
-from armguard.station.simulated.stage import Stage
-from armguard.station.simulated.tally import Tally, in_words
+from armguard.service.server.scenes import open_scene
+from armguard.simulation.stage import Stage
+from armguard.simulation.tally import Tally, in_words
 
 # Looks into the ring, and redraws of the status line, a second.
 LOOKS = 20

@@ -24,7 +24,8 @@ def keys(
 
     With --from and --role it writes the part that one client needs.
     """
-    from armguard.station.wire.keys import Role, key_of, new_keys, read_keys, write_keys
+    from armguard.recording.calls import Role
+    from armguard.service.wire.keys import key_of, new_keys, read_keys, write_keys
 
     words = {one.word: one for one in Role}
     for word in role or ():

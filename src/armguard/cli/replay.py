@@ -68,8 +68,8 @@ def replay(
 
 def replayed(path: Path, start: float, end: float) -> tuple[dict[str, Any], int]:
     """The same once more: the answer, and the exit code."""
-    from armguard.station.blackbox import open_recording
-    from armguard.station.blackbox.replay import replay as judge_again
+    from armguard.recording import open_recording
+    from armguard.recording.replay import replay as judge_again
 
     recording = open_recording(path)
     with progress_bar("judging", recording.cycle_count) as advance:
@@ -83,8 +83,8 @@ def compared(
     path: Path, settings: dict[str, str], start: float, end: float
 ) -> tuple[dict[str, Any], int]:
     """With other settings: the comparison, and the exit code."""
-    from armguard.station.blackbox import open_recording
-    from armguard.station.blackbox.comparison import compare
+    from armguard.recording import open_recording
+    from armguard.recording.comparison import compare
 
     recording = open_recording(path)
     with progress_bar("judging twice", recording.cycle_count) as advance:

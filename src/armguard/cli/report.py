@@ -7,7 +7,7 @@ import typer
 from typer import Argument, Option
 
 from armguard.cli.console import CLEAR, Json, out, print_json, progress_bar, say
-from armguard.station.errors import StationError
+from armguard.errors import StationError
 
 
 def report(
@@ -35,9 +35,9 @@ def report(
     With --json the findings are printed, and a page is written only with --out.
     """
     try:
-        from armguard.station.blackbox import open_recording
-        from armguard.station.blackbox.report import Closeness, findings_of, write_page
-        from armguard.station.blackbox.report.page import advice, summary
+        from armguard.recording import open_recording
+        from armguard.report import Closeness, findings_of, write_page
+        from armguard.report.page import advice, summary
     except ModuleNotFoundError as error:
         raise StationError(
             f"a report needs the package '{error.name}': pip install "

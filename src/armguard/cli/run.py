@@ -28,11 +28,11 @@ from armguard.cli.console import (
 )
 from armguard.guard import EventLog, Level
 from armguard.guard.answer import Counts
+from armguard.recording.motions import load_motion, motion_notes
 from armguard.respond import Guard
 from armguard.scene import load_scene
 from armguard.scene.trajectory import densify
-from armguard.station.motions import load_motion, motion_notes
-from armguard.station.simulated.tally import cycle_time_sentence, cycle_times
+from armguard.simulation.tally import cycle_time_sentence, cycle_times
 
 Floats = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from typer import Option
 from armguard.cli.console import Late, Rate, SceneName, say, say_progress, with_options
 from armguard.respond.compiling import compile_ahead
 from armguard.respond.guard import try_out
-from armguard.station.service import Service, ServiceSettings
-from armguard.station.service.scenes import open_scene
-from armguard.station.service.throttled_log import PatientHandler
-from armguard.station.wire import read_keys
+from armguard.service.server import Service, ServiceSettings
+from armguard.service.server.scenes import open_scene
+from armguard.service.server.throttled_log import PatientHandler
+from armguard.service.wire import read_keys
 
 USUAL = ServiceSettings()
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from armguard.cli.console import say
-from armguard.station.errors import StationError
+from armguard.errors import StationError
 
 
 def view(
@@ -30,15 +30,15 @@ def view(
     """
     if find_spec("viser") is None:
         raise StationError("the view needs viser: pip install 'armguard[view]'")
-    from armguard.station.view.__main__ import show
+    from armguard.view.__main__ import show
 
     if recording is None:
-        from armguard.station.view.live_view import LiveView
+        from armguard.view.live_view import LiveView
 
         show(LiveView(port, page_port, keys=key_file))
         return
-    from armguard.station.blackbox import open_recording
-    from armguard.station.view.recorded_view import RecordedView
+    from armguard.recording import open_recording
+    from armguard.view.recorded_view import RecordedView
 
     found = open_recording(recording)
     shown = RecordedView(found.scene(), found.frames(), page_port)

@@ -1,0 +1,88 @@
+"""A fault: what is done, and what is declared to happen then."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from armguard.chaos.playground import Playground
+
+
+class Effect(Enum):
+    """What arms do in the face of a fault."""
+
+    GOES_ON = "goes on"
+    """They go on moving; nobody is told to stop."""
+
+    RESTS = "comes to rest"
+    """Nothing is asked for any more: they come to rest, and are not stopped."""
+
+    STOPS = "stops"
+    """The guard tells all of them to stop; they rest until somebody engages them."""
+
+    STOPS_ITSELF = "stops by itself"
+    """They hear nothing, and stop by their own watchdog; then as `STOPS`."""
+
+    TOLD_ONLY = "is told to stop"
+    """The guard tells all of them to stop, and nobody is there to do so."""
+
+
+# Does something to a playground for as long as the context lasts.
+Inject = Callable[["Playground"], AbstractContextManager[None]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """A row of the table.
+
+    Attributes:
+        name: What goes wrong.
+        group: Part of the table.
+        inject: Does it.
+        effect: What is declared to happen.
+        reasons: Names of reasons and causes one of which is told first; of what is not
+            told to stop, none.
+        within: Names of the delays that add up to the longest time until arms are told
+            to stop, or stop by themselves, see `Playground.delay`.
+        counts: Counters of the service one of which rises.
+        hold: How long it lasts [s].
+    """
+
+    name: str
+    group: str
+    inject: Inject
+    effect: Effect
+    reasons: tuple[str, ...] = ()
+    within: tuple[str, ...] = ()
+    counts: tuple[str, ...] = ()
+    hold: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What was observed.
+
+    Attributes:
+        fault: The fault.
+        passed: Whether all of it is as declared.
+        observed: The same in words.
+        skipped: Why it was not played; "" if it was.
+        tries: How often it was played: a machine that was late by itself is given
+            another try.
+        told: From the fault until arms were told to stop; NaN if never [s].
+        rested: From the fault until all arms rested; NaN if not seen [s].
+    """
+
+    fault: Fault
+    passed: bool
+    observed: str
+    skipped: str = ""
+    tries: int = 1
+    told: float = float("nan")
+    rested: float = float("nan")
+
+
+class Unplayable(Exception):
+    """A fault cannot be played on this machine; the message says why."""

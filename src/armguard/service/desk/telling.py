@@ -1,0 +1,163 @@
+"""Encodes the COMMAND that answers a cycle."""
+
+from math import inf
+from typing import Any
+
+from armguard.guard.layout import (
+    CLEARANCE,
+    FIRST,
+    NEAR_WIDTH,
+    NEAREST,
+    ROBOT_AGE,
+    ROBOT_CAUSE,
+    ROBOT_LEVEL,
+    ROBOT_SCALE,
+    ROBOT_URGENCY,
+    ROBOT_WIDTH,
+    SECOND,
+    SLACK_TIME,
+    WITNESS,
+)
+from armguard.guard.layout import HEADER as ROBOTS_IN_NUMBERS
+from armguard.guard.layout import REASON as REASON_IN_NUMBERS
+from armguard.guard.levels import Level
+from armguard.kernel import kernel
+from armguard.respond.command import ACTIONS, DRIVEN, Action
+from armguard.service.desk.desk import (
+    ASKED_FORM,
+    BEGAN_AT,
+    BEGAN_BY,
+    BEGAN_WITH,
+    CAUSE,
+    COMMANDER,
+    CYCLE,
+    ENDED,
+    FLAGS,
+    LEVEL,
+    REASON,
+    START,
+    Desk,
+    open_desk,
+    records,
+)
+from armguard.service.wire.layout import (
+    COMMAND,
+    HEADER,
+    NO_BODY,
+    ROBOT,
+    ROBOTS_AT,
+    Cause,
+)
+
+PAYLOAD_AT, ROBOT_SIZE = HEADER.size, ROBOT.size
+COMMAND_ROW, ROBOT_ROW = COMMAND.dtype, ROBOT.dtype
+
+STOP_LEVEL = int(Level.STOP)
+BRAKE_LEVEL = int(Level.BRAKE)
+HARDWARE_LEVEL = int(Level.HARDWARE_STOP)
+FOLLOW = int(Action.FOLLOW)
+HOLD = int(Action.HOLD)
+STOP_ACTION = int(Action.STOP)
+BRAKE_ACTION = int(ACTIONS[Level.BRAKE])
+HARDWARE_ACTION = int(ACTIONS[Level.HARDWARE_STOP])
+MOVING = tuple(int(phase) for phase in DRIVEN)
+
+# Causes for which nothing that was judged counts.
+FIRST_LOST, LAST_LOST = int(Cause.DEADLINE_MISSED), int(Cause.WAITING)
+
+
+@kernel(inline=False, entry=True)
+def write_answer(address: int) -> None:
+    """Write the payload of the COMMAND that answers the last cycle.
+
+    Args:
+        address: Address of the ledger of a desk; `given` has what to write beside the
+            guard's numbers.
+    """
+    d = open_desk(address)
+    given, numbers, told = d.given, d.numbers, d.told
+    n, robots = d.q.shape[0], d.first_joint.shape[0]
+    command = records(d.answer, PAYLOAD_AT, 1, COMMAND_ROW)[0]
+    rows = records(d.answer, ROBOTS_AT, robots, ROBOT_ROW)
+    lost = FIRST_LOST <= given[CAUSE] <= LAST_LOST
+    reason = int(numbers[REASON_IN_NUMBERS])
+    level, action = STOP_LEVEL, FOLLOW
+    if 0 <= reason < d.level_of.shape[0]:
+        level = d.level_of[reason]
+    if lost:
+        level = max(level, STOP_LEVEL)
+    for r in range(robots):
+        own, obeys = write_robot(r, lost, d, rows[r])
+        level, action = max(level, own), max(action, obeys)
+    command["cycle"] = given[CYCLE]
+    command["began_by"], command["began_with"] = given[BEGAN_BY], given[BEGAN_WITH]
+    command["received"], command["ended"] = given[BEGAN_AT], given[ENDED]
+    command["time"] = given[START] * 1e-9
+    write_nearest(d, command)
+    command["reason"], command["cause"] = reason, given[CAUSE]
+    command["level"], command["action"] = level, action
+    command["flags"], command["form"] = given[FLAGS], given[ASKED_FORM]
+    command["joints"], command["robots"] = n, robots
+    command["commander"] = given[COMMANDER]
+    at = (ROBOTS_AT + robots * ROBOT_SIZE) // 8
+    for j in range(n):
+        d.answer[at + j] = 0.0 if lost else told[j]
+        d.answer[at + n + j] = told[n + j]
+    given[LEVEL], given[REASON] = level, reason
+
+
+@kernel
+def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
+    """Write the row of a robot, see `RobotRow`.
+
+    Returns:
+        Its level and its action.
+    """
+    numbers, told = d.numbers, d.told
+    n, robots = d.q.shape[0], d.first_joint.shape[0]
+    at = ROBOTS_IN_NUMBERS + r * ROBOT_WIDTH
+    own = int(numbers[at + ROBOT_LEVEL])
+    phase = told[4 * n + robots + r]
+    since = told[4 * n + 2 * robots + r]
+    obeys = STOP_ACTION
+    if since == since:
+        obeys = HOLD
+    elif phase in MOVING:
+        obeys = FOLLOW
+    elif own == BRAKE_LEVEL:
+        obeys = BRAKE_ACTION
+    elif own == HARDWARE_LEVEL:
+        obeys = HARDWARE_ACTION
+    if lost:
+        own, obeys = max(own, STOP_LEVEL), max(obeys, STOP_ACTION)
+    row["level"], row["action"] = own, obeys
+    row["blocked"] = int(told[4 * n + r])
+    row["stopped_by"] = int(numbers[at + ROBOT_CAUSE])
+    row["speed_scale"] = numbers[at + ROBOT_SCALE]
+    row["urgency"] = numbers[at + ROBOT_URGENCY]
+    row["age"] = numbers[at + ROBOT_AGE]
+    row["sender"], row["sequence"] = d.sender[r], d.sequence[r]
+    row["held_since"] = since
+    return own, obeys
+
+
+@kernel
+def write_nearest(d: Desk, command: Any) -> None:
+    """Write the slack and the nearest pair."""
+    numbers = d.numbers
+    near = int(numbers[NEAREST])
+    command["slack_time"] = numbers[SLACK_TIME]
+    if near < 0:
+        command["slack"] = command["distance"] = command["clearance"] = inf
+        command["body_a"] = command["body_b"] = NO_BODY
+        for k in range(3):
+            command["point_a"][k] = command["point_b"][k] = 0.0
+        return
+    row = d.first_row[0] + near * NEAR_WIDTH
+    command["body_a"] = d.body_of[int(numbers[row + FIRST])]
+    command["body_b"] = d.body_of[int(numbers[row + SECOND])]
+    command["slack"] = command["clearance"] = numbers[row + CLEARANCE]
+    command["distance"] = numbers[row + WITNESS]
+    for k in range(3):
+        command["point_a"][k] = numbers[row + WITNESS + 1 + k]
+        command["point_b"][k] = numbers[row + WITNESS + 4 + k]

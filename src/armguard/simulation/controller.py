@@ -1,0 +1,133 @@
+"""A controller whose robots are simulated: it sends states and obeys the answers."""
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import StationError
+from armguard.recording.ring import RingWriter
+from armguard.respond.command import Action
+from armguard.scene.scene import Scene
+from armguard.service.client import Client
+from armguard.service.wire import Cause
+from armguard.simulation.plant import Imperfection, Plant
+
+Floats = NDArray[np.float64]
+
+# How often a service that was lost is asked whether it is there again, and how long
+# it gets to answer [s].
+KNOCK, AN_ANSWER = 0.5, 0.05
+
+# Size of a trace: some minutes [bytes].
+TRACE_SIZE = 16 << 20
+
+
+class SimulatedArms:
+    """Arms that stand in for real ones, at the rate of the service.
+
+    They do what the service answers, and take its silence for a stop. After that they
+    say nothing until the guard has stopped them too, for want of states: nothing sets
+    out again by itself. What happened while this process had to wait for its turn is
+    made up for: each order is obeyed as of the instant at which it came.
+
+    Attributes:
+        client: The client they talk by.
+        plant: The arms.
+
+    Args:
+        client: A client that is connected.
+        scene: The scene of its welcome.
+        imperfection: How inexact and late they are.
+        trace: Where what is true is written, see `trace_of`; nowhere if None.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        scene: Scene,
+        *,
+        imperfection: Imperfection | None = None,
+        trace: Path | None = None,
+    ) -> None:
+        self.client = client
+        self.plant = Plant(scene, imperfection=imperfection, time=client.clock())
+        self._stops = dict.fromkeys(scene.robots, Action.STOP)
+        # Whether they stopped by themselves and the service does not know it yet, and
+        # whether it has had them go on meanwhile.
+        self._alone = self._silent = False
+        self._knock = 0.0
+        self._trace = None if trace is None else RingWriter(trace, TRACE_SIZE)
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Move, measure, send, obey, until something is true."""
+        client, plant = self.client, self.plant
+        period = client.welcome.period
+        due = client.clock()
+        while not until():
+            plant.advance(max(client.clock() - plant.time, 0.0))
+            self._write()
+            if client.connected and not self._silent:
+                q, v = plant.measure()
+                client.send_state(q, v, stamp=plant.time)
+            # A turn that was missed is not made up for.
+            due = max(due + period, plant.time)
+            self._listen(due)
+            latest = client.latest
+            if latest.cycle < 0:
+                # What the client says where it hears nothing.
+                self._alone, self._silent = True, False
+                self._stop()
+                self._find_again(latest.cause)
+
+    def _listen(self, due: float) -> None:
+        """Take in what the service answers until some time."""
+        client = self.client
+        while (left := due - client.clock()) > 0.0:
+            if not client.connected:
+                time.sleep(left)
+            looked = client.clock()
+            answer = client.receive(timeout=left)
+            if answer is None:
+                continue
+            actions = answer.actions
+            if self._alone and Action.FOLLOW in actions.values():
+                self._silent = True
+                self._stop()
+                continue
+            self._alone = self._silent = False
+            # It came since, however long this process then waited for its turn.
+            came = max(answer.sent, looked)
+            self.plant.tell(answer.velocity, actions, at=came)
+
+    def close(self) -> None:
+        """End the trace; the client is its owner's."""
+        if self._trace is not None:
+            self._trace.close()
+
+    def _stop(self) -> None:
+        """Have all arms stop."""
+        self.plant.tell(np.zeros(len(self.plant.q)), self._stops)
+
+    def _find_again(self, cause: Cause) -> None:
+        """Ask now and then whether a service that was lost is there again."""
+        if cause is Cause.NO_ANSWER or self.plant.time < self._knock:
+            return
+        self._knock = self.plant.time + KNOCK
+        try:
+            self.client.connect(timeout=AN_ANSWER)
+        except StationError:
+            # A service that ended has taken its key file with it.
+            return
+
+    def _write(self) -> None:
+        if self._trace is not None:
+            self._trace.append(trace_of(self.plant.time, self.plant))
+
+
+def trace_of(now: float, plant: Plant) -> Floats:
+    """What is true: time, then whether each arm is held, then positions, velocities."""
+    held: Mapping[str, bool] = plant.held
+    return np.concatenate([[now], [*held.values()], plant.q, plant.v])

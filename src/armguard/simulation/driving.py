@@ -1,0 +1,123 @@
+"""An operator as the commander of a running service."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import StationError
+from armguard.respond.command import Action, Blocked
+from armguard.service.client import Answer, Client
+from armguard.service.wire import Cause
+
+Floats = NDArray[np.float64]
+
+# Time between two wishes [s].
+EVERY = 0.02
+
+# How often he asks for the command while somebody else has it [s].
+ASKS = 1.0
+
+# How long the service gets to answer [s].
+AN_ANSWER = 0.1
+
+# How long he looks after arms that had to be braked, before he resets them [s].
+LOOKS_AFTER = 2.0
+
+# What a client says that has lost its service.
+LOST = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
+
+
+class Hands(Protocol):
+    """Says what is asked for, see `Operator`."""
+
+    engages: bool
+    """Whether he engages what the service stopped."""
+
+    def drive(
+        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
+    ) -> tuple[Floats, list[str]]:
+        """Velocities that are asked for, and robots that are engaged."""
+
+
+class DrivingOperator:
+    """Claims the command when nobody has it, and drives until somebody takes it.
+
+    Attributes:
+        client: His client.
+        pressed: Set by a person who presses the button that engages all arms, whatever
+            stopped them.
+
+    Args:
+        client: A client that is connected.
+        hands: What he asks for, and when he engages.
+    """
+
+    def __init__(self, client: Client, hands: Hands) -> None:
+        self.client = client
+        self.pressed = False
+        self._hands = hands
+        self._start = client.clock()
+        self._asked = self._braked = -np.inf
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Drive until something is true."""
+        client = self.client
+        due = client.clock()
+        while not until():
+            while (left := due - client.clock()) > 0.0:
+                if not client.connected:
+                    time.sleep(left)
+                client.receive(timeout=left)
+            now = client.clock()
+            due = max(due + EVERY, now)
+            latest = client.latest
+            if latest.cycle < 0 or not client.commands:
+                self._claim(now, latest.cause)
+            else:
+                self._drive(now, latest)
+
+    def _drive(self, now: float, answer: Answer) -> None:
+        """Say what is wanted now."""
+        client = self.client
+        wish, engages = self._hands.drive(
+            now - self._start, answer.position, answer.blocked
+        )
+        client.send_velocities(wish)
+        for robot in engages:
+            self._engage(robot)
+        braked = answer.action >= Action.BRAKE
+        if not (braked and self._hands.engages):
+            self._braked = now
+        looked_after = now - self._braked > LOOKS_AFTER
+        if self.pressed or looked_after:
+            if braked:
+                # He has looked after arms that did not stop as they should have.
+                self._call("reset")
+            self._engage(None, pressed=self.pressed)
+            self.pressed, self._braked = False, now
+
+    def _engage(self, robot: str | None, *, pressed: bool = False) -> None:
+        """Engage a robot, or all; what was ordered to stop only with the button."""
+        self._call("engage", name=robot, ordered=pressed)
+
+    def _call(self, what: str, **arguments: str | bool | None) -> None:
+        """Call the guard; what is refused now is tried again later."""
+        try:
+            self.client.call(what, timeout=1.0, **arguments)
+        except StationError:
+            return
+
+    def _claim(self, now: float, cause: Cause) -> None:
+        """Ask for the command, and before for a service that was lost."""
+        if now - self._asked < ASKS:
+            return
+        self._asked = now
+        try:
+            if cause in LOST:
+                self.client.connect(timeout=AN_ANSWER)
+            self.client.claim(timeout=AN_ANSWER)
+        except StationError:
+            return

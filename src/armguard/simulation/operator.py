@@ -1,0 +1,139 @@
+"""An operator who drives as the tele-driver says, and knows what to do after a stop."""
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.respond.command import Blocked
+from armguard.simulation.tele import TeleDriver
+
+Floats = NDArray[np.float64]
+
+# How long he keeps his hands off an arm that was stopped, before he engages it [s].
+WAIT = 0.6
+
+# He then backs off for so long, to where the arm was so long before, at this share of
+# its top speeds.
+BACK, BEFORE, BACK_PACE = 0.8, 1.6, 0.25
+
+# A stop so soon after he went on belongs to the last one [s].
+LET_BE = 1.0
+
+# Time between two places he remembers [s].
+GLANCE = 0.2
+
+# How long he tries to get out of what is too near in one direction [s].
+TRY = 1.5
+
+
+class Operator:
+    """Drives all arms; one that was stopped he lets go, engages, and backs off with.
+
+    Attributes:
+        driver: Where he wants to go.
+        engages: Whether he engages what was stopped.
+
+    Args:
+        driver: Where he wants to go.
+    """
+
+    def __init__(self, driver: TeleDriver) -> None:
+        self.driver = driver
+        self.engages = True
+        self._hands = [Hand(driver, r) for r in range(len(driver.robots))]
+
+    def drive(
+        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
+    ) -> tuple[Floats, list[str]]:
+        """What he asks for, and which arms he engages now.
+
+        Args:
+            t: Time [s].
+            q: Positions, shape (n,) [rad or m].
+            blocked: What keeps each arm from following him, as far as he was told.
+
+        Returns:
+            Velocities, shape (n,) [rad/s or m/s], and names of robots.
+        """
+        driver = self.driver
+        engages = [
+            name
+            for name, hand in zip(driver.robots, self._hands, strict=True)
+            if hand.learns(t, q, blocked.get(name, Blocked.NOT))
+        ]
+        wish = driver.wish([t + hand.ahead for hand in self._hands], q)
+        for hand in self._hands:
+            hand.overrule(t, q, wish)
+        return wish, engages
+
+
+class Hand:
+    """The operator's hand on one arm.
+
+    Attributes:
+        ahead: How far the driver's time of this arm is ahead [s].
+    """
+
+    def __init__(self, driver: TeleDriver, r: int) -> None:
+        self.ahead = 0.0
+        self._driver, self._r, self._own = driver, r, driver.own(r)
+        self._off_until = self._back_until = self._free_at = -np.inf
+        self._stopped, self._tries = False, 0
+        self._near_since = np.nan
+        self._past: deque[tuple[float, Floats]] = deque(maxlen=int(BEFORE / GLANCE))
+
+    def learns(self, t: float, q: Floats, why: Blocked) -> bool:
+        """Take in what the arm does; whether it is engaged now."""
+        stopped, self._stopped = self._stopped, why is Blocked.STOPPED
+        if self._stopped:
+            if not stopped:
+                self._tries = self._tries + 1 if t < self._free_at else 0
+                self._let_go(t)
+            elif t >= self._off_until:
+                self._let_go(t)
+                return True
+        elif why in (Blocked.TOO_NEAR, Blocked.PINCHED):
+            self._try_elsewhere(t)
+        else:
+            self._near_since = np.nan
+            if t >= self._back_until:
+                self._remember(t, q)
+        return False
+
+    def overrule(self, t: float, q: Floats, wish: Floats) -> None:
+        """Do something else than the driver says, where there is need."""
+        if t < self._off_until:
+            wish[self._own] = 0.0
+        elif t < self._back_until and self._past:
+            target = self._past[0][1]
+            wish[self._own] = self._driver.towards(
+                self._r, target, q[self._own], BACK_PACE
+            )
+
+    def _let_go(self, t: float) -> None:
+        """Take the hand away, then back off, then begin the next leg.
+
+        Where that ended in another stop he lets the other arms go first, and every
+        other time he does not go back the way he came.
+        """
+        patience = self._tries % 3 * self._r
+        self._off_until = t + WAIT + patience * BACK
+        self._back_until = self._off_until + (BACK if self._tries % 2 == 0 else 0.0)
+        self._free_at = self._back_until + LET_BE
+        rest = self._back_until - t
+        self.ahead = self._driver.next_leg(t + self.ahead) - t - rest
+
+    def _try_elsewhere(self, t: float) -> None:
+        """Begin another leg if this one has not led out of what is too near."""
+        if np.isnan(self._near_since):
+            self._near_since = t
+        elif t - self._near_since >= TRY:
+            self._near_since = t
+            self.ahead = self._driver.next_leg(t + self.ahead) - t
+
+    def _remember(self, t: float, q: Floats) -> None:
+        """Keep where the arm was."""
+        if not self._past or t - self._past[-1][0] >= GLANCE:
+            self._past.append((t, q[self._own].copy()))

@@ -1,8 +1,0 @@
-"""Edge: what remembers the guard: recorder, recovery, replay and comparison.
-
-Needs the packages of `armguard[station]`.
-"""
-
-from armguard.station.blackbox.recording import Recording, open_recording
-
-__all__ = ["Recording", "open_recording"]

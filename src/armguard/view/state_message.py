@@ -1,0 +1,171 @@
+"""The message that tells a page of a cycle: its light, its sentences, its sounds."""
+
+import math
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from armguard.guard.levels import ORDERED, Level, Reason
+from armguard.recording.palette import LEVEL_COLOURS, LEVEL_WORDS, Rgb, hexadecimal
+from armguard.respond import Action
+from armguard.respond.command import Blocked, Held
+from armguard.view.world import Cycle
+
+ACTION_WORDS = {
+    Action.FOLLOW: "follows",
+    Action.HOLD: "held",
+    Action.STOP: "stop",
+    Action.BRAKE: "brake",
+    Action.HARDWARE_STOP: "hard stop",
+}
+
+# How a robot goes on that waits for a person, beside being engaged.
+GO_ON = {
+    Blocked.STOPPED: "let go of it once, lead it away",
+    Blocked.FAR_START: "command a position near it",
+    Blocked.LOCAL_MINIMUM: "lead it elsewhere",
+}
+
+# What a robot that follows its operator has to expect.
+AHEAD = {
+    Level.CLEAR: "nothing is near",
+    Level.CAUTION: "something is near",
+    Level.SLOW: "a stop would come soon",
+}
+
+
+def state_message(
+    cycle: Cycle,
+    age: float,
+    grey: str = "",
+    recorded: str = "",
+    remark: str = "",
+    changed: bool = False,
+) -> dict[str, Any]:
+    """The message of a cycle.
+
+    Args:
+        cycle: The cycle.
+        age: Time since it was written [s].
+        grey: Why it is not to be taken for the present; empty if it is.
+        recorded: When it was recorded, in words; empty where it is live.
+        remark: Why the service stops all robots beside the verdict; empty if it does
+            not.
+        changed: Whether objects were changed within the last second.
+    """
+    verdict, command, frame = cycle.verdict, cycle.command, cycle.frame
+    held = {} if command is None else command.held
+    level = max(
+        verdict.level,
+        Level.STOP if remark or held else Level.CLEAR,
+        Level.CAUTION if changed else Level.CLEAR,
+    )
+    waits = bool(held) and level < Level.BRAKE
+    return {
+        "cycle": frame.cycle,
+        "level": int(level),
+        "name": "HELD" if waits else level.name,
+        "word": "HELD" if waits else LEVEL_WORDS[level],
+        "colour": hexadecimal(LEVEL_COLOURS[level]),
+        "ink": hexadecimal(ink_on(LEVEL_COLOURS[level])),
+        "held": bool(held),
+        "why": sentence(cycle, held),
+        "remark": remark if not held else "",
+        "changed": "objects were changed" if changed else "",
+        "slack_ms": finite(verdict.slack.s * 1e3),
+        "slack_mm": finite(verdict.slack.m * 1e3),
+        "age": age,
+        "wall": frame.wall,
+        "grey": grey,
+        "recorded": recorded,
+        "robots": [robot_card(cycle, name, remark) for name in verdict.levels],
+    }
+
+
+def robot_card(cycle: Cycle, name: str, remark: str) -> dict[str, Any]:
+    """The card of a robot: its level, its action, and why it does not follow.
+
+    Args:
+        cycle: The cycle.
+        name: The robot.
+        remark: Why the service stops all robots beside the verdict.
+    """
+    verdict, command = cycle.verdict, cycle.command
+    level = verdict.levels[name]
+    if remark:
+        level = max(level, Level.STOP)
+    action, held, blocked = None, None, Blocked.NOT
+    if command is not None:
+        action, blocked = command.actions[name], command.blocked[name]
+        held = command.held.get(name)
+    if held is not None:
+        why = f"since {since(cycle, held)}: {held.cause}"
+    elif remark or blocked is not Blocked.NOT:
+        why = remark or blocked.sentence
+    else:
+        why = AHEAD.get(level, LEVEL_WORDS[level].lower())
+    shown = level if held is None else max(level, Level.STOP)
+    return {
+        "name": name,
+        "level": int(level),
+        "colour": hexadecimal(LEVEL_COLOURS[shown]),
+        "word": robot_word(level, action, verdict.speed_scale[name]),
+        "blocked": why,
+        "urgency": verdict.cues[name].urgency,
+    }
+
+
+def sentence(cycle: Cycle, held: Mapping[str, Held]) -> str:
+    """Robots that wait for a person: why, since when, how to go on; then the rest."""
+    verdict = cycle.verdict
+    groups: dict[str, list[str]] = {}
+    for name, one in held.items():
+        why, how = f"HELD: {one.cause}", "press Engage all"
+        if one.reason is Reason.STOP_ORDERED and one.until_engaged:
+            why = "STOPPED BY A PERSON"
+        elif not one.until_engaged:
+            how = f"{GO_ON[one.blocked]}, or {how}"
+        said = f"{why}, since {since(cycle, one)} – {how}"
+        groups.setdefault(said, []).append(name)
+    sentences = [
+        said if len(names) == len(verdict.levels) else f"{' and '.join(names)} {said}"
+        for said, names in groups.items()
+    ]
+    if not sentences or verdict.reason not in (Reason.OK, *ORDERED):
+        sentences.append(verdict.why)
+    return "; ".join(sentences)
+
+
+def since(cycle: Cycle, held: Held) -> str:
+    """When a robot began to wait, on this machine's wall clock."""
+    frame = cycle.frame
+    now = held.since if frame.now is None else frame.now
+    return time.strftime("%H:%M:%S", time.localtime(frame.wall - (now - held.since)))
+
+
+def robot_word(level: Level, action: Action | None, scale: float) -> str:
+    """Action of a robot in a word or two that do not contradict its level.
+
+    Args:
+        level: Its level.
+        action: Its action; None where no motion was asked for.
+        scale: Share of the speed that it may have [-].
+    """
+    if action is None or (action is Action.FOLLOW and level >= Level.STOP):
+        return LEVEL_WORDS[level].lower()
+    if action is Action.FOLLOW and scale < 1.0:
+        return f"{ACTION_WORDS[action]} {scale * 100:.0f} %"
+    return ACTION_WORDS[action]
+
+
+def ink_on(colour: Rgb) -> Rgb:
+    """Black or white, whichever is easier to read on a colour."""
+    r, g, b = ((c / 255.0) ** 2.2 for c in colour)
+    light = 0.2126 * r + 0.7152 * g + 0.0722 * b
+    # Contrast to black against contrast to white, as WCAG has it.
+    return (0, 0, 0) if (light + 0.05) / 0.05 > 1.05 / (light + 0.05) else (255,) * 3
+
+
+def finite(value: float) -> float | None:
+    """A number, or None where JSON has no word for it."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,293 @@
+"""The page: a world with its drawables, its tabs, its light and its sounds."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import viser
+from viser import uplot
+
+from armguard.errors import StationError
+from armguard.recording.frames import Frame
+from armguard.recording.palette import BLUE, VERMILLION, hexadecimal
+from armguard.scene.scene import Scene
+from armguard.scene.tables import SceneTables
+from armguard.view.computed_drawables import Leaves, StopGhost
+from armguard.view.controls import on_value
+from armguard.view.drawables import (
+    Drawable,
+    NearPairs,
+    Objects,
+    Primitives,
+    Robots,
+    Shells,
+)
+from armguard.view.login import Login
+from armguard.view.page_server import PageServer
+from armguard.view.state_message import state_message
+from armguard.view.viser_server import open_viser
+from armguard.view.world import Cycle, World, body_poses, levels_of
+
+# Drawings a second.
+RATE = 30.0
+
+# The page gets sentence and numbers this often, a change of its light at once [s].
+SENTENCE = 0.1
+
+# What the plot shows, and how often it is sent [s].
+SPAN, REDRAW = 20.0, 0.3
+
+# Near pairs in the list.
+LISTED = 6
+
+# The first camera is so far from the arms, in extents of what they may reach [-].
+BACK, ASIDE, ABOVE = 1.35, 0.85, 0.8
+
+BACKGROUND = (238, 241, 244)
+
+
+class View:
+    """Shows cycles of one scene at a time.
+
+    Attributes:
+        page: The page and its channel.
+        login: Admits browsers, each by a link of its own.
+        server: Viser's server, for tabs and nodes.
+        world: The scene that is drawn.
+        tabs: The panel's tabs.
+        drawables: What follows the cycles, in the scene and in the panel.
+        remark: Why the service stops all robots beside its verdicts; empty if it does
+            not.
+        changed: Whether objects were changed within the last second.
+        cue_delays: From a cycle's writing until its changed level left for the pages,
+            of the last thousand changes [s].
+
+    Args:
+        scene: What is shown at first.
+        page_port: Port of the page; 0 for any port that is free.
+        received: Called with a page's name and its message, from the page's thread.
+
+    Raises:
+        StationError: The port is taken.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        page_port: int,
+        received: Callable[[str, Mapping[str, Any]], None],
+    ) -> None:
+        self.login = Login()
+        self.server = open_viser(self.login)
+        port = self.server.get_port()
+        try:
+            self.page = PageServer(page_port, port, self.login, received)
+        except StationError:
+            self.server.stop()
+            raise
+        self.cue_delays: deque[float] = deque(maxlen=1000)
+        self._published = -np.inf
+        self.remark, self.changed = "", False
+        self.show_scene(scene)
+
+    def show_scene(self, scene: Scene) -> None:
+        """Draw another scene from now on, with the tab to watch it by."""
+        self.server.gui.reset()
+        self.server.gui.configure_theme(
+            show_share_button=False, show_logo=False, brand_color=BLUE
+        )
+        self.server.gui.main_panel.dock_right()
+        world = self.world = World(self.server, scene)
+        self.server.scene.reset()
+        with self.server.atomic():
+            set_stage(self.server, world.tables)
+            self.drawables: list[Drawable] = [kind(world) for kind in DRAWABLES]
+        self._drawn: Frame | None = None
+        self._summary: tuple[int, ...] = ()
+        self.tabs = self.server.gui.add_tab_group()
+        with self.tabs.add_tab("Watch", viser.Icon.EYE):
+            self.drawables += ClearancePlot(world), NearList(world)
+            with self.server.gui.add_folder("Show"):
+                for one in self.drawables:
+                    if one.label:
+                        self._add_switch(one)
+
+    def run(self, until: Callable[[], bool]) -> None:
+        """Draw thirty times a second; a drawing that is late is left out."""
+        due = time.monotonic()
+        while not until():
+            self.step()
+            due = max(due + 1.0 / RATE, time.monotonic())
+            time.sleep(max(due - time.monotonic(), 0.001))
+
+    def step(self) -> None:
+        """Draw the newest cycle of the source."""
+        raise NotImplementedError
+
+    def draw(self, frame: Frame | None) -> None:
+        """Draw a cycle, unless it is drawn already."""
+        if frame is None or frame is self._drawn or not self.world.fits(frame):
+            return
+        self._drawn = frame
+        cycle, now = self.world.cycle(frame), time.monotonic()
+        with self.server.atomic():
+            for one in self.drawables:
+                one.follow(cycle, now)
+
+    def publish(self, frame: Frame | None, grey: str = "", recorded: str = "") -> None:
+        """Send a cycle's state to the pages: at once if levels changed, else seldom.
+
+        Args:
+            frame: The cycle.
+            grey: Why it is not the present and to be grey; empty where it is live.
+            recorded: When it was recorded; empty where it is live.
+        """
+        if frame is None or not self.world.fits(frame):
+            return
+        now = time.monotonic()
+        live = not (grey or recorded)
+        before, summary = self._summary, self._summary_of(frame) if live else ()
+        changed = live and summary != before
+        if not changed and now - self._published < SENTENCE:
+            return
+        self._summary, self._published = summary, now
+        message = state_message(
+            self.world.cycle(frame),
+            0.0 if recorded else now - frame.monotonic,
+            grey,
+            recorded,
+            remark=self.remark if live else "",
+            changed=self.changed and live,
+        )
+        self.page.publish("state", message, repeat=True)
+        if changed and before:
+            self.cue_delays.append(time.monotonic() - frame.monotonic)
+
+    def close(self) -> None:
+        """Close the page."""
+        self.page.close()
+        self.server.stop()
+
+    def _summary_of(self, frame: Frame) -> tuple[int, ...]:
+        """What pages get at once when it changes: levels, who is held, remarks."""
+        robots = len(self.world.names.robots)
+        held = np.isfinite(frame.told[-robots:]) if len(frame.told) else ()
+        return *levels_of(frame, robots), *held, self.changed, bool(self.remark)
+
+    def _add_switch(self, drawable: Drawable) -> None:
+        def show(shown: bool) -> None:
+            drawable.show(shown)
+            # Also where the cycle stays the same.
+            self._drawn = None
+
+        box = self.server.gui.add_checkbox(drawable.label, drawable.shown)
+        on_value(box, show)
+
+
+class ClearancePlot(Drawable):
+    """Clearance of the nearest pair in the last seconds; at the top if none is near."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        top = self._top = self.tables.margin * 1e3
+        self._points: deque[tuple[float, float]] = deque(maxlen=round(SPAN * RATE))
+        self._sent = -np.inf
+        self._plot = self.gui.add_uplot(
+            (np.array([-SPAN, 0.0]), np.array([top, top]), np.zeros(2)),
+            (
+                uplot.Series(label="s"),
+                uplot.Series(label="clearance [mm]", stroke=hexadecimal(BLUE), width=2),
+                uplot.Series(
+                    label="stop", stroke=hexadecimal(VERMILLION), width=2, dash=[6, 4]
+                ),
+            ),
+            title="nearest pair: clearance [mm], last 20 s",
+            scales={
+                "x": uplot.Scale(time=False, range=(-SPAN, 0.0)),
+                "y": uplot.Scale(range=(-0.3 * top, 1.05 * top)),
+            },
+            legend=uplot.Legend(show=False),
+            height=150,
+        )
+
+    def _draw(self, cycle: Cycle) -> None:
+        now, nearest = time.monotonic(), cycle.verdict.nearest
+        clearance = self._top if nearest is None else nearest.clearance * 1e3
+        self._points.append((now, clearance))
+        if now - self._sent >= REDRAW:
+            self._sent = now
+            times, values = np.array(self._points).T
+            shown = np.clip(values, -0.3 * self._top, self._top)
+            self._plot.data = times - now, shown, np.zeros(len(times))
+
+
+class NearList(Drawable):
+    """The list of near pairs."""
+
+    every = 0.25
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self._text = self.gui.add_markdown("")
+
+    def _draw(self, cycle: Cycle) -> None:
+        lines = [
+            f"| {inert(pair.a)} | {inert(pair.b)} | {pair.distance * 1e3:.0f} "
+            f"| {pair.clearance * 1e3:.0f} |"
+            for pair in cycle.pairs[:LISTED]
+        ]
+        text = "\n".join(
+            ["| near | to | mm | left |", "| --- | --- | --: | --: |", *lines]
+        )
+        if len(cycle.pairs) > LISTED:
+            text += f"\n\n… and {len(cycle.pairs) - LISTED} more"
+        if text != self._text.content:
+            self._text.content = text
+
+
+# What each scene is drawn by. Robots come first: others have nodes below their bodies.
+DRAWABLES: tuple[type[Drawable], ...] = (
+    *(Robots, Objects, NearPairs),
+    *(Primitives, Shells, StopGhost, Leaves),
+)
+
+
+def inert(name: str) -> str:
+    """A name in which no sign means anything in Markdown or HTML."""
+    return "".join(sign if sign.isalnum() else f"&#{ord(sign)};" for sign in name)
+
+
+def set_stage(server: viser.ViserServer, tables: SceneTables) -> None:
+    """Put up light and floor, and the camera where arms hide least."""
+    scene = server.scene
+    scene.set_up_direction("+z")
+    scene.configure_default_lights(enabled=True, cast_shadow=False)
+    scene.set_background_image(np.full((2, 2, 3), BACKGROUND, dtype=np.uint8))
+    scene.add_grid(
+        "/floor",
+        width=8.0,
+        height=8.0,
+        plane="xy",
+        cell_size=0.25,
+        section_size=1.0,
+        cell_color=(216, 220, 224),
+        section_color=(192, 198, 204),
+    )
+    places = body_poses(tables, tables.home)[:, [3, 7, 11]]
+    tools = places[[tables.links[part.tool].body for part in tables.robots]]
+    roots = places[[k for k, parent in enumerate(tables.parent) if parent < 0]]
+    arms = np.concatenate([tools, roots]).mean(axis=0)
+    forward = tools.mean(axis=0) - roots.mean(axis=0)
+    extent = max(
+        float(np.linalg.norm(forward)), float(np.ptp(places, axis=0).max()), 0.5
+    )
+    ahead = tools.mean(axis=0) + forward * [1.0, 1.0, 0.0]
+    towards = (arms - ahead) * [1.0, 1.0, 0.0]
+    size = np.linalg.norm(towards)
+    towards = towards / size if size > 0.05 else np.array([0.0, -1.0, 0.0])
+    aside = np.array([-towards[1], towards[0], 0.0])
+    eye = arms + extent * (BACK * towards + ASIDE * aside + [0.0, 0.0, ABOVE])
+    server.initial_camera.position = eye
+    server.initial_camera.look_at = (arms + ahead) / 2.0

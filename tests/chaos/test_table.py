@@ -1,0 +1,68 @@
+"""Every row of the table of faults, played against real processes."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from armguard.chaos.fault import Effect
+from armguard.chaos.table import FAULTS
+from armguard.cli.app import app
+from armguard.scene.bay import FOLDER, bay_path
+
+
+@pytest.fixture
+def patient_bay(tmp_path):
+    """The bay, with states believed for longer than a busy machine is late."""
+    text = bay_path().read_text().replace("\nmode: fixed\n", "\nmode: path\n")
+    text = text.replace("\nbuffer: 0.03048\n", "\n")
+    text = text.replace("stale: 0.010", "stale: 0.120")
+    # Something that moves, far away, whose sightings may be wrong.
+    cart = "  cart: {sphere: {radius: 0.05}, present: false, top_speed: 0.01}\n"
+    assert text.count("\nobjects:\n") == 1
+    text = text.replace("\nobjects:\n", f"\nobjects:\n{cart}")
+    path = tmp_path / "bay.yaml"
+    path.write_text(text.replace("bay_arm.urdf", str(FOLDER / "bay_arm.urdf")))
+    return path
+
+
+def test_every_fault_is_answered_as_declared(patient_bay):
+    words = ("chaos", str(patient_bay), "--json", "--late", "0.08", "--slack", "0.5")
+    run = subprocess.run(
+        [sys.executable, "-m", "armguard", *words],
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=900.0,
+    )
+    rows = json.loads(run.stdout)["faults"]
+    assert [row["fault"] for row in rows] == [fault.name for fault in FAULTS]
+    failed = {row["fault"]: row["observed"] for row in rows if row["status"] == "FAIL"}
+    assert not failed
+    assert run.returncode == 0
+    # What stops is told why, and nothing is passed over but for want of a part.
+    assert all("started no" in row["skipped"] for row in rows if row["skipped"])
+
+
+def test_rows_are_told_apart_and_declare_what_can_be_observed():
+    names = [(fault.group, fault.name) for fault in FAULTS]
+    assert len(set(names)) == len(names)
+    for fault in FAULTS:
+        if fault.effect in (Effect.STOPS, Effect.TOLD_ONLY):
+            assert fault.reasons and fault.within
+        if fault.effect is Effect.GOES_ON:
+            assert not fault.reasons
+
+
+def test_every_row_is_in_the_docs():
+    page = (bay_path().parents[4] / "docs" / "chaos.md").read_text()
+    for fault in FAULTS:
+        assert f"| {fault.name} |" in page, fault.name
+
+
+def test_a_word_that_is_in_no_name_is_an_error_in_words():
+    result = CliRunner().invoke(app, ["chaos", "--only", "all losst"])
+    assert result.exit_code != 0
+    assert "did you mean 'all lost'" in str(result.exception)

@@ -1,0 +1,93 @@
+"""The tele-driver keeps a guard busy, and the guard keeps the arms apart."""
+
+import numpy as np
+import pytest
+
+from armguard.guard import Level
+from armguard.respond import Blocked
+from armguard.scene import bay_scene, compile_scene
+from armguard.simulation import Operator, TeleDriver
+from armguard.simulation.operator import TRY, WAIT
+from armguard.simulation.tele import LEG
+from rounds import work
+
+TABLES = compile_scene(bay_scene("path"))
+TOP = np.concatenate([part.stopping.velocity for part in TABLES.robots])
+
+
+def test_a_wish_is_a_function_of_seed_time_and_place():
+    one, other = TeleDriver(TABLES, seed=2), TeleDriver(TABLES, seed=2)
+    times = np.random.default_rng(0).uniform(0.0, 1e4, 200)
+    there = [one.wish(t, TABLES.home) for t in times]
+    back = [other.wish(t, TABLES.home) for t in times[::-1]][::-1]
+    assert (np.array(there) == np.array(back)).all()
+    assert (TeleDriver(TABLES, seed=3).wish(1.0, TABLES.home) != there[0]).any()
+
+
+def test_wishes_are_smooth_and_no_faster_than_the_arms():
+    driver, dt = TeleDriver(TABLES, seed=2), 0.004
+    q, last = TABLES.home, np.zeros(14)
+    for k in range(int(10 * LEG / dt)):
+        wish = driver.wish(k * dt, q)
+        assert (np.abs(wish) <= 0.8 * TOP + 1e-12).all()
+        assert (np.abs(wish - last) <= 10.0 * TOP * dt).all()
+        q, last = q + wish * dt, wish
+        assert (q > TABLES.lower).all() and (q < TABLES.upper).all()
+
+
+def test_between_two_legs_nothing_is_asked_for():
+    driver = TeleDriver(TABLES, seed=5)
+    for k in range(50):
+        assert not driver.wish((k + 1) * LEG - 0.01, TABLES.home).any()
+
+
+def test_after_a_stop_he_lets_go_waits_engages_and_goes_elsewhere():
+    operator = Operator(TeleDriver(TABLES, seed=1))
+    stopped = {"left": Blocked.STOPPED}
+    first, _ = operator.drive(1.0, TABLES.home, {})
+    assert first[:7].any() and first[7:].any()
+    wish, engages = operator.drive(1.01, TABLES.home, stopped)
+    assert not wish[:7].any() and wish[7:].any() and engages == []
+    # He looks on, whatever the arm does: it is too early to go on.
+    wish, engages = operator.drive(1.1, TABLES.home, {})
+    assert not wish[:7].any() and engages == []
+    wish, engages = operator.drive(1.2, TABLES.home, stopped)
+    wish, engages = operator.drive(1.21 + 2 * WAIT, TABLES.home, stopped)
+    assert engages == ["left"] and not wish[:7].any()
+
+
+def test_after_a_stop_he_backs_off_before_he_goes_elsewhere():
+    operator = Operator(TeleDriver(TABLES, seed=1))
+    q = TABLES.home.copy()
+    for k in range(100):
+        q[0] = TABLES.home[0] + 0.002 * k
+        operator.drive(0.01 * k, q, {})
+    operator.drive(1.0, q, {"left": Blocked.STOPPED})
+    back, engages = operator.drive(1.0 + WAIT + 0.1, q, {})
+    assert engages == [] and back[0] < 0.0
+    assert -back[0] == np.abs(back[:7]).max()
+
+
+def test_out_of_what_is_too_near_he_tries_other_ways():
+    operator = Operator(TeleDriver(TABLES, seed=1))
+    near = {"right": Blocked.TOO_NEAR}
+    first, _ = operator.drive(1.0, TABLES.home, near)
+    operator.drive(1.01 + TRY, TABLES.home, near)
+    other, engages = operator.drive(2.0 + TRY, TABLES.home, near)
+    assert engages == [] and first[7:].any() and (first[7:] != other[7:]).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "response"),
+    [("bay", "deflect"), ("bay", "stop"), ("two-pandas", "deflect")],
+)
+def test_a_minute_at_work_is_busy_and_nothing_touches(name, response):
+    found = work(name, response, seed=8)
+    assert found.least > 0.0
+    assert found.levels[Level.SLOW] + found.levels[Level.STOP] > 500
+    assert (found.moving > 0.5).all()
+    assert (found.stuck < 6.0).all()
+    if response == "stop":
+        assert found.stops >= 3
+    else:
+        assert found.deflected > 500
