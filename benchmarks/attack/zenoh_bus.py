@@ -22,7 +22,7 @@ from typing import IO, Any
 import zenoh
 
 from armguard.bridges.zenoh_bridge import ZenohClient
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 from attack.target import Target, free_port, started
 
 ROOT = "armguard/guard"

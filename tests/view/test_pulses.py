@@ -13,7 +13,7 @@ import pytest
 from tests.view.conftest import channel_of, greet, running, until
 from websockets.asyncio.client import connect
 
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 from armguard.recording.ring import beat, end_pulse
 from armguard.respond.command import Action
 from armguard.service.client import Client

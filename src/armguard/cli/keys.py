@@ -24,7 +24,7 @@ def keys(
 
     With --from and --role it writes the part that one client needs.
     """
-    from armguard.recording.calls import Role
+    from armguard.recording.rights import Role
     from armguard.service.wire.keys import key_of, new_keys, read_keys, write_keys
 
     words = {one.word: one for one in Role}

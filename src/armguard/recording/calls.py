@@ -6,7 +6,6 @@ the guard to judge.
 """
 
 from collections.abc import Mapping
-from enum import IntEnum
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidat
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Shape
 from armguard.guard.contract import Region
+from armguard.recording.rights import Role
 from armguard.recording.shape_words import shape_of, words_of
 from armguard.respond import Guard
 
@@ -83,27 +83,6 @@ RegionWords = Annotated[
     PlainValidator(region_in),
     PlainSerializer(region_words, when_used="unless-none"),
 ]
-
-
-class Role(IntEnum):
-    """What the holder of a key may do; each role includes those before it."""
-
-    OBSERVE = 1
-    """Receive commands, ask what they mean, and order a stop."""
-
-    SENSE = 2
-    """Place and remove the objects that the scene calls movable."""
-
-    COMMAND = 3
-    """Send states of robots, claim the command, and command."""
-
-    ADMINISTER = 4
-    """Take the command from its holder, change settings, change fixtures at rest."""
-
-    @property
-    def word(self) -> str:
-        """The role as key files and messages for people name it."""
-        return self.name.lower()
 
 
 class Call(BaseModel):

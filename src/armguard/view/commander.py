@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 from armguard.service.client import Client, Welcome
 from armguard.service.wire import Cause
 

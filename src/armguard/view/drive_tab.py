@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 from armguard.scene.settings import CHOICES
 from armguard.view.commander import Commander
 from armguard.view.controls import ask, on_click, on_page, on_value

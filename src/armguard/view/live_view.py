@@ -11,8 +11,8 @@ from typing import Any
 import viser
 
 from armguard.errors import NoServiceError, StationError
-from armguard.recording.calls import Role
 from armguard.recording.frames import KIND, Frame, Kind, frame_of
+from armguard.recording.rights import Role
 from armguard.recording.ring import RingReader, recorder_age
 from armguard.scene import Scene, compile_scene
 from armguard.scene.bay import bay_path

@@ -16,8 +16,8 @@ import zenoh
 
 from armguard.bridges.zenoh_bridge import ZenohClient
 from armguard.errors import NoServiceError, RefusedError
-from armguard.recording.calls import Role
 from armguard.recording.counters import counters_path
+from armguard.recording.rights import Role
 from armguard.scene.bay import bay_path
 from armguard.service.wire.keys import keys_path, read_keys, write_keys
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from armguard.bridges.zenoh_bridge.schema import DroppedError
 from armguard.bridges.zenoh_bridge.seal import ROLES, Sealer, check, mark_of
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 
 KEYS = {role: bytes([65 + role]) * 20 for role in Role}
 NAME, PAYLOAD = "armguard/guard/command", b'{"cycle": 1}'

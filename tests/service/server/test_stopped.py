@@ -13,7 +13,7 @@ import pytest
 
 from armguard import Action, Level, Reason
 from armguard.errors import RefusedError
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 from armguard.service.wire import Cause
 from service_arms import Arms, wait_for
 

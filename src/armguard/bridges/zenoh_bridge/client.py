@@ -23,7 +23,7 @@ from armguard.bridges.zenoh_bridge.seal import (
     mark_of,
 )
 from armguard.errors import NoServiceError, RefusedError
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 from armguard.service.client.clock import ServiceClock
 from armguard.service.wire.keys import Keys, found_keys, key_of
 

@@ -8,7 +8,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from armguard.bridges.zenoh_bridge.schema import DroppedError
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 
 # Magic, role, bytes of the key expression, sequence, stamp on the service's clock [ns],
 # session of the sender, what the message refers to.

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from armguard.errors import KeyFileError, NoServiceError
-from armguard.recording.calls import Role
+from armguard.recording.rights import Role
 from armguard.recording.ring import in_memory
 
 # Lengths of a key [bytes]: BLAKE2s takes no longer one, a shorter one can be guessed.
