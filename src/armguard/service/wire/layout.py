@@ -127,13 +127,13 @@ class Cause(IntEnum):
         cause._value_, cause.sentence = number, sentence
         return cause
 
-    NONE = 0, "what the commander wants was judged"
-    NO_COMMANDER = 1, "nobody commands; nothing was asked for"
-    NO_WISH = 2, "the commander has not wished for anything yet"
-    WISH_OLD = 3, "the commander is silent; nothing was asked for"
+    NONE = 0, "the commander's desired motion was judged"
+    NO_COMMANDER = 1, "no client has the command; zero velocity was judged"
+    NO_WISH = 2, "the commander has sent no desired motion yet"
+    WISH_OLD = 3, "the commander is silent; zero velocity was judged"
     STOP_ORDERED = 10, "a stop was ordered; the commander has to engage"
     DEADLINE_MISSED = 11, "the service was later than its period allows"
-    FAULT = 12, "something went wrong in the service; its log tells what"
+    FAULT = 12, "a fault in the service; its log names the fault"
     SHUTDOWN = 13, "the service shuts down"
     WAITING = 14, "not every robot has sent a state yet"
     RESTARTED = (
@@ -142,8 +142,8 @@ class Cause(IntEnum):
     )
     NOT_CONNECTED = 100, "not connected to a service"
     SERVICE_SILENT = 101, "the service is silent"
-    NO_ANSWER = 102, "the service lives, and has sent no command in time"
-    SERVICE_GONE = 103, "the service has said good-bye"
+    NO_ANSWER = 102, "the service is alive, but has sent no command in time"
+    SERVICE_GONE = 103, "the service has ended"
     NOT_YOURS = 104, "another controller sends the states of these robots"
 
     @property
