@@ -14,8 +14,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "build" / "mutants" / "src"))
-
 from mutants.build import build
 from mutants.page import page
 from mutants.places import Mutant
@@ -71,7 +69,8 @@ def main() -> None:
         "ARMGUARD_CACHE": str(BUILD / "cache"),
     }
     mutants = build(ROOT / "src" / "armguard", BUILD / "src" / "armguard", COUNT, SEED)
-    # The package was imported from elsewhere before the build made its folder.
+    # What is imported so far comes from the package itself; the rest is to be mutated.
+    sys.path.insert(0, str(BUILD / "src"))
     importlib.invalidate_caches()
     for name in [name for name in sys.modules if name.split(".")[0] == "armguard"]:
         del sys.modules[name]
