@@ -227,6 +227,7 @@ def test_a_page_may_what_its_key_may_and_always_stop(stage, tmp_path, role):
         assert until(lambda: "may" in view.page.newest)
         may = json.loads(view.page.newest["may"])
         assert (may["role"], may["engage"]) == (role.word, role >= Role.COMMAND)
+        assert until(lambda: view.source.newest is not None)
         before = view.source.newest.cycle
         view._received("one", {"type": "stop"})
 
