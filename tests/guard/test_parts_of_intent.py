@@ -49,6 +49,9 @@ def slowly(c, again, u, w, m):
     return approaches_slowly(c, again, u, w, m)
 
 
+# Primitive of the support.
+SUPPORT = 39
+
 # States of the contracts of two fingers, whether that is over, and was spent.
 STATES = [
     (NONE, NONE, True, False),
@@ -109,14 +112,17 @@ def test_what_is_put_down_comes_slowly_and_towards_it(
         q_index=np.arange(4, dtype=np.int32),
         gain=np.ones((4, 2)),
         axes=axes,
-        rate=np.zeros(2 if carried else 1),
+        # A carried support is the last of many primitives that move.
+        rate=np.zeros(SUPPORT + 1 if carried else SUPPORT),
     )
-    w = record(bodies=np.array([0, 1 if carried else -1], dtype=np.int32))
+    bodies = np.zeros(SUPPORT + 1, dtype=np.int32)
+    bodies[SUPPORT] = 1 if carried else -1
+    w = record(bodies=bodies)
     u = np.array([down, across, 0.0, 0.0]) * 0.05
     if carried:
         u += [0.02, 0.01, 0.02, 0.01]
     c = np.zeros(CONTRACT)
-    c[[FIRST_A, FIRST_B]] = 0, 1
+    c[[FIRST_A, FIRST_B]] = 0, SUPPORT
     c[[SPEED, NEAR]] = 0.05, 0.1
     c[NORMAL : NORMAL + 3] = 0.0, 0.0, -1.0
     c[POINT : POINT + 3] = 0.3, 0.2, 0.1

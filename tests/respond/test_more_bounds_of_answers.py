@@ -9,6 +9,8 @@ import trimesh
 
 from approach import FIGURES, PERIOD
 from armguard.geometry import Capsule, Pose, Sphere
+from armguard.guard.grips import CONTRACT, IN_FORCE, NONE
+from armguard.guard.grips import STATE as CONTRACT_STATE
 from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
 from armguard.guard.watch import (
     GIVEN,
@@ -22,7 +24,7 @@ from armguard.guard.watch import (
 from armguard.guard.watch import (
     PERIOD as PERIOD_AT,
 )
-from armguard.guard.workspace import open_workspace
+from armguard.guard.workspace import INTENTS, open_workspace
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.pair_state import new_pair
 from armguard.motion.state import CLOCK, NEXT, PLANS
@@ -32,6 +34,7 @@ from armguard.respond import state as places
 from armguard.respond.escape_state import APPROACHING_COUNT, KNOWN, NEXT_TRY
 from armguard.respond.lead_state import LEAD_NOTES
 from armguard.respond.program import frame_limits
+from armguard.respond.straight import reaches_anything
 from armguard.robot.model import CollisionElement, MeshFile
 from armguard.scene import Scene
 from armguard.scene.settings import ResponseSettings
@@ -240,3 +243,20 @@ def test_a_look_at_exact_shapes_that_turn_grants_what_the_proof_of_the_path_does
         assert once == pytest.approx(proven, abs=1e-12)
         # A pair that needs all of it and a little more is not granted anything.
         assert exact_left(0, moving, once + 1e-6, lines)[0] == -np.inf
+
+
+@numba.njit
+def reaches(w):
+    return reaches_anything(w)
+
+
+@pytest.mark.parametrize("state", [NONE, IN_FORCE])
+@pytest.mark.parametrize("enabled", [0, 1])
+def test_a_contract_in_force_counts_where_intents_are_read(enabled, state):
+    """The self-test reads none: its approaches are not those of an operator."""
+    settings = np.zeros(INTENTS + 1, dtype=np.int32)
+    settings[INTENTS] = enabled
+    contracts = np.zeros((3, CONTRACT))
+    contracts[2, CONTRACT_STATE] = state
+    w = record(settings=settings, grips=record(contracts=contracts))
+    assert reaches(w) == (enabled == 1 and state == IN_FORCE)
