@@ -10,10 +10,12 @@ from armguard.geometry.pose import Pose
 from armguard.robot.fitting import fit_robot
 from armguard.robot.limits import home_configuration
 from armguard.robot.model import FittedLink, RobotModel
+from armguard.robot.known_arms import known_home
 from armguard.robot.named import find_named_robot
 from armguard.robot.stopping import (
     StoppingFigures,
     declared_figures,
+    known_figures,
     named_figures,
 )
 from armguard.robot.urdf import load_urdf
@@ -61,13 +63,14 @@ def load_robot(
 
     Returns:
         The model; home positions by joint name [rad or m] and stopping figures, as far
-        as a robot by name has some.
+        as a robot by name, or a recognised arm, has some.
     """
     if isinstance(urdf, RobotModel):
         return urdf, {}, None
     path = Path(urdf)
     if path.exists() or path.suffix or len(path.parts) > 1:
-        return load_urdf(path, srdf=srdf, packages=packages), {}, None
+        model = load_urdf(path, srdf=srdf, packages=packages)
+        return model, known_home(model), known_figures(model)
     named = find_named_robot(str(urdf))
     srdf = named.srdf if srdf is None else srdf
     model = load_urdf(named.urdf, srdf=srdf, packages=packages)

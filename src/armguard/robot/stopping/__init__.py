@@ -3,6 +3,7 @@
 from armguard.robot.stopping.declared import (
     ASSUMPTION,
     declared_figures,
+    known_figures,
     named_figures,
 )
 from armguard.robot.stopping.distance import StopTravel, stop_travel
@@ -24,6 +25,7 @@ __all__ = [
     "StoppingFigures",
     "TableFile",
     "declared_figures",
+    "known_figures",
     "levers",
     "named_figures",
     "read_stop_tables",

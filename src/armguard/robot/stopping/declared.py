@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from armguard.errors import ModelError
+from armguard.robot.known_arms import family_figures, known_arms
 from armguard.robot.model import RobotModel
 from armguard.robot.named import ROBOTS, robot_data
 from armguard.robot.stopping.figures import (
@@ -156,6 +157,8 @@ def named_figures(name: str, model: RobotModel) -> StoppingFigures | None:
     if name not in ROBOTS:
         return None
     data = robot_data(name)
+    if "figures" not in data:
+        return known_figures(model)
     if isinstance(data["figures"], str):
         data = robot_data(data["figures"])
     rows = data["figures"]
@@ -164,6 +167,35 @@ def named_figures(name: str, model: RobotModel) -> StoppingFigures | None:
         model,
         **{key: by_joint(row["value"], groups) for key, row in rows.items()},
         sources={**{key: row["source"] for key, row in rows.items()}, **NO_ERRORS},
+    )
+
+
+def known_figures(model: RobotModel) -> StoppingFigures | None:
+    """Stopping figures of a robot whose arms are recognised.
+
+    Args:
+        model: The robot.
+
+    Returns:
+        The figures of the arms' family; None if no arm is recognised, or arms of several
+        families are.
+    """
+    arms = known_arms(model)
+    if len({arm.family for arm in arms}) != 1:
+        return None
+    titles = ", ".join(sorted({arm.title for arm in arms}))
+    values, sources = family_figures(arms[0].family)
+    most = values.pop("velocity")
+    limits = {name: model.joints[name].velocity for name in model.q_names}
+    return stopping_figures(
+        model,
+        **values,
+        velocity={name: min(most, limit or most) for name, limit in limits.items()},
+        sources={
+            **{key: f"{source} ({titles})" for key, source in sources.items()},
+            "brake_deceleration": DEFAULTS["brake_deceleration"],
+            **NO_ERRORS,
+        },
     )
 
 
