@@ -1,4 +1,4 @@
-"""Arms that are recognised in a robot by the names and the distances of their joints."""
+"""Arms that are recognised by the names and the distances of their joints."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from armguard.robot.model import Joint, JointKind, RobotModel
 
 FILE = Path(__file__).with_name("known_arms.yaml")
 
-# How far the distance of two joints may differ from that of the maker's description [m];
-# kinematics that were calibrated differ by a millimetre.
+# How far the distance of two joints may differ from that of the maker's description [m].
+# Calibrated kinematics differ by a millimetre.
 LENGTH_TOLERANCE = 0.002
 
 

@@ -8,9 +8,9 @@ from typing import Any
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
 from armguard.robot.fitting import fit_robot
+from armguard.robot.known_arms import known_home
 from armguard.robot.limits import home_configuration
 from armguard.robot.model import FittedLink, RobotModel
-from armguard.robot.known_arms import known_home
 from armguard.robot.named import find_named_robot
 from armguard.robot.stopping import (
     StoppingFigures,

@@ -177,8 +177,8 @@ def known_figures(model: RobotModel) -> StoppingFigures | None:
         model: The robot.
 
     Returns:
-        The figures of the arms' family; None if no arm is recognised, or arms of several
-        families are.
+        The figures of the arms' family; None if no arm is recognised, or if the arms
+        are of several families.
     """
     arms = known_arms(model)
     if len({arm.family for arm in arms}) != 1:
