@@ -14,7 +14,7 @@ from armguard.robot.model import Joint, JointKind, RobotModel
 
 FILE = Path(__file__).with_name("known_arms.yaml")
 
-# How far the distance of two joints may differ from that of the maker's description [m].
+# How far the distance of two joints may differ from that of the description [m].
 # Calibrated kinematics differ by a millimetre.
 LENGTH_TOLERANCE = 0.002
 
@@ -126,10 +126,10 @@ def chain_lengths(
     return lengths
 
 
-def family_figures(family: str) -> tuple[dict[str, float], dict[str, str]]:
+def family_figures(family: str) -> tuple[dict[str, Any], dict[str, str]]:
     """Figures of a family and where each is from, by the names of `StoppingFigures`."""
     rows = known_data()["families"][family]
-    values: dict[str, float] = {}
+    values: dict[str, Any] = {}
     sources: dict[str, str] = {}
     if "like" in rows:
         values, sources = family_figures(rows["like"])
