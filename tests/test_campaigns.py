@@ -314,3 +314,20 @@ def test_a_soak_counts_exceptions_and_compares_with_a_new_guard(kind, monkeypatc
     assert soak.chunk(np.random.default_rng(0), 10) == {"raised ZeroDivisionError": 10}
     assert soak_campaign.is_broken({**found, "exceptions": 10})
     assert soak_campaign.is_broken({**found, "most_growth_kib": 1025})
+
+
+@pytest.mark.parametrize("kind", soak_campaign.KINDS)
+def test_an_episode_of_a_soak_depends_on_its_seed_alone(kind, monkeypatch):
+    monkeypatch.setattr(soak_campaign, "CYCLES", 1200)
+    monkeypatch.setattr(soak_campaign, "WARM", 100)
+    made, mode = soak_campaign.KINDS[kind]
+
+    def digests(seeds):
+        soak = made(mode)
+        found = {seed: soak.episode(seed) for seed in seeds}
+        # The guard itself lives on: its memory is compared over all of them.
+        assert found[seeds[-1]]["in_a_row"] == 1200 * len(seeds)
+        return {seed: soak_campaign.digest(found[seed]) for seed in sorted(seeds)}
+
+    assert digests([0, 1, 2]) == digests([2, 0, 1])
+    assert digests([1]) == {1: digests([0, 1])[1]}
