@@ -142,7 +142,7 @@ def test_every_named_robot_has_figures_and_each_a_source(name):
     for key in StoppingFigures.__slots__:
         if key not in ("tables", "sources", "joints"):
             assert len(figures.sources[key]) > 10, key
-    assert (figures.deceleration_most == 2.0 * figures.deceleration).all()
+    assert (figures.deceleration_most >= 2.0 * figures.deceleration).all()
     assert (figures.acceleration >= figures.deceleration).all()
     for joint, top in zip(model.q_names, figures.velocity, strict=True):
         limit = model.joints[joint].velocity
