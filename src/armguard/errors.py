@@ -5,6 +5,24 @@ Inside the loop nothing is raised: there a bad input is a `Reason` of the verdic
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from enum import IntEnum
+from typing import Self
+
+
+class WithSentence(IntEnum):
+    """Numbers of a kind, each declared as a row: number, sentence, further attributes.
+
+    Attributes:
+        sentence: The meaning of the number in words.
+    """
+
+    sentence: str
+
+    def __new__(cls, number: int, sentence: str = "", *_: object) -> Self:
+        """A member, of its row; a class with further attributes takes them itself."""
+        member = int.__new__(cls, number)
+        member._value_, member.sentence = number, sentence
+        return member
 
 
 class ArmguardError(Exception):

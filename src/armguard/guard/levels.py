@@ -1,7 +1,8 @@
 """Levels and reasons of a verdict."""
 
 from enum import IntEnum
-from typing import Self
+
+from armguard.errors import WithSentence
 
 
 class Level(IntEnum):
@@ -34,7 +35,7 @@ class Level(IntEnum):
     """Use whatever stops the arm from outside: the brake is not what was declared."""
 
 
-class Reason(IntEnum):
+class Reason(WithSentence):
     """Reason of a verdict's level: its number, its sentence and the level.
 
     Attributes:
@@ -46,15 +47,10 @@ class Reason(IntEnum):
         <Level.STOP: 30>
     """
 
-    sentence: str
     level: Level
 
-    def __new__(cls, value: int, sentence: str = "", level: Level = Level.STOP) -> Self:
-        """A member, of its row."""
-        reason = int.__new__(cls, value)
-        reason._value_ = value
-        reason.sentence, reason.level = sentence, level
-        return reason
+    def __init__(self, _: int, __: str = "", level: Level = Level.STOP) -> None:
+        self.level = level
 
     OK = 0, "no checked pair is within the margin", Level.CLEAR
     NEAR = 10, "a pair is within the margin and keeps its buffer", Level.CAUTION

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.errors import WithSentence
 from armguard.guard.levels import ORDERED, UNTIL_ENGAGED, Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import RECOVERING, RUNNING
@@ -36,7 +36,7 @@ class Action(IntEnum):
     """Stop the robot by external means: the brake deviates from its declaration."""
 
 
-class Blocked(IntEnum):
+class Blocked(WithSentence):
     """Reason for which a robot does not follow its operator, or only later.
 
     Attributes:
@@ -44,15 +44,10 @@ class Blocked(IntEnum):
         remedy: What releases a robot that is held; empty for robots that move.
     """
 
-    sentence: str
     remedy: str
 
-    def __new__(cls, value: int, sentence: str = "", remedy: str = "") -> Self:
-        """A member, of its row."""
-        blocked = int.__new__(cls, value)
-        blocked._value_ = value
-        blocked.sentence, blocked.remedy = sentence, remedy
-        return blocked
+    def __init__(self, _: int, __: str = "", remedy: str = "") -> None:
+        self.remedy = remedy
 
     NOT = 0, "it follows its operator"
     """The robot follows its operator."""

@@ -24,6 +24,8 @@ from typing import (
 
 import numpy as np
 
+from armguard.errors import WithSentence
+
 Buffer = bytes | bytearray | memoryview
 Record = TypeVar("Record", bound=tuple[Any, ...])
 
@@ -112,20 +114,11 @@ class Form(IntEnum):
     TWISTS = 3
 
 
-class Cause(IntEnum):
+class Cause(WithSentence):
     """Reason that the service, or a client, adds to the guard's.
 
     From `STOP_ORDERED` on it is a stop; from `NOT_CONNECTED` on a client sets it.
     """
-
-    sentence: str
-    """The same for people."""
-
-    def __new__(cls, number: int, sentence: str = "") -> "Cause":
-        """A cause with its sentence."""
-        cause = int.__new__(cls, number)
-        cause._value_, cause.sentence = number, sentence
-        return cause
 
     NONE = 0, "the commander's desired motion was judged"
     NO_COMMANDER = 1, "no client has the command; zero velocity was judged"
