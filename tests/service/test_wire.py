@@ -1,25 +1,22 @@
 """Each record of a message is declared once; page and C header have the same bytes."""
 
 import re
-from hashlib import sha256
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from armguard.guard.levels import Level
 from armguard.respond import Action
-from armguard.service.wire import Kind, layout
+from armguard.service.wire import Kind, layout, published
 from armguard.service.wire.layout import Layout
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "service.md").read_text(encoding="utf-8")
 HEADER = (ROOT / "examples" / "armguard.h").read_text(encoding="utf-8")
 
-LAYOUTS = {name: one for name, one in vars(layout).items() if isinstance(one, Layout)}
-
-# Titles of tables that are not the name of their record.
-TITLES = {"HEADER": "header", "ROBOT": "of each robot"}
+LAYOUTS = dict(published.LAYOUTS)
 
 C_TYPES = {
     "double": "<f8",
@@ -32,48 +29,63 @@ C_TYPES = {
 }
 
 
-def words_of(dtype: np.dtype) -> str:
-    """A type as the page names it: u32, f64[3]."""
-    base = dtype.base
-    count = f"[{dtype.shape[0]}]" if dtype.shape else ""
-    return f"{base.kind}{8 * base.itemsize}{count}"
+def test_page_and_c_header_are_those_of_the_records():
+    stale = [str(path) for path in published.stale()]
+    assert not stale, f"run: {published.COMMAND}"
 
 
-def table_on_page(title: str) -> list[tuple[str, str]]:
-    """Offset and type of each row of a table."""
-    _, found, rest = PAGE.partition(
-        f"| offset | type | {title} |\n| --- | --- | --- |\n"
-    )
-    assert found, f"the page has no table '{title}'"
-    lines = rest.partition("\n\n")[0].splitlines()
-    return [tuple(cell.strip() for cell in line.split("|")[1:3]) for line in lines]
+@pytest.fixture
+def longer_hello(monkeypatch):
+    """A record with one field more, before the name that follows it."""
+
+    class Hello(NamedTuple):
+        role: layout.U32  # role whose key seals it
+        every: layout.U32  # cycles to each COMMAND
+        cookie: layout.Cookie  # cookie of the CHALLENGE
+        lag: layout.F64  # greatest delay that the client expects,
+        # one way [s]
+
+    monkeypatch.setitem(published.LAYOUTS, "HELLO", Layout(Hello))
 
 
-# Hash of the fields and offsets of all records of this version.
-OF_VERSION = {2: "292c41928079326c"}
+def test_other_bytes_need_another_version(longer_hello):
+    with pytest.raises(published.PublishedError, match="set it to 3 in layout"):
+        published.new_page(PAGE)
 
 
-def test_other_bytes_have_another_version():
-    fields = [(name, one.dtype.descr) for name, one in sorted(LAYOUTS.items())]
-    found = sha256(repr(fields).encode()).hexdigest()[:16]
-    assert OF_VERSION.get(layout.VERSION) == found
+def test_a_field_more_is_a_row_and_a_member_more(longer_hello, monkeypatch):
+    monkeypatch.setattr(layout, "VERSION", layout.VERSION + 1)
+    page = published.new_page(PAGE)
+    assert (
+        "| 24 | f64 | greatest delay that the client expects, one way [s] |\n"
+        "| 32 | u8[] | a name in UTF-8, up to 64 bytes |\n"
+    ) in page
+    header = published.new_header(HEADER)
+    assert "    uint8_t cookie[16];\n    double lag;\n};" in header
+    assert f"guard->own.version = {layout.VERSION};" in header
+    # Nothing else differs.
+    assert len(page.splitlines()) == len(PAGE.splitlines()) + 1
+    assert len(header.splitlines()) == len(HEADER.splitlines()) + 1
 
 
-@pytest.mark.parametrize("name", LAYOUTS)
-def test_the_page_has_every_field_of_a_record_where_it_is(name):
-    one = LAYOUTS[name]
-    rows = table_on_page(TITLES.get(name, name))
-    fields = [one.dtype.fields[field] for field in one.record._fields]
-    expected = [(str(offset), words_of(dtype)) for dtype, offset in fields]
-    assert rows[: len(fields)] == expected
-    if rows[len(fields) :]:
-        assert rows[len(fields)][0] == str(one.size)
+def test_a_field_without_a_text_is_an_error():
+    class Silent(NamedTuple):
+        length: layout.U32
+
+    with pytest.raises(published.PublishedError, match=r"Silent\.length has no text"):
+        published.texts(Silent)
 
 
-def test_the_rows_of_a_command_are_as_long_as_the_page_says():
-    size = layout.COMMAND.size
-    assert (f"{size}", f"{layout.ROBOT.size} r bytes") in table_on_page("COMMAND")
-    assert f"| {size} + {layout.ROBOT.size} r | f64[n] |" in PAGE
+def test_a_stale_checkout_is_named_and_written(tmp_path, monkeypatch, capsys):
+    for path, text in ((published.PAGE, PAGE), (published.HEADER, HEADER)):
+        (tmp_path / path).parent.mkdir()
+        (tmp_path / path).write_text(text.replace("f64", "f32").replace("sender", "s"))
+    monkeypatch.setattr(published.stale, "__defaults__", (tmp_path,))
+    assert published.main([]) == 1
+    assert published.COMMAND in capsys.readouterr().err
+    assert published.main(["--write"]) == 0
+    assert published.main([]) == 0
+    assert (tmp_path / published.HEADER).read_text().count("sender") == 2
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -114,7 +126,6 @@ def test_the_c_header_has_the_same_numbers():
         if name in Kind.__members__ and name != "STOP":
             assert Kind[name] == int(number)
     assert f"guard->own.magic = {layout.MAGIC:#x}" in HEADER
-    assert f"guard->own.version = {layout.VERSION};" in HEADER
     assert f"ARMGUARD_MESSAGE = {layout.MOST}, ARMGUARD_SEAL = {layout.SEAL}" in HEADER
 
 

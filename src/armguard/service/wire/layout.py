@@ -4,8 +4,9 @@
 
 Numbers are little-endian, and the offset of a field of n bytes is a multiple of n, so
 that C reads a record as a struct and numpy as a view. Kernels, service, client and
-recorder use these records; tests compare the tables of docs/service.md and the structs
-of examples/armguard.h with them. Times are on the service's monotonic clock.
+recorder use these records; `published` writes the tables of docs/service.md, where the
+comment of a field is its text, and the structs of examples/armguard.h. Where records
+change, VERSION rises. Times are on the service's monotonic clock.
 """
 
 from enum import IntEnum
@@ -151,144 +152,151 @@ MAGIC, VERSION = 0x44524741, 2  # "AGRD"
 class Header(NamedTuple):
     """Head of every message."""
 
-    magic: U32
-    version: U8
-    kind: U8
-    length: U16  # of the whole message [bytes]
-    session: U64
-    scene: U64  # first eight bytes of the scene's hash
-    sender: U64  # 0 for the service
-    sequence: U64
-    stamp: I64  # when it was sent; in a HELLO on the sender's own clock [ns]
+    magic: U32  # 0x44524741, "AGRD"
+    version: U8  # version of the messages
+    kind: U8  # kind
+    length: U16  # length of the whole message [bytes]
+    session: U64  # session: random, new at each start of the service; 0 in the first
+    # HELLO
+    scene: U64  # scene: the first eight bytes of the scene's hash; any in a HELLO
+    sender: U64  # sender: random for each client, not 0; 0 for the service
+    sequence: U64  # sequence: rises from message to message of a sender
+    stamp: I64  # when it was sent [ns]: on the sender's monotonic clock in a HELLO and
+    # from the service; else the earliest it may be on the service's clock
 
 
 class Hello(NamedTuple):
     """Then a name in UTF-8."""
 
-    role: U32  # whose key seals it
-    every: U32  # cycles to one COMMAND; 0: none but answers to own states
-    cookie: Cookie  # of the CHALLENGE, or zeros
+    role: U32  # role whose key seals it: 1 observe, 2 sense, 3 command, 4 administer
+    every: U32  # cycles to each COMMAND that is sent; 0 for none but answers to own
+    # states
+    cookie: Cookie  # cookie of the CHALLENGE; zeros in the first HELLO
 
 
 class Challenge(NamedTuple):
     """The cookie that a HELLO of this session has to show once."""
 
-    asked: I64  # stamp of the HELLO it answers [ns]
-    cookie: Cookie
+    asked: I64  # the header's clock of the HELLO that is answered [ns]
+    cookie: Cookie  # cookie
 
 
 class WelcomePart(NamedTuple):
     """Then a part of the JSON."""
 
-    part: U32
-    parts: U32
-    joints: U32
-    robots: U32
-    period: F64  # [s]
-    asked: I64  # stamp of the HELLO it answers; 0 if it answers none [ns]
-    received: I64  # when that HELLO was received [ns]
+    part: U32  # part, from 0
+    parts: U32  # number of parts
+    joints: U32  # joints n
+    robots: U32  # robots r
+    period: F64  # period [s]
+    asked: I64  # the header's clock of the HELLO that is answered; 0 if none is [ns]
+    received: I64  # when that came in, on the service's clock [ns]
 
 
 class State(NamedTuple):
     """Then positions of the robots' joints; velocities and a WISH as flags say."""
 
-    robots: U32  # bit k for robot k
-    flags: U32
-    stamp: F64  # when it was measured [s]
+    robots: U32  # its robots: bit k for robot k
+    flags: U32  # flags: 1 velocities follow, 2 a WISH follows
+    stamp: F64  # when it was measured, on the service's monotonic clock [s]
 
 
 class Wish(NamedTuple):
     """Then float64; seven for a twist: index of the tool, linear, angular velocity."""
 
-    token: U64
-    form: U32
-    numbers: U32  # how many follow
+    token: U64  # token from the GRANT
+    form: U32  # 1 velocities, 2 positions, 3 twists
+    numbers: U32  # how many f64 follow
 
 
 class Command(NamedTuple):
     """Then a row for each robot, velocities of all joints, positions of all joints."""
 
-    cycle: U64
-    began_by: U64  # sender of the state that began the cycle; 0 if none did
+    cycle: U64  # number of the cycle
+    began_by: U64  # sender of the state that began it; 0 if none did
     began_with: U64  # sequence of that state
-    received: I64  # when that state was received [ns]
+    received: I64  # when it came in, on the service's monotonic clock [ns]
     ended: I64  # when it had been judged [ns]
-    time: F64  # of the cycle [s]
-    slack: F64  # clearance of the nearest pair [m]
-    slack_time: F64  # least time until a stop must be ordered [s]
-    body_a: U32  # of the nearest pair; NO_BODY if no pair is near
-    body_b: U32
-    distance: F64  # signed [m]
-    clearance: F64  # distance beyond what the pair needs [m]
-    point_a: Point  # witness points, world [m]
-    point_b: Point
-    reason: U16
-    cause: U16
-    level: U16  # the highest one
-    action: U16  # the highest one
-    flags: U16
-    joints: U16
-    robots: U16
-    form: U16  # of the motion that was judged; 4 for a stop
-    commander: U64  # 0 for none
+    time: F64  # time of the cycle [s]
+    slack: F64  # slack: clearance of the nearest pair [m]
+    slack_time: F64  # slack: least time until a stop must be ordered [s]
+    body_a: U32  # body A of the nearest pair, index into `bodies`; 0xFFFFFFFF for none
+    body_b: U32  # body B
+    distance: F64  # their signed distance [m]
+    clearance: F64  # their clearance: distance beyond what the pair needs [m]
+    point_a: Point  # witness point on A, world [m]
+    point_b: Point  # witness point on B [m]
+    reason: U16  # reason, see `reasons` of the WELCOME and
+    # [concepts](concepts.md#level-and-reason)
+    cause: U16  # cause, see below
+    level: U16  # level: the highest one
+    action: U16  # action: the highest one; 0 follow, 5 hold, 10 stop, 20 brake, 30
+    # hardware stop
+    flags: U16  # flags: 1 deadline missed, 2 the judged motion is not the commander's,
+    # 4 an object was changed within the last second
+    joints: U16  # joints n
+    robots: U16  # robots r
+    form: U16  # form of the judged motion, as in a WISH; 4 for a stop
+    commander: U64  # the commander; 0 for none
 
 
 class RobotRow(NamedTuple):
     """A robot in a COMMAND."""
 
-    level: U16
-    action: U16
-    blocked: U16  # why it does not simply follow
+    level: U16  # level
+    action: U16  # action
+    blocked: U16  # why it does not simply follow (`Blocked`)
     stopped_by: U16  # reason of its last order to stop
-    speed_scale: F32  # in [0, 1]
-    urgency: F32  # in [0, 1]
-    age: F64  # of its state [s]
-    sender: U64  # of its state
-    sequence: U64  # of its state
-    held_since: F64  # NaN if it does not wait for a person [s]
+    speed_scale: F32  # speed scale, in [0, 1]
+    urgency: F32  # urgency of its cues, in [0, 1]
+    age: F64  # age of its state [s]
+    sender: U64  # sender of its state
+    sequence: U64  # sequence of its state
+    held_since: F64  # since when it is held, on the service's clock; NaN if it is not
+    # [s]
 
 
 class Heartbeat(NamedTuple):
     """Heartbeat of the service; that of a client has no payload."""
 
-    cycle: U64  # the next one
-    commander: U64
+    cycle: U64  # number of the next cycle
+    commander: U64  # the commander; 0 for none
 
 
 class Claim(NamedTuple):
     """A request for the command."""
 
-    force: U32  # 1 to take it from its holder
-    reserved: U32 = 0
+    force: U32  # 1 to take the command from its holder, with the role administer
+    reserved: U32 = 0  # 0
 
 
 class Grant(NamedTuple):
     """The answer to a CLAIM."""
 
-    granted: U32
-    reserved: U32
-    token: U64  # 0 if not granted
-    holder: U64  # sender that has the command now
+    granted: U32  # 1 if granted
+    reserved: U32  # 0
+    token: U64  # token; 0 if not
+    holder: U64  # the present commander
     watchdog: F64  # silence after which the command is lost [s]
-    sequence: U64  # of the CLAIM
+    sequence: U64  # sequence of the CLAIM
 
 
 class GiveBack(NamedTuple):
     """The command is returned."""
 
-    token: U64
+    token: U64  # token
 
 
 class Reply(NamedTuple):
     """Then JSON."""
 
-    sequence: U64  # of the CALL
+    sequence: U64  # sequence of the CALL
 
 
 class Refusal(NamedTuple):
     """Then the cause and a sentence in UTF-8, with a colon between them."""
 
-    sequence: U64  # of the message that was dropped
+    sequence: U64  # sequence of the message that was dropped
 
 
 HEADER, HELLO, CHALLENGE = Layout(Header), Layout(Hello), Layout(Challenge)
