@@ -26,6 +26,54 @@ for kinds in [(a, b) for a in numbers for b in numbers if a <= b]:
 """
 
 
+# Reads a mesh of each format, the COLLADA one with nested nodes, and builds a guard of
+# them, in a process that cannot import networkx, which trimesh uses where it is there.
+WITHOUT_NETWORKX = """
+import sys
+sys.modules["networkx"] = None
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+import collada as c
+import trimesh
+from collada.source import FloatSource, InputList
+from armguard.robot.meshes import FORMATS
+import armguard as ag
+box = trimesh.creation.box((0.1, 0.1, 0.2))
+part = c.Collada()
+source = FloatSource("p", box.vertices.ravel(), ("X", "Y", "Z"))
+mesh = c.geometry.Geometry(part, "g", "g", [source])
+inputs = InputList()
+inputs.addInput(0, "VERTEX", "#p")
+mesh.primitives.append(mesh.createTriangleSet(box.faces.ravel(), inputs, "m"))
+part.geometries.append(mesh)
+at = c.scene.GeometryNode(mesh)
+node = c.scene.Node("n", [at], [c.scene.TranslateTransform(0, 0, 1)])
+outer = c.scene.Node("o", [node, at])
+part.scenes.append(c.scene.Scene("s", [outer]))
+part.scene = part.scenes[0]
+scene = ag.Scene(mode="fixed")
+with TemporaryDirectory() as folder:
+    for k, kind in enumerate(FORMATS):
+        path = Path(folder) / f"part{kind}"
+        if kind == ".dae":
+            part.write(str(path))
+        else:
+            box.export(path)
+        urdf = Path(folder) / "robot.urdf"
+        urdf.write_text(
+            f'<robot name="r{k}"><link name="base"/><link name="tip"><collision>'
+            f'<geometry><mesh filename="{path}"/></geometry></collision></link>'
+            '<joint name="j" type="revolute"><parent link="base"/><child link="tip"/>'
+            '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="9"/>'
+            "</joint></robot>"
+        )
+        scene.add_robot(urdf, name=kind[1:], base=ag.Pose(xyz=(k, 0, 0)))
+    guard = ag.Guard(scene, self_test=False)
+print(guard.step(guard.home).level.name, *FORMATS)
+"""
+
+
 def output(program, **environment):
     return subprocess.run(
         [sys.executable, "-c", program],
@@ -39,6 +87,10 @@ def output(program, **environment):
 def test_importing_compiles_and_loads_nothing_heavy():
     loaded = output("import sys, armguard; print(*sys.modules)").split()
     assert not {"numba", "scipy", "trimesh", "pydantic", "typer"} & set(loaded)
+
+
+def test_meshes_of_all_formats_are_read_without_networkx():
+    assert output(WITHOUT_NETWORKX) == "CLEAR .stl .obj .dae .ply\n"
 
 
 def test_interpreted_kernels_answer_as_compiled_ones():
