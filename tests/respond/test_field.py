@@ -382,7 +382,7 @@ def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(m
             led = np.array([left, right]) == BY_FIELD
             near = led & (share < 1.0)
             force = settings.repulsion * near * push(share)
-            assert lead.weight == pytest.approx(np.stack([force, force], axis=-1))
+            assert lead.weight == pytest.approx(force)
             # The lever of a slide is 1, beside which 0.1 m is kept.
             square = 1.0 + 0.1**2
             assert lead.push == pytest.approx(force**2 / square * [-1.0, 1.0])

@@ -164,7 +164,7 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
     for j in range(s.push.shape[0]):
         s.push[j] = 0.0
     for r in range(s.weight.shape[0]):
-        s.weight[r, 0] = s.weight[r, 1] = 0.0
+        s.weight[r] = 0.0
     for k in range(int(w.out[NEAR_COUNT])):
         place = row_place(k, w)
         i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
@@ -213,8 +213,7 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
     for j in range(first, end):
         s.pull[j] -= taken * a.raw[j]
         s.push[j] -= push * push * a.raw[j] / square
-    s.weight[r, 0] = max(s.weight[r, 0], push)
-    s.weight[r, 1] += push
+    s.weight[r] += push
 
 
 @kernel
@@ -257,8 +256,8 @@ def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     share = 0.0
-    if s.weight[r, 1] > NO_PUSH:
-        share = 1.0 / s.weight[r, 1]
+    if s.weight[r] > NO_PUSH:
+        share = 1.0 / s.weight[r]
     for j in range(first, end):
         a.requested[j] = s.pull[j] + share * s.push[j]
     limit_share(first, end, a.settings[r].field_speed, a.requested, m)

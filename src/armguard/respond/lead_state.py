@@ -74,7 +74,7 @@ class Lead(NamedTuple):
         first_lag: Requested velocities after one lag, see `smooth_lead`, shape (n,)
             [rad/s or m/s].
         second_lag: Requested velocities after both lags, shape (n,) [rad/s or m/s].
-        weight: Scratch for the greatest push on each robot and the sum, shape (r, 2).
+        weight: Scratch for the sum of pushes on each robot, shape (r,).
         columns: Scratch for the Jacobian of a tool, shape (n, 6).
         square: Scratch for linear equations, shape (6, 7).
         twist: Scratch for the twist of a tool, shape (6,) [m/s], [rad/s].
@@ -90,7 +90,7 @@ class Lead(NamedTuple):
     push: Vector
     first_lag: Vector
     second_lag: Vector
-    weight: Matrix
+    weight: Vector
     columns: Matrix
     square: Matrix
     twist: Vector
@@ -110,7 +110,7 @@ def lead_of(tables: SceneTables) -> Lead:
         push=np.zeros(n),
         first_lag=np.zeros(n),
         second_lag=np.zeros(n),
-        weight=np.zeros((robots, 2)),
+        weight=np.zeros(robots),
         columns=np.zeros((n, 6)),
         square=np.zeros((6, 7)),
         twist=np.zeros(6),
