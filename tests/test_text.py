@@ -18,6 +18,7 @@ from armguard.service.wire import Cause
 from prose import FIRST_PAGES, ROOT, reading_ease, without_code
 
 SOURCE = ROOT / "src" / "armguard"
+EXAMPLES = sorted((ROOT / "examples").glob("*.md"))
 
 BANNED = {
     "'what is ...' in place of a noun": r"\bwhat (?:is|was|are|were)\b",
@@ -57,9 +58,50 @@ def hits(text: str) -> list[str]:
     ]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Slow down for what is near.",
+        "Whoever moves is told to stop.",
+        "The view tells the level.",
+        "Nobody leads it.",
+        "Somebody else has the command.",
+        "who moves",
+        "a process of its own",
+        "No drive bears that.",
+        "the velocity asked for",
+        "mend the file",
+        "The operator presses his button.",
+        "It was not meant.",
+        "It stands still.",
+        "Look for comers.",
+        "its doings",
+        "one thing",
+        "a wish of the commander",
+        "Bring the master to it.",
+    ],
+)
+def test_a_banned_pattern_is_found(text):
+    assert hits(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "An operator who pushes on is slowed.",
+        "Nothing is near; anything else is a standstill.",
+        "It recommends a posture and amends none.",
+        "The message WISH is valid for 0.1 s.",
+        "What must a client do?",
+    ],
+)
+def test_plain_english_passes(text):
+    assert not hits(text)
+
+
 def pages() -> list[Path]:
     """Pages that people read."""
-    return [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]
+    return [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md")), *EXAMPLES]
 
 
 def text_of(page: Path) -> str:
