@@ -36,7 +36,7 @@ lint: .venv/dev
 
 # The site with the API reference, in build/site; and how easy the first pages read.
 docs: .venv/dev
-	$(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	$(BIN)/python tests/prose.py
 
 # The cycle and its parts beside peers; ARGS="filter", ARGS="service --seconds 60".

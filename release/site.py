@@ -1,4 +1,4 @@
-"""Hooks of the site: links to files that are no pages, units in docstrings."""
+"""Hooks of the site: links to files that are no pages; docstrings."""
 
 import re
 
@@ -18,10 +18,12 @@ def on_page_markdown(markdown: str, **_: object) -> str:
     )
 
 
-class Units(griffe.Extension):
-    """Units in brackets after other brackets, which Markdown reads as links."""
+class Docstrings(griffe.Extension):
+    """Docstrings of this package as the site's reader of docstrings takes them."""
 
     def on_object(self, *, obj: griffe.Object, **_: object) -> None:
-        """Escape the units in the docstring of one object."""
+        """Name the section of examples; escape units, which Markdown reads as links."""
         if obj.docstring:
-            obj.docstring.value = obj.docstring.value.replace("] [", r"] \[")
+            text = obj.docstring.value.replace("] [", r"] \[")
+            text = re.sub("^Example:$", "Examples:", text, flags=re.MULTILINE)
+            obj.docstring.value = text
