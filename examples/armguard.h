@@ -6,8 +6,8 @@
  *     armguard_open(&guard, 47800, NULL);          // 0, or a sentence is on stderr
  *     armguard_claim(&guard);                      // to command; not to send states
  *     for (;;) {
- *         // a robot that was stopped waits until zero is asked for once, or it is engaged
- *         armguard_cycle(&guard, q, v, guard.held ? zero : wish, stamp); // 0: it is silent
+ *         // a robot that was stopped is held until it gets zero once, or is engaged
+ *         armguard_cycle(&guard, q, v, guard.held ? zero : desired, stamp); // 0: it is silent
  *         send_to_robots(guard.velocity);          // always, also while they stop
  *     }
  *

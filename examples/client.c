@@ -1,5 +1,5 @@
-/* A controller and commander in C whose arms do at once what they are told. After a stop it
- * asks for nothing until no robot waits any more; a stop that was ordered needs `engage`.
+/* A controller and commander in C, with simulated arms that follow at once. After a stop it
+ * sends zero velocity until no robot is held; a stop that was ordered needs `engage`.
  *     cc -O2 -o client client.c && ./client 47800 2 */
 #include "armguard.h"
 
@@ -13,16 +13,16 @@ static double go_on(double *q, const double *v, uint32_t joints, double since) {
 int main(int argc, char **argv) {
     static struct armguard guard;
     static const double zero[ARMGUARD_JOINTS] = {0};
-    double q[ARMGUARD_JOINTS], v[ARMGUARD_JOINTS] = {0}, wish[ARMGUARD_JOINTS];
+    double q[ARMGUARD_JOINTS], v[ARMGUARD_JOINTS] = {0}, desired[ARMGUARD_JOINTS];
     double seconds = argc > 2 ? atof(argv[2]) : 2.0;
     int silent = 0;
     if (armguard_open(&guard, argc > 1 ? atoi(argv[1]) : 47800, NULL)) return 2;
     if (armguard_claim(&guard)) return 2;
-    for (uint32_t j = 0; j < guard.joints; j++) q[j] = guard.home[j], wish[j] = 0.05;
+    for (uint32_t j = 0; j < guard.joints; j++) q[j] = guard.home[j], desired[j] = 0.05;
     double stamp = (double)armguard_clock() * 1e-9;
     for (int k = 0, cycles = (int)(seconds / guard.period); k < cycles; k++) {
         stamp = go_on(q, v, guard.joints, stamp); /* positions belong to a time */
-        silent = armguard_cycle(&guard, q, v, guard.held ? zero : wish, stamp) ? 0 : silent + 1;
+        silent = armguard_cycle(&guard, q, v, guard.held ? zero : desired, stamp) ? 0 : silent + 1;
         if (silent * ARMGUARD_WATCHDOG > 1.0) {
             fprintf(stderr, "the service is silent: stop\n");
             return 1;

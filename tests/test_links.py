@@ -1,9 +1,16 @@
-"""Pages lead where they say."""
+"""Pages lead where they say; the site builds, and has every public name."""
 
 import re
+import subprocess
+import sys
+import typing
 from pathlib import Path
 
 import pytest
+
+import armguard as ag
+from armguard.respond import command
+from armguard.service.client import Answer
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
@@ -46,3 +53,43 @@ def test_every_page_can_be_reached_from_the_readme():
             if not target.startswith(("http:", "https:")):
                 ahead.append(page.parent / target)
     assert {page.resolve() for page in PAGES} <= seen
+
+
+def documented() -> set[str]:
+    """Names with an entry in the page of the Python API."""
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    return {name.rsplit(".", 1)[1] for name in re.findall(r"^::: (\S+)$", page, re.M)}
+
+
+def returned(hint: object) -> set[str]:
+    """Names of the package's classes in a type hint."""
+    if isinstance(hint, type) and hint.__module__.startswith("armguard."):
+        return {hint.__name__}
+    return set().union(*map(returned, typing.get_args(hint)))
+
+
+def test_the_api_page_has_every_public_name():
+    assert set(ag.__all__) <= documented()
+
+
+@pytest.mark.parametrize("one", [ag.Verdict, ag.Command, ag.Held, ag.Client, Answer])
+def test_the_api_page_has_the_classes_that_members_return(one):
+    # An answer imports the words of the guard late; all of them are known to commands.
+    names = vars(command) | vars(sys.modules[one.__module__])
+    for name in dir(one):
+        member = getattr(one, name)
+        function = member.fget if isinstance(member, property) else member
+        if not name.startswith("_") and callable(function):
+            hints = typing.get_type_hints(function, names)
+            assert returned(hints.get("return")) <= documented(), name
+
+
+def test_the_site_builds_without_a_warning_and_loads_nothing_from_a_network(tmp_path):
+    build = ["-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir"]
+    subprocess.run([sys.executable, *build, str(tmp_path)], cwd=ROOT, check=True)
+    api = (tmp_path / "api.html").read_text(encoding="utf-8")
+    for name in ag.__all__:
+        assert f'id="armguard.{name}"' in api, name
+    for page in tmp_path.glob("*.html"):
+        loaded = r"<(?:script|img|link)\b[^>]*(?:src|href)=\"?http[^>]*>"
+        assert not re.findall(loaded, page.read_text(encoding="utf-8")), page.name

@@ -62,7 +62,7 @@ class HomeContactError(SceneError):
 
 
 class UnknownNameError(SceneError, KeyError):
-    """A name nobody has; the message lists the nearest ones."""
+    """An unknown name; the message lists the nearest ones."""
 
     def __str__(self) -> str:
         """Message without the quotes that KeyError adds."""
@@ -70,7 +70,7 @@ class UnknownNameError(SceneError, KeyError):
 
 
 class GraspError(ArmguardError, ValueError):
-    """What is to be gripped, released or allowed cannot be as things stand."""
+    """A grasp, a release or a permission is not possible in this state."""
 
 
 class SelfTestError(ArmguardError, RuntimeError):
@@ -90,11 +90,11 @@ class TrajectoryError(ArmguardError, ValueError):
 
 
 class OctreeError(ArmguardError, ValueError):
-    """An octree is asked for what it cannot be."""
+    """An octree cannot have the requested settings."""
 
 
 class StationError(ArmguardError):
-    """The station cannot do what it was asked for."""
+    """The service, or a process beside it, cannot do what a caller requests."""
 
 
 class RingError(StationError):
@@ -114,7 +114,7 @@ class NoServiceError(StationError, OSError):
 
 
 class RefusedError(StationError, RuntimeError):
-    """The service refused what it was asked for; the message is its sentence.
+    """The service refused a request; the message is its sentence.
 
     Attributes:
         kind: Name of the error at the service.
@@ -128,7 +128,7 @@ class RefusedError(StationError, RuntimeError):
 
 
 class RecordingError(StationError):
-    """A recording cannot be read, or cannot do what it was asked for."""
+    """A recording cannot be read, or does not permit the request."""
 
 
 class SettingError(StationError):

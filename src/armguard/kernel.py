@@ -96,7 +96,7 @@ def private_folder(path: Path) -> Path:
         CacheError: It cannot be made, belongs to another user, or others may write
             into it or rename a folder above it.
     """
-    remedy = "delete it, or set ARMGUARD_CACHE to a folder of your own"
+    remedy = "delete it, or set ARMGUARD_CACHE to your own folder"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
@@ -106,7 +106,7 @@ def private_folder(path: Path) -> Path:
     except OSError as error:
         raise CacheError(
             f"the cache folder '{path}' cannot be made: {error.strerror}; set "
-            "ARMGUARD_CACHE to a folder of your own"
+            "ARMGUARD_CACHE to your own folder"
         ) from None
     if found.st_uid not in (0, os.geteuid()):
         raise CacheError(
@@ -122,7 +122,7 @@ def private_folder(path: Path) -> Path:
         if state.st_mode & stat.S_IWOTH and not state.st_mode & stat.S_ISVTX:
             raise CacheError(
                 f"the cache folder '{path}' is below '{folder}', where every user may "
-                "rename folders; set ARMGUARD_CACHE to a folder of your own"
+                "rename folders; set ARMGUARD_CACHE to your own folder"
             )
     return path
 

@@ -134,7 +134,7 @@ def test_what_cannot_be_placed_is_refused():
     guard = Guard(workshop())
     with pytest.raises(UnknownNameError, match="did you mean 'ball'"):
         guard.place("bal", Pose())
-    with pytest.raises(UnknownNameError, match="no object that stands still"):
+    with pytest.raises(UnknownNameError, match="no fixed object"):
         guard.remove("arm/link1")
     with pytest.raises(PoseError, match="not finite"):
         guard.place("ball", np.full((4, 4), np.nan))

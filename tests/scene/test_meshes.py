@@ -234,14 +234,14 @@ BAD = {
     "too short": (named("a.stl", b"x"), "is 1 bytes long, too short for an STL"),
     "cut off": (
         cut_off,
-        "mesh 'cut.stl' tells of 10 triangles and has room for 4; it is cut off or no "
+        "mesh 'cut.stl' announces 10 triangles and has room for 4; it is cut off or no "
         "STL; write it again",
     ),
     "empty stl": (named("a.stl", bytes(84)), "mesh 'a.stl' has no triangle"),
     "empty obj": (named("a.obj", b"v 0 0 0\n"), "mesh 'a.obj' "),
     "not finite": (
         with_nan,
-        "mesh 'nan.stl' has a corner that is not finite, in triangle 3; mend the mesh",
+        "mesh 'nan.stl' has a corner that is not finite, in triangle 3; fix the mesh",
     ),
     "nan vertex": (
         lambda p: ([(0, 0, np.nan)], [(0, 0, 0)]),

@@ -402,7 +402,7 @@ def wall_clock_set_back(ground: Playground) -> Iterator[None]:
     yield
     walls = [row[3] for row in frames.unread()]
     if not any(b < a - 3000.0 for a, b in pairwise(walls)):
-        raise AssertionError("the frames do not tell that the wall clock went back")
+        raise AssertionError("the frames do not show that the wall clock went back")
 
 
 def companion_killed(name: str, module: str, option: Sequence[str]) -> Doing:
@@ -437,7 +437,7 @@ def children(pid: int) -> list[int]:
     try:
         text = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii")
     except OSError as error:
-        raise Unplayable(f"this machine does not tell children: {error}") from error
+        raise Unplayable(f"this machine does not report children: {error}") from error
     return [int(word) for word in text.split()]
 
 

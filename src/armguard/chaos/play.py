@@ -85,7 +85,7 @@ def judge(ground: Playground, fault: Fault, tries: int) -> Outcome:
     if fault.effect is Effect.GOES_ON:
         words.append("goes on" if told == inf else f"{reason} after {ms(told)}")
         if told < inf:
-            wrong.append("a stop was told")
+            wrong.append("a stop was reported")
         elif not ground.truth or ground.rests(ground.truth[-1]):
             wrong.append("arms rest")
     elif fault.effect is Effect.RESTS:
@@ -93,7 +93,7 @@ def judge(ground: Playground, fault: Fault, tries: int) -> Outcome:
         words.append(f"rests after {ms(rested)}")
         if told < inf:
             words.append(f"{reason} after {ms(told)}")
-            wrong.append("a stop was told")
+            wrong.append("a stop was reported")
         if fault.reasons and not causes & set(fault.reasons):
             wrong.append("the answer does not say " + " or ".join(fault.reasons))
         if not rested <= rest_by:
@@ -103,9 +103,9 @@ def judge(ground: Playground, fault: Fault, tries: int) -> Outcome:
             words.append(f"{reason} after {ms(told)}")
         if fault.effect is not Effect.STOPS_ITSELF:
             if not told <= told_by:
-                wrong.append(f"not told within {ms(told_by)}")
+                wrong.append(f"not reported within {ms(told_by)}")
         if fault.reasons and reason not in fault.reasons:
-            wrong.append(f"told {reason or 'nothing'}")
+            wrong.append(f"reported {reason or 'nothing'}")
         if fault.effect in HELD:
             words.append(f"held after {ms(rested)}")
             if not rested <= rest_by:

@@ -181,7 +181,7 @@ FAULTS: tuple[Fault, ...] = (
         reasons=("STAMP_MISSING",), inject=edited(tampering.shift_stamp(float("nan"))),
     ),
     Fault(
-        name="robots nobody has", group=CONTENT, effect=STOPS, reasons=NO_STATE,
+        name="robots that do not exist", group=CONTENT, effect=STOPS, reasons=NO_STATE,
         within=WITHIN_STALE, counts=("dropped_robots",),
         inject=edited(tampering.other_robots),
     ),
@@ -371,7 +371,7 @@ FAULTS: tuple[Fault, ...] = (
         inject=doings.paused("service"),
     ),
     Fault(
-        name="the service is told to end", group=PROCESSES, effect=STOPS,
+        name="the service is ended", group=PROCESSES, effect=STOPS,
         reasons=("SHUTDOWN",), within=("cycle",), inject=doings.ended,
     ),
     Fault(

@@ -42,10 +42,7 @@ def chaos(
     late: Late = 0.012,
     slack: Annotated[
         float,
-        Option(
-            help="What this machine may add to every declared time by having other "
-            "things to do [s]."
-        ),
+        Option(help="Delay that a busy machine may add to every declared time [s]."),
     ] = 0.15,
     json: Json = False,
 ) -> None:

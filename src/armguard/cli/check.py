@@ -71,7 +71,7 @@ def check(
     try:
         loaded = load_scene(scene, robot=robot, progress=say_progress)
     except ArmguardError as error:
-        findings.append(Finding("scene", "FAIL", str(error), "mend the file"))
+        findings.append(Finding("scene", "FAIL", str(error), "fix the file"))
     else:
         findings += scene_findings(loaded, prove)
         findings += stopping_findings(loaded)

@@ -116,7 +116,7 @@ def show_claims(audits: list[RowAudit]) -> None:
     """Print all claims for people."""
     if not audits:
         return
-    out.print("\nclaims, what is proven of them, least distance found, boxes:")
+    out.print("\nclaims, their proofs, least distance found, boxes:")
     for audit in audits:
         proof = audit.proof
         pair = f"{audit.robot}/{proof.link_a}, {proof.link_b}"

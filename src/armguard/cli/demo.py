@@ -50,7 +50,7 @@ def demo(
     ] = "bay",
     response: Annotated[
         Literal["deflect", "slow", "stop"],
-        Option(help="What arms do about what is near."),
+        Option(help="Response of the arms to near bodies."),
     ] = "deflect",
     headless: Annotated[
         bool, Option(help="In the terminal, without the page in the browser.")
@@ -58,13 +58,13 @@ def demo(
     seconds: Annotated[
         float | None, Option(min=0.1, help="How long; until interrupted if left out.")
     ] = None,
-    seed: Annotated[int, Option(help="Of the operator's whims.")] = 8,
+    seed: Annotated[int, Option(help="Seed of the operator's motion.")] = 8,
     page_port: Annotated[int, Option(help="Port of the page.")] = 8080,
     json: Json = False,
 ) -> None:
     """Guard two simulated arms that a careless operator drives.
 
-    Service, arms and operator are processes of their own, as they would be with real
+    Service, arms and operator are separate processes, as they would be with real
     robots. Exit code 0 if nothing touched, 1 if something did.
     """
     say(f"starting a guard, simulated arms and an operator in '{scene}' ...")

@@ -136,7 +136,7 @@ def guard_findings(scene: Scene) -> Iterator[Finding]:
         yield Finding("home", "FAIL", str(error), "see docs/concepts.md, home")
         return
     except ArmguardError as error:
-        yield Finding("guard", "FAIL", str(error), "mend the scene")
+        yield Finding("guard", "FAIL", str(error), "fix the scene")
         return
     home = guard.home_verdict
     if home.level is Level.STOP:

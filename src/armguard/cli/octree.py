@@ -27,7 +27,7 @@ def octree(
     guard = Guard(load_scene(path, progress=say_progress), progress=say)
     index = guard.index
     if not isinstance(index, Octree):
-        raise OctreeError(f"'{path.name}' asks for brute force; there is no octree")
+        raise OctreeError(f"'{path.name}' requests brute force; there is no octree")
     index.check()
     answer = {"scene": path.name, "audit": "passed", **index.statistics()}
     if png is not None:

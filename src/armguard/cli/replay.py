@@ -45,7 +45,7 @@ def replay(
 ) -> None:
     """Judge every cycle of a recording again and compare the answers bit by bit.
 
-    With --set it is judged with other settings, and compared with what was recorded.
+    With --set it is judged with other settings, and compared with the recording.
     Exit codes: 0 all answers are the same, 1 one is different or none could be judged,
     2 there is no such recording or setting.
     """

@@ -36,9 +36,7 @@ class Options:
     late: Late = USUAL.late
     wish_watchdog: Annotated[
         float,
-        Option(
-            help="How long a wish counts [s]; longer than a round trip to the operator."
-        ),
+        Option(help="Validity of a desired motion [s]; longer than a round trip."),
     ] = USUAL.wish_watchdog
     stale: Annotated[
         float | None,
@@ -61,9 +59,9 @@ class Options:
     ] = None
     zenoh: Annotated[bool, Option(help="Also speak Zenoh.")] = False
     view: Annotated[bool, Option(help="Also open the live view.")] = False
-    realtime: Annotated[bool, Option(help="Ask for real-time scheduling.")] = False
+    realtime: Annotated[bool, Option(help="Request real-time scheduling.")] = False
     lock_memory: Annotated[
-        bool, Option(help="Ask for memory that is never swapped out.")
+        bool, Option(help="Request memory that is never swapped out.")
     ] = False
     cpu: Annotated[int | None, Option(help="Processor to stay on.")] = None
     spin: Annotated[

@@ -151,7 +151,7 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any], bytes]:
     except (ValueError, RecursionError):
         raise CheckpointError("a checkpoint is cut off or damaged") from None
     if type(about) is not dict:
-        raise CheckpointError("a checkpoint does not say what it is about")
+        raise CheckpointError("a checkpoint does not name its contents")
     return data[len(MAGIC) : start - LENGTH], about, data[end:]
 
 

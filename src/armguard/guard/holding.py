@@ -117,8 +117,8 @@ class Holding:
             )
         if self.watch.last[LAST_NOW] == -inf:
             raise GraspError(
-                f"'{robot}' cannot grasp '{name}' before the first cycle: nobody knows "
-                "where it is"
+                f"'{robot}' cannot grasp '{name}' before the first cycle: its "
+                "place is not known yet"
             )
         if not self._is_there(name):
             raise GraspError(f"'{name}' is not there; `place` it first")

@@ -224,8 +224,7 @@ class Objects:
         known = self.standing
         if name not in known:
             raise UnknownNameError(
-                f"no object that stands still is named '{name}'; "
-                f"{did_you_mean(name, known)}"
+                f"no fixed object is named '{name}'; {did_you_mean(name, known)}"
             )
         return known[name]
 

@@ -136,7 +136,7 @@ class Saving:
         """See `Monitor.take_over`."""
         if self._layout_kept() != other._layout_kept():
             raise CheckpointError(
-                "two guards remember different things: their scenes differ in more "
+                "two guards remember different state: their scenes differ in more "
                 "than settings, or in modes"
             )
         self.holding.grippers.show_detailed()

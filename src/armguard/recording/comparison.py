@@ -233,7 +233,7 @@ class Pair:
             held = ", ".join(f"'{name}'" for name in self.was.held)
             raise RecordingError(
                 f"{held} is held at the checkpoint, and a guard in mode 'fixed' does "
-                "not know what is held; begin where nothing is, with --from"
+                "not know held objects; begin where none is held, with --from"
             )
         else:
             self.now.stand_as(self.was)

@@ -79,8 +79,8 @@ def pushed(
         fastest = max(fastest, abs(float(v[approach.joint])))
     if fastest == 0.0:
         raise SelfTestError(
-            f"self-test: joint '{name}' was pushed through the filter, and was told to "
-            f"stay from the beginning: {command.verdict.why}"
+            f"self-test: joint '{name}' was pushed through the filter, and was "
+            f"commanded to stay from the beginning: {command.verdict.why}"
         )
     engage(robot)
     for k in range(int(stop.time / tables.period) + OUT_CYCLES):
@@ -96,6 +96,6 @@ def pushed(
                 f"did not touch, and was let out after {after:.0f} ms",
             )
     raise SelfTestError(
-        f"self-test: joint '{name}' was to be led out through the filter, and was told "
-        f"to stay: {command.verdict.why}"
+        f"self-test: joint '{name}' was to be led out through the filter, and was "
+        f"commanded to stay: {command.verdict.why}"
     )

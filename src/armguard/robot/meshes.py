@@ -111,7 +111,7 @@ def check_corners(name: str, triangles: Floats, first: int = 0) -> None:
     if not isfinite(farthest):
         bad = first + int(np.isfinite(triangles).all(axis=(1, 2)).argmin())
         raise MeshError(
-            f"mesh '{name}' has a corner that is not finite, in triangle {bad}; mend "
+            f"mesh '{name}' has a corner that is not finite, in triangle {bad}; fix "
             "the mesh"
         )
     if farthest > MOST_COORDINATE:

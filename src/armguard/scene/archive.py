@@ -160,8 +160,8 @@ def plain(value: Any) -> Any:
     name = type(value).__name__
     if PARTS.get(name) is not type(value) or isinstance(value, Enum):
         raise ArchiveError(
-            f"the scene holds a {name}, which only this program knows; what is "
-            "recorded of it cannot be replayed without it"
+            f"the scene holds a {name}, which only this program knows; a "
+            "recording of it cannot be replayed without it"
         )
     if not is_dataclass(value):
         raise ArchiveError(f"the scene holds a {name}, which is no plain data")

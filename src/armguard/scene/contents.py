@@ -177,7 +177,7 @@ class Contents:
         self.allowances.append(Allowance(a, b, reason.strip()))
 
     def set_buffer(self, a: str, b: str, value: float) -> None:
-        """Set the distance a pair must keep, in place of what its sides ask for.
+        """Set the distance a pair must keep, in place of the buffers of its sides.
 
         Args:
             a: A body, or a robot's name for all its links.

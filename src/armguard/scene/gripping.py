@@ -65,8 +65,8 @@ class Gripper:
     """A gripper of a robot.
 
     Attributes:
-        link: The link that carries what is held, and its fingers.
-        fingers: Links that may touch what is gripped; `link` may be one of them.
+        link: The link that carries the held object, and its fingers.
+        fingers: Links that may touch the gripped object; `link` may be one of them.
         coarse: Whether one box round link and fingers takes their place while nothing
             is near.
         swap: Distance beyond what the box needs at which it is replaced by the links'

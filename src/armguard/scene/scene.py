@@ -48,7 +48,7 @@ PLAIN = ObjectSettings()
 
 
 class Scene(Contents):
-    """What is where, and what it must keep away from.
+    """Robots, objects, and the distances that they must keep.
 
     Bodies are named 'robot/link', or by the object's name. Every pair of bodies in
     which something moves is checked, unless a rule says otherwise, with a reason.
@@ -261,7 +261,7 @@ class Scene(Contents):
     def set_response(
         self, response: ResponseName | ResponseSettings, robot: str | None = None
     ) -> None:
-        """Change what robots do about what is near.
+        """Change the responses of robots to near bodies.
 
         Args:
             response: The response, or its settings.
@@ -311,7 +311,7 @@ class Scene(Contents):
         self._change(name, home=home_configuration(model, home))
 
     def validate(self) -> None:
-        """Check what only the whole scene can tell.
+        """Check rules that need the whole scene.
 
         Raises:
             SceneError: There is no robot, a robot has no stopping figures, or a

@@ -125,13 +125,13 @@ Share = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResponseSettings:
-    """What a robot does about what is near, and how it is given back to its operator.
+    """Response of a robot to near bodies, and how its operator takes it over again.
 
     Attributes:
         kind: The response.
         sharing: How what a pair of two robots has left is shared.
         priority: Under "priority" the robot of the higher one is yielded to [-].
-        recover_speed: Share of its top speeds on a way out of what is too near [-].
+        recover_speed: Share of its top speeds during a recovery [-].
         resume_speed: The same while it catches up with commanded positions [-].
         far: Distance between a joint and its commanded position from which on it does
             not simply follow, until it is half as far [rad or m].
@@ -143,8 +143,8 @@ class ResponseSettings:
         evade_time: It begins when an object that goes on straight would be too near in
             this time, or up to twice as early if it knows no good way out [s].
         field_speed: Share of its top speeds a field moves it at, at most [-].
-        attraction: Under "field": speed towards the goal by what is left of the way,
-            near its end [1/s].
+        attraction: Under "field": speed towards the goal per remaining distance, near
+            its end [1/s].
         repulsion: Under "field": speed at which a pair is opened that has half of
             `influence` left [m/s].
         influence: Under "field": pairs that have no more than this left at rest are
@@ -202,7 +202,7 @@ class RobotSettings:
     Attributes:
         buffer: Distance its links must keep; the scene's if None [m].
         mode: How the distance it must keep is made; the scene's mode if None.
-        response: What it does about what is near, see `Guard.filter`.
+        response: Its response to near bodies, see `Guard.filter`.
         gripper: Its gripper, see docs/gripping.md; None if it has none.
         fit_target: Overreach the fitted primitives should stay below [m].
         max_primitives: Primitives a link may be given for that.

@@ -37,7 +37,7 @@ def main() -> int:
     words.add_argument("--seed", type=int, default=0, help="of errors of the arms")
     words.add_argument("--errors", type=float, default=0.5, help="share used up [-]")
     words.add_argument("--lateness", type=float, default=0.5, help="the same of delays")
-    words.add_argument("--trace", type=Path, help="ring to write what is true into")
+    words.add_argument("--trace", type=Path, help="ring to write the true state into")
     words.add_argument(
         "--drive", type=int, metavar="SEED", help="no arms: drive those that are there"
     )

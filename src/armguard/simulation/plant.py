@@ -138,8 +138,8 @@ class Plant:
         for name, robot in scene.robots.items():
             if robot.stopping is None:
                 raise SceneError(
-                    f"robot '{name}' has no stopping figures, so nobody can say how it "
-                    "moves; give it `stopping: {deceleration: ...}` to simulate it"
+                    f"robot '{name}' has no stopping figures, so its motion is "
+                    "unknown; give it `stopping: {deceleration: ...}` to simulate it"
                 )
             own = slice(first, first + len(robot.model.q_names))
             self.arms.append(Arm(name, own, robot.stopping, start))

@@ -131,7 +131,7 @@ class DriveTab(Drawable):
     def _claim(self, event: viser.GuiEvent) -> None:
         """Take the command; ask whether to take it from its holder."""
         commander = self._commander
-        question = "Take it? What that client asks for is ignored from then on."
+        question = "Take it? The motion that client requests is ignored from then on."
         if commander.claim():
             return
         if commander.role < Role.ADMINISTER:

@@ -322,8 +322,8 @@ class EditTab(Drawable):
         file = self._file
         if file is None:
             raise ArmguardError(
-                "this scene has no file that may be written; start the service with a "
-                "scene file of your own"
+                "this scene has no file that may be written; start the service with "
+                "your own scene file"
             )
         before = file.read_text(encoding="utf-8")
         after = edited(before, self._editor.changes(self._names))

@@ -91,7 +91,7 @@ def test_a_start_writes_keys_that_its_user_alone_can_read(served):
         ("0123456789abcdef\n", 0o600, "no role and key"),
         ("comand 0123456789abcdef\n", 0o600, "no role and key"),
         ("", 0o600, "holds no key"),
-        ("sense 0123456789abcdef\ncommand 0123456789abcdef\n", 0o600, "of its own"),
+        ("sense 0123456789abcdef\ncommand 0123456789abcdef\n", 0o600, "a separate key"),
         ("sense 0123456789abcdef\n", 0o600, "has no key for 'command'; it has sense"),
         ("#" * 5000, 0o600, "longer than 4096 bytes"),
     ],

@@ -73,7 +73,9 @@ class Joints:
         """Velocities or positions of all joints, in the service's order."""
         order, robots = self._order(names_in(message, "names"))
         if len(robots) != len(self._parts):
-            raise DroppedError("names", "a wish names the joints of all robots")
+            raise DroppedError(
+                "names", "a desired motion names the joints of all robots"
+            )
         return vector_in(message, field, len(order))[order]
 
     def twists(self, message: Mapping[str, Any]) -> dict[str, Floats]:

@@ -41,7 +41,7 @@ class Box:
         return self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row with the frame at T."""
         return framed_row(self.rounding, T, self.half_extents)
 
     @classmethod

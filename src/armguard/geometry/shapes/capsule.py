@@ -43,7 +43,7 @@ class Capsule:
         return self.radius + self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row with the frame at T."""
         R, p = T[:3, :3], T[:3, 3]
         row = empty_row(self.core_radius, R @ self.start + p)
         row[4:7] = R @ self.end + p

@@ -43,7 +43,7 @@ class Cone:
         return self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row with the frame at T."""
         return framed_row(
             self.rounding, T, (self.radius, self.height / 2.0, self.top_radius)
         )

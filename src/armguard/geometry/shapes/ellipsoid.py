@@ -40,7 +40,7 @@ class Ellipsoid:
         return self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row with the frame at T."""
         return framed_row(self.rounding, T, self.semi_axes)
 
     @classmethod

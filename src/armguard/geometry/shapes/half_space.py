@@ -37,7 +37,7 @@ class HalfSpace:
         return self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row with the frame at T."""
         row = empty_row(self.rounding, T[:3, 3])
         row[4:7] = T[:3, 2]
         return row

@@ -70,7 +70,7 @@ class Hull:
         return self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T; the shape must outlive it."""
+        """Table row with the frame at T; the shape must outlive it."""
         reach = float(np.linalg.norm(self.vertices, axis=1).max())
         sizes = (self.columns.ctypes.data, self.columns.shape[1], reach)
         return framed_row(self.rounding, T, sizes)

@@ -8,7 +8,7 @@ from armguard.geometry.shapes.registry import Shape
 
 @dataclass(frozen=True, slots=True)
 class PlacedShape:
-    """A shape and where its frame stands in a link, an object or the world.
+    """A shape and the pose of its frame in a link, an object or the world.
 
     Attributes:
         shape: The shape.

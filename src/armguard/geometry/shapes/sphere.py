@@ -37,7 +37,7 @@ class Sphere:
         return self.radius + self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row with the frame at T."""
         return empty_row(self.core_radius, T[:3, 3])
 
     @classmethod

@@ -52,12 +52,12 @@ class SupportShape:
             y: Direction.
             z: Direction.
         """
-        raise TypeError("a SupportShape needs a support function of its own")
+        raise TypeError("a SupportShape needs its own support function")
 
     @classmethod
     def example(cls, rng: np.random.Generator, size: float) -> Self:
         """A random one of about this size [m], for the tests."""
-        raise TypeError("a registered SupportShape needs examples of its own")
+        raise TypeError("a registered SupportShape needs its own examples")
 
     def numbers(self) -> Sequence[float]:
         """The parameters its support function reads, at most PARAMETERS."""
@@ -104,7 +104,7 @@ class SupportShape:
         return float(np.linalg.norm(extent))
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T; the shape must outlive it."""
+        """Table row with the frame at T; the shape must outlive it."""
         sizes = (self.parameters.ctypes.data, self.function.address, self.reach)
         return framed_row(self.rounding, T, sizes)
 

@@ -43,7 +43,7 @@ class Triangle:
         return self.rounding
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row with the frame at T."""
         R, p = T[:3, :3], T[:3, 3]
         row = empty_row(self.rounding, R @ self.a + p)
         row[4:7] = R @ self.b + p

@@ -77,7 +77,7 @@ def cut_into_pieces(
             raise MeshError(
                 f"coacd could not cut mesh '{name}' (exit code {ended.returncode}"
                 + (f": {said[-1]}" if said else "")
-                + "); mend the mesh, try another concavity, or give it as 'hull' or "
+                + "); fix the mesh, try another concavity, or give it as 'hull' or "
                 "'triangles'"
             )
         with np.load(made) as held:

@@ -206,7 +206,7 @@ def binary_stl_count(path: Path) -> int | None:
         )
     held = (size - HEADER - 4) // RECORD.itemsize
     raise MeshError(
-        f"mesh '{path.name}' tells of {count:,} triangles and has room for {held:,}; "
+        f"mesh '{path.name}' announces {count:,} triangles and has room for {held:,}; "
         "it is cut off or no STL; write it again"
     )
 

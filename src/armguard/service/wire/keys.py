@@ -131,7 +131,7 @@ def parsed(path: Path, text: bytes) -> dict[Role, bytes]:
         if role in keys or key in keys.values():
             raise KeyFileError(
                 f"{path}:{number}: the role or the key is there already; each role "
-                "needs a key of its own"
+                "needs a separate key"
             )
         keys[role] = key
     if not keys:
