@@ -91,9 +91,13 @@ def gap_of(guard, speed, deficit, age=None):
 
 def moving_bay(mode="path", period=PERIOD):
     """The bay with stops predicted from its figures; its floor is the mode's own."""
-    bay = bay_scene()
-    scene = Scene(mode=mode, period=period, index=bay.index)
-    for name, robot in bay.robots.items():
+    return in_mode(bay_scene(), mode, period)
+
+
+def in_mode(made, mode, period=PERIOD):
+    """The robots and objects of a scene, all in one mode with its own floor."""
+    scene = Scene(mode=mode, period=period, index=made.index)
+    for name, robot in made.robots.items():
         scene.add_robot(
             robot.model,
             name=name,
@@ -101,8 +105,8 @@ def moving_bay(mode="path", period=PERIOD):
             home=robot.home,
             stopping=robot.stopping,
         )
-    for name, thing in bay.objects.items():
+    for name, thing in made.objects.items():
         scene.add([*thing.shapes, *thing.surfaces], name=name, pose=thing.pose)
-    for pair in bay.allowances:
+    for pair in made.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     return scene

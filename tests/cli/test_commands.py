@@ -46,7 +46,7 @@ def test_run_with_a_nan_is_bad_input(tmp_path):
     result = run("run", BAY, "--trajectory", str(path), "--json")
     assert result.exit_code == 2
     (event,) = json.loads(result.stdout)["events"]
-    assert event["why"].startswith("joint 'left/joint3' is at nan")
+    assert event["why"].startswith("joint 'left/joint3' is at nan: stop")
 
 
 def test_check_lists_findings():

@@ -82,7 +82,7 @@ def test_the_nearest_pair_has_names_points_and_words():
     assert near.point_a == pytest.approx([0.5, 0.04, 0.2])
     assert near.point_b == pytest.approx([0.5, 0.06, 0.2])
     assert near.normal == pytest.approx([0, 1, 0])
-    assert near.why == "arm/link1 to ball: 20 mm, needs 30 mm buffer"
+    assert near.why == "arm/link1 20 mm from ball: must keep 30 mm"
 
 
 def test_a_buffer_of_its_own_and_a_pair_rule():
@@ -140,8 +140,8 @@ def test_a_joint_outside_its_limits_stops_and_distances_are_still_told(guard):
     verdict = guard.step(np.array([0.0, 2.5, 0.0]))
     assert verdict.reason is Reason.OUT_OF_LIMITS
     assert verdict.level is Level.STOP
-    said = "joint 'arm/joint2' is at 2.5000; its limits are [-2.0000, 2.0000]"
-    assert verdict.why == said
+    said = "its limits are [-2.0000, 2.0000]; check units and order"
+    assert verdict.why == f"joint 'arm/joint2' is at 2.5000: stop, {said}"
     inside = guard.step(np.array([2.1, 0.0, 0.0]))
     assert inside.reason is Reason.OUT_OF_LIMITS
 

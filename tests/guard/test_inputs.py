@@ -58,87 +58,88 @@ CASES = {
     "a robot's stamp missing": (
         {"stamp": {"left": NOW}},
         Reason.STAMP_MISSING,
-        "'right': a stamp is missing",
+        "'right': stop, no finite stamp; pass the time of the measurement",
     ),
     "a stamp that is NaN": (
         {"stamp": stamps(np.nan, NOW)},
         Reason.STAMP_MISSING,
-        "'left': a stamp is missing, or is no finite number",
+        "'left': stop, no finite stamp; pass the time of the measurement",
     ),
     "a cycle at the time of the last": (
         {"stamp": PERIOD},
         Reason.TIME_STILL,
-        "the time of this cycle is that of the last one",
+        "stop: the time of the cycle did not advance; check the clock",
     ),
     "time that goes back": (
         {"stamp": 0.5 * PERIOD},
         Reason.TIME_BACKWARDS,
-        "the stamp is older than the one before",
+        "stop: a stamp is older than the one before; check the clocks",
     ),
     "one robot's stamp that goes back": (
         {"stamp": stamps(NOW, 0.5 * PERIOD), "now": NOW},
         Reason.TIME_BACKWARDS,
-        "'right': the stamp is older than the one before",
+        "'right': stop, a stamp is older than the one before; check the clocks",
     ),
     "a stamp ahead": (
         {"stamp": stamps(NOW, AHEAD), "now": NOW},
         Reason.STAMP_AHEAD,
-        "'right': a stamp is later than the time of the cycle (0.5 ms)",
+        "'right': stop, a stamp is later than the cycle; synchronise the clocks (0.5",
     ),
     "an old measurement": (
         {"stamp": stamps(0.012, PERIOD), "now": 0.012},
         Reason.STATE_STALE,
-        "'right': a measurement is older than its limit (11.0 ms)",
+        "'right': stop, the measurement is older than its limit; check sensor, network "
+        "(11.0 ms)",
     ),
     "a late cycle": (
         {"stamp": 0.008},
         Reason.CYCLE_LATE,
-        "7.0 ms since the last cycle, but the scene declares period 1.0 ms",
+        "stop: 7.0 ms since the last cycle, but the scene declares period 1.0 ms",
     ),
     "a jump": (
         {"q": [0.0, 0.0, 0.0, 0.1]},
         Reason.STATE_JUMPED,
-        "joint 'right/joint2' at 100.00 a second: a joint moved faster than it can",
+        "joint 'right/joint2' at 100.00 a second: stop, the position jumped farther",
     ),
     "a velocity that is too high": (
         {"velocity": [0.0, 0.0, -2.5, 0.0]},
         Reason.TOO_FAST,
-        "joint 'right/joint1' at -2.50 a second: a joint is faster than its declared",
+        "joint 'right/joint1' at -2.50 a second: stop, the joint is faster than its",
     ),
     "a velocity that is NaN": (
         {"velocity": [0.0, np.nan, 0.0, 0.0]},
         Reason.NOT_FINITE,
-        "joint 'left/joint2' is at nan; it must be finite",
+        "joint 'left/joint2' is at nan: stop, it must be finite",
     ),
     "velocities of another length": (
         {"velocity": [0.0, 0.0]},
         Reason.WRONG_INPUT,
-        "velocity has shape (2,); it must be 4 numbers",
+        "stop: velocity has shape (2,); it must be 4 numbers",
     ),
     "positions of another length": (
         {"q": [0.0]},
         Reason.WRONG_INPUT,
-        "q has shape (1,); it must be 4 numbers",
+        "stop: q has shape (1,); it must be 4 numbers",
     ),
     "a position that is infinite": (
         {"q": [0.0, 0.0, np.inf, 0.0]},
         Reason.NOT_FINITE,
-        "joint 'right/joint1' is at inf; it must be finite",
+        "joint 'right/joint1' is at inf: stop, it must be finite",
     ),
     "a position outside the limits": (
         {"q": [0.0, 0.0, 0.0, 2.0002]},
         Reason.OUT_OF_LIMITS,
-        "joint 'right/joint2' is at 2.0002; its limits are [-2.0000, 2.0000]",
+        "joint 'right/joint2' is at 2.0002: stop, its limits are [-2.0000, 2.0000]",
     ),
     "a stamp of an unknown robot": (
         {"stamp": {"left": NOW, "right": NOW, "lift": NOW}},
         Reason.WRONG_INPUT,
-        "there is a stamp for 'lift', no robot; did you mean 'left'?",
+        "stop: there is a stamp for 'lift', no robot; did you mean 'left'?",
     ),
     "a stamp that is no number": (
         {"stamp": "now"},
         Reason.WRONG_INPUT,
-        "stamp is 'now' and now is None; they must be numbers [s]",
+        "stop: stamp is 'now' and now is None; they must be numbers [s]",
     ),
 }
 
@@ -193,7 +194,7 @@ def test_without_velocities_the_first_sample_is_a_stop_and_the_next_ones_are_not
     verdict = guard.step(STILL, 0.0)
     assert verdict.reason is Reason.NO_VELOCITY
     assert verdict.level >= Level.STOP
-    assert "'left': the velocity is not known from one sample" in verdict.why
+    assert "'left': stop, no velocity from a single sample; send" in verdict.why
     levels = [guard.step(STILL, k * PERIOD).level for k in range(1, 40)]
     assert levels[-1] < Level.STOP
 
@@ -203,7 +204,7 @@ def test_an_object_that_was_never_seen_is_a_stop_and_named():
     verdict = guard.step(STILL, 0.0, velocity=STILL)
     assert verdict.reason is Reason.OBJECT_UNSEEN
     assert verdict.level >= Level.STOP
-    assert verdict.why.startswith("'ball': an object that moves was never seen")
+    assert verdict.why.startswith("'ball': stop, the moving object was never")
     assert verdict.subject == "ball"
 
 

@@ -50,8 +50,8 @@ def test_at_a_lower_rate_it_is_told_both_figures_and_the_key(rate, caplog):
     assert commands[1].verdict.reason is Reason.CYCLE_LATE
     said = commands[1].verdict.why
     assert said.startswith(
-        f"{1e3 / rate:.1f} ms since the last cycle, but the scene declares period "
-        "1.0 ms (+ late 0.0 ms): set Scene(period="
+        f"stop: {1e3 / rate:.1f} ms since the last cycle, but the scene declares "
+        "period 1.0 ms (+ late 0.0 ms): set Scene(period="
     )
     assert len(caplog.records) == 1
     told = caplog.records[0].getMessage()

@@ -74,7 +74,7 @@ def test_a_wrong_sighting_is_refused_and_a_stop_until_one_is_believed(case):
         assert verdict.reason is reason
         assert verdict.level is Level.STOP
         assert verdict.subject == "ball"
-        assert verdict.why.startswith("'ball': ")
+        assert verdict.why.startswith("'ball': stop, ")
     guard.place("ball", at(0.0), 5.011)
     assert cycle(guard, 5.012).reason is not reason
 

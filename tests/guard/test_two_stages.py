@@ -55,7 +55,7 @@ def test_the_exact_shapes_let_pass_what_primitives_would_stop(guard):
     assert near.distance == near.exact_distance
     assert near.clearance == near.distance - near.buffer
     assert 0.0 < near.model_error < 1e-3  # the panda's meshes are nearly convex
-    assert "exact shapes" in near.why
+    assert "hulls of the second stage" in near.explain()
     assert verdict.counts.pairs_refined >= 1
     assert np.linalg.norm(near.normal) == pytest.approx(1.0, abs=1e-12)
     gap = near.point_b - near.point_a - near.distance * near.normal

@@ -29,17 +29,23 @@ SECOND, TURN = (1.3, 0.7, 0.0), -2.0
 
 
 def terms_of(sentence):
-    """Total and terms of "needs 12.3 mm = floor 5.0 + ... - path 0.1" [mm]."""
-    total, sum_of = re.search(r"needs (-?[\d.]+) mm = (.*)$", sentence).groups()
-    terms = re.findall(r"([+-]?) ?([a-z]+) (-?\d+\.\d)", sum_of)
-    return float(total), {n: float(v) * (-1 if s == "-" else 1) for s, n, v in terms}
+    """Total and terms of "must keep 12.3 mm: floor 5.0 + ...; 0.1 mm ..." [mm]."""
+    total, sum_of = re.fullmatch(r"must keep ([\d.]+) mm: (.*)", sentence).groups()
+    sum_of, _, returned = sum_of.partition("; ")
+    terms = {name: float(v) for name, v in re.findall(r"([a-z]+) (\d+\.\d)", sum_of)}
+    if returned:
+        opens, way = re.match(r"(the pair opens: )?([\d.]+) mm", returned).groups()
+        terms["path"] = -float(way)
+        assert bool(opens) == (sum(terms.values()) < terms["floor"] - 1e-9)
+        assert bool(opens) == (f"floor {terms['floor']} mm stays" in returned)
+    return float(total), terms
 
 
 def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
     guard = Guard(moving_bay())
     rng = np.random.default_rng(5)
     low, high = guard.tables.lower, guard.tables.upper
-    told = 0
+    told = opened = 0
     while told < 200:
         guard.reset()
         q = np.clip(guard.home + rng.normal(0.0, 0.6, guard.home.shape), low, high)
@@ -57,14 +63,23 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
             continue
         told += 1
         total, terms = terms_of(verdict.budget.sentence)
-        assert sum(terms.values()) == pytest.approx(total, abs=0.01)
-        assert total == pytest.approx(verdict.budget.needed * 1e3, abs=0.051)
-        assert verdict.budget.sentence in verdict.why or verdict.reason >= 100
+        sum_of = max(sum(terms.values()), terms["floor"])
+        assert sum_of == pytest.approx(total, abs=0.01)
+        needed = max(verdict.budget.needed, verdict.budget.floor)
+        assert total == pytest.approx(needed * 1e3, abs=0.051)
+        text = verdict.explain()
+        assert f"must keep {total} mm" in text
+        rows = re.findall(r"^ +([\d.]+) mm  ([a-z]+): ", text, re.MULTILINE)
+        assert {n: float(v) for v, n in rows} == {
+            n: v for n, v in terms.items() if v > 0.0
+        }
+        opened += terms.get("path", 0.0) < 0.0
         nearest = verdict.nearest
         assert nearest.clearance == pytest.approx(
             nearest.distance - verdict.budget.needed, abs=1e-12
         )
         json.dumps(verdict.to_dict(), allow_nan=False)
+    assert opened
 
 
 def test_a_scale_lies_in_0_to_1_and_falls_with_the_time_that_is_left():
@@ -212,7 +227,9 @@ def test_a_slow_names_its_pair_with_the_margin_as_it_comes():
     guard = Guard(ball_scene(settings={"margin": None}))
     verdict = moving(guard, 0.15, 1.0)
     assert verdict.level is Level.SLOW
-    assert "arm/link1 to ball" in verdict.why
+    left = verdict.nearest.time_left * 1e3
+    said = f"arm/link1 150 mm from ball: slowing, stop needed in {left:.0f} ms"
+    assert verdict.why == said
 
 
 def test_an_approach_is_one_event_up_to_the_rest():
@@ -247,7 +264,8 @@ def test_a_stop_that_lags_names_the_joint():
             break
     assert verdict.level is Level.BRAKE
     assert verdict.subject == "arm/joint1"
-    assert verdict.why.startswith("'arm/joint1': a stop was slower than declared")
+    said = "brake, the stop was slower than declared; removing power"
+    assert verdict.why == f"'arm/joint1': {said}"
     assert log.events[-1].a == "arm/joint1"
     assert log.faults == 0
 
@@ -270,7 +288,8 @@ def test_beside_a_fixed_robot_it_is_said_that_nothing_is_proven_of_its_motion():
     q = at_gap(0.5, 2)
     verdict = guard.step(q, 5.0, velocity=[0.0, 1.0])
     assert verdict.unbounded == ("right",)
-    assert "nothing is proven about the motion of 'right', mode fixed" in verdict.why
+    said = "right: CAUTION, speed 100%, nothing is proven about its motion, mode fixed"
+    assert said in verdict.explain().splitlines()
     assert verdict.to_dict()["unbounded"] == ["right"]
     left, right = stopping_findings(scene)
     assert "nothing is proven" not in left.sentence

@@ -126,7 +126,7 @@ def test_a_pair_that_may_touch_already_needs_no_distance_below_zero():
     assert told.verdict.level is Level.RECOVER
     assert told.velocity[0] < 0.0
     assert told.verdict.nearest.why == (
-        "left/ball to ball: 1 mm, may touch already: left/ball leaves"
+        "left/ball 0.6 mm from ball: too close, but opening"
     )
 
 
@@ -312,8 +312,8 @@ def test_nothing_is_proven_for_an_arm_that_leaves_what_comes_by_itself():
     assert out.verdict.reason is Reason.UNPROVEN
     assert pair.unproven and pair.clearance < -0.05
     assert "nothing is proven" in pair.why and "ball" in pair.why
-    assert out.verdict.why.startswith("nothing is proven for a pair")
-    assert "left/ball to ball: 30 mm" in out.verdict.why
+    assert out.verdict.why == "left/ball 30 mm from ball: leaving, nothing is proven"
+    assert "nothing is proven: left/ball leaves ball" in out.verdict.explain()
     assert out.verdict.to_dict()["near"][0]["unproven"] is True
     # It lets go: the slide is stopped, rests, and waits for who leads it away.
     let_go = loop.cycle(0.0)

@@ -120,7 +120,7 @@ def test_contact_happens_at_creep_and_no_deeper_than_the_contract_says():
         assert abs(loop.rows[first][1][joint]) <= 0.02
     assert np.abs(last.velocity).max() < 1e-4
     pair = next(p for p in last.verdict.near if p.contract)
-    assert "under a contract" in pair.why
+    assert "under a contract" in pair.explain()
     assert pair.buffer == -0.002
     cue = last.verdict.cues["arm"]
     # The table below pushes; the block on both sides does not.

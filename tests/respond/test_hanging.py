@@ -39,7 +39,7 @@ def test_an_arm_that_is_told_to_move_and_measures_the_same_is_stopped(speed):
     assert all(c.action is Action.FOLLOW for c in commands[:first])
     assert commands[first].action is Action.STOP
     assert commands[first].verdict.joint in guard.q_names
-    assert "do not change, but a command" in commands[first].verdict.why
+    assert "stop, the measured position is stuck" in commands[first].verdict.why
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3])

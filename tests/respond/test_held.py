@@ -47,10 +47,10 @@ def test_a_robot_that_waits_is_held_since_it_rests():
     last = loop.run([0.5], 50)
     assert last.held == first.held
     # What a person reads begins with it, though all is clear otherwise.
-    assert last.why.startswith(f"arm is held since {held.since:.1f} s (the desired ")
+    assert last.why.startswith(f"HELD arm since {held.since:.1f} s: invalid command: ")
     assert "send zero velocity once" in last.why
     assert "engage('arm')" in last.why
-    assert "HOLD: arm is held" in repr(last)
+    assert "HOLD: HELD arm" in repr(last)
 
 
 def test_one_that_is_still_being_stopped_or_follows_is_not():

@@ -101,7 +101,7 @@ def test_where_something_stands_in_the_way_back_it_waits_and_says_so(any_guard):
         waits = loop.run(loop.still, 1000)
         assert waits.blocked["left"] is Blocked.WAY_BLOCKED
         assert waits.action is Action.FOLLOW
-        assert "waits" in Blocked.WAY_BLOCKED.sentence
+        assert "waiting" in Blocked.WAY_BLOCKED.sentence
         near = [c.verdict.nearest for c in loop.commands[loop.rests :]]
         assert min(p.distance for p in near if p) >= FLOOR
         # It does not go round: all the time it is on its way.

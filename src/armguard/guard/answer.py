@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armguard.guard import layout
 from armguard.guard.budget import Budget
 from armguard.guard.levels import Level, Reason
-from armguard.guard.watch import HYSTERESIS, SLOW_TIME_DEFAULT
+from armguard.guard.near_pair import NearPair
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
 from armguard.scene.tables import SceneTables
 
@@ -50,137 +50,6 @@ class NearNumbers(NamedTuple):
 
 NEAR_ROW = record(*NearNumbers._fields, "point_a:3", "point_b:3", "normal:3")
 POINTS = len(NearNumbers._fields)
-
-# A model error that rounds to 0 mm is left out of a sentence [m].
-WORTH_A_CLAUSE = 5e-4
-
-# Fields of a pair in JSON, in that order.
-IN_WORDS = (
-    "a b primitive_a primitive_b distance primitive_distance exact_distance buffer "
-    "clearance needed envelope time_left time_to_contact point_a point_b normal "
-    "model_error contract unproven"
-).split()
-
-
-def listed(value: object) -> object:
-    """An array as a list; any other value unchanged."""
-    return value.tolist() if isinstance(value, np.ndarray) else value
-
-
-@dataclass(frozen=True, slots=True)
-class NearPair:
-    """A near pair: two primitives that a verdict reports.
-
-    `point_b - point_a = distance · normal`.
-
-    Attributes:
-        a: Body of A: 'robot/link' or an object's name.
-        b: Body of B.
-        primitive_a: Primitive of A; a body may have several.
-        primitive_b: Primitive of B.
-        distance: Signed distance that the verdict uses: that of the primitives, or of
-            the exact shapes where those are farther apart [m].
-        primitive_distance: Signed distance of the primitives [m].
-        exact_distance: Signed distance of the exact shapes of the two links or
-            objects; None where the primitives keep their buffer and the exact shapes
-            were not measured [m].
-        buffer: Distance the pair must keep [m].
-        clearance: Distance minus required separation. Required is the buffer alone in
-            mode "fixed", else the buffer plus the distance that the two sides can
-            still close until both rest; negative: collision is imminent [m].
-        envelope: By how much the judged shapes are nearer than those whose distance is
-            reported; part of the required separation [m].
-        time_left: Time that the present motion may continue before a stop must be
-            ordered [s]; infinite where nothing moves.
-        time_to_contact: Lower bound of the time to contact, for any operator input
-            [s]; infinite where nothing moves. A coarser, shorter bound from levers for
-            pairs that are not the first their robots can touch.
-        point_a: Witness point on A, world frame, shape (3,) [m].
-        point_b: Witness point on B, world frame, shape (3,) [m].
-        normal: Unit vector from A to B, world frame, shape (3,).
-        model_error: How far the measured shapes may reach beyond the real surfaces,
-            sum of both sides: the primitives, or the exact shapes where `distance` is
-            theirs; a convex hull fills the dents of its mesh [m].
-        contract: Whether the pair is this near under a contract that it keeps; then
-            `buffer` is minus the allowed depth, and `clearance` the rest of that depth.
-        unproven: Whether nothing is proven for the pair: its robot leaves an object
-            that moves by itself and may hit it; `clearance` is minus the deficit.
-    """
-
-    a: str
-    b: str
-    primitive_a: str
-    primitive_b: str
-    distance: float
-    primitive_distance: float
-    exact_distance: float | None
-    buffer: float
-    clearance: float
-    envelope: float
-    time_left: float
-    time_to_contact: float
-    point_a: Floats
-    point_b: Floats
-    normal: Floats
-    model_error: float
-    contract: bool = False
-    unproven: bool = False
-
-    @property
-    def needed(self) -> float:
-        """Required separation of the pair, the envelope included [m]."""
-        return self.distance - self.clearance
-
-    @property
-    def distance_sentence(self) -> str:
-        """Bodies and distance of the pair in words, in millimetres."""
-        return f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm"
-
-    @property
-    def why(self) -> str:
-        """The pair in words and millimetres."""
-        if self.contract:
-            return (
-                f"{self.distance_sentence}, under a contract: may come to "
-                f"{self.buffer * 1e3:.1f} mm, {self.clearance * 1e3:.1f} mm are left"
-            )
-        if self.unproven:
-            return (
-                f"{self.distance_sentence}, nothing is proven: {self.a} leaves "
-                f"{self.b}, which moves by itself"
-            )
-        if self.needed < 0.0:
-            demand = f"may touch already: {self.a} leaves"
-        elif self.clearance != self.distance - self.buffer:
-            demand = f"needs {self.needed * 1e3:.0f} mm to stop in time"
-        else:
-            verb = "needs" if self.clearance < 0.0 else "keeps"
-            demand = f"{verb} {self.buffer * 1e3:.0f} mm buffer"
-        notes = []
-        if self.exact_distance is not None:
-            notes.append(
-                f"exact shapes {self.exact_distance * 1e3:.0f} mm, primitives "
-                f"{self.primitive_distance * 1e3:.0f} mm"
-            )
-        if self.model_error >= WORTH_A_CLAUSE:
-            notes.append(f"the model may reach {self.model_error * 1e3:.0f} mm too far")
-        return f"{self.a} to {self.b}: {self.distance * 1e3:.0f} mm, {demand}" + (
-            f" ({'; '.join(notes)})" if notes else ""
-        )
-
-    @property
-    def short_by(self) -> float:
-        """Length by which the pair is too near for its `time_left` to suffice [m]."""
-        if not 0.0 < self.time_left < SLOW_TIME_DEFAULT * HYSTERESIS:
-            return -self.clearance
-        limit = SLOW_TIME_DEFAULT
-        if self.time_left >= limit:
-            limit *= HYSTERESIS
-        return self.clearance * (limit / self.time_left - 1.0)
-
-    def to_dict(self) -> dict[str, object]:
-        """The pair as plain numbers, lists and strings."""
-        return {name: listed(getattr(self, name)) for name in IN_WORDS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,8 +138,6 @@ COUNTED = (
     "pairs_apart"
 ).split()
 
-# Fields of `NearPair` that have the same name in the row of the answer.
-
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -303,8 +170,17 @@ class Answer:
 
     @property
     def nearest(self) -> int:
-        """Index of the near pair with the least clearance, -1 for none."""
+        """Index of the near pair with the least headroom, -1 for none."""
         return int(self.data[layout.NEAREST])
+
+    def deciding(self, reason: Reason) -> int:
+        """Index of the near pair that a reason is about, -1 for none.
+
+        The nearest, but the one with the least time left where time is short.
+        """
+        if reason is Reason.SHORT_TIME and self.near_count:
+            return int(self.near["time_left"].argmin())
+        return self.nearest
 
     @property
     def budget(self) -> Budget | None:

@@ -9,20 +9,32 @@ guard enforces in this cycle, not a separate estimate. **No certification is cla
 the terms are for a risk assessment, and each is only as true as the figure behind it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import floor, isfinite
 
 from armguard.guard.static_errors import STATIC_ERRORS
 
-# Words of the sum for terms that are not called by their names; terms of one word are
-# summed.
+# Words of the terms that are not called by their names; terms of one word are summed.
 WORDS = {
     "error": "measurement",
     "reaction_a": "reaction",
     "reaction_b": "reaction",
     "stopping_a": "stopping",
     "stopping_b": "stopping",
+}
+
+# Source of each term, by its word: keys of a scene file, or the cause.
+SOURCES = {
+    "floor": "buffer of the pair, kept at rest too",
+    "model": "errors.model",
+    "base": "errors.base and errors.base_turn",
+    "object": "motion of the object since it was seen and until all rest",
+    "measurement": "errors.position",
+    "reaction": "motion until a stop takes effect: age, delays.command, period",
+    "stopping": "motion from there to rest: deceleration, ramp, settle",
+    "envelope": "the judged primitives are nearer than the exact shapes",
+    "path": "curvature of the path and coarseness of the bound",
 }
 
 # Tenths of millimetres in a metre.
@@ -78,20 +90,48 @@ class Budget:
         return self.stopping_a + self.stopping_b
 
     @property
-    def sentence(self) -> str:
-        """The sum in words and millimetres, without terms that are 0."""
-        terms: dict[str, float] = {}
+    def terms(self) -> dict[str, float]:
+        """The terms by their words, in tenths that add up to the rounded sum [mm]."""
+        found: dict[str, float] = {}
         for field in fields(self)[:-1]:
             word = WORDS.get(field.name, field.name)
-            terms[word] = terms.get(word, 0.0) + getattr(self, field.name)
-        values = whole_tenths(list(terms.values()))
-        words = [
-            f"{word} {value:.1f}"
-            for word, value in zip(terms, values, strict=True)
-            if value
+            found[word] = found.get(word, 0.0) + getattr(self, field.name)
+        return dict(zip(found, whole_tenths(list(found.values())), strict=True))
+
+    @property
+    def sentence(self) -> str:
+        """What must be kept and its terms in one line, in millimetres."""
+        terms = self.terms
+        parts = " + ".join(f"{word} {v:.1f}" for word, v in terms.items() if v > 0.0)
+        kept = max(sum(terms.values()), terms["floor"])
+        returned = returned_words(terms)
+        return f"must keep {kept:.1f} mm: {parts}" + (returned and f"; {returned}")
+
+    def explain(self) -> str:
+        """One line for each term, in millimetres, with its source."""
+        terms = self.terms
+        lines = [
+            f"{value:8.1f} mm  {word}: {SOURCES[word]}"
+            for word, value in terms.items()
+            if value > 0.0
         ]
-        parts = " + ".join(words).replace("+ path -", "- path ")
-        return f"needs {sum(values):.1f} mm = {parts or '0'}"
+        returned = returned_words(terms)
+        return "\n".join([*lines, f"  {returned}"] if returned else lines)
+
+
+def returned_words(terms: Mapping[str, float]) -> str:
+    """The part of the motion that does not reduce the distance, in words; "" for none.
+
+    Args:
+        terms: Terms by their words, see `Budget.terms` [mm].
+    """
+    floor, returned = terms["floor"], -terms["path"]
+    if returned <= 0.0:
+        return ""
+    sentence = f"{returned:.1f} mm of the way are returned"
+    if sum(terms.values()) >= floor:
+        return sentence
+    return f"the pair opens: {sentence}, floor {floor:.1f} mm stays"
 
 
 def whole_tenths(terms: Sequence[float]) -> list[float]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.answer import NearPair
+from armguard.guard.near_pair import NearPair
 from armguard.guard.verdict import Verdict
 
 Floats = NDArray[np.float64]
@@ -58,7 +58,7 @@ class PathCheck:
         what = "breaks its buffer" if at.certain else "is too near to tell"
         return (
             f"between the samples: first at {at.segment} + {at.share:.4f} a pair "
-            f"{what}: {pair.distance_sentence}, needs {pair.buffer * 1e3:.0f} mm"
+            f"{what}: {pair.distance_sentence}, must keep {pair.buffer * 1e3:.0f} mm"
         )
 
     def to_dict(self, names: Sequence[str]) -> dict[str, object]:

@@ -23,8 +23,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from armguard.guard.answer import Answer, NearPair
+from armguard.guard.answer import Answer
 from armguard.guard.levels import ORDERED, Level, Reason
+from armguard.guard.near_pair import NearPair
 from armguard.guard.watch import RESTING
 
 
@@ -204,10 +205,7 @@ def milliseconds(time: float) -> str:
 
 def lack_of(reason: Reason, answer: Answer) -> Lack | None:
     """Deficit of the deciding pair, with its causes; None if no near pair has one."""
-    k = answer.nearest
-    if reason is Reason.SHORT_TIME:
-        left = answer.near["time_left"]
-        k = int(left.argmin()) if len(left) else -1
+    k = answer.deciding(reason)
     if k < 0:
         return None
     pair = answer.pair(k)

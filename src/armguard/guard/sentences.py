@@ -1,12 +1,16 @@
-"""The reason of a verdict in one sentence, with names and numbers."""
+"""A verdict in words: one short line, or the full text with all terms."""
 
 from collections.abc import Sequence
 from math import isfinite
 
+import numpy as np
+
 from armguard.guard import layout
 from armguard.guard.answer import Answer
-from armguard.guard.levels import OF_OBJECTS, ORDERED, Reason
+from armguard.guard.levels import OF_OBJECTS, ORDERED, Level, Reason
+from armguard.guard.near_pair import NearPair
 from armguard.guard.pace import late_sentence
+from armguard.motion.pair_state import UNPROVEN
 
 # Reasons that the nearest pair explains.
 ABOUT_PAIRS = (
@@ -22,11 +26,31 @@ ABOUT_PAIRS = (
 )
 
 # Reasons whose value is a time.
-IN_MILLISECONDS = (
-    Reason.STAMP_AHEAD,
-    Reason.STATE_STALE,
-    Reason.CYCLE_LATE,
-)
+IN_MILLISECONDS = (Reason.STAMP_AHEAD, Reason.STATE_STALE)
+
+# What is done at a level, in a word. The word of `RECOVER` is that of its reason.
+DOING = {
+    Level.CLEAR: "clear",
+    Level.CAUTION: "caution",
+    Level.SLOW: "slowing",
+    Level.STOP: "stop",
+    Level.RECOVER: "stopped",
+    Level.BRAKE: "brake",
+    Level.HARDWARE_STOP: "hardware stop",
+}
+
+# What decides a stop for a pair beside its distances.
+DECIDING = {
+    Reason.NO_PROOF: "no proof that it keeps its buffer",
+    Reason.BUDGET_SPENT: "proof budget of the cycle used up, raise it",
+    Reason.CONTRACT_EXCEEDED: "contact deeper or faster than its contract allows",
+}
+
+# Near pairs and unproven pairs that an explanation names.
+NAMED = 8
+
+# Greatest rounding error of a sum of terms [m].
+TOLERANCE = 1e-9
 
 # Reasons explained by a joint that has not stopped as declared.
 LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
@@ -43,19 +67,29 @@ AT_SPEED = (
 OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL, *ORDERED)
 
 
-def sentence_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
-    """Reason of the level in one sentence.
+def sentence_of(
+    level: Level, reason: Reason, answer: Answer, disproved: Sequence[str], fault: str
+) -> str:
+    """A verdict in one short line: what, how near, what is done, what to do.
 
     Args:
-        reason: The reason.
+        level: Its level.
+        reason: Its reason.
         answer: The answer of the cycle.
         disproved: Joints that have not stopped as declared.
+        fault: Fault of the input in words, or "".
     """
-    if reason in ABOUT_PAIRS and answer.nearest >= 0:
-        return pair_sentence(reason, answer)
+    doing = DOING[level]
+    if fault:
+        return f"{doing}: {fault}"
+    if reason is Reason.OK and level is Level.CLEAR:
+        return f"clear: nothing within {answer.names.tables.margin * 1e3:.0f} mm"
+    k = deciding(reason, answer)
+    if reason in ABOUT_PAIRS and k >= 0:
+        return pair_sentence(doing, reason, answer.pair(k))
     if answer.data[layout.JOINT] >= 0.0:
-        return joint_sentence(reason, answer)
-    return input_sentence(reason, answer, subject_of(reason, answer, disproved))
+        return joint_sentence(doing, reason, answer)
+    return input_sentence(doing, reason, answer, subject_of(reason, answer, disproved))
 
 
 def subject_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
@@ -72,55 +106,123 @@ def subject_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
     return names.robots[r] if known and reason not in OF_ALL else ""
 
 
-def pair_sentence(reason: Reason, answer: Answer) -> str:
-    """Sentence of a reason that the nearest pair explains."""
-    nearest = answer.pair(answer.nearest)
+def deciding(reason: Reason, answer: Answer) -> int:
+    """Index of the near pair that a verdict is about, -1 for none."""
     if reason is Reason.UNPROVEN:
-        near = (answer.pair(k) for k in range(len(answer.near)))
-        pairs = tuple(pair for pair in near if pair.unproven) or (nearest,)
-        distances = "; ".join(pair.distance_sentence for pair in pairs)
-        return f"{reason.sentence}: {distances}"
-    budget, sentence = answer.budget, nearest.why
-    if budget is not None and not nearest.contract:
-        sentence = f"{nearest.distance_sentence}, {budget.sentence}"
-    robots = answer.names.robots
-    sides = [robots[r] for r in answer.robots_of(answer.nearest) if r >= 0 and robots]
-    for name in answer.unbounded:
-        if name in sides:
-            sentence += f"; nothing is proven about the motion of '{name}', mode fixed"
-    if reason in (Reason.NEAR, Reason.TOO_CLOSE):
-        return sentence
-    return f"{reason.sentence}: {sentence}"
+        unproven = np.flatnonzero(answer.near["proof"] == UNPROVEN)
+        if len(unproven):
+            return int(unproven[answer.near["distance"][unproven].argmin()])
+    return answer.deciding(reason)
 
 
-def input_sentence(reason: Reason, answer: Answer, subject: str) -> str:
-    """Sentence of a reason about a robot, an object or the cycle."""
+def pair_sentence(doing: str, reason: Reason, pair: NearPair) -> str:
+    """Line of a reason that a pair explains."""
+    return f"{pair.distance_sentence}: {pair_demand(doing, reason, pair)}"
+
+
+def pair_demand(doing: str, reason: Reason, pair: NearPair) -> str:
+    """What is done for a pair, and why."""
+    if reason is Reason.STOPPING:
+        return "still stopping"
+    if reason is Reason.RESTING:
+        return "stopped, only motion away is allowed"
+    if reason is Reason.UNPROVEN:
+        return "leaving, nothing is proven"
+    if reason is Reason.SHORT_TIME and isfinite(pair.time_left):
+        return f"{doing}, stop needed in {pair.time_left * 1e3:.0f} ms"
+    return f"{doing}, {DECIDING.get(reason, pair.demand)}"
+
+
+def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> str:
+    """Line of a reason about a robot, an object or the cycle."""
     sentence, value = reason.sentence, float(answer.data[layout.VALUE])
-    about = f"'{subject}': " if subject else ""
     tables = answer.names.tables
     if reason is Reason.CYCLE_LATE and isfinite(value):
-        return late_sentence(value, tables.period, tables.late)
+        sentence = late_sentence(value, tables.period, tables.late)
     if reason in IN_MILLISECONDS:
-        return f"{about}{sentence} ({value * 1e3:.1f} ms)"
-    return about + sentence
+        sentence = f"{sentence} ({value * 1e3:.1f} ms)"
+    said_already = sentence.startswith((doing, "still "))
+    if subject:
+        return f"'{subject}': {sentence if said_already else f'{doing}, {sentence}'}"
+    return sentence if said_already else f"{doing}: {sentence}"
 
 
-def joint_sentence(reason: Reason, answer: Answer) -> str:
-    """Sentence of a reason about a joint."""
+def joint_sentence(doing: str, reason: Reason, answer: Answer) -> str:
+    """Line of a reason about a joint."""
     k, value = int(answer.data[layout.JOINT]), float(answer.data[layout.VALUE])
-    names, sentence = answer.names, reason.sentence
-    joint = f"joint '{names.tables.q_names[k]}'"
+    names = answer.names
+    at, sentence = "", reason.sentence
     if reason in AT_SPEED:
-        return f"{joint} at {value:.2f} a second: {sentence}"
-    if reason is Reason.DRIVE_LAGS:
-        return f"{joint}: {sentence}, at least {value * 1e3:.1f} ms"
-    if reason is Reason.STATE_FROZEN:
-        return f"{joint}: {sentence} ({value:.4f})"
-    if reason is Reason.STAMP_REPEATED:
-        return f"{joint}: {sentence} ({value:.6f} s)"
-    if reason is Reason.NOT_FINITE:
-        return f"{joint} is at {value}; it must be finite"
-    return (
-        f"{joint} is at {value:.4f}; its limits are "
-        f"[{names.tables.lower[k]:.4f}, {names.tables.upper[k]:.4f}]"
-    )
+        at = f" at {value:.2f} a second"
+    elif reason is Reason.DRIVE_LAGS:
+        sentence = f"{sentence}, by at least {value * 1e3:.1f} ms"
+    elif reason is Reason.STATE_FROZEN:
+        at = f" at {value:.4f}"
+    elif reason is Reason.STAMP_REPEATED:
+        sentence = f"{sentence} ({value:.6f} s)"
+    elif reason is Reason.NOT_FINITE:
+        at, sentence = f" is at {value}", "it must be finite"
+    else:
+        lower, upper = names.tables.lower[k], names.tables.upper[k]
+        at = f" is at {value:.4f}"
+        sentence = f"its limits are [{lower:.4f}, {upper:.4f}]; check units and order"
+    return f"joint '{names.tables.q_names[k]}'{at}: {doing}, {sentence}"
+
+
+def explanation_of(
+    why: str, reason: Reason, answer: Answer, disproved: Sequence[str]
+) -> str:
+    """A verdict in full, in several lines.
+
+    Args:
+        why: The verdict in one line.
+        reason: Its reason.
+        answer: The answer of the cycle.
+        disproved: Joints that have not stopped as declared.
+    """
+    lines = [why]
+    k = answer.nearest
+    if (first := deciding(reason, answer)) != k:
+        lines += ["", "deciding pair:", f"  {answer.pair(first).explain()}"]
+    if k >= 0:
+        lines += ["", "least headroom:", f"  {answer.pair(k).explain()}"]
+        lines += terms_of(answer.pair(k), answer)
+    pairs = [answer.pair(i) for i in range(answer.near_count) if i != k]
+    for title, some in (
+        ("nothing is proven for:", [pair for pair in pairs if pair.unproven]),
+        ("other near pairs:", [pair for pair in pairs if not pair.unproven]),
+    ):
+        if some:
+            lines += ["", title, *(f"  {pair.why}" for pair in some[:NAMED])]
+        if len(some) > NAMED:
+            lines.append(f"  and {len(some) - NAMED} more")
+    lines += ["", *robot_lines(answer)] if answer.names.robots else []
+    if disproved:
+        lines.append(f"slower than declared: joint {', '.join(disproved)}")
+    return "\n".join(lines)
+
+
+def terms_of(pair: NearPair, answer: Answer) -> list[str]:
+    """Terms of what the nearest pair must keep; none where they are not computed."""
+    budget = None if pair.contract else answer.budget
+    if budget is None or not abs(budget.needed - pair.needed) <= TOLERANCE:
+        return []
+    return ["  of which", *(f"  {line}" for line in budget.explain().splitlines())]
+
+
+def robot_lines(answer: Answer) -> list[str]:
+    """One line for each robot: level, speed, age of its measurement, last stop."""
+    lines = []
+    for name, row in zip(answer.names.robots, answer.robots, strict=True):
+        level, cause = Level(int(row["level"])), Reason(int(row["cause"]))
+        said = [f"{level.name}, speed {row['scale']:.0%}"]
+        if isfinite(row["age"]):
+            said.append(f"measured {row['age'] * 1e3:.1f} ms before the cycle")
+        if row["delay"] > 0.0:
+            said.append(f"drives late by at least {row['delay'] * 1e3:.1f} ms")
+        if cause and level >= Level.STOP:
+            said.append(f"stopped because {cause.name}")
+        if name in answer.unbounded:
+            said.append("nothing is proven about its motion, mode fixed")
+        lines.append(f"{name}: {', '.join(said)}")
+    return lines

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import ROBOT_PLACES, Answer, Counts, Names, NearPair, listed
+from armguard.guard.answer import ROBOT_PLACES, Answer, Counts, Names
 from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
 from armguard.guard.levels import Level, Reason
+from armguard.guard.near_pair import NearPair, listed
 from armguard.guard.nuisance import Nuisance, classify, lack_of
-from armguard.guard.sentences import sentence_of, subject_of
+from armguard.guard.sentences import explanation_of, sentence_of, subject_of
 
 Floats = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ class Slack:
     """Slack of a verdict: length and time until a stop must be ordered.
 
     Attributes:
-        m: Clearance of the nearest pair [m]; infinite if none is near.
+        m: Headroom of the nearest pair [m]; infinite if none is near.
         s: Time that the present motion of all robots may continue [s]; infinite if no
             moving pair is near.
     """
@@ -254,7 +255,7 @@ class Verdict:
 
     @property
     def nearest(self) -> NearPair | None:
-        """The near pair with the least clearance, None if no pair is near."""
+        """The near pair with the least headroom, None if no pair is near."""
         k = int(self._data[layout.NEAREST])
         return None if k < 0 else self._answer.pair(k)
 
@@ -281,10 +282,17 @@ class Verdict:
 
     @property
     def why(self) -> str:
-        """The verdict in one sentence, with names and numbers."""
-        if self._fault:
-            return self._fault
-        return sentence_of(self.reason, self._answer, self.disproved)
+        """The verdict in one short line: what, how near, what is done, what to do."""
+        return sentence_of(
+            self.level, self.reason, self._answer, self.disproved, self._fault
+        )
+
+    def explain(self) -> str:
+        """The verdict in full: distances, terms of what must be kept, robots, joints.
+
+        Several lines; see docs/verdicts.md.
+        """
+        return explanation_of(self.why, self.reason, self._answer, self.disproved)
 
     def to_dict(self) -> dict[str, object]:
         """The verdict as plain numbers, lists and strings, ready for JSON.

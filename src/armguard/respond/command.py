@@ -49,22 +49,22 @@ class Blocked(WithSentence):
     def __init__(self, _: int, __: str = "", remedy: str = "") -> None:
         self.remedy = remedy
 
-    NOT = 0, "it follows its operator"
+    NOT = 0, "follows its operator"
     """The robot follows its operator."""
 
     STOPPED = (
         10,
-        "it was stopped",
+        "stopped, waiting for its operator",
         "send zero velocity once (or a position near it), lead it away",
     )
     """The robot stops, or was stopped and waits: its operator must request zero
     velocity, lead it away from all near pairs, or engage it; after an ordered stop,
     engage it."""
 
-    TOO_NEAR = 11, "it rests too near to a body, and may only move away"
+    TOO_NEAR = 11, "too close to a body; only motion away from it is allowed"
     """The robot rests too near to a body: it may only move away."""
 
-    PINCHED = 12, "each motion away from one body leads towards another"
+    PINCHED = 12, "each motion away from one body approaches another one"
     """The robot has no recovery: each motion that opens one pair closes another."""
 
     FAR_START = (
@@ -74,24 +74,24 @@ class Blocked(WithSentence):
     )
     """The requested position is far from the robot, and its scene refuses that."""
 
-    CATCHING_UP = 21, "the commanded position is far; it moves there slowly"
+    CATCHING_UP = 21, "moving slowly to a distant commanded position"
     """The requested position is far from the robot, which moves there slowly."""
 
-    EVADING = 23, "it evades an approaching obstacle"
+    EVADING = 23, "evading an approaching obstacle"
     """The robot evades an approaching obstacle."""
 
-    RETREATING = 24, "it retreats, as requested"
+    RETREATING = 24, "retreating as requested"
     """The robot retreats along its trail, or to a safe configuration."""
 
-    WAY_BLOCKED = 25, "a body blocks its retreat; it waits until the path is free"
+    WAY_BLOCKED = 25, "a body blocks the retreat; waiting until the path is free"
     """A body blocks the retreat of the robot, which goes on when the path is free."""
 
-    NO_WAY = 30, "no velocity was found that satisfies all constraints"
+    NO_WAY = 30, "no safe velocity exists here; stopping"
     """No velocity was found that satisfies all constraints: the robot is stopped."""
 
     LOCAL_MINIMUM = (
         40,
-        "its field has a local minimum here and leads no nearer to the goal",
+        "local minimum of its field: no velocity leads nearer to the goal",
         "lead it elsewhere, set another goal",
     )
     """The field brings the robot no nearer to its goal: it rests until it is led
@@ -120,6 +120,16 @@ class Changed(IntFlag):
     """The robot does not follow its operator, see `Command.blocked`."""
 
 
+CHANGED_WORDS = {
+    Changed.SPEED: "speed limit of a joint",
+    Changed.ACCELERATION: "declared acceleration of a joint",
+    Changed.LIMITS: "position limit of a joint",
+    Changed.ROWS: "near pair, or recovery",
+    Changed.PROOF: "request not proven, or robot stopped",
+    Changed.BLOCKED: "robot does not follow its operator",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Held:
     """Robot that is held at rest until its operator acts.
@@ -144,7 +154,7 @@ class Held:
     @property
     def cause(self) -> str:
         """Cause of the hold, in words."""
-        if self.blocked is Blocked.STOPPED:
+        if self.blocked is Blocked.STOPPED and self.reason:
             return self.reason.sentence
         return self.blocked.sentence
 
@@ -160,8 +170,8 @@ class Held:
     def sentence(self) -> str:
         """Start, cause and remedy of the hold, in words."""
         return (
-            f"{self.robot} is held since {self.since:.1f} s ({self.cause}): "
-            f"{self.remedy}"
+            f"HELD {self.robot} since {self.since:.1f} s: {self.cause}. "
+            f"To go on: {self.remedy}"
         )
 
 
@@ -285,11 +295,23 @@ class Command:
 
     @property
     def why(self) -> str:
-        """Cycle in words: first the robots that are held, then the verdict's `why`."""
+        """Cycle in one line: the robots that are held, then the verdict's `why`."""
         said = [held.sentence for held in self.held.values()]
         if not said or self.verdict.reason not in (Reason.OK, *ORDERED):
             said.append(self.verdict.why)
         return "; ".join(said)
+
+    def explain(self) -> str:
+        """Cycle in full: held robots, changed commands, then `Verdict.explain`."""
+        lines = [held.sentence for held in self.held.values()]
+        passed, blocked = self.passed, self.blocked
+        for name, changed in self.changed.items():
+            if changed:
+                causes = "; ".join(CHANGED_WORDS[cause] for cause in changed)
+                lines.append(f"{name} gets {passed[name]:.0%} of its request: {causes}")
+            if changed & Changed.BLOCKED and name not in self.held:
+                lines.append(f"{name}: {blocked[name].sentence}")
+        return "\n".join([*lines, self.verdict.explain()])
 
     @property
     def far_joints(self) -> tuple[str, ...]:

@@ -10,8 +10,8 @@ from trimesh.util import concatenate
 from viser.transforms import SE3, SO3
 
 from armguard.geometry.shapes import Shape, shape_row
-from armguard.guard.answer import NearPair
 from armguard.guard.levels import Level
+from armguard.guard.near_pair import NearPair
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.recording.palette import (
     BLUE,

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from armguard.geometry.shapes import Shape
 from armguard.guard import layout
-from armguard.guard.answer import NearPair, names_of
+from armguard.guard.answer import names_of
 from armguard.guard.levels import Level, Reason
+from armguard.guard.near_pair import NearPair
 from armguard.guard.verdict import Verdict
 from armguard.recording.frames import Frame
 from armguard.recording.shape_words import shape_of

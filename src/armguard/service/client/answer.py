@@ -271,8 +271,9 @@ class Answer:
             return cause.sentence
         sentence, near = welcome.reasons[self.reason_number][1], self.nearest
         if near is not None and self.level_number:
-            away = f"{near.a} to {near.b}: {near.distance * 1e3:.0f} mm"
-            sentence = f"{sentence} ({away}, {near.clearance * 1e3:.0f} mm left)"
+            away = f"{near.a} {near.distance * 1e3:.0f} mm from {near.b}"
+            room = near.clearance * 1e3
+            sentence = f"{sentence} ({away}, headroom {room:.0f} mm)"
         return f"{sentence}; {cause.sentence}" if cause else sentence
 
     @property

@@ -44,6 +44,9 @@ TWISTS = int(Form.TWISTS)
 # Objects that are listed in one reply.
 OBJECTS = 12
 
+# Greatest length of an explanation in a reply [characters].
+EXPLAINED = 4000
+
 # What a guard is asked for, by why the desired motion does not count.
 ASK_OF: dict[Cause, int] = {
     Cause.NONE: AS_WISHED,
@@ -217,6 +220,7 @@ class Judge:
         verdict = last.verdict
         return {
             "why": last.why,
+            "explanation": last.explain()[:EXPLAINED],
             "cycle": self.guard.cycle - 1,
             "level": verdict.level.name,
             "reason": verdict.reason.name,

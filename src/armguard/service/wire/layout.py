@@ -121,23 +121,23 @@ class Cause(WithSentence):
     From `STOP_ORDERED` on it is a stop; from `NOT_CONNECTED` on a client sets it.
     """
 
-    NONE = 0, "the commander's desired motion was judged"
-    NO_COMMANDER = 1, "no client has the command; zero velocity was judged"
+    NONE = 0, "the desired motion of the commander was judged"
+    NO_COMMANDER = 1, "no client is in command; zero velocity was judged"
     NO_WISH = 2, "the commander has sent no desired motion yet"
     WISH_OLD = 3, "the commander is silent; zero velocity was judged"
     STOP_ORDERED = 10, "a stop was ordered; the commander has to engage"
-    DEADLINE_MISSED = 11, "the service was later than its period allows"
-    FAULT = 12, "a fault in the service; its log names the fault"
-    SHUTDOWN = 13, "the service shuts down"
-    WAITING = 14, "not every robot has sent a state yet"
-    RESTARTED = (
-        15,
-        "the service was restarted after a crash; the commander has to engage",
+    DEADLINE_MISSED = (
+        11,
+        "the service missed its deadline; reduce load, or raise --late",
     )
+    FAULT = 12, "fault in the service; read its log"
+    SHUTDOWN = 13, "the service shuts down"
+    WAITING = 14, "waiting for the state of every robot"
+    RESTARTED = 15, "the service restarted after a crash; the commander has to engage"
     NOT_CONNECTED = 100, "not connected to a service"
-    SERVICE_SILENT = 101, "the service is silent"
-    NO_ANSWER = 102, "the service is alive, but has sent no command in time"
-    SERVICE_GONE = 103, "the service has ended"
+    SERVICE_SILENT = 101, "the service is silent; check that it runs"
+    NO_ANSWER = 102, "the service is alive, but sent no command in time"
+    SERVICE_GONE = 103, "the service has ended; start it again"
     NOT_YOURS = 104, "another controller sends the states of these robots"
 
     @property
