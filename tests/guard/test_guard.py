@@ -397,6 +397,6 @@ def test_the_bay_has_the_papers_numbers():
 def test_two_boxes_of_one_object_are_not_checked_against_each_other():
     scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(), name="arm")
-    block = Box(half_extents=(0.1, 0.1, 0.1))
+    block = Box(size=(0.2, 0.2, 0.2))
     scene.add([block, block], name="pile", pose=Pose(xyz=(0, -1.5, 0)))
     assert Guard(scene).home_verdict.level is Level.CLEAR

@@ -166,7 +166,7 @@ def test_shapes_axes_and_limits_are_read(tmp_path):
     found = [e.geometry for e in model.links["a"].collisions]
     assert found == [
         Sphere(radius=0.1),
-        Box(half_extents=(0.1, 0.2, 0.3)),
+        Box(size=(0.2, 0.4, 0.6)),
         Cylinder(0.1, 0.5),
         Capsule(start=(0, 0, -0.25), end=(0, 0, 0.25), radius=0.1),
     ]

@@ -66,7 +66,7 @@ index: {kind: brute_force, leaf_capacity: 3, cube: {centre: [0, 0, 0], edge: 9}}
     assert shapes["ball"] == Sphere(radius=0.1, rounding=0.01)
     assert shapes["rod"] == Capsule(start=(0, 0, 0), end=(0, 0, 1), radius=0.1)
     assert shapes["stick"].end == (0, 0, 0.2)
-    assert shapes["block"] == Box(half_extents=(0.1, 0.2, 0.3), rounding=0.02)
+    assert shapes["block"] == Box(size=(0.2, 0.4, 0.6), rounding=0.02)
     turned, same = (scene.objects[n].pose.rpy for n in ("turned", "same"))
     assert turned == pytest.approx(same)
     assert len(scene.objects["pair"].shapes) == 2

@@ -135,7 +135,7 @@ def test_what_rides_on_a_link_has_no_speed_of_its_own(own):
     scene.add_robot(simple_arm(), name="arm")
     with pytest.raises(SceneError, match="it moves as its link does"):
         scene.add(
-            Box(half_extents=(0.1, 0.1, 0.1)),
+            Box(size=(0.2, 0.2, 0.2)),
             name="held",
             attached_to="arm/link1",
             **own,

@@ -4,7 +4,19 @@ from enum import IntEnum
 from typing import Self
 
 
-class Level(IntEnum):
+class NamedNumber(IntEnum):
+    """A number that prints as its name."""
+
+    def __str__(self) -> str:
+        """The name, as in "STOP"."""
+        return self.name
+
+    def __format__(self, form: str) -> str:
+        """The name, also in f-strings."""
+        return format(self.name, form)
+
+
+class Level(NamedNumber):
     """Required behaviour of an arm; a higher level is always the safer one.
 
     From `STOP` on, the arm must not follow its operator.
@@ -34,7 +46,7 @@ class Level(IntEnum):
     """Use whatever stops the arm from outside: the brake is not what was declared."""
 
 
-class Reason(IntEnum):
+class Reason(NamedNumber):
     """Reason of a verdict's level: its number, its sentence and the level.
 
     Attributes:

@@ -120,6 +120,15 @@ class Guard(Monitor):
                 line = filter_line(self, self.filter, self.engage)
                 self.self_test = SelfTestReport((*self.self_test.lines, line))
 
+    def __repr__(self) -> str:
+        """Names of the robots, counts of bodies, and the period."""
+        tables = self.tables
+        robots = ", ".join(part.name for part in tables.robots) or "none"
+        return (
+            f"<Guard period {tables.period * 1e3:g} ms; robots: {robots}; "
+            f"{len(self.q_names)} joints, {len(tables.kinds)} primitives>"
+        )
+
     @property
     def ledgers(self) -> tuple[Longs, Longs]:
         """Ledgers of its responses and of its workspace, for `run_filtered_cycle`.
