@@ -137,7 +137,7 @@ WRONG = {
     "two orientations": (
         ARM + "objects:\n  b: {box: [1, 1, 1], at: {rpy: [0, 0, 0], "
         "quat_wxyz: [1, 0, 0, 0]}}\n",
-        ":4: objects.b.at: has rpy and quat_wxyz; give one orientation",
+        ":4: objects.b.at: rpy and quat_wxyz are given; give one orientation",
     ),
     "unlabelled quaternion": (
         ARM + "objects:\n  b: {box: [1, 1, 1], at: {quat: [1, 0, 0, 0]}}\n",
@@ -154,7 +154,7 @@ WRONG = {
     "unknown robot": (
         "robots:\n  arm: {urdf: pandda}\n",
         ":2: robots.arm: no robot is named 'pandda', and there is no such file; "
-        "did you mean 'panda'",
+        "known names are 'baxter', ",
     ),
     "unknown link in allow": (
         ARM + "allow:\n  - {a: arm/link1, b: arm/lnk3, reason: no}\n",

@@ -10,10 +10,11 @@ import pytest
 from armguard.errors import SceneError
 from armguard.geometry import Box, Pose, Sphere
 from armguard.robot.stopping.figures import FIGURES as DECLARED
+from armguard.robot.stopping.figures import NAME_OF
 from armguard.scene import Scene, bay_path, bay_scene, compile_scene, load_scene
 from armguard.scene.bay import FOLDER
 from armguard.scene.contents import FLOOR, MARGIN_BEYOND_BUFFER, PAPER_BUFFER
-from armguard.scene.file_models import FIGURE_OF, StoppingModel
+from armguard.scene.file_models import StoppingModel
 from armguard.scene.schema import Strict
 from armguard.scene.yaml_source import SceneFileError
 from arms import simple_arm
@@ -334,7 +335,7 @@ def test_the_page_has_every_key_and_the_defaults_there_are():
     assert set(keys_of(StoppingModel)) == set(rows)
     for key, told in rows.items():
         if re.fullmatch(r"[\d.]+", told):
-            assert float(told) == DECLARED[FIGURE_OF[key]].default, key
+            assert float(told) == DECLARED[NAME_OF[key]].default, key
 
 
 def test_the_example_of_the_page_is_read(tmp_path):

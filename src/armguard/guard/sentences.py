@@ -6,7 +6,7 @@ from math import isfinite
 from armguard.guard import layout
 from armguard.guard.answer import Answer
 from armguard.guard.levels import OF_OBJECTS, ORDERED, Reason
-from armguard.guard.pace import late_sentence
+from armguard.guard.pace import clock_sentence, late_sentence
 
 # Reasons that the nearest pair explains.
 ABOUT_PAIRS = (
@@ -101,7 +101,7 @@ def input_sentence(reason: Reason, answer: Answer, subject: str) -> str:
     if reason is Reason.CYCLE_LATE and isfinite(value):
         return late_sentence(value, tables.period, tables.late)
     if reason in IN_MILLISECONDS:
-        return f"{about}{sentence} ({value * 1e3:.1f} ms)"
+        return f"{about}{sentence} ({value * 1e3:.1f} ms){clock_sentence(value)}"
     return about + sentence
 
 

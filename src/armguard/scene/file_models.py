@@ -266,7 +266,9 @@ def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
         folder: Where the path of a table counts from.
     """
     tables = model.tables
-    given: dict[str, Any] = model.model_dump(exclude_none=True)
+    given: dict[str, Any] = model.model_dump(exclude_none=True, exclude={"tables"})
+    if tables is not None:
+        given["tables"] = tables
     if isinstance(tables, str):
         given["tables"] = TableFile(path=folder / tables)
     if isinstance(tables, TableFileModel):
