@@ -161,7 +161,7 @@ class Hostile:
         (1.0, r"q has shape \(\)"),
         ("left", "q is a str"),
         (None, "q"),
-        ({"arm/joint1": 0.0}, "q is a dict"),
+        ({"arm/joint1": 0.0}, "q names 'arm/joint1', no robot; known"),
         (Hostile(), "q is a Hostile"),
         ([[0.0], [0.0, 1.0]], "q is a list"),
         ([0.0, "x", 1.0], "q is a list"),

@@ -133,7 +133,7 @@ CASES = {
     "a stamp of an unknown robot": (
         {"stamp": {"left": NOW, "right": NOW, "lift": NOW}},
         Reason.WRONG_INPUT,
-        "there is a stamp for 'lift', no robot; did you mean 'left'?",
+        "there is a stamp for 'lift', no robot; known names are 'left', 'right'",
     ),
     "a stamp that is no number": (
         {"stamp": "now"},

@@ -639,7 +639,7 @@ def vars_of(tables):
     [
         ("arm", "block", GraspError, "nearest finger is"),
         ("arm", "blok", UnknownNameError, "did you mean 'block'"),
-        ("amr", "block", UnknownNameError, "did you mean 'arm'"),
+        ("amr", "block", UnknownNameError, "known names are 'arm'"),
         ("arm", "table", GraspError, "not graspable"),
         ("arm", float("nan"), UnknownNameError, "no object is named 'nan'"),
     ],
