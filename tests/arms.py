@@ -36,9 +36,7 @@ def wall_scene(**settings):
     """One arm, and a wall whose face stands at y = 0.5; the mode is "fixed"."""
     scene = Scene(**{"mode": "fixed", **settings})
     scene.add_robot(simple_arm(), name="arm")
-    scene.add(
-        Box(half_extents=(2.0, 0.1, 1.0)), name="wall", pose=Pose(xyz=(0, 0.6, 0.5))
-    )
+    scene.add(Box(size=(4.0, 0.2, 2.0)), name="wall", pose=Pose(xyz=(0, 0.6, 0.5)))
     return scene
 
 

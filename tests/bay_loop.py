@@ -50,13 +50,12 @@ def bay_guard(box=False, period=0.001, **response):
 
 def open_box():
     """A box of walls without the one towards -x, half a metre wide."""
-    walls = [((0.01, 0.26, 0.26), (0.25, 0.0, 0.0))]
+    walls = [((0.02, 0.52, 0.52), (0.25, 0.0, 0.0))]
     for side in (-0.25, 0.25):
-        walls.append(((0.13, 0.01, 0.26), (0.13, side, 0.0)))
-        walls.append(((0.13, 0.26, 0.01), (0.13, 0.0, side)))
+        walls.append(((0.26, 0.02, 0.52), (0.13, side, 0.0)))
+        walls.append(((0.26, 0.52, 0.02), (0.13, 0.0, side)))
     return [
-        PlacedShape(shape=Box(half_extents=size), pose=Pose(xyz=place))
-        for size, place in walls
+        PlacedShape(shape=Box(size=size), pose=Pose(xyz=place)) for size, place in walls
     ]
 
 

@@ -1,7 +1,6 @@
 """Coal's shapes and requests, set so that its answers are as good as they get."""
 
 import coal
-import numpy as np
 
 from armguard.geometry import Box, Capsule
 
@@ -9,7 +8,7 @@ from armguard.geometry import Box, Capsule
 def coal_shape(shape):
     """Coal's shape; a rounding is its swept sphere."""
     if isinstance(shape, Box):
-        box = coal.Box(*(2.0 * np.array(shape.half_extents)))
+        box = coal.Box(*shape.size)
         box.setSweptSphereRadius(shape.rounding)
         return box
     if isinstance(shape, Capsule):

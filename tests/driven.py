@@ -73,7 +73,7 @@ def wall_guard(response="deflect", joints=3, wall=0.6, **options):
         home={f"joint{k + 1}": 0.0 for k in range(joints)},
     )
     scene.add(
-        Box(half_extents=(2.0, 0.1, 1.0)),
+        Box(size=(4.0, 0.2, 2.0)),
         name="wall",
         pose=Pose(xyz=(0.0, wall + 0.1, 0.5)),
     )

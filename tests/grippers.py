@@ -34,7 +34,7 @@ def add_gantry(
 def add_block(scene, name, xy=(0.0, 0.0), **options):
     """A block that may be gripped, on a table whose top is at z = 0."""
     scene.add(
-        Box(half_extents=BLOCK),
+        Box(size=tuple(2 * half for half in BLOCK)),
         name=name,
         pose=Pose(xyz=(*xy, BLOCK[2])),
         **{"graspable": Grasp(), **options},
@@ -43,9 +43,7 @@ def add_block(scene, name, xy=(0.0, 0.0), **options):
 
 def add_table(scene):
     """A table whose top is at z = 0."""
-    scene.add(
-        Box(half_extents=(1.0, 1.0, 0.05)), name="table", pose=Pose(xyz=(0, 0, -0.05))
-    )
+    scene.add(Box(size=(2.0, 2.0, 0.1)), name="table", pose=Pose(xyz=(0, 0, -0.05)))
 
 
 def pick_scene(*, blocks=None, coarse=True, response="deflect", **settings):

@@ -6,7 +6,7 @@ import pytest
 from armguard.geometry import Box, Capsule, Pose, Sphere
 from oracle import signed_distance
 
-HALF = Box(half_extents=(0.5, 0.5, 0.5))
+HALF = Box(size=(1.0, 1.0, 1.0))
 
 
 @pytest.mark.parametrize(

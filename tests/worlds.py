@@ -39,7 +39,7 @@ def random_shape(rng, kind, size):
     if kind == ShapeKind.BOX:
         half = size * 10.0 ** rng.uniform(-2.0, -0.2, 3)
         rounding = float(rng.choice([0.0, size * 0.1]))
-        return Box(half_extents=tuple(float(h) for h in half), rounding=rounding)
+        return Box(size=tuple((2.0 * half).tolist()), rounding=rounding)
     return CLASS_OF[kind].example(rng, 0.6 * size)
 
 

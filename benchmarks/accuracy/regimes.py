@@ -127,7 +127,7 @@ def draw_shape(rng: Rng, kind: ShapeKind, size: float, form: str = "any") -> Any
     if kind == ShapeKind.CAPSULE:
         return draw_capsule(rng, size, thin)
     if kind == ShapeKind.BOX:
-        return Box(half_extents=tuple(sizes), rounding=rounding)
+        return Box(size=tuple(2.0 * sizes), rounding=rounding)
     if kind == ShapeKind.TRIANGLE:
         return draw_triangle(rng, size, thin, rounding)
     if kind == ShapeKind.CYLINDER:

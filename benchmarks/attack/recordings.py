@@ -75,11 +75,11 @@ def scene_to_attack():
         gripper=Gripper(link="hand", fingers=("left", "right")),
         response=ResponseSettings(kind="field", evade=True),
     )
-    table = Box(half_extents=(1.0, 1.0, 0.05))
+    table = Box(size=(2.0, 2.0, 0.1))
     scene.add(table, name="table", pose=Pose(xyz=(0, 0, -0.05)))
     for name, x in (("block", 0.0), ("other", 0.3)):
         scene.add(
-            Box(half_extents=(0.02, 0.02, 0.03)),
+            Box(size=(0.04, 0.04, 0.06)),
             name=name,
             pose=Pose(xyz=(x, 0.0, 0.03)),
             graspable=Grasp(),
@@ -87,7 +87,7 @@ def scene_to_attack():
     corners = 0.03 * np.array([*np.ndindex(2, 2, 2)], dtype=np.float64)
     scene.add(Hull(points=corners), name="stone", pose=Pose(xyz=(0.5, 0.5, 0.1)))
     for name in CRATES:
-        scene.add(Box(half_extents=(0.1, 0.1, 0.1)), name=name, present=False)
+        scene.add(Box(size=(0.2, 0.2, 0.2)), name=name, present=False)
     scene.add(Sphere(radius=0.05), name="ball", present=False, top_speed=1.0)
     return scene
 

@@ -209,7 +209,7 @@ def solid(geometry: Shape | Cylinder | MeshFile) -> Any:
     if isinstance(geometry, Sphere):
         return coal.Sphere(geometry.radius + geometry.rounding)
     if isinstance(geometry, Box) and geometry.rounding == 0.0:
-        return coal.Box(*(2.0 * np.array(geometry.half_extents)))
+        return coal.Box(*geometry.size)
     raise ValueError(f"the judge has no shape for {type(geometry).__name__}")
 
 

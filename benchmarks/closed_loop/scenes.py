@@ -12,7 +12,7 @@ from closed_loop.settings import Setting
 # Objects that move in the scene "movers": they start here, and bounce within ROOM.
 MOVERS = {
     "ball": (Sphere(radius=0.06), (0.05, 0.0, 1.45)),
-    "crate": (Box(half_extents=(0.08, 0.06, 0.05)), (0.0, 0.55, 1.3)),
+    "crate": (Box(size=(0.16, 0.12, 0.1)), (0.0, 0.55, 1.3)),
 }
 
 # Corners of the box in which they bounce [m].
@@ -92,12 +92,8 @@ def two_pandas() -> Scene:
         "panda", name="far", base=Pose(xyz=(0.55, 0.0, 0.0), rpy=(0, 0, 3.14159265))
     )
     # Its top lies 40 mm below the bases: nothing of a Panda's first links reaches it.
-    scene.add(
-        Box(half_extents=(0.9, 0.6, 0.02)), name="table", pose=Pose(xyz=(0, 0, -0.06))
-    )
-    scene.add(
-        Box(half_extents=(0.08, 0.12, 0.08)), name="box", pose=Pose(xyz=(0, 0.3, 0.04))
-    )
+    scene.add(Box(size=(1.8, 1.2, 0.04)), name="table", pose=Pose(xyz=(0, 0, -0.06)))
+    scene.add(Box(size=(0.16, 0.24, 0.16)), name="box", pose=Pose(xyz=(0, 0.3, 0.04)))
     scene.add(
         Capsule(start=(0, 0, 0), end=(0, 0, 0.6), radius=0.03),
         name="post",

@@ -192,7 +192,8 @@ def built(name: str, projectile: Projectile, evade: bool) -> Scene:
         lambda name: {"stopping": bare.robots[name].stopping, "response": evades},
     )
     half = projectile.half
-    shape = Box(half_extents=half) if projectile.is_box else Sphere(radius=half[0])
+    size = tuple(2.0 * h for h in half)
+    shape = Box(size=size) if projectile.is_box else Sphere(radius=half[0])
     scene.add(
         shape,
         name=MOVER,

@@ -9,7 +9,7 @@ from golden.drive import Drive, Play
 from gripping.gantry import FIGURES, gantry
 
 # Half of the sizes of the block that is picked up, and of a post beside it [m].
-BLOCK, POST = (0.02, 0.02, 0.03), (0.02, 0.02, 0.05)
+BLOCK, POST = (0.04, 0.04, 0.06), (0.04, 0.04, 0.1)
 
 # Joint positions of open fingers, and of fingers that press on the block [m].
 OPEN, TOUCHING = 0.04, 0.0195
@@ -38,13 +38,13 @@ def gantry_scene() -> Scene:
         home={"x": 0.0, "y": 0.0, "z": 0.4, "open_left": OPEN, "open_right": OPEN},
         gripper=Gripper(link="hand", fingers=("left", "right")),
     )
-    table = Box(half_extents=(1.0, 1.0, 0.05))
+    table = Box(size=(2.0, 2.0, 0.1))
     scene.add(table, name="table", pose=Pose(xyz=(0, 0, -0.05)))
-    for name, x, half in (("block", 0.0, BLOCK), ("post", 0.15, POST)):
+    for name, x, size in (("block", 0.0, BLOCK), ("post", 0.15, POST)):
         scene.add(
-            Box(half_extents=half),
+            Box(size=size),
             name=name,
-            pose=Pose(xyz=(x, 0.0, half[2])),
+            pose=Pose(xyz=(x, 0.0, size[2] / 2.0)),
             graspable=Grasp(),
         )
     return scene

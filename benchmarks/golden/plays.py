@@ -38,7 +38,7 @@ def bay(
         scene.set_response(response)
         scene.set_stale(0.012)
         scene.add(Sphere(radius=0.05), name="ball", present=False, top_speed=FAST)
-        scene.add(Box(half_extents=(0.06, 0.05, 0.04)), name="crate", present=False)
+        scene.add(Box(size=(0.12, 0.1, 0.08)), name="crate", present=False)
         scene.add(
             Capsule(start=(0, 0, -0.1), end=(0, 0, 0.1), radius=0.04),
             name="cart",
@@ -98,7 +98,7 @@ def objects_move(drive: Drive) -> None:
         place = drive.rng.uniform((-0.3, -0.3, 0.8), (0.3, 0.3, 1.3))
         size = float(drive.rng.uniform(0.03, 0.08))
         guard.place(
-            "crate", Pose(xyz=tuple(place)), shape=Box(half_extents=(size, 0.05, 0.04))
+            "crate", Pose(xyz=tuple(place)), shape=Box(size=(2 * size, 0.1, 0.08))
         )
     if k % 90 == 60:
         guard.remove("crate")

@@ -44,5 +44,7 @@ def gantry() -> RobotModel:
         slider("open_right", "hand", "right", (0, -1, 0), **opens, xyz=right),
     ]
     halves = {"hand": HAND, "left": FINGER, "right": FINGER}
-    boxes = {link: Box(half_extents=half) for link, half in halves.items()}
+    boxes = {
+        link: Box(size=tuple(2 * h for h in half)) for link, half in halves.items()
+    }
     return robot_of("gantry", joints, boxes)

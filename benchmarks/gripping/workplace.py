@@ -177,7 +177,7 @@ class Workplace:
             shape = (
                 Cylinder(radius=solid.radius, height=2.0 * float(solid.half[2]))
                 if solid.radius
-                else Box(half_extents=tuple(solid.half.tolist()))
+                else Box(size=tuple((2.0 * solid.half).tolist()))
             )
             pose = Pose(xyz=tuple(solid.at.tolist()))
             scene.add(shape, name=name, pose=pose, graspable=name in self.objects)

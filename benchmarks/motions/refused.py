@@ -81,7 +81,7 @@ def guard_of(number: int) -> tuple[Corner, Guard]:
     ball = carriage(Sphere(radius=RADIUS), LIMIT)
     scene.add_robot(ball, name="carriage", stopping=dict(corner.figures))
     wall = Pose(xyz=(WALL + 0.5, 0.0, 0.0))
-    scene.add(Box(half_extents=(0.5, 1.0, 1.0)), name="wall", pose=wall)
+    scene.add(Box(size=(1.0, 2.0, 2.0)), name="wall", pose=wall)
     return corner, Guard(scene, self_test=False)
 
 

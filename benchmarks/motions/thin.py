@@ -108,7 +108,7 @@ class ThinWorld:
         for k, half in enumerate((*WIRES, *PLATES)):
             name = f"body{k}"
             rod = Capsule(start=(0, 0, -half), end=(0, 0, half), radius=0.5 * THIN)
-            plate = Box(half_extents=(half, 0.5 * THIN, 0.7 * half))
+            plate = Box(size=(2 * half, THIN, 1.4 * half))
             # A frame of no use: MuJoCo takes short cuts for a plain one.
             pose = Pose(xyz=(3.0, 3.0 + k, 0.1), rpy=(0.1, 0.2, 0.3))
             scene.add(rod if k < len(WIRES) else plate, name=name, pose=pose)

@@ -48,7 +48,7 @@ def peer_geometry(
             length, T = along_z(shape, T)
             return library.Capsule(shape.radius, length), T
         case Box():
-            return library.Box(*(2.0 * np.array(shape.half_extents))), T
+            return library.Box(*shape.size), T
         case Triangle():
             # Their own TriangleP is measured against nothing, or against another one.
             corners = np.array([shape.a, shape.b, shape.c])

@@ -101,8 +101,8 @@ def boxed(part: PlacedShape) -> PlacedShape:
     shape = part.shape
     if not isinstance(shape, Cylinder):
         return part
-    half = (shape.radius, shape.radius, shape.height / 2.0)
-    return PlacedShape(Box(half_extents=half), part.pose)
+    size = (2.0 * shape.radius, 2.0 * shape.radius, shape.height)
+    return PlacedShape(Box(size=size), part.pose)
 
 
 # Joints with less room than this, grippers, keep their place [rad or m]; so does a

@@ -32,7 +32,7 @@ MIDDLE = (0.0, 0.0, 0.055)
 # Half the way on which the tool passes, and half the panel: along the way, through it,
 # and across [m].
 HALF_WAY = 0.25
-HALF_PANEL = (0.15, 0.02, 0.10)
+PANEL_SIZE = (0.3, 0.04, 0.2)
 
 # Where the panel's face is looked for, from the way of the tool's middle [m], and how
 # finely [m].
@@ -60,7 +60,7 @@ class Passage:
     def panel(self, face: float) -> Floats:
         """Pose of the panel with its face so far from the tool's way, (4, 4)."""
         T = self.T_world_way.copy()
-        T[:3, 3] += (face + HALF_PANEL[1]) * T[:3, 1]
+        T[:3, 3] += (face + 0.5 * PANEL_SIZE[1]) * T[:3, 1]
         return T
 
 
@@ -76,7 +76,7 @@ def passing_scene(mode: Mode) -> Scene:
         home=robot.home,
         stopping=robot.stopping,
     )
-    scene.add(Box(half_extents=HALF_PANEL), name=PANEL, present=False)
+    scene.add(Box(size=PANEL_SIZE), name=PANEL, present=False)
     return scene
 
 

@@ -42,7 +42,7 @@ TERMS = ("floor", "base", "object", "error", "reaction", "stopping", "path")
 # positions and velocities of all slides.
 Judge = Callable[[float, float, Floats, Floats], Sequence[Verdict]]
 
-CUBE = Box(half_extents=(HALF, HALF, HALF))
+CUBE = Box(size=(2 * HALF, 2 * HALF, 2 * HALF))
 
 SLIDE = carriage(CUBE, REACH)
 

@@ -107,7 +107,7 @@ def before_wall(figures: StoppingFigures, mode: Mode, buffer: float) -> Track:
     """The slide before the wall, under a guard."""
     scene = Scene(mode=mode, buffer=buffer)
     scene.add_robot(SLIDE, name="arm", stopping=figures)
-    wall = Box(half_extents=(HALF, 1.0, 1.0))
+    wall = Box(size=(2 * HALF, 2.0, 2.0))
     scene.add(wall, name="wall", pose=cube_at(WALL + HALF))
     free = WALL - HALF
     return Track(

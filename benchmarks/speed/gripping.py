@@ -52,9 +52,7 @@ def cup_scene(gripper: bool, near: bool) -> Scene:
         home={"panda_finger_joint1": 0.0275},
         gripper=Gripper(link="panda_hand", fingers=fingers) if gripper else None,
     )
-    scene.add(
-        Box(half_extents=(0.6, 1.0, 0.025)), name="table", pose=Pose(xyz=(0.7, 0, -0.1))
-    )
+    scene.add(Box(size=(1.2, 2.0, 0.05)), name="table", pose=Pose(xyz=(0.7, 0, -0.1)))
     # Beneath the hand at home, 2.5 mm from each finger.
     height = 0.59 - BELOW_HAND if near else -0.02
     scene.add(

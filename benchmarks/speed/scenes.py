@@ -51,7 +51,7 @@ def crowded_bay(primitives: int, seed: int = 0) -> Scene:
         size = rng.uniform(0.005, 0.02, 3).tolist()
         turn = rng.uniform(-np.pi, np.pi, 3).tolist()
         shape = (
-            Box(half_extents=tuple(size))
+            Box(size=tuple(2.0 * s for s in size))
             if k % 2
             else Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 0.05), radius=size[0])
         )
@@ -78,7 +78,7 @@ def bay_among_boxes(primitives: int, seed: int = 0) -> Scene:
     boxes = np.stack(shell_boxes(primitives - BAY_PRIMITIVES, seed), axis=1).tolist()
     for k, (centre, half, turn) in enumerate(boxes):
         pose = Pose(xyz=tuple(centre), rpy=tuple(turn))
-        scene.add(Box(half_extents=tuple(half)), name=f"box{k}", pose=pose)
+        scene.add(Box(size=tuple(2.0 * h for h in half)), name=f"box{k}", pose=pose)
     return scene
 
 

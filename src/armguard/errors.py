@@ -9,7 +9,19 @@ from enum import IntEnum
 from typing import Self
 
 
-class WithSentence(IntEnum):
+class NamedNumber(IntEnum):
+    """A number that prints as its name."""
+
+    def __str__(self) -> str:
+        """The name, as in "STOP"."""
+        return self.name
+
+    def __format__(self, form: str) -> str:
+        """The name, also in f-strings."""
+        return format(self.name, form)
+
+
+class WithSentence(NamedNumber):
     """Numbers of a kind, each declared as a row: number, sentence, further attributes.
 
     Attributes:
@@ -148,8 +160,23 @@ def did_you_mean(name: str, known: Iterable[str], limit: int = 3) -> str:
     near = get_close_matches(name, names, n=limit, cutoff=0.6)
     if near:
         return "did you mean " + ", ".join(f"'{n}'" for n in near) + "?"
+    return known_names(names, 12)
+
+
+def known_names(known: Iterable[str], limit: int | None = None) -> str:
+    """Sentence that lists names and suggests none; for robots, which differ.
+
+    Args:
+        known: The names.
+        limit: Greatest count of names to list; all if None.
+
+    Example:
+        >>> known_names(["ur5", "ur3"])
+        "known names are 'ur5', 'ur3'"
+    """
+    names = list(known)
     if not names:
         return "there are none"
-    shown = ", ".join(f"'{n}'" for n in names[:12])
-    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-    return f"known names are {shown}{more}"
+    shown = ", ".join(f"'{n}'" for n in names[:limit])
+    hidden = len(names) - len(names[:limit])
+    return f"known names are {shown}" + (f" and {hidden} more" if hidden else "")

@@ -65,7 +65,7 @@ def test_check_of_a_broken_scene_fails(tmp_path):
     result = run("check", str(path))
     assert result.exit_code == 2
     assert "FAIL" in result.stdout
-    assert "did you mean 'panda'" in " ".join(result.stdout.split())
+    assert "'panda', 'panda_capsules'," in " ".join(result.stdout.split())
 
 
 def test_octree_prints_numbers_and_draws(tmp_path):

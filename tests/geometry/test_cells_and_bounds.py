@@ -54,7 +54,7 @@ def test_the_gap_to_a_cell_is_a_sharp_lower_bound(kind):
         low = rng.uniform(-0.5, 0.3, 3)
         half = 10.0 ** rng.uniform(-1, 0, 3) / 2
         gap = cell_gap(int(kind), shape_row(shape, T), *low, *(low + 2 * half))
-        cell = Box(half_extents=tuple(half))
+        cell = Box(size=tuple(2.0 * half))
         core = distance(shape, T, cell, Pose(xyz=tuple(low + half))).distance
         core += shape.core_radius
         met += core <= 0.0
@@ -144,7 +144,7 @@ def test_a_hair_of_rotation_is_not_taken_for_none():
     """The short cut for aligned boxes must not swallow a tiny turn, nor a NaN."""
     T = np.eye(4)
     T[0, 1], T[1, 0] = -1e-9, 1e-9
-    row = shape_row(Box(half_extents=(1.0, 1.0, 0.1)), T)
+    row = shape_row(Box(size=(2.0, 2.0, 0.2)), T)
     assert row[7] == 1.0
     gap = cell_gap(int(ShapeKind.BOX), row, 1.5, -2.0, -1.0, 3.0, 2.0, 1.0)
     assert gap == pytest.approx(0.5 - 1e-9, abs=1e-13)

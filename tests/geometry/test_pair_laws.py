@@ -209,10 +209,10 @@ def test_known_failures_of_others_are_not_ours():
     """Cases on which other libraries err; see their trackers."""
     # MuJoCo: the axis of a capsule through a box was "apart".
     rod = Capsule(start=(0, 0, -0.5), end=(0, 0, 0.5), radius=0.02)
-    block = Box(half_extents=(0.1, 0.1, 0.1))
+    block = Box(size=(0.2, 0.2, 0.2))
     assert distance(rod, Pose(), block, Pose()).distance == pytest.approx(-0.12)
     # FCL 508: axis-aligned boxes, 3.162 instead of 3.
-    a, b = Box(half_extents=(1, 1, 1)), Box(half_extents=(0.5, 0.5, 0.5))
+    a, b = Box(size=(2, 2, 2)), Box(size=(1.0, 1.0, 1.0))
     near = distance(a, Pose(), b, Pose(xyz=(4.5, 0.9, 0)))
     assert near.distance == pytest.approx(3.0, abs=1e-12)
     # FCL 293: centre of a sphere on the face of a box.

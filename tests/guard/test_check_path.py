@@ -18,7 +18,7 @@ def wire_scene(thickness=0.001):
     arm = simple_arm(1, length=1.0, radius=0.01)
     scene.add_robot(arm, name="arm", home={"joint1": -1.0})
     scene.add(
-        Box(half_extents=(0.05, thickness, 0.3)),
+        Box(size=(0.1, 2 * thickness, 0.6)),
         name="plate",
         pose=Pose(xyz=(0.8, 0.0, 0.2)),
     )

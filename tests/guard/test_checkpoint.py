@@ -331,7 +331,7 @@ def test_what_is_no_checkpoint_of_this_scene_is_refused_and_changes_nothing():
             guard.restore(wrong)
     assert guard.checkpoint() == data
     scene = bay_scene("path")
-    scene.add(Box(half_extents=(0.1, 0.1, 0.1)), name="more", pose=Pose(xyz=(2, 2, 0)))
+    scene.add(Box(size=(0.2, 0.2, 0.2)), name="more", pose=Pose(xyz=(2, 2, 0)))
     other = Guard(scene, self_test=False)
     with pytest.raises(CheckpointError, match="another scene"):
         other.restore(data)

@@ -84,7 +84,7 @@ def test_what_is_allowed_touches_at_the_speed_and_depth_that_were_said():
 @pytest.mark.parametrize(("x", "touches"), [(0.0, True), (0.2, False)])
 def test_a_region_is_where_it_holds_and_nowhere_else(x, touches):
     loop = over_table()
-    region = Region(half_extents=(0.05, 0.2, 0.02), pose=Pose(xyz=(0.0, 0.0, 0.0)))
+    region = Region(size=(0.1, 0.4, 0.04), pose=Pose(xyz=(0.0, 0.0, 0.0)))
     loop.go({"arm/x": x, "arm/z": DOWN + 0.02}, speed=0.3)
     allow_both(loop.guard, region=region, until=1e9)
     height = press(loop)
@@ -110,7 +110,7 @@ def test_a_contract_expires_and_then_the_arm_holds():
 def test_what_moves_by_itself_faster_than_a_contract_bears_keeps_its_distance():
     scene = pick_scene(blocks={})
     scene.add(
-        Box(half_extents=(0.05, 0.05, 0.02)),
+        Box(size=(0.1, 0.1, 0.04)),
         name="cart",
         pose=Pose(xyz=(0.0, 0.0, 0.02)),
         top_speed=0.05,
@@ -150,7 +150,7 @@ def test_of_two_contracts_the_one_that_allows_more_counts():
         ({"until": np.nan}, GraspError, "later than the last cycle"),
         ({"a": "arm/hand", "b": "arm/left"}, GraspError, "not checked"),
         (
-            {"region": Region(half_extents=(1, 1, 1), frame="arm/hnad")},
+            {"region": Region(size=(2, 2, 2), frame="arm/hnad")},
             UnknownNameError,
             "did you mean 'arm/hand'",
         ),
@@ -168,7 +168,7 @@ def test_contracts_that_cannot_be_are_refused(options, error, words):
 
 def test_a_region_without_size_is_refused():
     with pytest.raises(GraspError, match="3 finite numbers"):
-        Region(half_extents=(0.1, 0.0, 0.1))
+        Region(size=(0.2, 0.0, 0.2))
 
 
 def test_there_is_room_for_so_many_contracts_and_no_more():
@@ -176,7 +176,7 @@ def test_there_is_room_for_so_many_contracts_and_no_more():
     add_gantry(scene, "arm")
     for k in range(at.SPARE_CONTRACTS + 1):
         scene.add(
-            Box(half_extents=(0.01, 0.01, 0.01)),
+            Box(size=(0.02, 0.02, 0.02)),
             name=f"box{k}",
             pose=Pose(xyz=(-0.9 + 0.025 * k, 0.9, 0.0)),
         )
@@ -198,7 +198,7 @@ def bar_scene(index=None):
     add_gantry(scene, "second", home=(0.37, 0.0, 0.4))
     add_table(scene)
     scene.add(
-        Box(half_extents=(0.1, 0.02, 0.03)),
+        Box(size=(0.2, 0.04, 0.06)),
         name="bar",
         pose=Pose(xyz=(0.0, 0.0, 0.03)),
         graspable=True,
@@ -256,7 +256,7 @@ def test_two_held_objects_may_touch_under_a_contract_and_not_without():
     add_table(scene)
     for name, x in (("peg", -0.2), ("plate", 0.2)):
         scene.add(
-            Box(half_extents=(0.05, 0.02, 0.03)),
+            Box(size=(0.1, 0.04, 0.06)),
             name=name,
             pose=Pose(xyz=(x, 0.0, 0.03)),
             graspable=True,
@@ -357,7 +357,7 @@ def test_a_robot_without_a_gripper_or_of_mode_fixed_cannot_grasp():
         gantry(), name="arm", gripper=Gripper(link="hand", fingers=("left", "right")),
         home={"z": 0.6, "open_left": 0.04, "open_right": 0.04},
     )  # fmt: skip
-    fixed.add(Box(half_extents=(0.01, 0.01, 0.01)), name="nut", graspable=True)
+    fixed.add(Box(size=(0.02, 0.02, 0.02)), name="nut", graspable=True)
     guard = guard_of(fixed)
     with pytest.raises(GraspError, match="'fixed'"):
         guard.grasp("arm", "nut")

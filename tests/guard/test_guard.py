@@ -161,7 +161,7 @@ class Hostile:
         (1.0, r"q has shape \(\)"),
         ("left", "q is a str"),
         (None, "q"),
-        ({"arm/joint1": 0.0}, "q is a dict"),
+        ({"arm/joint1": 0.0}, "q names 'arm/joint1', no robot; known"),
         (Hostile(), "q is a Hostile"),
         ([[0.0], [0.0, 1.0]], "q is a list"),
         ([0.0, "x", 1.0], "q is a list"),
@@ -397,6 +397,6 @@ def test_the_bay_has_the_papers_numbers():
 def test_two_boxes_of_one_object_are_not_checked_against_each_other():
     scene = Scene(mode="fixed")
     scene.add_robot(simple_arm(), name="arm")
-    block = Box(half_extents=(0.1, 0.1, 0.1))
+    block = Box(size=(0.2, 0.2, 0.2))
     scene.add([block, block], name="pile", pose=Pose(xyz=(0, -1.5, 0)))
     assert Guard(scene).home_verdict.level is Level.CLEAR

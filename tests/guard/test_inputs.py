@@ -134,7 +134,7 @@ CASES = {
     "a stamp of an unknown robot": (
         {"stamp": {"left": NOW, "right": NOW, "lift": NOW}},
         Reason.WRONG_INPUT,
-        "stop: there is a stamp for 'lift', no robot; did you mean 'left'?",
+        "stop: there is a stamp for 'lift', no robot; known names are 'left', 'right'",
     ),
     "a stamp that is no number": (
         {"stamp": "now"},

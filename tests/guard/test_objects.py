@@ -30,7 +30,7 @@ def workshop(kind="octree", poses=None):
     scene.add_robot(simple_arm(joints=3), name="arm")
     for name, shapes in {
         "ball": Sphere(radius=0.1),
-        "crate": Box(half_extents=(0.1, 0.2, 0.1), rounding=0.02),
+        "crate": Box(size=(0.2, 0.4, 0.2), rounding=0.02),
         "rod": Capsule(start=(0, 0, -0.2), end=(0, 0, 0.2), radius=0.03),
         "horn": Cone(radius=0.1, height=0.2),
         "wedge": Hull(points=TETRAHEDRON),
@@ -172,7 +172,7 @@ def test_an_object_takes_another_shape_of_its_kind(kind):
         size = rng.uniform(0.02, 0.2, 3)
         shapes[name] = {
             "ball": Sphere(radius=size[0]),
-            "crate": Box(half_extents=tuple(size), rounding=0.01),
+            "crate": Box(size=tuple(2.0 * size), rounding=0.01),
             "rod": Capsule(start=(0, 0, -size[0]), end=(0, 0, size[1]), radius=0.04),
         }[name]
         poses[name] = random_pose(rng)
@@ -198,7 +198,7 @@ def test_a_shape_that_cannot_change_is_refused():
     guard = Guard(workshop())
     for name, shape in {
         "wedge": Hull(points=TETRAHEDRON),
-        "ball": Box(half_extents=(0.1, 0.1, 0.1)),
+        "ball": Box(size=(0.2, 0.2, 0.2)),
         "sheet": Sphere(radius=0.1),
     }.items():
         with pytest.raises(SceneError, match=f"'{name}' cannot change its shape"):

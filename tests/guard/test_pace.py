@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from approach import ball_scene
-from armguard import Guard, Level, Reason, bay_scene
+from armguard import Action, Guard, Level, Reason, bay_scene
 from armguard.guard.pace import IN_A_ROW, Pace, late_sentence
 
 RATES = (30.0, 50.0, 100.0, 125.0, 250.0, 500.0, 1000.0)
@@ -28,9 +28,7 @@ def loop(guard, rate, cycles, speed=0.05):
 
 def scene_of(period):
     """The scene of one arm and a ball, with cycles of some length [s]."""
-    scene = ball_scene()
-    scene.period = period
-    return scene
+    return ball_scene(settings={"period": period})
 
 
 @pytest.mark.parametrize("rate", RATES)
@@ -38,6 +36,7 @@ def test_at_the_declared_rate_it_moves_and_is_never_stopped(rate, caplog):
     guard = Guard(scene_of(1.0 / rate), self_test=False)
     commands, q = loop(guard, rate, 100, -0.05)
     assert {c.verdict.level for c in commands} <= {Level.CLEAR, Level.CAUTION}
+    assert {c.action for c in commands} == {Action.FOLLOW}
     assert (np.abs(q - guard.home) > 0.9 * 0.05 * 99 / rate - 0.01).all()
     assert not caplog.records
 

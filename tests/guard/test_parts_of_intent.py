@@ -168,7 +168,7 @@ def over_blocks(offset, apart=0.3):
     add_gantry(scene, "arm", home=tuple(at), coarse=False)
     for name, x in (("first", 0.0), ("second", apart)):
         scene.add(
-            Box(half_extents=BLOCK),
+            Box(size=tuple(2 * half for half in BLOCK)),
             name=name,
             pose=Pose(xyz=(x, 0.0, 0.0)),
             graspable=Grasp(near=CLOSE, aim=AIMED),

@@ -149,7 +149,7 @@ def test_an_error_of_what_is_seen_is_kept_and_allowed_for():
 
 
 SHAPES = {
-    "box": Box(half_extents=(0.3, 0.1, 0.1)),
+    "box": Box(size=(0.6, 0.2, 0.2)),
     "capsule": Capsule(start=(-0.3, 0, 0), end=(0.3, 0, 0), radius=0.02),
     "hull": Hull(points=[(0.3, 0, 0), (-0.3, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]),
 }

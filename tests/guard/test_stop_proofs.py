@@ -439,7 +439,7 @@ def test_a_box_before_the_arm_is_not_there_for_the_past(wall_guard):
     """What is appended to the scene after the guard was made does not concern it."""
     scene = arm_scene()
     guard = Guard(scene)
-    scene.add(Box(half_extents=(0.1, 0.1, 0.1)), name="late")
+    scene.add(Box(size=(0.2, 0.2, 0.2)), name="late")
     wall_guard.reset()
     q, v = np.array([0.1, 0.0, 0.0]), np.zeros(3)
     one, other = guard.step(q, 1.0, velocity=v), wall_guard.step(q, 1.0, velocity=v)

@@ -202,7 +202,7 @@ def floor_and_spheres():
     world.rows[:, 1:4] = rng.uniform(-3.0, 3.0, (3003, 3))
     world.rows[:, 3] = 0.03
     world.rows[:, 4:7] = 0.02
-    floor = shape_row(Box(half_extents=(4.0, 4.0, 0.01)), Pose().matrix())
+    floor = shape_row(Box(size=(8.0, 8.0, 0.02)), Pose().matrix())
     world.rows[2000] = floor
     for i in range(3003):
         row_bounds(BOX, world.rows[i], 0.0, world.boxes[i])

@@ -403,7 +403,7 @@ def test_an_empty_world_has_one_leaf():
 
 def test_a_box_inhabits_the_leaves_it_overlaps_and_no_others():
     """A thin plate across the diagonal: its bounding box would fill the cube."""
-    shape = Box(half_extents=(1.2, 1.2, 0.001))
+    shape = Box(size=(2.4, 2.4, 0.002))
     world = spheres(np.random.default_rng(1).uniform(-0.9, 0.9, (60, 3)), growth=0.0)
     T = Pose(rpy=(np.pi / 4, 0, 0)).matrix()
     world.kinds[0], world.rows[0] = int(shape.kind), shape_row(shape, T)

@@ -64,7 +64,7 @@ SHAPES = {
         None,
     ),
     "box": (
-        Box(half_extents=(0.1, 0.05, 0.03)),
+        Box(size=(0.2, 0.1, 0.06)),
         corners((0.1, 0.05, 0.03)),
         0.0,
         None,

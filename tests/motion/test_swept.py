@@ -164,7 +164,7 @@ TETRAHEDRON = np.array([(-0.08, 0, 0.02), (0.09, 0.05, 0), (0, -0.07, 0), (0, 0,
 # A tool at the tip, points of its surface, and what its bound may be too wide by: what
 # is curved is bounded by a box about it [m].
 TOOLS = {
-    "box": (Box(half_extents=(0.08, 0.05, 0.03)), CORNERS, LEFT),
+    "box": (Box(size=(0.16, 0.1, 0.06)), CORNERS, LEFT),
     "hull": (Hull(points=TETRAHEDRON), TETRAHEDRON, LEFT),
     "capsule": (
         Capsule(start=(-0.08, 0, 0), end=(0.06, 0.03, 0.02), radius=1e-6),

@@ -44,7 +44,7 @@ def random_shapes(rng):
     kinds = [
         Sphere(radius=0.1),
         Capsule(start=(-0.1, 0, 0), end=(0.2, 0, 0), radius=0.05),
-        Box(half_extents=(0.1, 0.05, 0.02), rounding=0.01),
+        Box(size=(0.2, 0.1, 0.04), rounding=0.01),
         Cylinder(radius=0.05, height=0.3),
         Hull(points=corners),
     ]

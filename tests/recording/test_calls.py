@@ -26,8 +26,8 @@ DOCS = Path(__file__).parents[2] / "docs"
 POSE = Pose(xyz=(0.1, 0.2, 0.3))
 T = "[[1.0, 0.0, 0.0, 0.1], [0.0, 1.0, 0.0, 0.2], [-0.0, 0.0, 1.0, 0.3], "
 T += "[0.0, 0.0, 0.0, 1.0]]"
-REGION = Region(half_extents=(0.1, 0.1, 0.2), pose=POSE, frame="arm/hand")
-BOX = Box(half_extents=(0.1, 0.2, 0.3))
+REGION = Region(size=(0.2, 0.2, 0.4), pose=POSE, frame="arm/hand")
+BOX = Box(size=(0.2, 0.4, 0.6))
 
 # Calls with what programs give them, and their text in recordings since version 0.1.
 EVENTS = (
@@ -56,7 +56,7 @@ EVENTS = (
     (
         "allow",
         {"a": "peg", "b": "plate", "region": REGION, "depth": 0.003, "until": 12.5},
-        '"a": "peg", "b": "plate", "region": {"half_extents": [0.1, 0.1, 0.2], '
+        '"a": "peg", "b": "plate", "region": {"size": [0.2, 0.2, 0.4], '
         '"xyz": [0.1, 0.2, 0.3], "rpy": [0.0, 0.0, 0.0], "frame": "arm/hand"}, '
         '"depth": 0.003, "speed": 0.02, "until": 12.5',
     ),
@@ -97,7 +97,7 @@ EVENTS = (
             "shape": BOX,
         },
         f'"name": "cart", "pose": {T}, "stamp": 1.25, "velocity": [0.5, 0.0, 0.0], '
-        '"shape": {"kind": "box", "half_extents": [0.1, 0.2, 0.3], "rounding": 0.0}',
+        '"shape": {"kind": "box", "size": [0.2, 0.4, 0.6], "rounding": 0.0}',
     ),
     ("remove", {"name": "cart"}, '"name": "cart"'),
 )
@@ -199,8 +199,8 @@ def test_every_call_of_the_guard_has_been_recorded_and_replayed_here():
 @pytest.mark.parametrize(("call", "given", "text"), EVENTS)
 def test_a_client_says_it_in_words_that_the_service_reads(call, given, text):
     words = {
-        "region": {"half_extents": (0.1, 0.1, 0.2), "pose": POSE, "frame": "arm/hand"},
-        "shape": {"kind": "box", "half_extents": [0.1, 0.2, 0.3]},
+        "region": {"size": (0.2, 0.2, 0.4), "pose": POSE, "frame": "arm/hand"},
+        "shape": {"kind": "box", "size": [0.2, 0.4, 0.6]},
     }
     said = {key: words.get(key, value) for key, value in given.items()}
     request = read_call(request_of(1, call, said))
@@ -242,7 +242,7 @@ def test_the_service_answers_every_call(name):
         ("place", {"name": "x", "pose": [10**400]}, RefusedError, "pose: Value"),
         ("objects", {"first": -1}, RefusedError, "first: Input should be greater"),
         ("allow", {"a": "x", "b": "y", "region": 5}, RefusedError, "it is no region"),
-        ("allow", {"a": "x", "b": "y", "region": {}}, RefusedError, "half_extents"),
+        ("allow", {"a": "x", "b": "y", "region": {}}, RefusedError, "size"),
     ],
 )
 def test_arguments_that_cannot_be_are_refused_in_words(call, arguments, error, words):
@@ -252,7 +252,7 @@ def test_arguments_that_cannot_be_are_refused_in_words(call, arguments, error, w
 
 
 def test_an_error_of_the_package_keeps_its_name():
-    where = {"half_extents": [0.0, 1.0, 1.0]}
+    where = {"size": [0.0, 2.0, 2.0]}
     for call, arguments, error in (
         ("place", {"name": "x", "pose": None, "shape": {"kind": "bx"}}, "ShapeError"),
         ("allow", {"a": "x", "b": "y", "region": where}, "GraspError"),

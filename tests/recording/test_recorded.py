@@ -91,15 +91,15 @@ def test_input_that_is_none_is_written_as_nan_with_its_fault(tmp_path: Path):
 def test_a_box_that_was_given_a_size_has_it_again_after_a_checkpoint(tmp_path: Path):
     def spare() -> Guard:
         scene = bay_scene("path")
-        half = (0.01, 0.01, 0.01)
-        scene.add(Box(half_extents=half), name="spare", present=False)
+        small = Box(size=(0.02, 0.02, 0.02))
+        scene.add(small, name="spare", present=False)
         return Guard(scene, self_test=False)
 
     guard = spare()
     taped = RecordedGuard(guard, RingWriter(tmp_path / "ring"))
     q, still = guard.home, np.zeros(len(guard.q_names))
     x, y, z = guard.poses[-1, [3, 7, 11]].tolist()
-    large = Box(half_extents=(0.05, 0.05, 0.05))
+    large = Box(size=(0.1, 0.1, 0.1))
     taped.do(Place(name="spare", pose=Pose(xyz=(x, y, z + 0.3)), shape=large))
     for k in range(3):
         taped.filter(q, still, k * PERIOD, velocity=still)

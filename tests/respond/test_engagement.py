@@ -62,7 +62,7 @@ def test_so_is_a_call():
     loop.run([0.5], 20)
     loop.guard.engage("arm")
     assert loop.run([0.5], 120).velocity[0] == 0.5
-    with pytest.raises(UnknownNameError, match="did you mean 'arm'"):
+    with pytest.raises(UnknownNameError, match="known names are 'arm'"):
         loop.guard.engage("amr")
 
 

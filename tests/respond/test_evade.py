@@ -217,7 +217,7 @@ def tall_cart_guard(*, top_speed=0.6, crowd=0, behind=None, **response):
         top_speed=top_speed,
     )
     if behind is not None:
-        box = Box(half_extents=(1.0, 0.05, 1.0))
+        box = Box(size=(2.0, 0.1, 2.0))
         scene.add(box, name="wall", pose=Pose(xyz=(1.0, behind, 0.3)))
     for k in range(crowd):
         at = (3.0 + 0.1 * (k % 10), 3.0 + 0.1 * (k // 10), 0.3)

@@ -72,7 +72,7 @@ def crowd(scene, count):
     """Fixtures far away, so many that the index is asked."""
     for k in range(count):
         scene.add(
-            Box(half_extents=(0.01, 0.01, 0.01)),
+            Box(size=(0.02, 0.02, 0.02)),
             name=f"far{k}",
             pose=Pose(xyz=(-0.9 + 0.01 * k, 0.9, 0.02)),
         )
@@ -533,7 +533,7 @@ def test_what_is_carried_keeps_its_distance_from_a_fixture():
 def test_fingers_that_hold_something_are_not_moved_out_of_the_way(side):
     # The hand would pass above the wall; to close a finger would make room beside it.
     scene = pick_scene()
-    wall = Box(half_extents=(0.2, 0.01, 0.07))
+    wall = Box(size=(0.4, 0.02, 0.14))
     scene.add(wall, name="wall", pose=Pose(xyz=(0.0, 0.3 * side, 0.07)))
     guard = guard_of(scene)
     loop = Loop(guard)
@@ -639,7 +639,7 @@ def vars_of(tables):
     [
         ("arm", "block", GraspError, "nearest finger is"),
         ("arm", "blok", UnknownNameError, "did you mean 'block'"),
-        ("amr", "block", UnknownNameError, "did you mean 'arm'"),
+        ("amr", "block", UnknownNameError, "known names are 'arm'"),
         ("arm", "table", GraspError, "not graspable"),
         ("arm", float("nan"), UnknownNameError, "no object is named 'nan'"),
     ],

@@ -86,7 +86,7 @@ def solid_and_shape(rng):
     at = rng.uniform(-0.05, 0.05, 3)
     half = rng.uniform(0.01, 0.05, 3)
     if rng.random() < 0.5:
-        return box(half, at), Box(half_extents=tuple(half.tolist()))
+        return box(half, at), Box(size=tuple((2.0 * half).tolist()))
     radius, half_height = float(half[0]), float(half[2])
     shape = Cylinder(radius=radius, height=2.0 * half_height)
     return cylinder(radius, half_height, at), shape

@@ -29,7 +29,7 @@ def cup_scene():
         home={"panda_finger_joint1": 0.038},
     )
     scene.add(
-        Box(half_extents=(0.6, 1.0, 0.025)),
+        Box(size=(1.2, 2.0, 0.05)),
         name="table",
         pose=Pose(xyz=(0.7, 0, -0.025)),
     )

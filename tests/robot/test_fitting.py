@@ -103,9 +103,9 @@ def test_samples_lie_on_the_surface_and_leave_no_gap():
     shapes = [
         PlacedShape(Sphere(radius=0.1)),
         PlacedShape(Capsule(start=(0, 0, -0.1), end=(0.1, 0, 0.2), radius=0.05)),
-        PlacedShape(Box(half_extents=(0.1, 0.05, 0.2))),
+        PlacedShape(Box(size=(0.2, 0.1, 0.4))),
         PlacedShape(
-            Box(half_extents=(0.1, 0.02, 0.15), rounding=0.04),
+            Box(size=(0.2, 0.04, 0.3), rounding=0.04),
             Pose(xyz=(0.3, 0, 0), rpy=(0.3, 0.4, 0.5)),
         ),
     ]
@@ -179,7 +179,7 @@ def test_a_cylinder_is_enclosed_and_its_overreach_bounds_the_truth(
 
 def test_exact_shapes_stay_as_they_are():
     T = Pose(xyz=(0.1, 0, 0)).matrix()
-    box = Box(half_extents=(0.1, 0.2, 0.3))
+    box = Box(size=(0.2, 0.4, 0.6))
     element = CollisionElement(geometry=box, T_link_geometry=T)
     fit = fit_link(Link(name="l", collisions=(element,)))
     assert fit.overreach == 0.0

@@ -117,7 +117,7 @@ def test_what_is_free_is_checked_against_robots_and_nothing_else():
 def test_a_scene_without_grippers_is_compiled_as_ever():
     scene = Scene()
     scene.add_robot(gantry(), name="arm", stopping=FIGURES)
-    scene.add(Box(half_extents=BLOCK), name="box", pose=Pose(xyz=(0.5, 0.5, 0.5)))
+    scene.add(Box(size=(0.04, 0.04, 0.06)), name="box", pose=Pose(xyz=(0.5, 0.5, 0.5)))
     tables = compile_scene(scene)
     assert not tables.holds.grippers
     assert not tables.holds.objects

@@ -66,7 +66,7 @@ index: {kind: brute_force, leaf_capacity: 3, cube: {centre: [0, 0, 0], edge: 9}}
     assert shapes["ball"] == Sphere(radius=0.1, rounding=0.01)
     assert shapes["rod"] == Capsule(start=(0, 0, 0), end=(0, 0, 1), radius=0.1)
     assert shapes["stick"].end == (0, 0, 0.2)
-    assert shapes["block"] == Box(half_extents=(0.1, 0.2, 0.3), rounding=0.02)
+    assert shapes["block"] == Box(size=(0.2, 0.4, 0.6), rounding=0.02)
     turned, same = (scene.objects[n].pose.rpy for n in ("turned", "same"))
     assert turned == pytest.approx(same)
     assert len(scene.objects["pair"].shapes) == 2
@@ -137,7 +137,7 @@ WRONG = {
     "two orientations": (
         ARM + "objects:\n  b: {box: [1, 1, 1], at: {rpy: [0, 0, 0], "
         "quat_wxyz: [1, 0, 0, 0]}}\n",
-        ":4: objects.b.at: has rpy and quat_wxyz; give one orientation",
+        ":4: objects.b.at: rpy and quat_wxyz are given; give one orientation",
     ),
     "unlabelled quaternion": (
         ARM + "objects:\n  b: {box: [1, 1, 1], at: {quat: [1, 0, 0, 0]}}\n",
@@ -154,7 +154,7 @@ WRONG = {
     "unknown robot": (
         "robots:\n  arm: {urdf: pandda}\n",
         ":2: robots.arm: no robot is named 'pandda', and there is no such file; "
-        "did you mean 'panda'",
+        "known names are 'baxter', ",
     ),
     "unknown link in allow": (
         ARM + "allow:\n  - {a: arm/link1, b: arm/lnk3, reason: no}\n",

@@ -37,7 +37,7 @@ ENTRIES = {
     "capsule: {length: 0.4, radius: 0.1}": Capsule(
         start=(0, 0, -0.2), end=(0, 0, 0.2), radius=0.1
     ),
-    "box: {size: [2, 4, 6], rounding: 0.1}": Box(half_extents=(1, 2, 3), rounding=0.1),
+    "box: {size: [2, 4, 6], rounding: 0.1}": Box(size=(2, 4, 6), rounding=0.1),
     "cylinder: {radius: 0.2, height: 0.6, rounding: 0.01}": Cylinder(
         radius=0.2, height=0.6, rounding=0.01
     ),
@@ -188,7 +188,7 @@ def test_any_size_is_legal(size):
     shapes = [
         Sphere(radius=s, rounding=s),
         Capsule(start=(0, 0, 0), end=(s, s, s), radius=s, rounding=s),
-        Box(half_extents=(s, 2 * s, 3 * s), rounding=s),
+        Box(size=(2 * s, 4 * s, 6 * s), rounding=s),
         Cylinder(radius=s, height=s, rounding=s),
         Cone(radius=s, height=s, top_radius=s / 2, rounding=s),
         Ellipsoid(semi_axes=(s, 2 * s, 3 * s), rounding=s),

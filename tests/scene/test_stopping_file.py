@@ -10,10 +10,11 @@ import pytest
 from armguard.errors import SceneError
 from armguard.geometry import Box, Pose, Sphere
 from armguard.robot.stopping.figures import FIGURES as DECLARED
+from armguard.robot.stopping.figures import NAME_OF
 from armguard.scene import Scene, bay_path, bay_scene, compile_scene, load_scene
 from armguard.scene.bay import FOLDER
 from armguard.scene.contents import FLOOR, MARGIN_BEYOND_BUFFER, PAPER_BUFFER
-from armguard.scene.file_models import FIGURE_OF, StoppingModel
+from armguard.scene.file_models import StoppingModel
 from armguard.scene.schema import Strict
 from armguard.scene.yaml_source import SceneFileError
 from arms import simple_arm
@@ -135,7 +136,7 @@ def test_what_rides_on_a_link_has_no_speed_of_its_own(own):
     scene.add_robot(simple_arm(), name="arm")
     with pytest.raises(SceneError, match="it moves as its link does"):
         scene.add(
-            Box(half_extents=(0.1, 0.1, 0.1)),
+            Box(size=(0.2, 0.2, 0.2)),
             name="held",
             attached_to="arm/link1",
             **own,
@@ -334,7 +335,7 @@ def test_the_page_has_every_key_and_the_defaults_there_are():
     assert set(keys_of(StoppingModel)) == set(rows)
     for key, told in rows.items():
         if re.fullmatch(r"[\d.]+", told):
-            assert float(told) == DECLARED[FIGURE_OF[key]].default, key
+            assert float(told) == DECLARED[NAME_OF[key]].default, key
 
 
 def test_the_example_of_the_page_is_read(tmp_path):

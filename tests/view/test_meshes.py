@@ -37,7 +37,7 @@ def test_corners_lie_on_the_surface_the_check_measures(shape_class):
 
 
 def test_without_growth_a_box_and_a_capsule_are_themselves():
-    shape = Box(half_extents=(0.1, 0.2, 0.3))
+    shape = Box(size=(0.2, 0.4, 0.6))
     box = primitive_mesh(int(shape.kind), shape_row(shape))
     assert len(box.vertices) == 8
     assert volume(box) == pytest.approx(0.2 * 0.4 * 0.6)

@@ -3,8 +3,9 @@
 `T_a_b` takes coordinates in b to coordinates in a: x_a = T_a_b · x_b.
 """
 
-from dataclasses import dataclass
-from math import atan2, cos, isfinite, sin, sqrt
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import atan2, cos, isfinite, pi, sin, sqrt
 from typing import Self
 
 import numpy as np
@@ -17,7 +18,14 @@ from armguard.errors import PoseError
 ORTHOGONAL_TOLERANCE = 1e-5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+# More than two turns is no orientation anyone writes in radians [rad].
+LOOKS_LIKE_DEGREES = 4 * pi
+
+# Largest deviation of a quaternion's norm from 1 that counts as rounding [-].
+UNIT_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True, slots=True, init=False)
 class Pose:
     """Position and orientation of a frame in its parent.
 
@@ -26,24 +34,55 @@ class Pose:
         rpy: Roll, pitch, yaw about the parent's fixed x, y, z axes, in this order,
             as in URDF [rad].
 
+    Args:
+        xyz: Position [m].
+        rpy: Orientation as roll, pitch, yaw [rad].
+        quat_wxyz: Orientation as a unit quaternion, scalar first.
+        quat_xyzw: Orientation as a unit quaternion, scalar last, as in ROS.
+
     Raises:
-        PoseError: A number is not finite or there are not three of them.
+        PoseError: There are several orientations; a number is not finite or one is
+            missing; `rpy` looks like degrees; a quaternion's norm is not 1.
 
     Example:
         >>> Pose(xyz=(0, 0.4, 0)).matrix()[:3, 3].tolist()
         [0.0, 0.4, 0.0]
+        >>> Pose(quat_xyzw=(0, 0, 1, 0))
+        Pose(xyz=(0, 0, 0), rpy=(0, 0, 3.14159))
     """
 
-    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    xyz: tuple[float, float, float]
+    rpy: tuple[float, float, float]
+    _rows: NDArray[np.float64] | None = field(init=False, compare=False)
 
-    def __post_init__(self) -> None:
-        """Check lengths and finiteness."""
-        for name in ("xyz", "rpy"):
-            value = tuple(float(x) for x in getattr(self, name))
-            if len(value) != 3 or not all(map(isfinite, value)):
-                raise PoseError(f"Pose {name} is {value}; it must be 3 finite numbers")
-            object.__setattr__(self, name, value)
+    def __init__(
+        self,
+        *,
+        xyz: Sequence[float] = (0.0, 0.0, 0.0),
+        rpy: Sequence[float] | None = None,
+        quat_wxyz: Sequence[float] | None = None,
+        quat_xyzw: Sequence[float] | None = None,
+    ) -> None:
+        ways = {"rpy": rpy, "quat_wxyz": quat_wxyz, "quat_xyzw": quat_xyzw}
+        given = {key: value for key, value in ways.items() if value is not None}
+        if len(given) > 1:
+            raise PoseError(f"{' and '.join(given)} are given; give one orientation")
+        angles = (0.0, 0.0, 0.0) if rpy is None else finite_numbers("rpy", rpy, 3)
+        if max(map(abs, angles)) > LOOKS_LIKE_DEGREES:
+            raise PoseError(f"rpy {list(angles)} looks like degrees; give radians")
+        if quat_wxyz is not None:
+            angles = rpy_from_quaternion("quat_wxyz", quat_wxyz, scalar=0)
+        if quat_xyzw is not None:
+            angles = rpy_from_quaternion("quat_xyzw", quat_xyzw, scalar=3)
+        object.__setattr__(self, "xyz", finite_numbers("xyz", xyz, 3))
+        object.__setattr__(self, "rpy", angles)
+        object.__setattr__(self, "_rows", None)
+
+    def __repr__(self) -> str:
+        """Position and orientation, rounded to six digits."""
+        parts = (self.xyz, self.rpy)
+        xyz, rpy = (", ".join(f"{round(v, 9) + 0.0:.6g}" for v in p) for p in parts)
+        return f"Pose(xyz=({xyz}), rpy=({rpy}))"
 
     def matrix(self) -> NDArray[np.float64]:
         """Homogeneous transform of the frame in its parent, shape (4, 4)."""
@@ -51,6 +90,14 @@ class Pose:
         T[:3, :3] = rotation_from_rpy(*self.rpy)
         T[:3, 3] = self.xyz
         return T
+
+    def rows(self) -> NDArray[np.float64]:
+        """Rows of [R | p], shape (1, 12); computed once, for reading only."""
+        rows = self._rows
+        if rows is None:
+            rows = np.ascontiguousarray(self.matrix()[:3].reshape(1, 12))
+            object.__setattr__(self, "_rows", rows)
+        return rows
 
     @classmethod
     def from_matrix(cls, T: ArrayLike) -> Self:
@@ -60,31 +107,53 @@ class Pose:
             PoseError: The matrix is no rigid transform.
         """
         T = check_transform("T", T)
-        x, y, z = (float(v) for v in T[:3, 3])
-        return cls(xyz=(x, y, z), rpy=rpy_from_rotation(T[:3, :3]))
+        return cls(xyz=T[:3, 3].tolist(), rpy=rpy_from_rotation(T[:3, :3]))
 
-    @classmethod
-    def from_quat_wxyz(
-        cls, quat_wxyz: ArrayLike, xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    ) -> Self:
-        """Pose from a quaternion, scalar first.
 
-        Raises:
-            PoseError: The quaternion's norm differs from 1 by more than 1e-3.
-        """
-        w, x, y, z = (float(v) for v in np.asarray(quat_wxyz, dtype=float))
-        norm = sqrt(w * w + x * x + y * y + z * z)
-        if not abs(norm - 1.0) <= 1e-3:
-            raise PoseError(f"quaternion has norm {norm:g}; it must be 1")
-        w, x, y, z = w / norm, x / norm, y / norm, z / norm
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        return cls(xyz=xyz, rpy=rpy_from_rotation(rotation))
+def finite_numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    """Finite numbers of a pose as a tuple.
+
+    Raises:
+        PoseError: A number is not finite, or their count is another one.
+    """
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        raise PoseError(f"{name} is {values!r}; it must be {count} numbers") from None
+    if len(numbers) != count or not all(map(isfinite, numbers)):
+        raise PoseError(f"{name} is {numbers}; it must be {count} finite numbers")
+    return numbers
+
+
+def rpy_from_quaternion(
+    name: str, quaternion: Sequence[float], *, scalar: int
+) -> tuple[float, float, float]:
+    """Roll, pitch, yaw of a unit quaternion [rad].
+
+    Args:
+        name: Its key, for messages.
+        quaternion: Its four numbers.
+        scalar: Place of the scalar, 0 or 3.
+
+    Raises:
+        PoseError: It is no quaternion, or its norm differs from 1 by more than
+            `UNIT_TOLERANCE`.
+    """
+    numbers = list(finite_numbers(name, quaternion, 4))
+    w = numbers.pop(scalar)
+    x, y, z = numbers
+    norm = sqrt(w * w + x * x + y * y + z * z)
+    if not abs(norm - 1.0) <= UNIT_TOLERANCE:
+        raise PoseError(f"{name} has norm {norm:.4g}; it must be 1")
+    w, x, y, z = w / norm, x / norm, y / norm, z / norm
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return rpy_from_rotation(rotation)
 
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:

@@ -17,6 +17,10 @@ from armguard.kernel import kernel
 
 Floats = NDArray[np.float64]
 
+# Shapes with their rows, by identity: the shape is kept, so no other has its id.
+ROWS: dict[int, tuple[Shape, Floats]] = {}
+MOST_ROWS = 1024
+
 
 @dataclass(frozen=True, slots=True)
 class Proximity:
@@ -87,15 +91,20 @@ def distance(
 
     Example:
         >>> from armguard import Box, Pose, Sphere, distance
-        >>> ball, block = Sphere(radius=0.1), Box(half_extents=(0.5, 0.5, 0.5))
+        >>> ball, block = Sphere(radius=0.1), Box(size=(1, 1, 1))
         >>> near = distance(ball, Pose(xyz=(0.8, 0, 0)), block, Pose())
         >>> round(near.distance, 9), near.normal.tolist()
         (0.2, [-1.0, 0.0, 0.0])
     """
-    found = distances(shape_a, pose_a, shape_b, pose_b)
-    if len(found) != 1:
-        raise PoseError(f"there are {len(found)} poses; `distances` takes them all")
-    return found[0]
+    T_a, T_b = transforms("pose_a", pose_a), transforms("pose_b", pose_b)
+    if not len(T_a) == len(T_b) == 1:
+        count = max(len(T_a), len(T_b))
+        raise PoseError(f"there are {count} poses; `distances` takes them all")
+    out = np.zeros((1, WITNESS_WIDTH))
+    row_a, row_b = local_row(shape_a), local_row(shape_b)
+    measure_all(int(shape_a.kind), row_a, T_a, int(shape_b.kind), row_b, T_b, out)
+    found = out[0]
+    return Proximity(float(found[0]), found[1:4], found[4:7], found[7:10])
 
 
 def distances(
@@ -131,7 +140,7 @@ def distances(
             f"there are {len(T_a)} poses of A and {len(T_b)} of B; give as many, or one"
         )
     out = np.zeros((count, WITNESS_WIDTH))
-    row_a, row_b = shape_row(shape_a), shape_row(shape_b)
+    row_a, row_b = local_row(shape_a), local_row(shape_b)
     measure_all(int(shape_a.kind), row_a, T_a, int(shape_b.kind), row_b, T_b, out)
     return Proximities(out[:, 0], out[:, 1:4], out[:, 4:7], out[:, 7:10])
 
@@ -164,10 +173,22 @@ def measure_all(
         measure(kind_a, a, kind_b, b, out[k])
 
 
+def local_row(shape: Shape) -> Floats:
+    """Table row of a shape in its own frame, shape (16,); prepared once a shape."""
+    known = ROWS.get(id(shape))
+    if known is not None:
+        return known[1]
+    if len(ROWS) == MOST_ROWS:
+        ROWS.clear()
+    row = shape_row(shape)
+    ROWS[id(shape)] = shape, row
+    return row
+
+
 def transforms(name: str, poses: Pose | ArrayLike) -> Floats:
     """Poses as the kernels read them, the rows of [R | p], shape (n, 12)."""
     if isinstance(poses, Pose):
-        poses = poses.matrix()
+        return poses.rows()
     matrices = np.asarray(poses, dtype=np.float64)
     if matrices.ndim == 2:
         matrices = matrices[None]

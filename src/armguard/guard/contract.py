@@ -38,22 +38,21 @@ class Region:
     """A box in which a contact may take place.
 
     Attributes:
-        half_extents: Half of its sizes [m].
+        size: Its full size along x, y, z [m].
         pose: Its frame in the world, or in `frame`.
         frame: Body that it moves with: 'robot/link' or a graspable object; None for
             the world.
     """
 
-    half_extents: tuple[float, float, float]
+    size: tuple[float, float, float]
     pose: Pose = field(default_factory=Pose)
     frame: str | None = None
 
     def __post_init__(self) -> None:
-        sizes = np.asarray(self.half_extents, dtype=np.float64)
+        sizes = np.asarray(self.size, dtype=np.float64)
         if sizes.shape != (3,) or not (np.isfinite(sizes).all() and (sizes > 0).all()):
             raise GraspError(
-                f"Region half_extents are {self.half_extents}; they must be 3 finite "
-                "numbers > 0 [m]"
+                f"Region size is {self.size}; it must be 3 finite numbers > 0 [m]"
             )
 
 
@@ -191,7 +190,7 @@ class ContractTable:
             row[at.UNTIL] = until
             if region is not None and frame is not None:
                 row[at.REGION], T = frame
-                row[at.HALF : at.HALF + 3] = region.half_extents
+                row[at.HALF : at.HALF + 3] = np.array(region.size) / 2.0
                 row[at.T_REGION : at.GRIPPER] = T[:3].reshape(12)
             row[at.STATE] = at.IN_FORCE
             self.write_groups()

@@ -1,17 +1,23 @@
 """Input of a cycle: conversion to arrays of real numbers; never raises in the loop."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from reprlib import Repr
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import did_you_mean
+from armguard.errors import known_names
+from armguard.geometry.pose import LOOKS_LIKE_DEGREES
 from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch
+from armguard.robot.kinematics import REVOLUTE
+from armguard.scene.tables import RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
+
+# A vector of all joints in the order of `q_names`, or vectors by robot name.
+JointVector = ArrayLike | Mapping[str, ArrayLike]
 
 # Kinds of arrays that hold real numbers, or Python's own objects.
 REAL_KINDS = "biufO"
@@ -67,6 +73,79 @@ def is_mapping(value: object) -> TypeGuard[Mapping[str, float]]:
         return False
 
 
+def joined(
+    what: str,
+    value: Mapping[str, ArrayLike],
+    robots: Sequence[RobotPart],
+    *,
+    partial: bool = False,
+) -> tuple[Floats, str]:
+    """Vector of all joints from vectors by robot name, and its fault, or "".
+
+    Args:
+        what: Name of the input.
+        value: The vectors.
+        robots: Robots in the order of the joints.
+        partial: Whether robots may be left out, whose joints then get zero.
+    """
+    names = [part.name for part in robots]
+    found: list[Floats] = []
+    try:
+        for name in value:
+            if name not in names:
+                wrong = f"{what} names {described(name)}, no robot"
+                return NO_POSITIONS, f"{wrong}; {known_names(names)}"
+        for part in robots:
+            if part.name not in value and not partial:
+                return NO_POSITIONS, f"{what} has no vector of robot '{part.name}'"
+            own = real_array(value.get(part.name, np.zeros(part.joint_count)))
+            if own.shape != (part.joint_count,):
+                return NO_POSITIONS, (
+                    f"{what} of robot '{part.name}' has shape {own.shape}; it must be "
+                    f"{part.joint_count} numbers in the order of guard.q_names"
+                )
+            found.append(own)
+    except Exception:  # an unknown object may raise any; the loop continues
+        return NO_POSITIONS, f"{what} is no mapping of vectors by robot name"
+    return np.concatenate(found), ""
+
+
+def likely_mistake(q: Floats, tables: SceneTables) -> str:
+    """Likely mistake behind positions outside their limits, in words; "" if unknown.
+
+    Degrees, if a turning joint is beyond two turns and all would be within their limits
+    in degrees. Another order, if all joints would be within their limits in it.
+
+    Args:
+        q: Positions, shape (n,) [rad or m].
+        tables: The scene.
+    """
+
+    def fits(positions: Floats, of: Any = slice(None)) -> bool:
+        inside = (positions >= tables.lower) & (positions <= tables.upper)
+        return bool(inside[of].all())
+
+    turning = np.zeros(len(q), dtype=bool)
+    turning[tables.q_index[tables.joint_kind == REVOLUTE]] = True
+    if np.abs(q[turning]).max(initial=0.0) > LOOKS_LIKE_DEGREES:
+        in_degrees = fits(np.radians(q), turning)
+        return "the positions look like degrees; give radians" if in_degrees else ""
+    slices = [
+        slice(part.first_joint, part.first_joint + part.joint_count)
+        for part in tables.robots
+    ]
+    cuts = np.cumsum([part.joint_count for part in tables.robots[::-1]])[:-1]
+    backwards, swapped = q.copy(), np.concatenate(np.split(q, cuts)[::-1])
+    for own in slices:
+        if not fits(q, own):
+            backwards[own] = q[own][::-1]
+    orders = {"the joints": backwards, "the robots": swapped, "all joints": q[::-1]}
+    for which, positions in orders.items():
+        if fits(positions):
+            return f"{which} seem to be in reverse order; see guard.q_names"
+    return ""
+
+
 def described(value: object) -> str:
     """A value as text for a message, truncated."""
     try:
@@ -93,21 +172,22 @@ class CycleInput:
 
     Args:
         watch: Its `given`, `stamps` and `velocity` are written.
-        robots: Names of the robots in their order.
+        robots: Robots in the order of the joints.
     """
 
-    def __init__(self, watch: Watch, robots: Iterable[str]) -> None:
+    def __init__(self, watch: Watch, robots: Sequence[RobotPart]) -> None:
         self.shape = watch.velocity.shape
-        self.robots = {name: r for r, name in enumerate(robots)}
+        self.robots = {part.name: r for r, part in enumerate(robots)}
+        self._parts = robots
         self.last_stamp = -np.inf
         self._given, self._stamps = watch.given, watch.stamps
         self._velocity = watch.velocity
 
     def take(
         self,
-        q: ArrayLike,
+        q: JointVector,
         stamp: float | Mapping[str, float] | None,
-        velocity: ArrayLike | None,
+        velocity: JointVector | None,
         now: float | None,
     ) -> tuple[Floats, str]:
         """Positions for the kernel, and the fault of the input in words, or "".
@@ -124,7 +204,7 @@ class CycleInput:
             return NO_POSITIONS, fault
         return self.positions(q)
 
-    def positions(self, q: ArrayLike) -> tuple[Floats, str]:
+    def positions(self, q: JointVector) -> tuple[Floats, str]:
         """Positions for the kernel, and their fault in words, or ""."""
         if (
             type(q) is np.ndarray
@@ -177,10 +257,9 @@ class CycleInput:
                     stamps[r] = np.nan if own is None else real_number(own)
                 unknown = [name for name in stamp if name not in self.robots]
                 if unknown:
-                    near = did_you_mean(str(unknown[0]), self.robots)
                     return (
                         f"there is a stamp for {described(unknown[0])}, no robot; "
-                        f"{near}"
+                        f"{known_names(self.robots)}"
                     )
             else:
                 stamps.fill(real_number(stamp))
@@ -194,7 +273,7 @@ class CycleInput:
             )
         return ""
 
-    def _take_velocity(self, velocity: ArrayLike | None) -> str:
+    def _take_velocity(self, velocity: JointVector | None) -> str:
         """Write velocities for the kernel; returns their fault, or ""."""
         self._given[HAS_VELOCITY] = 0.0
         if velocity is None:
@@ -211,8 +290,10 @@ class CycleInput:
         self._given[HAS_VELOCITY] = 1.0
         return ""
 
-    def _convert(self, what: str, values: ArrayLike) -> tuple[Floats, str]:
+    def _convert(self, what: str, values: JointVector) -> tuple[Floats, str]:
         """Numbers as an array for the kernel, and their fault in words, or ""."""
+        if is_mapping(values):
+            return joined(what, values, self._parts)
         wanted = f"it must be {self.shape[0]} numbers in the order of guard.q_names"
         try:
             array = real_array(values)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from armguard.errors import GraspError, UnknownNameError, did_you_mean
+from armguard.errors import GraspError, UnknownNameError, did_you_mean, known_names
 from armguard.guard import grips as at
 from armguard.guard.grips import Grips
 from armguard.index import BruteForce, Octree
@@ -46,7 +46,7 @@ class Grippers:
         numbers = {part.name: g for g, part in enumerate(self.tables.holds.grippers)}
         if robot not in robots:
             raise UnknownNameError(
-                f"no robot is named '{robot}'; {did_you_mean(str(robot), robots)}"
+                f"no robot is named '{robot}'; {known_names(robots)}"
             )
         if robot not in numbers:
             raise GraspError(

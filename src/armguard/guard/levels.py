@@ -1,11 +1,9 @@
 """Levels and reasons of a verdict."""
 
-from enum import IntEnum
-
-from armguard.errors import WithSentence
+from armguard.errors import NamedNumber, WithSentence
 
 
-class Level(IntEnum):
+class Level(NamedNumber):
     """Required behaviour of an arm; a higher level is always the safer one.
 
     From `STOP` on, the arm must not follow its operator.

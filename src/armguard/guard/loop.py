@@ -5,16 +5,21 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
-from armguard.guard.answer import first_row_of, names_of, stop_answer
+from armguard.guard.answer import Answer, first_row_of, names_of, stop_answer
 from armguard.guard.checkpoint import chosen, kept_of_tables
 from armguard.guard.checkpoint_bounds import greatest_of
 from armguard.guard.contract import ContractTable
 from armguard.guard.cycle import run_cycle
-from armguard.guard.given import CycleInput, real_or_none
+from armguard.guard.given import (
+    CycleInput,
+    JointVector,
+    likely_mistake,
+    real_or_none,
+)
 from armguard.guard.grippers import Grippers
 from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
@@ -26,6 +31,7 @@ from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.saving import Saving
+from armguard.guard.sentences import sentence_of
 from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import (
@@ -58,6 +64,8 @@ OF_SCENE = (
     "lower upper parent joint_kind q_index gain T_parent_joint axis bodies local_rows "
     "groups checked buffers"
 ).split()
+
+OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 
 OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one thread"
 
@@ -100,7 +108,7 @@ class Loop:
         first_row = first_row_of(tables)
         self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
         self._watch = watch_of(tables)
-        self._input = CycleInput(self._watch, (part.name for part in tables.robots))
+        self._input = CycleInput(self._watch, tables.robots)
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
         settings[FIRST_ROW] = first_row
         self._motion = motion_of(tables, self._budget)
@@ -177,10 +185,10 @@ class Loop:
 
     def step(
         self,
-        q: ArrayLike,
+        q: JointVector,
         stamp: float | Mapping[str, float] | None = None,
         *,
-        velocity: ArrayLike | None = None,
+        velocity: JointVector | None = None,
         now: float | None = None,
     ) -> Verdict:
         """Judge the joint positions of a cycle. Never raises.
@@ -189,11 +197,12 @@ class Loop:
         (`Reason.WRONG_INPUT`).
 
         Args:
-            q: Joint positions in the order of `q_names`, shape (n,) [rad or m].
+            q: Joint positions in the order of `q_names`, shape (n,), or a vector of
+                each robot by its name [rad or m].
             stamp: Time of their measurement [s], for all robots or by robot name; on
                 any clock, the same for all. Where every robot's mode is "fixed" it may
                 be left out.
-            velocity: Joint velocities measured with them, shape (n,) [rad/s or m/s]; if
+            velocity: Joint velocities measured with them, as `q` [rad/s or m/s]; if
                 left out they are estimated from the stamps.
             now: Time of this cycle on the same clock [s]; if left out the newest
                 stamp, and measurements count as old as is declared.
@@ -214,7 +223,8 @@ class Loop:
         try:
             if self._guarded:
                 array, fault = self._input.take(q, stamp, velocity, now)
-                data = self._answer(run_guarded_cycle(array, self._lines), fault)
+                used = run_guarded_cycle(array, self._lines)
+                data, fault = self._answer(used, fault, array)
             else:
                 fault = "" if stamp is None else self._input.judge_stamp(stamp)
                 if fault:
@@ -225,12 +235,14 @@ class Loop:
                         data = stop_answer(self._names, Reason.WRONG_INPUT)
                     else:
                         data = self._out[: run_cycle(array, self._lines)].copy()
+                        if data.item(layout.REASON) == OUT_OF_LIMITS:
+                            fault = self._advice(data, array)
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
         return Verdict(data, self._names, time, elapsed, fault)
 
-    def judge_at_rest(self, q: ArrayLike) -> Verdict:
+    def judge_at_rest(self, q: JointVector) -> Verdict:
         """Judge a hypothetical configuration in which nothing moves. Never raises.
 
         The verdict shows whether each pair keeps its buffer there. The state of the
@@ -249,19 +261,32 @@ class Loop:
                 data = self._out[:used].copy()
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
-    def _answer(self, used: int, fault: str) -> NDArray[np.float64]:
-        """Copy of the answer of a cycle with predicted stops.
+    def _answer(
+        self, used: int, fault: str, q: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], str]:
+        """Copy of the answer of a cycle with predicted stops, and its input's fault.
 
         Args:
             used: Count of its numbers.
             fault: Fault of its input in words, or "".
+            q: Positions that the kernel took.
         """
         data = self._out[:used].copy()
-        self._pace.note(data)
+        reason = self._pace.note(data)
         if fault:
             data[layout.REASON] = Reason.WRONG_INPUT
             data[layout.JOINT] = -1.0
-        return data
+        elif reason == OUT_OF_LIMITS:
+            fault = self._advice(data, q)
+        return data, fault
+
+    def _advice(self, data: NDArray[np.float64], q: NDArray[np.float64]) -> str:
+        """Positions outside their limits and the likely mistake; "" if unknown."""
+        mistake = likely_mistake(q, self.tables)
+        if not mistake:
+            return ""
+        answer = Answer(data, self._names)
+        return f"{sentence_of(Reason.OUT_OF_LIMITS, answer, ())}; {mistake}"
 
     def reset(self) -> None:
         """Clear the last cycle, the last stamps, ordered stops and disproved figures.

@@ -19,6 +19,9 @@ IN_A_ROW = 20
 # Greatest ratio of the cycle times of a regular loop [-].
 REGULAR = 1.5
 
+# No control loop is this slow: stamps this far apart are in another unit [s].
+LEAST_UNLIKELY = 0.9
+
 
 class Pace:
     """Detects a loop that is steadily slower than declared, and logs it once.
@@ -36,12 +39,14 @@ class Pace:
         self._count, self._total = 0, 0.0
         self._least = self._most = 0.0
 
-    def note(self, answer: NDArray[np.float64]) -> None:
-        """Add the answer of a cycle."""
-        if answer.item(REASON) == CYCLE_LATE:
+    def note(self, answer: NDArray[np.float64]) -> float:
+        """Add the answer of a cycle, and return its reason."""
+        reason = answer.item(REASON)
+        if reason == CYCLE_LATE:
             self._add(answer.item(VALUE))
         elif self._count:
             self._count = 0
+        return reason
 
     def _add(self, passed: float) -> None:
         if self._said:
@@ -55,20 +60,40 @@ class Pace:
         if self._count == IN_A_ROW:
             self._said = True
             mean = self._total / IN_A_ROW
+            advice = remedy(mean, most - mean)
+            if mean >= LEAST_UNLIKELY:
+                advice = f"stamps look like {unit_of(mean)}; give seconds"
             log.warning(
                 "cycles come every %.1f ms, %s and %s",
                 mean * 1e3,
                 declared(self.period, self.late),
-                f"robots are stopped: {remedy(mean, most - mean)}",
+                f"robots are stopped: {advice}",
             )
 
 
 def late_sentence(passed: float, period: float, late: float) -> str:
     """A late cycle in words, with the values to declare."""
+    unit = ""
+    if passed >= LEAST_UNLIKELY:
+        unit = f"if stamps are in {unit_of(passed)}, give seconds; else "
     return (
         f"{passed * 1e3:.1f} ms since the last cycle, {declared(period, late)}: "
-        f"{remedy(passed)}; if only some cycles take so long, set late"
+        f"{unit}{remedy(passed)}; if only some cycles take so long, set late"
     )
+
+
+def unit_of(passed: float) -> str:
+    """Unit in which a time between cycles [s] would be that of a control loop."""
+    if passed < 1e3 * LEAST_UNLIKELY:
+        return "milliseconds"
+    return "microseconds" if passed < 1e6 * LEAST_UNLIKELY else "nanoseconds"
+
+
+def clock_sentence(off: float) -> str:
+    """Likely cause of a stamp that is off the time of the cycle [s]; "" if unknown."""
+    if off < LEAST_UNLIKELY:
+        return ""
+    return "; give stamp and now in seconds, of the same clock"
 
 
 def declared(period: float, late: float) -> str:

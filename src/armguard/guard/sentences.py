@@ -9,7 +9,7 @@ from armguard.guard import layout
 from armguard.guard.answer import Answer
 from armguard.guard.levels import OF_OBJECTS, ORDERED, Level, Reason
 from armguard.guard.near_pair import NearPair
-from armguard.guard.pace import late_sentence
+from armguard.guard.pace import clock_sentence, late_sentence
 from armguard.motion.pair_state import UNPROVEN
 
 # Reasons that the nearest pair explains.
@@ -140,7 +140,7 @@ def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> 
     if reason is Reason.CYCLE_LATE and isfinite(value):
         sentence = late_sentence(value, tables.period, tables.late)
     if reason in IN_MILLISECONDS:
-        sentence = f"{sentence} ({value * 1e3:.1f} ms)"
+        sentence = f"{sentence} ({value * 1e3:.1f} ms){clock_sentence(value)}"
     said_already = sentence.startswith((doing, "still "))
     if subject:
         return f"'{subject}': {sentence if said_already else f'{doing}, {sentence}'}"

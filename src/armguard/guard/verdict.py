@@ -14,6 +14,7 @@ from armguard.guard.levels import Level, Reason
 from armguard.guard.near_pair import NearPair, listed
 from armguard.guard.nuisance import Nuisance, classify, lack_of
 from armguard.guard.sentences import explanation_of, sentence_of, subject_of
+from armguard.notebook import html_table
 
 Floats = NDArray[np.float64]
 
@@ -338,6 +339,23 @@ class Verdict:
     def __repr__(self) -> str:
         """Level, reason and the sentence."""
         return f"<Verdict {self.level.name} {self.reason.name}: {self.why}>"
+
+    def _repr_html_(self) -> str:
+        """The level of each robot and the nearest pair as tables, for notebooks."""
+        scale = self.speed_scale
+        rows = [
+            (name, level, f"{100.0 * scale[name]:.0f} %")
+            for name, level in self.levels.items()
+        ]
+        caption = f"{self.level}: {self.why}"
+        shown = html_table(caption, ("robot", "level", "speed"), rows)
+        pair = self.nearest
+        if pair is None:
+            return shown
+        lengths = (pair.distance, pair.needed, pair.clearance)
+        row = (f"{pair.a} to {pair.b}", *(f"{m * 1e3:.1f} mm" for m in lengths))
+        head = ("nearest pair", "distance", "required", "headroom")
+        return shown + html_table("", head, [row])
 
     @property
     def _answer(self) -> Answer:

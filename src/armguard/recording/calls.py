@@ -52,16 +52,16 @@ def region_in(value: Any) -> Region | None:
         words = {"frame": None, **value}
         given = {key: tuple(words[key]) for key in ("xyz", "rpy") if key in words}
         pose = Pose.from_matrix(words["pose"]) if "pose" in words else Pose(**given)
-        sizes = tuple(words["half_extents"])
+        size = tuple(words["size"])
     except (TypeError, KeyError) as error:
         raise ValueError(f"it is no region: {error!r}") from None
-    return Region(half_extents=sizes, pose=pose, frame=words["frame"])
+    return Region(size=size, pose=pose, frame=words["frame"])
 
 
 def region_words(region: Region) -> dict[str, Any]:
     """A region as a recording holds it, with the very bits of its pose."""
     return {
-        "half_extents": list(region.half_extents),
+        "size": list(region.size),
         "xyz": list(region.pose.xyz),
         "rpy": list(region.pose.rpy),
         "frame": region.frame,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.geometry.shapes import Shape
+from armguard.guard.given import is_mapping, joined
 from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
 from armguard.recording import frames
@@ -20,6 +21,7 @@ from armguard.respond import Command, Guard
 from armguard.respond.requested import reason_of_stop
 from armguard.scene.archive import archive_of, hash_of
 from armguard.scene.scene import Scene
+from armguard.scene.tables import RobotPart
 
 Floats = NDArray[np.float64]
 
@@ -190,6 +192,7 @@ class RecordedGuard:
             answer: What came out.
             received: When it came in, monotonic; NaN if that is not known [s].
         """
+        given = in_order(given, self.guard.tables.robots)
         n, stamp, now = self._joints, given["stamp"], given["now"]
         velocity = given["velocity"]
         commanded = isinstance(answer, Command)
@@ -235,6 +238,21 @@ class RecordedGuard:
             frames.put_text(text, row[end:])
         self._ring.commit()
         self.cycle += 1
+
+
+def in_order(given: Mapping[str, Any], robots: Sequence[RobotPart]) -> dict[str, Any]:
+    """Arguments of a call, with vectors by robot name as vectors of all joints.
+
+    A mapping that is no such vector stays, and counts as wrong input.
+    """
+    found = dict(given)
+    names = [part.name for part in robots]
+    for key in ("q", "velocity", "q_desired", "v_desired"):
+        value, partial = given.get(key), key == "v_desired"
+        if is_mapping(value) and not (partial and set(value).isdisjoint(names)):
+            vector, fault = joined(key, value, robots, partial=partial)
+            found[key] = value if fault else vector
+    return found
 
 
 def asked_in(

@@ -2,21 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
+from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import WithSentence
+from armguard.errors import NamedNumber, WithSentence
 from armguard.guard.levels import ORDERED, UNTIL_ENGAGED, Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import RECOVERING, RUNNING
+from armguard.notebook import html_table
 from armguard.scene.tables import RobotPart
 
 Floats = NDArray[np.float64]
 
 
-class Action(IntEnum):
+class Action(NamedNumber):
     """What a client has a robot do; a higher value is always safer."""
 
     FOLLOW = 0
@@ -205,6 +206,17 @@ class Command:
     def __repr__(self) -> str:
         """Level, action and sentence of the cycle."""
         return f"<Command {self.verdict.level.name} {self.action.name}: {self.why}>"
+
+    def _repr_html_(self) -> str:
+        """The command of each robot as a table, for notebooks."""
+        actions, blocked, passed = self.actions, self.blocked, self.passed
+        rows = [
+            (name, action, blocked[name].sentence, f"{100.0 * passed[name]:.0f} %")
+            for name, action in actions.items()
+        ]
+        return html_table(
+            f"{self.action}: {self.why}", ("robot", "action", "state", "passed"), rows
+        )
 
     def _of_joints(self, k: int) -> Floats:
         """Number k of the four numbers of each joint, shape (n,)."""

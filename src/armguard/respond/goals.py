@@ -12,7 +12,7 @@ from armguard.errors import (
     NoRetreatError,
     SceneError,
     UnknownNameError,
-    did_you_mean,
+    known_names,
 )
 from armguard.geometry.pose import Pose, check_transform
 from armguard.guard.continuous import PathCheck
@@ -256,9 +256,7 @@ class Guidance:
         if name is None:
             return list(range(len(names)))
         if name not in names:
-            raise UnknownNameError(
-                f"no robot is named '{name}'; {did_you_mean(name, names)}"
-            )
+            raise UnknownNameError(f"no robot is named '{name}'; {known_names(names)}")
         return [names.index(name)]
 
     def _parts(self) -> tuple[Response, Lead]:

@@ -9,10 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.guard.answer import stop_answer
 from armguard.guard.checkpoint import chosen
-from armguard.guard.given import (
-    NO_POSITIONS,
-    real_or_none,
-)
+from armguard.guard.given import NO_POSITIONS, JointVector, real_or_none
 from armguard.guard.levels import Reason
 from armguard.guard.loop import OTHER_THREAD
 from armguard.guard.monitor import Monitor
@@ -28,7 +25,7 @@ from armguard.respond.lead_state import lead_of
 from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
 from armguard.respond.remembered import more_of
 from armguard.respond.requested import (
-    as_vector,
+    positions_in,
     reason_of_stop,
     twists_in,
     velocities_in,
@@ -60,7 +57,9 @@ Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
 # Positions, stamps, velocities and the time of a cycle, see `Guard.filter`.
-Given = tuple[ArrayLike, float | Mapping[str, float], ArrayLike | None, float | None]
+Given = tuple[
+    JointVector, float | Mapping[str, float], JointVector | None, float | None
+]
 
 
 class Guard(Monitor):
@@ -120,6 +119,15 @@ class Guard(Monitor):
                 line = filter_line(self, self.filter, self.engage)
                 self.self_test = SelfTestReport((*self.self_test.lines, line))
 
+    def __repr__(self) -> str:
+        """Names of the robots, counts of bodies, and the period."""
+        tables = self.tables
+        robots = ", ".join(part.name for part in tables.robots) or "none"
+        return (
+            f"<Guard period {tables.period * 1e3:g} ms; robots: {robots}; "
+            f"{len(self.q_names)} joints, {len(tables.kinds)} primitives>"
+        )
+
     @property
     def ledgers(self) -> tuple[Longs, Longs]:
         """Ledgers of its responses and of its workspace, for `run_filtered_cycle`.
@@ -140,11 +148,11 @@ class Guard(Monitor):
 
     def filter(
         self,
-        q: ArrayLike,
-        v_desired: ArrayLike | Mapping[str, float],
+        q: JointVector,
+        v_desired: JointVector | Mapping[str, float],
         stamp: float | Mapping[str, float],
         *,
-        velocity: ArrayLike | None = None,
+        velocity: JointVector | None = None,
         now: float | None = None,
     ) -> Command:
         """Command for desired joint velocities. Never raises after the first cycle.
@@ -153,9 +161,10 @@ class Guard(Monitor):
         robots must pass this filter, or the proof does not hold.
 
         Args:
-            q: Measured joint positions in the order of `q_names`, (n,) [rad or m].
-            v_desired: Desired joint velocities, shape (n,), or by joint name with zero
-                for joints that are not named [rad/s or m/s].
+            q: Measured joint positions in the order of `q_names`, (n,), or a vector of
+                each robot by its name [rad or m].
+            v_desired: Desired joint velocities, shape (n,), or by joint name or as
+                vectors by robot name, with zero for those not named [rad/s or m/s].
             stamp: Time of the measurement, see `step` [s].
             velocity: Measured joint velocities, see `step` [rad/s or m/s].
             now: Time of this cycle, see `step` [s].
@@ -168,11 +177,11 @@ class Guard(Monitor):
 
     def filter_positions(
         self,
-        q: ArrayLike,
-        q_desired: ArrayLike,
+        q: JointVector,
+        q_desired: JointVector,
         stamp: float | Mapping[str, float],
         *,
-        velocity: ArrayLike | None = None,
+        velocity: JointVector | None = None,
         now: float | None = None,
     ) -> Command:
         """Command for desired joint positions: send `Command.position`.
@@ -182,7 +191,7 @@ class Guard(Monitor):
 
         Args:
             q: Measured joint positions, see `filter`.
-            q_desired: Desired joint positions, shape (n,) [rad or m].
+            q_desired: Desired joint positions, as `q` [rad or m].
             stamp: See `filter`, from here to `now`.
             velocity: Measured joint velocities.
             now: Time of this cycle.
@@ -190,16 +199,16 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        goal = as_vector("q_desired", q_desired, self._input.shape[0])
+        goal = positions_in(q_desired, self.tables)
         return self._filter((q, stamp, velocity, now), POSITIONS, *goal)
 
     def filter_twists(
         self,
-        q: ArrayLike,
+        q: JointVector,
         twists: Mapping[str, ArrayLike],
         stamp: float | Mapping[str, float],
         *,
-        velocity: ArrayLike | None = None,
+        velocity: JointVector | None = None,
         now: float | None = None,
     ) -> Command:
         """Command for desired twists of tools.
@@ -222,10 +231,10 @@ class Guard(Monitor):
 
     def stop(
         self,
-        q: ArrayLike,
+        q: JointVector,
         stamp: float | Mapping[str, float],
         *,
-        velocity: ArrayLike | None = None,
+        velocity: JointVector | None = None,
         now: float | None = None,
         reason: Reason = Reason.STOP_ORDERED,
     ) -> Command:
@@ -310,7 +319,7 @@ class Guard(Monitor):
             if unsolved > 0:
                 unsolved = self.solve_programs(unsolved)
             used = end_filtered_cycle(array, unsolved, answers, lines)
-        return self._answer(used, fault), fault
+        return self._answer(used, fault, array)
 
     def _crowded_command(self, response: Response, stamp: float | None) -> Command:
         """Stop command for a cycle during which another thread called the guard."""

@@ -1,11 +1,20 @@
 """Requests of operators: converted to arrays, or refused with a reason in words."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.guard.given import FLOAT64, described, is_mapping, kind_of, real_array
+from armguard.errors import known_names
+from armguard.guard.given import (
+    FLOAT64,
+    JointVector,
+    described,
+    is_mapping,
+    joined,
+    kind_of,
+    real_array,
+)
 from armguard.guard.levels import ORDERED, Reason
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
 from armguard.respond.tool import Tools
@@ -27,8 +36,31 @@ def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]
     return array, ""
 
 
+def positions_in(value: JointVector, tables: SceneTables) -> tuple[Floats | None, str]:
+    """Desired joint positions as a kernel takes them, or None and the reason."""
+    if is_mapping(value):
+        return robot_vectors("q_desired", value, tables)
+    return as_vector("q_desired", value, len(tables.q_names))
+
+
+def robot_vectors(
+    what: str,
+    value: Mapping[str, ArrayLike],
+    tables: SceneTables,
+    *,
+    partial: bool = False,
+) -> tuple[Floats | None, str]:
+    """A vector of finite numbers from vectors by robot name, see `joined`."""
+    vector, fault = joined(what, value, tables.robots, partial=partial)
+    if fault:
+        return None, fault
+    return as_vector(what, vector, len(tables.q_names))
+
+
 def velocities_in(
-    value: ArrayLike | Mapping[str, float], shape: tuple[int, ...], tables: SceneTables
+    value: JointVector | Mapping[str, float],
+    shape: tuple[int, ...],
+    tables: SceneTables,
 ) -> tuple[Floats | None, str]:
     """Joint velocities as a kernel takes them, or None and the reason in words."""
     if (
@@ -39,18 +71,23 @@ def velocities_in(
     ):
         return value, ""
     if is_mapping(value):
-        return named_vector("v_desired", value, tables.q_names)
+        return named_velocities(value, tables)
     return as_vector("v_desired", value, shape[0])
 
 
-def named_vector(
-    what: str, value: Mapping[str, float], names: Sequence[str]
+def named_velocities(
+    value: Mapping[str, ArrayLike], tables: SceneTables
 ) -> tuple[Floats | None, str]:
-    """A vector from numbers by joint name, with zero for joints not named."""
+    """Velocities by joint name or by robot name; zero for those not named."""
+    what, names = "v_desired", tables.q_names
+    robots = [part.name for part in tables.robots]
     try:
+        if any(name in robots for name in value):
+            return robot_vectors(what, value, tables, partial=True)
         for name in value:
             if name not in names:
-                return None, f"{what} names {described(name)}, no joint"
+                wrong = f"{what} names {described(name)}, no joint and no robot"
+                return None, f"{wrong}; {known_names((*robots, *names), 12)}"
         numbers = [value.get(name, 0.0) for name in names]
     except Exception:  # as above
         return None, f"{what} is a {kind_of(value)}; it must be numbers by joint name"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import did_you_mean
+from armguard.errors import known_names
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -93,4 +93,4 @@ class Tools:
 
     def near(self, name: object) -> str:
         """Names similar to an unknown name, in words."""
-        return did_you_mean(str(name), self.names)
+        return known_names(self.names, 12)

@@ -1,20 +1,17 @@
 """Joint limits in the order of q, and the configuration a robot is at home in."""
 
 from collections.abc import Mapping
-from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import ModelError, did_you_mean
+from armguard.geometry.pose import LOOKS_LIKE_DEGREES
 from armguard.robot.model import RobotModel
 
 # Names of SRDF group states that say where a robot is at home, the first found wins;
 # if there is none of these, the file's first state does.
 HOME_STATES = ("home", "ready", "default", "rest", "neutral", "half_sitting")
-
-# No joint is turned by two full turns to go home; such a number is in degrees [rad].
-LOOKS_LIKE_DEGREES = 4 * pi
 
 
 def joint_limits(

@@ -140,7 +140,7 @@ class DisabledPair:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RobotModel:
     """A robot as its files describe it.
 
@@ -164,6 +164,11 @@ class RobotModel:
     disabled_pairs: tuple[DisabledPair, ...] = ()
     group_states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Name, and counts of links and joints."""
+        counts = f"{len(self.links)} links, {len(self.q_names)} joints"
+        return f"<RobotModel {self.name}: {counts}>"
 
     @property
     def q_names(self) -> tuple[str, ...]:

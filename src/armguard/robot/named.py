@@ -9,7 +9,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from armguard.errors import ModelError, did_you_mean
+from armguard.errors import ModelError, known_names
 
 PACKAGE = "example-robot-data"
 
@@ -69,7 +69,7 @@ def find_named_robot(name: str) -> NamedRobot:
     if name not in ROBOTS:
         raise ModelError(
             f"no robot is named '{name}', and there is no such file; "
-            f"{did_you_mean(name, ROBOTS)}"
+            f"{known_names(ROBOTS)}"
         )
     folder, data = robots_folder(), robot_data(name)
     return NamedRobot(

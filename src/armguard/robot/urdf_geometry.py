@@ -60,7 +60,7 @@ def read_geometry(
         return Sphere(radius=reader.size(shape, "radius")[0])
     if shape.tag == "box":
         x, y, z = reader.size(shape, "size", 3)
-        return Box(half_extents=(x / 2, y / 2, z / 2))
+        return Box(size=(x, y, z))
     if shape.tag in ("cylinder", "capsule"):
         (radius,), (length,) = (reader.size(shape, n) for n in ("radius", "length"))
         return (Cylinder if shape.tag == "cylinder" else capsule)(radius, length)

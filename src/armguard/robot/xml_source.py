@@ -9,7 +9,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from armguard.bounded import read_bytes, shown
-from armguard.errors import ModelError
+from armguard.errors import ModelError, PoseError
 from armguard.geometry.pose import Pose
 
 # Largest URDF or SRDF [byte].
@@ -120,4 +120,7 @@ class Reader:
             return np.eye(4)
         x, y, z = self.numbers(origin, "xyz", 3, "0 0 0")
         roll, pitch, yaw = self.numbers(origin, "rpy", 3, "0 0 0")
-        return Pose(xyz=(x, y, z), rpy=(roll, pitch, yaw)).matrix()
+        try:
+            return Pose(xyz=(x, y, z), rpy=(roll, pitch, yaw)).matrix()
+        except PoseError as error:
+            raise self.fail(origin, f"<origin> {error}") from None

@@ -49,9 +49,9 @@ def coarse_gripper(robot: SceneRobot, table: KinematicTable) -> PlacedShape:
             body = int(table.parent[body])
         low = np.minimum(low, corners.min(axis=0))
         high = np.maximum(high, corners.max(axis=0))
-    x, y, z = ((high - low) / 2.0).tolist()
+    x, y, z = (high - low).tolist()
     i, j, k = ((high + low) / 2.0).tolist()
-    return PlacedShape(Box(half_extents=(x, y, z)), Pose(xyz=(i, j, k)))
+    return PlacedShape(Box(size=(x, y, z)), Pose(xyz=(i, j, k)))
 
 
 def corners_of(low: Floats, high: Floats) -> Floats:

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import SceneError, UnknownNameError, did_you_mean
+from armguard.errors import (
+    SceneError,
+    UnknownNameError,
+    did_you_mean,
+    known_names,
+)
 from armguard.scene.objects import SceneObject
 from armguard.scene.robots import SceneRobot, check_mode
 from armguard.scene.schema import CLOSED, Name
@@ -226,7 +231,7 @@ class Contents:
             return list(self._robots)
         if robot not in self._robots:
             raise UnknownNameError(
-                f"no robot is named '{robot}'; {did_you_mean(robot, self._robots)}"
+                f"no robot is named '{robot}'; {known_names(self._robots)}"
             )
         return [robot]
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from math import inf
-from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -108,10 +107,6 @@ class StoppingModel(figure_keys()):  # type: ignore[misc]
 
     tables: TablesByKind | None = None
     sources: dict[str, str] | None = None
-
-
-# Names of figures by their keys, as `sources` has them.
-FIGURE_OF = {figure.key: name for name, figure in FIGURES.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,19 +259,14 @@ def known_keys(keys: tuple[str | int, ...]) -> list[str]:
 
 
 def stopping_arguments(model: StoppingModel, folder: Path) -> dict[str, Any]:
-    """Figures that are given, by the names of `StoppingFigures`.
+    """Figures that are given, by key, for `declared_figures`.
 
     Args:
         model: The entry.
         folder: Where the path of a table counts from.
     """
-    given = {name: attrgetter(figure.key)(model) for name, figure in FIGURES.items()}
-    given = {name: value for name, value in given.items() if value is not None}
-    if model.sources is not None:
-        given["sources"] = {
-            FIGURE_OF.get(name, name): source for name, source in model.sources.items()
-        }
     tables = model.tables
+    given: dict[str, Any] = model.model_dump(exclude_none=True, exclude={"tables"})
     if tables is not None:
         given["tables"] = tables
     if isinstance(tables, str):

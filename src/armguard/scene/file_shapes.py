@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from math import pi
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
 
@@ -37,9 +36,6 @@ from armguard.scene.schema import (
     Triple,
 )
 
-# More than two turns is no orientation anyone writes in radians [rad].
-LOOKS_LIKE_DEGREES = 4 * pi
-
 
 @dataclass(frozen=True, slots=True)
 class Place:
@@ -63,27 +59,13 @@ class PoseModel(Strict):
     quat_xyzw: Quaternion | None = None
 
     @model_validator(mode="after")
-    def _one_orientation(self) -> Self:
-        ways = {key: getattr(self, key) for key in ("rpy", "quat_wxyz", "quat_xyzw")}
-        given = {key: values for key, values in ways.items() if values is not None}
-        if len(given) > 1:
-            raise ValueError(f"has {' and '.join(given)}; give one orientation")
-        for key, values in given.items():
-            norm = sum(v * v for v in values) ** 0.5
-            if key != "rpy" and abs(norm - 1.0) > 1e-3:
-                raise ValueError(f"{key} has norm {norm:.4g}; it must be 1")
-            if key == "rpy" and max(map(abs, values)) > LOOKS_LIKE_DEGREES:
-                raise ValueError(f"rpy {list(values)} looks like degrees; give radians")
+    def _is_a_pose(self) -> Self:
+        self.pose()
         return self
 
     def pose(self) -> Pose:
-        """The pose."""
-        quat = self.quat_wxyz
-        if self.quat_xyzw is not None:
-            quat = (self.quat_xyzw[3], *self.quat_xyzw[:3])
-        if quat is not None:
-            return Pose.from_quat_wxyz(quat, self.xyz)
-        return Pose(xyz=self.xyz, rpy=self.rpy or (0.0, 0.0, 0.0))
+        """The pose; `Pose` checks the orientation."""
+        return Pose(**self.model_dump())
 
 
 ORIGIN = PoseModel()
@@ -136,12 +118,8 @@ class CapsuleModel(Rounded):
 class BoxModel(Rounded):
     """`box: {size: [x, y, z], rounding: r}` or `box: [x, y, z]`."""
 
+    made = Box
     size: PositiveTriple
-
-    def shape(self) -> Shape:
-        """The shape."""
-        x, y, z = self.size
-        return Box(half_extents=(x / 2, y / 2, z / 2), rounding=self.rounding)
 
 
 class CylinderModel(Rounded):

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 # Solids by their name: how many dimensions each has, and its shape.
 SOLIDS: dict[str, tuple[int, Callable[..., Shape]]] = {
-    "box": (3, lambda x, y, z: Box(half_extents=(x / 2, y / 2, z / 2))),
+    "box": (3, lambda x, y, z: Box(size=(x, y, z))),
     "sphere": (1, lambda radius: Sphere(radius=radius)),
     "cylinder": (2, lambda height, radius: Cylinder(radius=radius, height=height)),
     "cone": (2, lambda height, radius: Cone(radius=radius, height=height)),
@@ -199,8 +199,8 @@ def allow_matrix(scene: Scene, source: YamlSource, name: str) -> None:
 def pose_matrix(pose: Mapping[str, Any]) -> Floats:
     """A MoveIt pose; its quaternions are x y z w. Shape (4, 4)."""
     x, y, z = map(float, in_order(pose["position"], "xyz"))
-    qx, qy, qz, qw = map(float, in_order(pose["orientation"], "xyzw"))
-    return Pose.from_quat_wxyz((qw, qx, qy, qz), (x, y, z)).matrix()
+    quaternion = [*map(float, in_order(pose["orientation"], "xyzw"))]
+    return Pose(xyz=(x, y, z), quat_xyzw=quaternion).matrix()
 
 
 def in_order(values: Any, keys: str) -> list[Any]:

@@ -1,5 +1,6 @@
 """Objects of a scene: shapes and surfaces with a pose and settings."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
@@ -15,7 +16,7 @@ Part = Shape | PlacedShape | Surface
 ORIGIN = Pose()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SceneObject(ObjectSettings):
     """An object: a union of primitives.
 
@@ -30,6 +31,10 @@ class SceneObject(ObjectSettings):
     shapes: tuple[PlacedShape, ...]
     surfaces: tuple[Surface, ...]
     pose: Pose
+
+    def __repr__(self) -> str:
+        """Name, shapes and place."""
+        return f"<SceneObject {self.name}: {shapes_in_words(self)} at {self.pose}>"
 
     @property
     def movable(self) -> bool:
@@ -63,6 +68,14 @@ def scene_object(
     if wrong is not None:
         raise SceneError(f"object '{name}' {wrong}")
     return made
+
+
+def shapes_in_words(item: SceneObject) -> str:
+    """Kinds of the parts of an object with their counts, as in "2 Box, 12 Triangle"."""
+    counts = Counter(type(placed.shape).__name__ for placed in item.shapes)
+    if item.surfaces:
+        counts["Triangle"] += sum(map(len, item.surfaces))
+    return ", ".join(f"{count} {kind}" for kind, count in counts.items())
 
 
 def contradiction(item: SceneObject) -> str | None:

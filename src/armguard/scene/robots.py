@@ -31,7 +31,7 @@ from armguard.scene.settings import (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SceneRobot(RobotSettings):
     """A robot in a scene.
 
@@ -52,6 +52,14 @@ class SceneRobot(RobotSettings):
     home: Mapping[str, float]
     mode: Mode
     stopping: StoppingFigures | None
+
+    def __repr__(self) -> str:
+        """Name, model, mode and base."""
+        joints = len(self.model.q_names)
+        return (
+            f"<SceneRobot {self.name}: {self.model.name}, {joints} joints, mode "
+            f"{self.mode}, base {self.base}>"
+        )
 
 
 def load_robot(
@@ -140,16 +148,16 @@ def check_figures(robot: SceneRobot) -> None:
 
 
 def response_settings(
-    who: str, response: ResponseName | ResponseSettings
+    who: str, response: ResponseName | ResponseSettings | Mapping[str, Any]
 ) -> ResponseSettings:
-    """The settings, or those of a name.
+    """The settings, also from a name, or from a mapping as in a scene file.
 
     Raises:
         SceneError: It is none, or a setting cannot be true.
     """
-    if not isinstance(response, ResponseSettings):
+    if isinstance(response, str):
         response = ResponseSettings(kind=response)
-    return checked(who, response, "response")
+    return checked(who, response, "response", ResponseSettings)
 
 
 def check_mode(what: str, mode: Mode) -> Mode:

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from math import isfinite
 from pathlib import Path
 from typing import Any, Unpack
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
+from armguard.notebook import html_table
 from armguard.robot.limits import home_configuration
 from armguard.robot.model import RobotModel
 from armguard.robot.stopping import StoppingFigures
@@ -19,7 +21,13 @@ from armguard.scene.meshes import (
     Progress,
     mesh_parts,
 )
-from armguard.scene.objects import Part, SceneObject, riding_surface, scene_object
+from armguard.scene.objects import (
+    Part,
+    SceneObject,
+    riding_surface,
+    scene_object,
+    shapes_in_words,
+)
 from armguard.scene.robots import (
     SceneRobot,
     check_figures,
@@ -74,9 +82,7 @@ class Scene(Contents):
         >>> from armguard import Box, Pose, Scene
         >>> scene = Scene()
         >>> item = scene.add(
-        ...     Box(half_extents=(0.6, 1.0, 0.025)),
-        ...     name="table",
-        ...     pose=Pose(xyz=(0.5, 0, -0.03)),
+        ...     Box(size=(1.2, 2.0, 0.05)), "table", pose=Pose(xyz=(0.5, 0, -0.03))
         ... )
         >>> scene.body_names()
         ('table',)
@@ -100,11 +106,37 @@ class Scene(Contents):
         self.index = IndexSettings() if index is None else index
         self.notes: list[str] = []
 
+    def __repr__(self) -> str:
+        """Names of robots and objects, and the period."""
+        robots, objects = ", ".join(self.robots), ", ".join(islice(self.objects, 8))
+        more = len(self.objects) - 8
+        objects += f" and {more} more" if more > 0 else ""
+        return (
+            f"<Scene period {self.period * 1e3:g} ms; robots: {robots or 'none'}; "
+            f"objects: {objects or 'none'}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Robots and objects as tables, for notebooks."""
+        robots = [
+            (name, robot.model.name, len(robot.model.q_names), robot.mode, robot.base)
+            for name, robot in self.robots.items()
+        ]
+        objects = [
+            (name, shapes_in_words(item), item.attached_to or "world", item.pose)
+            for name, item in self.objects.items()
+        ]
+        return html_table(
+            f"Scene, period {self.period * 1e3:g} ms",
+            ("robot", "model", "joints", "mode", "base"),
+            robots,
+        ) + html_table("", ("object", "shapes", "frame", "pose"), objects)
+
     def add_robot(
         self,
         urdf: str | Path | RobotModel,
-        *,
         name: str,
+        *,
         base: Pose | None = None,
         srdf: str | Path | None = None,
         packages: Mapping[str, Path] | None = None,
@@ -122,13 +154,14 @@ class Scene(Contents):
             base: Its root frame in the world.
             srdf: Its SRDF file.
             packages: Folders of `package://` names.
-            stopping: How it stops: figures, or what `stopping_figures` takes. Of a
-                robot by name, what is not given is taken from its own figures.
+            stopping: How it stops: `StoppingFigures`, or figures by the keys of a
+                scene file, such as `{"deceleration": 5.0, "delays": {"command":
+                0.008}}`. Figures of a robot by name that are not given are its own.
             home: Home positions by joint name; see `home_configuration` for the rest.
             progress: Called with what is done, its number and their count, while links
                 are fitted.
             settings: How it is guarded, see `RobotSettings`. `response` may be one
-                word, its kind.
+                word, its kind, or a mapping as in a scene file.
 
         Raises:
             SceneError: The name is taken or no name, or a setting cannot be true.
@@ -157,8 +190,8 @@ class Scene(Contents):
     def add(
         self,
         shapes: Part | Sequence[Part],
-        *,
         name: str,
+        *,
         pose: Pose | None = None,
         **settings: Unpack[ObjectKeys],
     ) -> SceneObject:
@@ -190,8 +223,8 @@ class Scene(Contents):
     def add_mesh(
         self,
         mesh: MeshInput,
-        *,
         name: str,
+        *,
         form: MeshForm = "triangles",
         pose: Pose | None = None,
         scale: float | Sequence[float] = 1.0,
@@ -225,7 +258,7 @@ class Scene(Contents):
             >>> from armguard import Scene
             >>> vertices = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0.2)]
             >>> faces = [(0, 1, 2), (1, 3, 2)]
-            >>> ramp = Scene().add_mesh((vertices, faces), name="ramp")
+            >>> ramp = Scene().add_mesh((vertices, faces), "ramp")
             >>> len(ramp.surfaces[0])
             2
         """
@@ -259,7 +292,9 @@ class Scene(Contents):
             del self.pair_buffers[pair]
 
     def set_response(
-        self, response: ResponseName | ResponseSettings, robot: str | None = None
+        self,
+        response: ResponseName | ResponseSettings | Mapping[str, Any],
+        robot: str | None = None,
     ) -> None:
         """Change the responses of robots to near bodies.
 

@@ -6,6 +6,7 @@ take all from there.
 """
 
 import re
+from collections.abc import Mapping
 from functools import cache
 from inspect import getdoc
 from reprlib import Repr
@@ -22,7 +23,7 @@ from pydantic import (
     ValidationError,
 )
 
-from armguard.errors import SceneError
+from armguard.errors import SceneError, did_you_mean
 
 Settings = TypeVar("Settings")
 Plain = TypeVar("Plain")
@@ -124,31 +125,44 @@ def sentence_of(error: dict[str, Any]) -> str:
 
 
 @cache
-def adapter(kind: type) -> TypeAdapter[Any]:
+def adapter(kind: Any) -> TypeAdapter[Any]:
     """What validates a class of settings."""
     return TypeAdapter(kind)
 
 
-def checked(who: str, settings: Settings, under: str = "") -> Settings:
+def checked(
+    who: str,
+    settings: Settings | Mapping[str, Any],
+    under: str = "",
+    kind: type[Settings] | None = None,
+) -> Settings:
     """Settings that can be true, each in the form in which it is declared.
 
     Args:
         who: Whose they are, for messages.
-        settings: The settings.
+        settings: The settings, or a mapping with their keys.
         under: What these are of their owner, such as "response".
+        kind: Class of the settings of a mapping.
 
     Raises:
         SceneError: One cannot be true.
     """
-    kind: type = type(settings)
+    declared: Any = kind or type(settings)
     try:
-        valid: Settings = adapter(kind).validate_python(settings)
+        valid: Settings = adapter(declared).validate_python(settings)
         return valid
     except ValidationError as errors:
         error = errors.errors(include_url=False)[0]
     keys, sentence = keys_of(error["loc"]), sentence_of(dict(error))
+    if error["type"] == "unexpected_keyword_argument":
+        path = ".".join(filter(None, (under, *map(str, keys))))
+        known = (
+            did_you_mean(str(keys[-1]), meanings(declared)) if len(keys) == 1 else ""
+        )
+        said = "; ".join(filter(None, ("there is no such key", known)))
+        raise SceneError(f"{who}: {path}: {said}")
     if keys:
-        unit = UNIT.search(meanings(kind).get(str(keys[-1]), ""))
+        unit = UNIT.search(meanings(declared).get(str(keys[-1]), ""))
         if unit is not None:
             sentence = sentence.replace(";", f" {unit[1]};", 1)
         if sentence.startswith(f"{keys[-1]} "):

@@ -228,8 +228,8 @@ class RobotKeys(TypedDict, total=False):
 
     buffer: float | None
     mode: Mode | None
-    response: ResponseName | ResponseSettings
-    gripper: Gripper | None
+    response: ResponseName | ResponseSettings | Mapping[str, Any]
+    gripper: Gripper | Mapping[str, Any] | None
     fit_target: float
     max_primitives: int
 
@@ -289,7 +289,7 @@ class ObjectKeys(TypedDict, total=False):
     present: bool
     top_speed: float
     person: bool
-    graspable: Grasp | bool | None
+    graspable: Grasp | Mapping[str, Any] | bool | None
     rests_on: str | Sequence[str] | None
     error: float
     stale: float

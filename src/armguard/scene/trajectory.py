@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import pairwise
-from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import TrajectoryError, did_you_mean
+from armguard.geometry.pose import LOOKS_LIKE_DEGREES
 from armguard.robot.model import JointKind
 from armguard.scene.scene import Scene
 
@@ -18,9 +18,6 @@ Floats = NDArray[np.float64]
 # What is between a robot's name and its joint's in the names of others: ours,
 # ROS's prefix, and that of some log files.
 SEPARATORS = ("/", "_", ".")
-
-# A greater position of a joint with limits is in degrees [rad].
-SURELY_DEGREES = 4.0 * pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +135,7 @@ class Trajectory:
                 continue
             q = self.q[:, k]
             q = np.abs(q[np.isfinite(q)])
-            if len(q) and q.max() > max(SURELY_DEGREES, model.upper, -model.lower):
+            if len(q) and q.max() > max(LOOKS_LIKE_DEGREES, model.upper, -model.lower):
                 raise self._wrong(
                     f"joint '{self.names[k]}' is at {q.max():g}, which looks like "
                     f"degrees; its limits are [{model.lower:g}, {model.upper:g}] rad"

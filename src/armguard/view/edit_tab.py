@@ -180,7 +180,10 @@ class Editor:
             return self._call("remove", name=name)
         arguments: dict[str, Any] = {"name": name, "pose": placed.T.tolist()}
         if placed.half is not None and placed.half != self._half(name):
-            arguments["shape"] = {"kind": "box", "half_extents": list(placed.half)}
+            arguments["shape"] = {
+                "kind": "box",
+                "size": [2.0 * half for half in placed.half],
+            }
         return self._call("place", **arguments)
 
     def _run(self) -> None:

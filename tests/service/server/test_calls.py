@@ -41,7 +41,7 @@ def all_objects(client):
 
 
 def test_who_comes_late_is_told_where_things_were_put(served):
-    size = {"kind": "box", "half_extents": [0.1, 0.2, 0.3]}
+    size = {"kind": "box", "size": [0.2, 0.4, 0.6]}
     with served.client(role=Role.SENSE) as sensor, served.client() as late:
         before = all_objects(late)
         spare, gone = (f"box{k}" for k in (1, 2))

@@ -49,7 +49,7 @@ def test_objects_are_told_of_a_few_at_a_time(tmp_path):
     scene = pick_scene()
     names = [f"box{k}" for k in range(OBJECTS + 3)]
     for name in names:
-        scene.add(Box(half_extents=(0.01,) * 3), name=name, present=False)
+        scene.add(Box(size=(0.02,) * 3), name=name, present=False)
     judge, ring = judge_of(scene, tmp_path / "ring")
     for k, name in enumerate(names):
         judge.do(Place(name=name, pose=Pose(xyz=(5.0 + k, 0.0, 0.0))))

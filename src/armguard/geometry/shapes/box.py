@@ -15,8 +15,8 @@ class Box:
     """A rectangular solid about the frame's origin, grown by `rounding`.
 
     Attributes:
-        half_extents: Half of the core's size along x, y, z [m]. A rounded box
-            reaches `half_extents + rounding` on every axis.
+        size: The core's full size along x, y, z [m]. A rounded box is
+            `size + 2 * rounding` long on every axis.
         rounding: Growth outwards, which rounds edges and corners [m].
 
     Raises:
@@ -24,16 +24,22 @@ class Box:
     """
 
     kind: ClassVar[ShapeKind] = ShapeKind.BOX
-    half_extents: Point
+    size: Point
     rounding: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        half = checked_point("Box", "half_extents", self.half_extents)
-        object.__setattr__(self, "half_extents", half)
-        for axis, value in zip("xyz", half, strict=True):
-            check_size("Box", f"half extent {axis}", value)
+        size = checked_point("Box", "size", self.size)
+        object.__setattr__(self, "size", size)
+        for axis, value in zip("xyz", size, strict=True):
+            check_size("Box", f"size {axis}", value)
         check_size("Box", "rounding", self.rounding, zero=True)
+
+    @property
+    def half_extents(self) -> Point:
+        """Half of the core's size along x, y, z [m]."""
+        x, y, z = self.size
+        return x / 2.0, y / 2.0, z / 2.0
 
     @property
     def core_radius(self) -> float:
@@ -47,5 +53,5 @@ class Box:
     @classmethod
     def example(cls, rng: np.random.Generator, size: float) -> "Box":
         """A random one of about this size [m], every other one rounded."""
-        half = tuple(size * 10.0 ** rng.uniform(-1.5, 0.0, 3))
-        return cls(half_extents=half, rounding=0.1 * size * rng.integers(2))
+        sizes = tuple(2.0 * size * 10.0 ** rng.uniform(-1.5, 0.0, 3))
+        return cls(size=sizes, rounding=0.1 * size * rng.integers(2))

@@ -17,7 +17,7 @@ from armguard.geometry.shapes.sizes import check_size
 FLAT = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Hull:
     """The convex hull of points, grown by `rounding`.
 
@@ -63,6 +63,10 @@ class Hull:
         # and the last one twice where that makes their number even.
         even = np.vstack([vertices, vertices[len(vertices) - len(vertices) % 2 :]])
         object.__setattr__(self, "columns", np.ascontiguousarray(even.T))
+
+    def __repr__(self) -> str:
+        """Count of corners, and the rounding."""
+        return f"<Hull of {len(self.vertices)} points, rounding {self.rounding:g} m>"
 
     @property
     def core_radius(self) -> float:

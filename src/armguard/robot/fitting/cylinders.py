@@ -49,12 +49,12 @@ def enclose_cylinder(
         return (capsule,)
     core = radius / sqrt(2.0)
     rounded = PlacedShape(
-        Box(half_extents=(core, core, half), rounding=radius - core + SEAM),
+        Box(size=(2 * core, 2 * core, 2 * half), rounding=radius - core + SEAM),
         Pose(),
         radius - core + SEAM,
     )
     sharp = PlacedShape(
-        Box(half_extents=(radius, radius, half), rounding=SEAM),
+        Box(size=(2 * radius, 2 * radius, 2 * half), rounding=SEAM),
         Pose(),
         (sqrt(2.0) - 1.0) * radius + SEAM,
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.pose import Pose
+from armguard.geometry.pose import LOOKS_LIKE_DEGREES, Pose, rotation_from_rpy
 from armguard.geometry.shapes import Box, Capsule, PlacedShape
 from armguard.robot.fitting.hausdorff import (
     directions,
@@ -128,10 +128,10 @@ def best_box(points: Floats, *, refine: bool = True) -> Enclosure:
             )
 
     def judge(numbers: Floats) -> tuple[float, float]:
-        R = Pose(rpy=as_point(numbers[6:])).matrix()[:3, :3]
+        R = rotation_from_rpy(*numbers[6:].tolist())
         core = np.maximum(numbers[3:6], LEAST_HALF)
         found: tuple[float, float] = judge_box(
-            numbers[:3], core, np.ascontiguousarray(R), points, NORMALS, inner
+            numbers[:3], core, R, points, NORMALS, inner
         )
         return found
 
@@ -141,10 +141,12 @@ def best_box(points: Floats, *, refine: bool = True) -> Enclosure:
         best = search(lambda numbers: judge(numbers)[0], ranked[:2])
     reach, rounding = judge(best)
     shape = Box(
-        half_extents=as_point(np.maximum(best[3:6], LEAST_HALF)),
+        size=as_point(2.0 * np.maximum(best[3:6], LEAST_HALF)),
         rounding=float(rounding + SEAM),
     )
-    pose = Pose(xyz=as_point(best[:3]), rpy=as_point(best[6:]))
+    # Whole turns, which a search may add, change no rotation.
+    turn = np.fmod(best[6:], LOOKS_LIKE_DEGREES)
+    pose = Pose(xyz=as_point(best[:3]), rpy=as_point(turn))
     return Enclosure(PlacedShape(shape, pose), float(reach + SEAM))
 
 

@@ -87,7 +87,7 @@ def as_dict(placed: PlacedShape) -> dict[str, Any]:
     shape = placed.shape
     sizes = {
         name: getattr(shape, name)
-        for name in ("radius", "rounding", "start", "end", "half_extents", "height")
+        for name in ("radius", "rounding", "start", "end", "size", "height")
         if hasattr(shape, name)
     }
     if isinstance(shape, Hull):

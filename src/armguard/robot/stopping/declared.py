@@ -19,6 +19,7 @@ from armguard.robot.stopping.figures import (
     FiguresError,
     PerJoint,
     StoppingFigures,
+    by_attribute,
     check_names,
     stopping_figures,
     urdf_velocity,
@@ -58,14 +59,17 @@ def declared_figures(
 
     Args:
         model: The robot.
-        declared: Arguments of `stopping_figures`. `tables` may also be a CSV file, see
-            `read_stop_tables`, or rows of speed, time and travel by joint name; a joint
-            with a table needs no deceleration.
+        declared: Figures by the keys of a scene file, such as
+            `{"deceleration": 5.0, "errors": {"position": 1e-3}}`, or arguments of
+            `stopping_figures`. `tables` may also be a CSV file, see `read_stop_tables`,
+            or rows of speed, time and travel by joint name; a joint with a table needs
+            no deceleration.
         own: The robot's own figures, if it has some.
 
     Raises:
         FiguresError: A figure is missing, is none, or cannot be true.
     """
+    declared = by_attribute(declared)
     check_names(declared)
     arguments: dict[str, Any] = {}
     sources: dict[str, str] = {}

@@ -113,7 +113,7 @@ def per_joint(what: str, value: PerJoint, names: Sequence[str]) -> Floats:
     return np.array([float(value[name]) for name in names])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoppingFigures:
     """How a robot stops, and how well it is known where it is.
 
@@ -185,6 +185,12 @@ class StoppingFigures:
                     f"there is a stopping table for '{name}', no joint", "tables", name
                 )
 
+    def __repr__(self) -> str:
+        """Top speeds and decelerations of the joints."""
+        joints = zip(self.joints, self.velocity, self.deceleration, strict=False)
+        each = (f"{name} {v:g} {a:g}" for name, v, a in joints)
+        return f"<StoppingFigures velocity, deceleration: {'; '.join(each)}>"
+
     def table_of(self, joint_index: int) -> StopTable | None:
         """Measured stops of a joint, None if there are none."""
         if not self.tables:
@@ -232,6 +238,40 @@ FIGURES: dict[str, Figure] = {
     for name, hint in get_type_hints(DeclaredFigures, include_extras=True).items()
     if hasattr(hint, "__metadata__")
 }
+
+
+# Names of figures by their keys, and the keys that hold several figures.
+NAME_OF = {figure.key: name for name, figure in FIGURES.items()}
+GROUPS = {key.partition(".")[0] for key in NAME_OF if "." in key}
+
+
+def by_attribute(declared: Mapping[str, Any]) -> dict[str, Any]:
+    """Figures by the names of `StoppingFigures`, from the keys of a scene file.
+
+    Args:
+        declared: Figures by key, in groups as in `{"errors": {"position": 1e-3}}`;
+            names of `StoppingFigures` stay.
+
+    Raises:
+        FiguresError: A figure is declared twice.
+
+    Example:
+        >>> by_attribute({"most": 8.0, "errors": {"position": 1e-3}})
+        {'deceleration_most': 8.0, 'position_error': 0.001}
+    """
+    found: dict[str, Any] = {}
+    for key, value in declared.items():
+        parts = {key: value}
+        if key in GROUPS and isinstance(value, Mapping):
+            parts = {f"{key}.{inner}": figure for inner, figure in value.items()}
+        for part, figure in parts.items():
+            name = NAME_OF.get(part, part)
+            if name in found:
+                raise FiguresError(f"{name} is declared twice; leave one out", name)
+            found[name] = figure
+    if found.get("sources"):
+        found["sources"] = {NAME_OF.get(k, k): v for k, v in found["sources"].items()}
+    return found
 
 
 def stopping_figures(
@@ -296,8 +336,9 @@ def check_names(declared: Mapping[str, Any]) -> None:
     """
     for key in declared:
         if key not in KEYS:
+            known = dict.fromkeys((*KEYS, *NAME_OF))
             raise FiguresError(
-                f"there is no figure '{key}'; {did_you_mean(key, KEYS)}", key
+                f"there is no figure '{key}'; {did_you_mean(key, known)}", key
             )
     for key in declared.get("sources") or {}:
         if key not in KEYS:

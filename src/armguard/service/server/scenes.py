@@ -29,7 +29,7 @@ BUNDLED = ("bay", "two-pandas")
 # Boxes a service holds ready for objects that the scene does not have, and half of
 # their sizes until a client gives others [m].
 SPARE_BOXES = 8
-SPARE = (0.05, 0.05, 0.05)
+SPARE = (0.1, 0.1, 0.1)
 
 
 def open_scene(
@@ -77,7 +77,7 @@ def open_scene(
     scene.period, scene.late = period, late
     for k in range(1, SPARE_BOXES + 1):
         if f"box{k}" not in scene.objects:
-            scene.add(Box(half_extents=SPARE), name=f"box{k}", present=False)
+            scene.add(Box(size=SPARE), name=f"box{k}", present=False)
     if stale is not None:
         scene.set_stale(stale)
     if mode is not None:
