@@ -289,7 +289,7 @@ def test_named_robots_load(name):
 
 
 def test_an_unknown_robot_gets_a_suggestion():
-    with pytest.raises(ModelError, match="did you mean 'panda'"):
+    with pytest.raises(ModelError, match="one of the named robots: .*panda"):
         find_named_robot("pnda")
 
 

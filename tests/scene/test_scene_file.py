@@ -154,7 +154,7 @@ WRONG = {
     "unknown robot": (
         "robots:\n  arm: {urdf: pandda}\n",
         ":2: robots.arm: no robot is named 'pandda', and there is no such file; "
-        "did you mean 'panda'",
+        "give a URDF, or one of the named robots: baxter, kinova, panda",
     ),
     "unknown link in allow": (
         ARM + "allow:\n  - {a: arm/link1, b: arm/lnk3, reason: no}\n",
