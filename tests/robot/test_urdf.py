@@ -288,7 +288,7 @@ def test_named_robots_load(name):
     assert np.isfinite(list(home.values())).all()
 
 
-def test_an_unknown_robot_gets_a_suggestion():
+def test_an_unknown_robot_gets_the_known_names_and_no_other_robot():
     with pytest.raises(ModelError, match="one of the named robots: .*panda"):
         find_named_robot("pnda")
 

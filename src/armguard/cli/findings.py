@@ -12,7 +12,7 @@ from armguard.cli.home import (
     close_findings,
     closed_fingers,
     contact_findings,
-    depths,
+    finger_finding,
     roomier,
 )
 from armguard.cli.plausibility import plausibility_findings
@@ -187,14 +187,17 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
         found = list(contact_findings(scene, error))
         yield from found
         if all(finding.status == "WARN" for finding in found):
-            for (a, b), reason in closed_fingers(scene, depths(error.contacts)).items():
-                scene.allow(a, b, reason=reason)
-            yield from guard_findings(scene, file)
+            yield from without_fingers(scene, file)
         return
     except ArmguardError as error:
         yield Finding("guard", "FAIL", str(error), f"change {file}")
         return
     home = guard.home_verdict
+    fingers = closed_fingers(scene)
+    if home.level is Level.STOP and fingers:
+        yield finger_finding(fingers)
+        yield from without_fingers(scene, file)
+        return
     if home.level is Level.STOP:
         yield from close_findings(scene, home)
     else:
@@ -212,6 +215,13 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
     if has_stops(tables):
         yield from self_test_findings(guard, scene)
     yield cycle_time(guard)
+
+
+def without_fingers(scene: Scene, file: str) -> Iterator[Finding]:
+    """Results of the guard once closed fingers may touch."""
+    for (a, b), reason in closed_fingers(scene).items():
+        scene.allow(a, b, reason=reason)
+    yield from guard_findings(scene, file)
 
 
 def self_test_findings(guard: Guard, scene: Scene) -> Iterator[Finding]:

@@ -37,7 +37,7 @@ def contact_findings(scene: Scene, error: HomeContactError) -> Iterator[Finding]
     bases = coinciding(scene, contacts)
     for first, second in bases:
         yield coincidence(scene, first, second)
-    fingers = closed_fingers(scene, contacts)
+    fingers = closed_fingers(scene)
     if fingers:
         yield finger_finding(fingers)
     together = [{first, second} for first, second in bases]
@@ -97,15 +97,10 @@ def coincidence(scene: Scene, first: str, second: str) -> Finding:
     )
 
 
-def closed_fingers(
-    scene: Scene, contacts: Mapping[Pair, float]
-) -> dict[tuple[str, str], str]:
-    """Contacts that are closed fingers of a gripper, with their reasons."""
+def closed_fingers(scene: Scene) -> dict[tuple[str, str], str]:
+    """Pairs of closed fingers that touch at home, with their reasons."""
     tables = compile_scene(scene)
-    fingers = touching_fingers(scene, tables, tables.home)
-    return {
-        pair: reason for pair, reason in fingers.items() if frozenset(pair) in contacts
-    }
+    return touching_fingers(scene, tables, tables.home)
 
 
 def finger_finding(fingers: Mapping[tuple[str, str], str]) -> Finding:
@@ -119,7 +114,7 @@ def finger_finding(fingers: Mapping[tuple[str, str], str]) -> Finding:
         "fingers",
         "WARN",
         f"closed fingers touch at home: {named}",
-        "allow these pairs; the guard does not start before",
+        "allow these pairs; until then the guard does not let the robot move",
         paste="\n".join(["allow:", *rows]),
         blocks=True,
     )
