@@ -26,6 +26,7 @@ from armguard.cli.findings import (
     scene_findings,
     versions,
 )
+from armguard.cli.plausibility import plausibility_findings
 from armguard.cli.stopping import (
     figure_table,
     show_stops,
@@ -86,6 +87,7 @@ def check(
         findings.append(loop_finding(loaded))
         findings += scene_findings(loaded, scene.name, prove)
         findings += stopping_findings(loaded)
+        findings += plausibility_findings(loaded)
         findings += guard_findings(loaded, scene.name)
         if prove:
             audits = prove_claims(loaded, prove_seconds)

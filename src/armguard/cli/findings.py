@@ -15,7 +15,6 @@ from armguard.cli.home import (
     finger_finding,
     roomier,
 )
-from armguard.cli.plausibility import plausibility_findings
 from armguard.errors import ArmguardError, HomeContactError, SelfTestError
 from armguard.geometry.shapes import shape_row
 from armguard.guard import Level, self_test
@@ -210,7 +209,6 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
         f"{len(tables.kinds)} primitives, {tables.moving_count} moving, "
         f"{tables.checkable_pairs} pairs to check; the index passes its audit",
     )
-    yield from plausibility_findings(scene, tables)
     # Without predicted stops there is nothing to test.
     if has_stops(tables):
         yield from self_test_findings(guard, scene)

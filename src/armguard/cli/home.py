@@ -148,10 +148,9 @@ def overlap(
         "home",
         "FAIL",
         sentence,
-        "no free posture was found: move the base or the object, or, if the contact "
-        "is intended, allow it",
+        "no free posture was found: move the base or the object, or allow an intended "
+        f"contact with `allow: [{in_yaml({'a': a, 'b': b, 'reason': 'WHY'})}]`",
         ("robots", name),
-        f"allow: [{in_yaml({'a': a, 'b': b, 'reason': 'WHY THEY MAY TOUCH'})}]",
     )
 
 

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.cli.finding import Finding, in_yaml
+from armguard.errors import SceneError
 from armguard.geometry.shapes import Box
 from armguard.robot.model import JointKind
 from armguard.robot.stopping import stop_distances
 from armguard.robot.stopping.declared import DEFAULTS
+from armguard.scene import compile_scene
 from armguard.scene.blocks import extent
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.tables import SceneTables
@@ -27,8 +29,13 @@ LARGE = 20.0
 LISTED = 3
 
 
-def plausibility_findings(scene: Scene, tables: SceneTables) -> Iterator[Finding]:
+def plausibility_findings(scene: Scene) -> Iterator[Finding]:
     """Lengths, speeds and stops of a scene that are seldom true."""
+    try:
+        tables = compile_scene(scene)
+    except SceneError:
+        # The guard reports it.
+        return
     reach = reaches(scene, tables)
     found = [
         *far_bases(scene, reach),
