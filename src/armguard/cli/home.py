@@ -143,7 +143,8 @@ def overlap(
         return Finding(
             "home", "FAIL", sentence, remedy, ("robots", name), line(homes[name])
         )
-    a, b = sorted(max(contacts, key=lambda pair: contacts[pair]))
+    deepest: Pair = max(contacts, key=contacts.__getitem__)
+    a, b = sorted(deepest)
     return Finding(
         "home",
         "FAIL",
@@ -216,8 +217,9 @@ def roomier(scene: Scene, sentence: str) -> Iterator[Finding]:
     """A self-test that lacks room around home, and a home with more."""
     homes = verified_homes(scene, set(scene.robots))
     remedy = "a home with more room lets the test run"
-    if not homes:
-        yield Finding("self-test", "WARN", sentence, "give a home with room around it")
+    if all(scene.robots[name].home == home for name, home in homes.items()):
+        homes, remedy = {}, "move bases and objects apart, so that home has room"
+        yield Finding("self-test", "WARN", sentence, remedy)
     for name, home in homes.items():
         keys = ("robots", name)
         yield Finding("self-test", "WARN", sentence, remedy, keys, line(home))

@@ -187,7 +187,8 @@ def speed_findings(scene: Scene, robot: SceneRobot, reach: float) -> Iterator[Fi
     if stop.distance > 2.0 * reach:
         share = float(np.sqrt(2.0 * reach / stop.distance))
         slower = {name: float(f"{share * top:.2g}") for name, top in tops.items()}
-        least = float(figures.deceleration.min())
+        least = dict(zip(figures.joints, figures.deceleration.tolist(), strict=True))
+        stop_figures = {"velocity": same(slower), "deceleration": same(least)}
         yield Finding(
             "plausibility",
             "WARN",
@@ -195,7 +196,7 @@ def speed_findings(scene: Scene, robot: SceneRobot, reach: float) -> Iterator[Fi
             f"{stop.time * 1e3:.0f} ms; the arm reaches {reach * 1e3:.0f} mm",
             "check velocity and deceleration",
             keys,
-            f"stopping: {in_yaml({'velocity': same(slower), 'deceleration': least})}",
+            f"stopping: {in_yaml(stop_figures)}",
         )
 
 

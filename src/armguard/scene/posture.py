@@ -23,6 +23,9 @@ SAMPLES = 300
 # A configuration with this much room beyond every buffer ends the search [m].
 ROOM = 0.05
 
+# Nearness to the middle counts more than room beyond this share of the most found [-].
+ENOUGH = 0.5
+
 # Pairs of primitives measured in one search at most; a scene of many obstacles is
 # given fewer samples.
 MOST_MEASURED = 20_000_000
@@ -109,7 +112,10 @@ class Distances:
 def free_homes(
     scene: Scene, tables: SceneTables, robots: Set[str], ignored: Set[str] = frozenset()
 ) -> Iterator[dict[str, dict[str, float]]]:
-    """Configurations in which all pairs keep their buffers, the roomiest first.
+    """Configurations in which all pairs keep their buffers.
+
+    Those with at least half of the most room found come first, the nearest to the
+    middle of the limits before all others.
 
     The search is the same each time. Robots of one model get the same positions.
     Primitives are measured; a pair that overlaps in every sample is left to the guard,
@@ -138,7 +144,8 @@ def free_homes(
     rooms = np.array(room).reshape(len(seen), -1)
     counts &= rooms.max(axis=0, initial=-inf) >= 0.0
     least = rooms[:, counts].min(axis=1, initial=inf)
-    for k in np.argsort(-least, kind="stable").tolist():
+    enough = least >= ENOUGH * max(least.max(), 0.0)
+    for k in [*np.flatnonzero(enough).tolist(), *np.argsort(-least).tolist()]:
         if least[k] < 0.0:
             return
         at = dict(zip(tables.q_names, seen[k].tolist(), strict=True))
