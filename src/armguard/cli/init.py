@@ -294,7 +294,7 @@ def robot_lines(draft: Draft) -> list[str]:
         lines += stopping_lines(draft)
     else:
         lines.append(
-            "    # Stopping figures are those of the named robot: see check -v."
+            "    # Its stopping figures are those of the named robot; `check -v` lists them."
         )
     if draft.gripper is not None:
         gripper = {"link": draft.gripper.link, "fingers": list(draft.gripper.fingers)}
@@ -309,7 +309,7 @@ def stopping_lines(draft: Draft) -> list[str]:
     """The assumed stopping figures of a robot."""
     figures = draft.stopping
     lines = [
-        "    # How it stops; the guard is right only if the robot does no worse.",
+        "    # How it stops. The proofs hold for a robot that stops at least this hard.",
         "    stopping:",
         "      # ASSUMED: least deceleration of a controlled stop [rad/s² or m/s²].",
         f"      deceleration: {in_yaml(figures['deceleration'])}",

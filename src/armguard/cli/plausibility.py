@@ -106,11 +106,11 @@ def object_findings(
             unreached += [(name, room)] if room > 0.0 else []
     for name, room in unreached[:LISTED]:
         more = len(unreached) - LISTED
-        also = f"; {more} more objects likewise" if more > 0 else ""
+        also = f"; {more} more objects are out of reach" if more > 0 else ""
         yield Finding(
             "plausibility",
             "WARN",
-            f"no robot reaches it: {room:.2f} m are missing{also}",
+            f"no robot reaches it, by {room:.2f} m{also}",
             "move it, or delete it",
             ("objects", name),
         )

@@ -36,9 +36,10 @@ def no_flag(value: Any) -> Any:
     return value
 
 
-Number = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(no_flag)]
-Positive = Annotated[Number, Field(gt=0.0)]
-NotNegative = Annotated[Number, Field(ge=0.0)]
+NO_FLAG = BeforeValidator(no_flag)
+Number = Annotated[float, Field(allow_inf_nan=False), NO_FLAG]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0), NO_FLAG]
+NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0), NO_FLAG]
 Name = Annotated[str, Field(min_length=1)]
 
 # Of a mapping without unknown keys. Instances are validated too: making one is not.
