@@ -294,7 +294,7 @@ def robot_lines(draft: Draft) -> list[str]:
         lines += stopping_lines(draft)
     else:
         lines.append(
-            "    # Its stopping figures are those of the named robot; `check -v` lists them."
+            "    # Its stopping figures are known by its name; `check -v` lists them."
         )
     if draft.gripper is not None:
         gripper = {"link": draft.gripper.link, "fingers": list(draft.gripper.fingers)}
@@ -309,7 +309,7 @@ def stopping_lines(draft: Draft) -> list[str]:
     """The assumed stopping figures of a robot."""
     figures = draft.stopping
     lines = [
-        "    # How it stops. The proofs hold for a robot that stops at least this hard.",
+        "    # How it stops. The proofs hold if it stops at least this hard.",
         "    stopping:",
         "      # ASSUMED: least deceleration of a controlled stop [rad/s² or m/s²].",
         f"      deceleration: {in_yaml(figures['deceleration'])}",
