@@ -111,7 +111,9 @@ def fit_findings(robot: SceneRobot, fit: FittedLink) -> Iterator[Finding]:
     if round(grown, 1) <= round(target, 1) and share <= OVERREACH_SHARE:
         return
     more = min(2 * robot.max_primitives, MOST_PRIMITIVES)
-    aim = min(target, OVERREACH_SHARE * thick) * 1e-3
+    paste = f"max_primitives: {more}"
+    if OVERREACH_SHARE * thick < target:
+        paste += f"\nfit_target: {OVERREACH_SHARE * thick * 1e-3:.2g}"
     yield Finding(
         "fit",
         "WARN",
@@ -119,7 +121,7 @@ def fit_findings(robot: SceneRobot, fit: FittedLink) -> Iterator[Finding]:
         f"thickness {thick:.0f} mm",
         "accept that the arm stops that much earlier there, or fit closer",
         ("robots", robot.name),
-        f"max_primitives: {more}\nfit_target: {aim:.2g}",
+        paste,
     )
 
 
