@@ -50,7 +50,7 @@ def test_run_with_a_nan_is_bad_input(tmp_path):
 
 
 def test_check_lists_findings():
-    result = run("check", BAY)
+    result = run("check", BAY, "-v")
     assert result.exit_code == 0, result.output
     for topic in ("versions", "joints", "meshes", "fit", "home", "index", "cycle time"):
         assert f"{topic}: " in result.stdout
@@ -65,7 +65,11 @@ def test_check_of_a_broken_scene_fails(tmp_path):
     result = run("check", str(path))
     assert result.exit_code == 2
     assert "FAIL" in result.stdout
-    assert "'panda', 'panda_capsules'," in " ".join(result.stdout.split())
+    words = " ".join(result.stdout.split())
+    assert "one of the named robots: baxter, g1, kinova, panda, " in words
+    assert "did you mean" not in words
+    assert "-> fix line 1 of s.yaml" in words
+    assert result.stdout.endswith("\nNOT READY: 1 failure\n")
 
 
 def test_octree_prints_numbers_and_draws(tmp_path):
@@ -91,19 +95,20 @@ def test_the_version_is_the_packages():
 
 
 def test_check_tells_how_far_links_go_on_and_who_says_so(tmp_path):
-    fixed = run("check", BAY)
-    assert "robot 'left', mode fixed: 30.48 mm at every speed" in " ".join(
+    fixed = run("check", BAY, "-v")
+    assert "robots 'left', 'right': mode fixed: 30.48 mm at every speed" in " ".join(
         fixed.stdout.split()
     )
     path = tmp_path / "bay.yaml"
     text = bay_path().read_text().replace("\nmode: fixed\n", "\nmode: path\n")
     text = text.replace("bay_arm.urdf", str(FOLDER / "bay_arm.urdf"))
     path.write_text(text.replace("\nbuffer: 0.03048\n", "\n"))
-    result = run("check", str(path))
+    result = run("check", str(path), "-v")
     words = " ".join(result.stdout.split())
     assert result.exit_code == 0, result.output
     assert (
-        "WARN stopping: robot 'right', mode path: 15 figures are assumptions" in words
+        "WARN stopping: robots 'left', 'right': mode path: 15 figures are assumptions"
+        in words
     )
     assert "figures of robot 'left', and where each is from" in words
     assert "figures of robot 'right': as of 'left'" in words
@@ -179,7 +184,8 @@ def test_check_proves_claims_or_tells_that_it_did_not(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text("mode: fixed\nrobots: {arm: {urdf: r.urdf, srdf: r.srdf}}\n")
     words = " ".join(run("check", str(path)).stdout.split())
-    assert "2 claims are unproven, taken as claims; prove them with --prove" in words
+    remedy = "2 claims are unproven, taken as claims; prove them with "
+    assert remedy + "`armguard check s.yaml --prove`" in words
     result = run("check", str(path), "--prove", "--prove-seconds", "300")
     words = " ".join(result.stdout.split())
     assert result.exit_code == 2

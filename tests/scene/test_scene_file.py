@@ -154,7 +154,7 @@ WRONG = {
     "unknown robot": (
         "robots:\n  arm: {urdf: pandda}\n",
         ":2: robots.arm: no robot is named 'pandda', and there is no such file; "
-        "known names are 'baxter', ",
+        "give a URDF, or one of the named robots: baxter, g1, kinova, panda",
     ),
     "unknown link in allow": (
         ARM + "allow:\n  - {a: arm/link1, b: arm/lnk3, reason: no}\n",

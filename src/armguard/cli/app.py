@@ -5,6 +5,7 @@ import typer
 from armguard.cli.chaos import chaos
 from armguard.cli.check import check
 from armguard.cli.demo import demo
+from armguard.cli.init import init
 from armguard.cli.keys import keys
 from armguard.cli.octree import octree
 from armguard.cli.replay import replay
@@ -22,7 +23,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, check, run, serve, keys, view, replay, report, chaos, octree):
+for command in (
+    demo,
+    init,
+    check,
+    run,
+    serve,
+    keys,
+    view,
+    replay,
+    report,
+    chaos,
+    octree,
+):
     app.command()(command)
 
 

@@ -1,6 +1,6 @@
-"""`armguard check`: is this scene sound? Each line PASS, WARN or FAIL."""
+"""`armguard check`: what keeps a scene from being guarded, and a verdict."""
 
-from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,13 +18,15 @@ from armguard.cli.console import (
     print_json,
     say_progress,
 )
+from armguard.cli.finding import Finding, Merged, merged, subject
 from armguard.cli.findings import (
-    Finding,
     exact_overreach,
+    file_findings,
     guard_findings,
     scene_findings,
     versions,
 )
+from armguard.cli.plausibility import plausibility_findings
 from armguard.cli.stopping import (
     figure_table,
     show_stops,
@@ -36,8 +38,13 @@ from armguard.prove import RowAudit
 from armguard.scene import compile_scene, load_scene
 from armguard.scene.proposal import propose_allowed
 from armguard.scene.scene import Scene
+from armguard.scene.yaml_source import YamlSource, dotted
 
+# Styles of findings, in the order in which they are printed.
 STYLES = {"PASS": "blue", "WARN": "yellow", "FAIL": "bold magenta"}
+
+# Topics whose line is printed though it is a PASS.
+ALWAYS = ("claims",)
 
 
 def check(
@@ -61,6 +68,10 @@ def check(
     prove_seconds: Annotated[
         float, Option(min=0.0, help="Time for all proofs together [s].")
     ] = 60.0,
+    verbose: Annotated[
+        bool,
+        Option("--verbose", "-v", help="Print all lines and tables, PASS included."),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Check a scene. Exit code 0 sound, 1 too close at home, 2 cannot be guarded."""
@@ -71,11 +82,13 @@ def check(
     try:
         loaded = load_scene(scene, robot=robot, progress=say_progress)
     except ArmguardError as error:
-        findings.append(Finding("scene", "FAIL", str(error), "fix the file"))
+        findings += file_findings(error, scene.name)
     else:
-        findings += scene_findings(loaded, prove)
+        findings.append(loop_finding(loaded))
+        findings += scene_findings(loaded, scene.name, prove)
         findings += stopping_findings(loaded)
-        findings += guard_findings(loaded)
+        findings += plausibility_findings(loaded)
+        findings += guard_findings(loaded, scene.name)
         if prove:
             audits = prove_claims(loaded, prove_seconds)
             findings += claim_findings(audits)
@@ -87,24 +100,44 @@ def check(
         answer = {
             "scene": scene.name,
             "exit_code": code,
-            "findings": [asdict(finding) for finding in findings],
+            "findings": [finding.row for finding in findings],
             **tables_of(loaded),
             "proposals": proposals,
             "claims": claim_table(audits) if prove else None,
         }
         print_json(answer)
     else:
-        show(findings, loaded, proposals if propose else None)
-        show_claims(audits)
+        if verbose and loaded is not None:
+            show_fits(fit_table(loaded))
+            show_stops(loaded)
+        if verbose:
+            show_claims(audits)
+        if propose:
+            show_proposals(proposals)
+        show(findings, scene, verbose)
     raise typer.Exit(code)
+
+
+def loop_finding(scene: Scene) -> Finding:
+    """What the loop of the user must do."""
+    robots = ", ".join(f"'{name}'" for name in scene.robots)
+    return Finding(
+        "loop",
+        "PASS",
+        f"robots {robots}, {len(scene.q_names)} joints; call the guard every "
+        f"{scene.period * 1e3:g} ms ({1.0 / scene.period:g} Hz), at most "
+        f"{scene.late * 1e3:g} ms late",
+        "another rate: `cycle: {period: SECONDS}`",
+    )
 
 
 def worst(findings: list[Finding]) -> int:
     """Exit code: 2 if there can be no guard, 1 if home is too close, else 0."""
-    failed = [finding.topic for finding in findings if finding.status == "FAIL"]
-    if not failed:
-        return CLEAR
-    return TOO_CLOSE if failed == ["home"] else BAD_INPUT
+    failed = {finding.topic for finding in findings if finding.status == "FAIL"}
+    if failed - {"home"}:
+        return BAD_INPUT
+    blocked = any(finding.blocks for finding in findings)
+    return TOO_CLOSE if failed or blocked else CLEAR
 
 
 def tables_of(scene: Scene | None) -> dict[str, list[dict[str, object]]]:
@@ -132,25 +165,68 @@ def fit_table(scene: Scene) -> list[dict[str, object]]:
     ]
 
 
-def show(
-    findings: list[Finding], scene: Scene | None, proposals: list[str] | None
-) -> None:
-    """Print the check for people."""
-    for finding in findings:
-        style = STYLES[finding.status]
-        out.print(f"[{style}]{finding.status}[/{style}] {finding.topic}: ", end="")
-        out.print(finding.sentence, markup=False)
-        if finding.remedy:
-            out.print(f"     -> {finding.remedy}", markup=False, style="dim")
-    if scene is not None:
-        show_fits(fit_table(scene))
-        show_stops(scene)
-    if proposals is not None:
-        out.print(
-            "\npairs that may need no check, for your review; sampling proves nothing:"
-        )
-        for line in proposals or ["  none"]:
-            out.print(f"  {line}", markup=False)
+def show(findings: list[Finding], file: Path, verbose: bool) -> None:
+    """Print findings for people: failures last, then the verdict."""
+    lines = merged(findings)
+    for status in STYLES:
+        for finding, keys in lines:
+            shown = verbose or status != "PASS" or finding.topic in (*ALWAYS, "loop")
+            if finding.status == status and shown:
+                show_finding(finding, keys, file)
+    out.print(verdict(lines), style="bold", soft_wrap=True)
+
+
+def show_finding(finding: Finding, keys: list[tuple[str, ...]], file: Path) -> None:
+    """Print a finding, with its remedy and the place of that."""
+    style = STYLES[finding.status]
+    out.print(f"[{style}]{finding.status}[/{style}] {finding.topic}: ", end="")
+    out.print(subject(keys) + finding.sentence, markup=False, soft_wrap=True)
+    if not finding.remedy:
+        return
+    remedy = f"     -> {finding.remedy}"
+    places = [place for place in map(dotted, keys) if place]
+    if places and finding.paste:
+        remedy += f"; write under {', '.join(places)} ({lines_of(keys, file)})"
+    elif finding.paste:
+        remedy += f"; write in {file.name}"
+    elif places:
+        remedy += f" ({lines_of(keys, file)})"
+    out.print(remedy + (":" if finding.paste else ""), markup=False, soft_wrap=True)
+    for line in finding.paste.splitlines():
+        out.print(f"          {line}", markup=False, soft_wrap=True)
+
+
+def lines_of(keys: list[tuple[str, ...]], file: Path) -> str:
+    """Lines of a scene file in which these keys are."""
+    source = YamlSource(file)
+    numbers = sorted({source.line(key) for key in keys})
+    many = "lines" if len(numbers) > 1 else "line"
+    return f"{many} {', '.join(map(str, numbers))} of {file.name}"
+
+
+def verdict(lines: list[Merged]) -> str:
+    """The last line: READY, or what stands against it."""
+    failures = sum(finding.status == "FAIL" for finding, _ in lines)
+    warnings = sum(finding.status == "WARN" for finding, _ in lines)
+    blocked = any(finding.blocks for finding, _ in lines)
+    parts = [counted(failures, "failure")] if failures else []
+    parts += [counted(warnings, "warning")] if warnings else []
+    parts += ["closed fingers to allow"] if blocked else []
+    word = "NOT READY" if failures or blocked else "READY"
+    return ": ".join(filter(None, (word, ", ".join(parts))))
+
+
+def counted(number: int, word: str) -> str:
+    """A number of things: "1 failure", "4 warnings"."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+def show_proposals(proposals: list[str]) -> None:
+    """Print pairs that may need no check."""
+    out.print("pairs that may need no check, for your review; sampling proves nothing:")
+    for line in proposals or ["none"]:
+        out.print(f"  {line}", markup=False, soft_wrap=True)
+    out.print()
 
 
 def show_fits(fits: list[dict[str, object]]) -> None:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 from armguard.cli.console import out, progress_bar
-from armguard.cli.findings import Finding, Status
+from armguard.cli.finding import Finding, Status
 from armguard.prove import Budget, RowAudit, audit_scene
 from armguard.prove.audit import STATUSES, claims
 from armguard.scene.scene import Scene
@@ -45,22 +45,23 @@ def claim_findings(audits: list[RowAudit]) -> list[Finding]:
 def finding(audit: RowAudit) -> Finding:
     """One line about a claim that is not proved."""
     proof = audit.proof
+    file = "`allow` of the scene file"
+    if audit.source == "srdf":
+        file = audit.reason.partition(": ")[0]
+    delete = f"delete the row of '{proof.link_a}' and '{proof.link_b}' from {file}"
     depth = f"{max(-proof.least, 0.0) * 1e3:.1f} mm deep"
     if audit.status == "contradicted":
         seen = audit.contradiction or {}
         apart = f"are {proof.greatest * 1e3:.1f} mm apart"
         what = f"touch, {depth}" if seen == proof.touching else apart
         sentence = f"{what} at {positions(seen)}"
-        remedy = (
-            "take the row out, so that the pair is checked; or give the joints limits "
-            "that keep it apart"
-        )
+        remedy = f"{delete}, so that the pair is checked"
     elif audit.status == "sometimes":
         sentence = (
             f"touch in some configurations, {depth} at {positions(proof.nearest)}, and "
             "not in others; the guard does not look"
         )
-        remedy = "take the row out, or leave it knowingly"
+        remedy = f"{delete}, or accept it"
     else:
         sentence = (
             "are not decided: the distance is proven to stay above "
@@ -68,7 +69,7 @@ def finding(audit: RowAudit) -> Finding:
             f"mm, {100.0 * proof.share_left:.2g}% of the joint box is left after "
             f"{proof.boxes} boxes"
         )
-        remedy = "give it more time with --prove-seconds"
+        remedy = "give it more time: `--prove-seconds 600`"
     pair = f"{audit.robot}/{proof.link_a} and {proof.link_b} ('{audit.reason}')"
     status: Status = "FAIL" if audit.status == "contradicted" else "WARN"
     return Finding("claim", status, f"{pair} {sentence}", remedy)

@@ -1,47 +1,40 @@
 """The lines of `armguard check`: what was examined, PASS, WARN or FAIL, the remedy."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from importlib.metadata import version
 from platform import machine, python_version
-from typing import Literal
 
 import numpy as np
 
 from armguard.cli.console import say
+from armguard.cli.finding import Finding
+from armguard.cli.home import (
+    close_findings,
+    closed_fingers,
+    contact_findings,
+    finger_finding,
+    roomier,
+)
 from armguard.errors import ArmguardError, HomeContactError, SelfTestError
+from armguard.geometry.shapes import shape_row
 from armguard.guard import Level, self_test
 from armguard.guard.approach import has_stops
 from armguard.respond import Guard
-from armguard.robot.model import FittedLink
+from armguard.robot.model import FittedLink, RobotModel
 from armguard.scene.allowed import allowed_pairs
+from armguard.scene.blocks import extent
 from armguard.scene.scene import Scene, SceneRobot
+from armguard.scene.yaml_source import SceneFileError
 
 # Cycles the cycle time is measured over, and the step of each joint between them.
 CYCLES = 2000
 JITTER = 1e-4
 
-# A cycle that takes longer than this does not fit a 1 kHz loop [s].
-PERIOD = 1e-3
+# A link may be grown by this share of its thickness [-].
+OVERREACH_SHARE = 0.5
 
-Status = Literal["PASS", "WARN", "FAIL"]
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One line of the check.
-
-    Attributes:
-        topic: What was examined.
-        status: PASS, WARN or FAIL.
-        sentence: What was found.
-        remedy: What to do about it, "" if nothing.
-    """
-
-    topic: str
-    status: Status
-    sentence: str
-    remedy: str = ""
+# Most primitives a scene file may give a link.
+MOST_PRIMITIVES = 64
 
 
 def versions() -> Finding:
@@ -51,35 +44,45 @@ def versions() -> Finding:
     return Finding("versions", "PASS", ", ".join([*parts, where]))
 
 
+def file_findings(error: ArmguardError, file: str) -> list[Finding]:
+    """Each problem of a scene file that cannot be loaded."""
+    if not isinstance(error, SceneFileError):
+        return [Finding("scene", "FAIL", str(error), f"change {file}")]
+    return [
+        Finding(
+            "scene",
+            "FAIL",
+            str(problem),
+            f"fix line {problem.line} of {problem.file}"
+            if problem.line
+            else f"fix {problem.file}",
+        )
+        for problem in error.problems
+    ]
+
+
 def exact_overreach(fit: FittedLink) -> float:
     """How far the exact shapes of a link reach beyond its geometry [m]."""
     return max((placed.model_error for placed in fit.exact), default=0.0)
 
 
-def scene_findings(scene: Scene, proves: bool) -> Iterator[Finding]:
+def scene_findings(scene: Scene, file: str, proves: bool) -> Iterator[Finding]:
     """The scene's joints, meshes, exact shapes, notes, fits and allowed pairs.
 
     Args:
         scene: The scene.
+        file: Name of its file.
         proves: Whether claims about pairs are proven as well.
     """
     for robot in scene.robots.values():
         yield from robot_findings(robot)
-    for note in scene.notes:
-        yield Finding("notes", "WARN", note, "see docs/robots.md")
-    if not scene.notes:
+    if not any(robot.model.notes for robot in scene.robots.values()):
         yield Finding("notes", "PASS", "every visible link has collision geometry")
     wide = [
-        Finding(
-            "fit",
-            "WARN",
-            f"{name}/{link} overreaches by {fit.overreach * 1e3:.1f} mm, "
-            f"target {robot.fit_target * 1e3:.1f} mm",
-            "raise max_primitives, or live with an earlier stop there",
-        )
-        for name, robot in scene.robots.items()
-        for link, fit in robot.fits.items()
-        if round(fit.overreach * 1e3, 1) > round(robot.fit_target * 1e3, 1)
+        finding
+        for robot in scene.robots.values()
+        for fit in robot.fits.values()
+        for finding in fit_findings(robot, fit)
     ]
     yield from wide or [Finding("fit", "PASS", "every link is within its fit target")]
     sources = [rule.source for rule in allowed_pairs(scene)]
@@ -95,53 +98,109 @@ def scene_findings(scene: Scene, proves: bool) -> Iterator[Finding]:
     else:
         remedy = (
             f"{srdf + own} claims are unproven, taken as claims; prove them with "
-            "--prove"
+            f"`armguard check {file} --prove`"
         )
         yield Finding("allowed pairs", "WARN", sentence, remedy)
 
 
+def fit_findings(robot: SceneRobot, fit: FittedLink) -> Iterator[Finding]:
+    """A link that is grown beyond its target, or by a large share of its thickness."""
+    grown, target = fit.overreach * 1e3, robot.fit_target * 1e3
+    thick = max(thickness(fit), 1e-6) * 1e3
+    share = grown / thick
+    if round(grown, 1) <= round(target, 1) and share <= OVERREACH_SHARE:
+        return
+    more = min(2 * robot.max_primitives, MOST_PRIMITIVES)
+    paste = f"max_primitives: {more}"
+    if OVERREACH_SHARE * thick < target:
+        paste += f"\nfit_target: {OVERREACH_SHARE * thick * 1e-3:.2g}"
+    yield Finding(
+        "fit",
+        "WARN",
+        f"link {fit.link} overreaches by {grown:.1f} mm, target {target:.1f} mm, "
+        f"thickness {thick:.0f} mm",
+        "accept that the arm stops that much earlier there, or fit closer",
+        ("robots", robot.name),
+        paste,
+    )
+
+
+def thickness(fit: FittedLink) -> float:
+    """Smallest edge of the box around a link's geometry [m]."""
+    shapes = fit.exact or fit.shapes
+    rows = np.array([shape_row(s.shape, s.pose.matrix()) for s in shapes])
+    box = np.zeros(6)
+    extent(np.array([int(s.shape.kind) for s in shapes], dtype=np.int32), rows, box)
+    return float((box[3:] - box[:3]).min())
+
+
 def robot_findings(robot: SceneRobot) -> Iterator[Finding]:
     """The joints and meshes of a robot, and the second, exact stage of its links."""
-    who, names = f"robot '{robot.name}'", robot.model.q_names
+    names = robot.model.q_names
     yield Finding(
         "joints",
         "PASS",
-        f"{who} takes {len(names)} positions [rad, m] in this order: "
-        + ", ".join(names),
+        f"{len(names)} positions [rad, m] in this order: {', '.join(names)}",
+        keys=("robots", robot.name),
     )
     meshes = sum(
         hasattr(element.geometry, "path")
         for link in robot.model.links.values()
         for element in link.collisions
     )
-    yield Finding("meshes", "PASS", f"{who}: {meshes} mesh files, all found")
+    found = f"{meshes} mesh files, all found"
+    yield Finding("meshes", "PASS", found, keys=("robots", robot.name))
     both = [fit for fit in robot.fits.values() if fit.exact]
     contained = sum(fit.contained for fit in both)
     better = sum(exact_overreach(fit) < fit.overreach for fit in both)
     stage = (
-        f"{len(both)} links are measured again by hulls and true cylinders before they "
-        f"stop the arm; {contained} of these are proven to lie in the link's "
-        f"primitives, {better} reach less far beyond the mesh than the primitives do"
+        f"second stage: {len(both)} of {len(robot.fits)} links use mesh hulls and true "
+        f"cylinders ({better} closer than the primitives, {contained} proven inside "
+        "them)"
         if both
         else "its primitives are exact"
     )
-    yield Finding("exact shapes", "PASS", f"{who}: {stage}")
+    yield Finding("exact shapes", "PASS", stage, keys=("robots", robot.name))
+    for note in robot.model.notes:
+        yield Finding(
+            "notes",
+            "WARN",
+            note,
+            note_remedy(robot.model, note),
+            ("robots", robot.name),
+        )
 
 
-def guard_findings(scene: Scene) -> Iterator[Finding]:
-    """What the guard says: overlap and closeness at home, index, cycle time."""
+def note_remedy(model: RobotModel, note: str) -> str:
+    """File and line that a note about a robot is about."""
+    file = model.path.name if model.path else f"the model '{model.name}'"
+    for link in model.links.values():
+        if link.has_visual and not link.collisions and f"'{link.name}'" in note:
+            return f"add a <collision> to line {link.line} of {file}"
+    return f"change {file} or its SRDF; see docs/robots.md"
+
+
+def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
+    """Results of the guard: overlap and closeness at home, index, cycle time."""
     try:
         guard = Guard(scene, progress=say, self_test=False)
     except HomeContactError as error:
-        yield Finding("home", "FAIL", str(error), "see docs/concepts.md, home")
+        found = list(contact_findings(scene, error))
+        yield from found
+        if all(finding.status == "WARN" for finding in found):
+            yield from without_fingers(scene, file)
         return
     except ArmguardError as error:
-        yield Finding("guard", "FAIL", str(error), "fix the scene")
+        yield Finding("guard", "FAIL", str(error), f"change {file}")
         return
     home = guard.home_verdict
+    fingers = closed_fingers(scene)
+    if home.level is Level.STOP and fingers:
+        yield finger_finding(fingers)
+        yield from without_fingers(scene, file)
+        return
     if home.level is Level.STOP:
-        remedy = "give another home, or a smaller buffer to this pair"
-        yield Finding("home", "FAIL", home.why, remedy)
+        yield from close_findings(scene, home)
     else:
         yield Finding("home", "PASS", home.why)
     guard.index.check()
@@ -154,23 +213,32 @@ def guard_findings(scene: Scene) -> Iterator[Finding]:
     )
     # Without predicted stops there is nothing to test.
     if has_stops(tables):
-        yield from self_test_findings(guard)
+        yield from self_test_findings(guard, scene)
     yield cycle_time(guard)
 
 
-def self_test_findings(guard: Guard) -> Iterator[Finding]:
+def without_fingers(scene: Scene, file: str) -> Iterator[Finding]:
+    """Results of the guard once closed fingers may touch."""
+    for (a, b), reason in closed_fingers(scene).items():
+        scene.allow(a, b, reason=reason)
+    yield from guard_findings(scene, file)
+
+
+def self_test_findings(guard: Guard, scene: Scene) -> Iterator[Finding]:
     """Results of the guard's self-test."""
     try:
         report = self_test(guard)
     except SelfTestError as error:
         yield Finding("self-test", "FAIL", str(error), "do not arm this guard")
         return
-    skipped = "give a home with room around it, and it will be tried"
+    skipped = []
     for line in report.lines:
         if line.status == "PASS":
             yield Finding("self-test", "PASS", line.sentence)
         else:
-            yield Finding("self-test", "WARN", line.sentence, skipped)
+            skipped.append(line.sentence)
+    if skipped:
+        yield from roomier(scene, "; ".join(skipped))
 
 
 def cycle_time(guard: Guard) -> Finding:
@@ -185,7 +253,12 @@ def cycle_time(guard: Guard) -> Finding:
     ]
     median, p99 = np.percentile(times, [50, 99]) * 1e6
     sentence = f"median {median:.1f} µs, p99 {p99:.1f} µs around home"
-    if p99 < PERIOD * 1e6:
+    if p99 < period * 1e6:
         return Finding("cycle time", "PASS", sentence)
-    remedy = "too long for 1 kHz: fewer primitives, a quieter machine"
-    return Finding("cycle time", "WARN", sentence, remedy)
+    return Finding(
+        "cycle time",
+        "WARN",
+        f"{sentence}; the period is {period * 1e6:g} µs",
+        "use fewer primitives or a quieter machine, or call the guard less often",
+        paste=f"cycle: {{period: {2e-6 * p99:.1g}}}",
+    )

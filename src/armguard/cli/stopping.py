@@ -4,13 +4,16 @@ import re
 from dataclasses import fields
 
 from armguard.cli.console import out
-from armguard.cli.findings import Finding
+from armguard.cli.finding import Finding, in_yaml
 from armguard.robot.stopping import ASSUMPTION, StoppingFigures, stop_distances
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.schema import meanings
 
 # Fields of `StoppingFigures` that are no figure, but belong to them.
 BESIDE = ("tables", "sources", "joints")
+
+# A line that declares how a robot stops; the number is an example.
+STOPPING = "stopping: {deceleration: 2.5}"
 
 # The end of a meaning: "... [rad or m]".
 UNIT = re.compile(r"\[([^]]+)\]\.?$")
@@ -97,7 +100,7 @@ def stopping_findings(scene: Scene) -> list[Finding]:
 
 def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
     """The basis of one robot's distances; a WARN if on assumptions."""
-    who = f"robot '{robot.name}', mode {robot.mode}"
+    mode, keys = f"mode {robot.mode}", ("robots", robot.name)
     figures = robot.stopping
     if robot.mode == "fixed":
         first = next(iter(robot.fits))
@@ -107,27 +110,42 @@ def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
             if figures
             else "it has no stopping figures"
         )
-        sentence = f"{who}: {buffer:.2f} mm at every speed; {declared}"
+        sentence = f"{mode}: {buffer:.2f} mm at every speed; {declared}"
         if all(other.mode == "fixed" for other in scene.robots.values()):
-            return Finding("stopping", "PASS", sentence)
+            return Finding("stopping", "PASS", sentence, keys=keys)
         return Finding(
             "stopping",
             "WARN",
             f"{sentence}; the proofs of its neighbours count it as still, so nothing "
             "is proven about its motion",
-            "give it stopping figures and the mode path",
+            "give it stopping figures, those of your robot, and the mode path",
+            keys,
+            f"mode: path\n{STOPPING}",
         )
     if figures is None:
-        return Finding("stopping", "FAIL", f"{who}: it has no stopping figures")
+        return Finding(
+            "stopping",
+            "FAIL",
+            f"{mode}: it has no stopping figures",
+            "declare the least deceleration of a controlled stop [rad/s² or m/s²]",
+            keys,
+            STOPPING,
+        )
     sources = {name: source_of(figures, name) for name in names_of_figures()}
     assumed = [name for name, source in sources.items() if ASSUMPTION.strip() in source]
     if not assumed:
-        return Finding("stopping", "PASS", f"{who}: every figure has a source")
+        sentence = f"{mode}: every figure has a source"
+        return Finding("stopping", "PASS", sentence, keys=keys)
+    rounded = [float(f"{value:.4g}") for value in figures.deceleration]
+    least = dict(zip(figures.joints, rounded, strict=True))
+    value = next(iter(least.values())) if len(set(least.values())) == 1 else least
     return Finding(
         "stopping",
         "WARN",
-        f"{who}: {len(assumed)} figures are assumptions: {', '.join(assumed)}",
-        "declare what you know or measured under `stopping`, see docs/stopping.md",
+        f"{mode}: {len(assumed)} figures are assumptions (--verbose lists them)",
+        "declare the figures of your robot, see docs/stopping.md, first this one",
+        keys,
+        f"stopping: {in_yaml({'deceleration': value})}",
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from armguard.errors import ModelError, known_names
+from armguard.errors import ModelError
 
 PACKAGE = "example-robot-data"
 
@@ -68,8 +68,8 @@ def find_named_robot(name: str) -> NamedRobot:
     """
     if name not in ROBOTS:
         raise ModelError(
-            f"no robot is named '{name}', and there is no such file; "
-            f"{known_names(ROBOTS)}"
+            f"no robot is named '{name}', and there is no such file; give a URDF, or "
+            f"one of the named robots: {', '.join(ROBOTS)}"
         )
     folder, data = robots_folder(), robot_data(name)
     return NamedRobot(

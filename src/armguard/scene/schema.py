@@ -29,9 +29,18 @@ Settings = TypeVar("Settings")
 Plain = TypeVar("Plain")
 Mapped = TypeVar("Mapped")
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0)]
-NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
+
+def no_flag(value: Any) -> Any:
+    """Refuses true and false, which are no numbers."""
+    if isinstance(value, bool):
+        raise ValueError(f"expected a number, got {str(value).lower()}")
+    return value
+
+
+NO_FLAG = BeforeValidator(no_flag)
+Number = Annotated[float, Field(allow_inf_nan=False), NO_FLAG]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0), NO_FLAG]
+NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0), NO_FLAG]
 Name = Annotated[str, Field(min_length=1)]
 
 # Of a mapping without unknown keys. Instances are validated too: making one is not.
@@ -104,6 +113,8 @@ def sentence_of(error: dict[str, Any]) -> str:
     """One of pydantic's findings in our words, to follow a key."""
     kind, got, context = str(error["type"]), error.get("input"), error.get("ctx", {})
     for expected, kinds in EXPECTED.items():
+        if kind in kinds and got is None:
+            return f"is empty; delete the key, or give {expected}"
         if kind in kinds:
             return f"expected {expected}, got {BRIEF.repr(got)}"
     if kind == "missing":

@@ -1,0 +1,342 @@
+"""`armguard init`: a commented scene of one or two robots that `check` passes."""
+
+import json
+import os
+from dataclasses import dataclass, field
+from math import pi
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer import Option
+
+from armguard.cli.console import out, say_progress
+from armguard.cli.finding import in_yaml
+from armguard.cli.home import is_free, verified_homes
+from armguard.cli.plausibility import FAST, reaches, same
+from armguard.errors import SceneError
+from armguard.geometry import Box, Pose
+from armguard.robot.model import JointKind, RobotModel
+from armguard.robot.stopping import ASSUMPTION
+from armguard.robot.stopping.figures import FIGURES
+from armguard.robot.tree import rigid_groups
+from armguard.scene import Scene, compile_scene, load_scene
+from armguard.scene.file_models import scene_schema
+from armguard.scene.gripping import Gripper
+from armguard.scene.posture import grippings, touching_fingers
+from armguard.scene.robots import load_robot
+
+SCHEMA = "armguard.schema.json"
+
+# Names of the robots, by how many there are.
+NAMES = {1: ("arm",), 2: ("left", "right")}
+
+# Assumed figures of joints that turn and of joints that slide: least deceleration of a
+# stop [rad/s², m/s²], and top speed where the robot's file has none [rad/s, m/s].
+DECELERATION = 2.5, 0.5
+VELOCITY = 3.2, 0.25
+
+# A cycle may be late by this share of the period [-].
+LATE_SHARE = 0.1
+
+# Heights of the table's top that are tried, relative to the bases [m].
+TOPS = (-0.02, -0.1, -0.3)
+
+# Thickness of the table, and how far it extends beyond the bases [m].
+THICKNESS = 0.05
+BORDER = 0.5
+
+
+@dataclass(slots=True)
+class Draft:
+    """A robot of the new scene.
+
+    Attributes:
+        name: Its name in the scene.
+        source: Its entry `urdf` in the file.
+        model: The robot.
+        srdf: Its entry `srdf`, None if it has none.
+        stopping: Assumed figures; empty for a robot that brings its own.
+        base: Its base.
+        home: Positions that were searched; empty if its own home is free.
+    """
+
+    name: str
+    source: str
+    model: RobotModel
+    srdf: str | None = None
+    stopping: dict[str, Any] = field(default_factory=dict)
+    base: Pose = field(default_factory=Pose)
+    home: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def gripper(self) -> Gripper | None:
+        """The gripper, where fingers are recognised."""
+        links = self.model.links.values()
+        groups = rigid_groups(self.model)
+        for found in grippings(self.model, {x.name for x in links if x.collisions}):
+            if groups[found.carrier] != groups[self.model.root]:
+                return Gripper(link=found.carrier, fingers=found.fingers)
+        return None
+
+
+def init(
+    robot: Annotated[
+        list[str],
+        typer.Argument(help="One or two robots: a name, a URDF, xacro or MJCF file."),
+    ],
+    output: Annotated[
+        Path, Option("--output", "-o", help="The scene file to write.")
+    ] = Path("scene.yaml"),
+    rate: Annotated[
+        float, Option(min=1.0, max=10_000.0, help="Cycles a second of your loop [Hz].")
+    ] = 50.0,
+    force: Annotated[bool, Option(help="Replace files that exist.")] = False,
+) -> None:
+    """Write a commented scene file of one or two robots, and its JSON Schema."""
+    if len(robot) not in NAMES:
+        raise SceneError(
+            f"got {len(robot)} robots; give one or two, then add others to the file"
+        )
+    schema = output.with_name(SCHEMA)
+    grammar = json.dumps(scene_schema(), indent=1) + "\n"
+    for path, text in ((output, None), (schema, grammar)):
+        if path.exists() and not force and path.read_text(encoding="utf-8") != text:
+            raise SceneError(
+                f"'{path}' exists; replace it with --force, or write elsewhere: "
+                "-o OTHER_FOLDER/scene.yaml"
+            )
+    if not output.parent.is_dir():
+        raise SceneError(f"folder '{output.parent}' does not exist; create it first")
+    drafts = [
+        draft_of(name, source, output.parent)
+        for name, source in zip(NAMES[len(robot)], robot, strict=True)
+    ]
+    scene = arranged(drafts, 1.0 / rate)
+    write(output, scene_text(scene, drafts, output.name))
+    schema.write_text(grammar, encoding="utf-8")
+    out.print(f"wrote {output} and {schema}", markup=False, soft_wrap=True)
+    out.print(
+        "next: replace the values marked ASSUMED, then `armguard check "
+        f"{output}` and `armguard view {output}`",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def draft_of(name: str, source: str, folder: Path) -> Draft:
+    """A robot by name or by file, with assumed figures where it brings none."""
+    path = Path(source)
+    beside = path.with_suffix(".srdf")
+    srdf = beside if path.is_file() and beside.is_file() else None
+    model, _, figures = load_robot(source, srdf, None)
+    draft = Draft(name, source, model)
+    if path.is_file():
+        draft.source = relative(path, folder)
+        draft.srdf = relative(srdf, folder) if srdf else None
+    if figures is None:
+        draft.stopping = assumed_stopping(model)
+    return draft
+
+
+def relative(path: Path, folder: Path) -> str:
+    """A path as seen from the folder of the scene file, never a robot's name."""
+    found = Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    return found if "/" in found or "." in found else f"./{found}"
+
+
+def assumed_stopping(model: RobotModel) -> dict[str, Any]:
+    """Figures of a robot that brings none, each marked as an assumption."""
+    ceiling = FIGURES["velocity"].ceiling
+    slides = {
+        name: model.joints[name].kind is JointKind.PRISMATIC for name in model.q_names
+    }
+    known = {name: model.joints[name].velocity for name in model.q_names}
+    figures: dict[str, Any] = {
+        "deceleration": same({name: DECELERATION[s] for name, s in slides.items()})
+    }
+    sources = {"deceleration": ASSUMPTION + "armguard init; measure it"}
+    if any(speed is None or not 0.0 < speed <= ceiling for speed in known.values()):
+        figures["velocity"] = same(
+            {
+                name: speed
+                if speed and 0.0 < speed <= ceiling
+                else VELOCITY[slides[name]]
+                for name, speed in known.items()
+            }
+        )
+        sources["velocity"] = ASSUMPTION + "armguard init; see its manual"
+    return {**figures, "sources": sources}
+
+
+def arranged(drafts: list[Draft], period: float) -> Scene:
+    """The robots face each other above a table, at a free home.
+
+    Raises:
+        SceneError: No free home was found.
+    """
+    scene = Scene(
+        period=float(f"{period:.6g}"), late=float(f"{LATE_SHARE * period:.6g}")
+    )
+    for draft in drafts:
+        gap = 0.0
+        if scene.robots:
+            reach = max(reaches(scene, compile_scene(scene)).values())
+            gap = max(round(reach, 1), 0.1)
+            draft.base = Pose(xyz=(gap, 0.0, 0.0), rpy=(0.0, 0.0, round(pi, 4)))
+        scene.add_robot(
+            draft.model if draft.stopping else draft.source,
+            name=draft.name,
+            base=draft.base,
+            stopping=draft.stopping or None,
+            gripper=draft.gripper,
+            progress=say_progress,
+        )
+    for (a, b), reason in touching_fingers(scene, compile_scene(scene)).items():
+        scene.allow(a, b, reason=reason)
+    reach = max(reaches(scene, compile_scene(scene)).values())
+    last = drafts[-1].base.xyz[0]
+    half = ((last + 2.0 * BORDER) / 2.0, max(reach, BORDER), THICKNESS / 2.0)
+    for top in TOPS:
+        at = Pose(xyz=(last / 2.0, 0.0, top - THICKNESS / 2.0))
+        scene.add(Box(half_extents=half), name="table", pose=at)
+        if is_free(scene, set()) or settle(scene, drafts):
+            return scene
+        scene.remove("table")
+    if is_free(scene, set()) or settle(scene, drafts):
+        return scene
+    raise SceneError(
+        "no posture was found in which no links touch; write the scene by hand, see "
+        "docs/scene-file.md, and allow the pairs that `armguard check` names"
+    )
+
+
+def settle(scene: Scene, drafts: list[Draft]) -> bool:
+    """Move all robots to a free home; whether there is one."""
+    homes = verified_homes(scene, set(scene.robots))
+    for draft in drafts:
+        draft.home = homes.get(draft.name, {})
+        if draft.home:
+            scene.set_home(draft.name, draft.home)
+    return bool(homes)
+
+
+def write(path: Path, text: str) -> None:
+    """Write a scene file that can be loaded, or none.
+
+    Raises:
+        SceneFileError: It cannot be loaded.
+    """
+    trial = path.with_name(f".{path.name}.new")
+    try:
+        trial.write_text(text, encoding="utf-8")
+        load_scene(trial)
+        trial.replace(path)
+    finally:
+        trial.unlink(missing_ok=True)
+
+
+def scene_text(scene: Scene, drafts: list[Draft], file: str) -> str:
+    """The commented scene file."""
+    period, late = f"{scene.period:g}", f"{scene.late:g}"
+    lines = [
+        f"# yaml-language-server: $schema=./{SCHEMA}",
+        "# Metres, seconds, radians; world z up. Values marked ASSUMED are guesses:",
+        f"# replace them, then run `armguard check {file}`.",
+        "",
+        "cycle:",
+        "  # Time from one call of the guard to the next [s]. It must be the period of",
+        f"  # your loop, here {1.0 / scene.period:g} Hz: a slower loop is stopped.",
+        f"  period: {period}",
+        "  # How much later than that a call may come [s]. ASSUMED: a tenth.",
+        f"  late: {late}",
+        "",
+        "robots:",
+    ]
+    for draft in drafts:
+        lines += robot_lines(draft)
+    table = scene.objects.get("table")
+    if table is not None:
+        size, at = table_size(table.shapes[0].shape), {"xyz": rounded(table.pose.xyz)}
+        lines += [
+            "",
+            "objects:",
+            "  # ASSUMED: full size [m], and the place of its centre.",
+            f"  table: {in_yaml({'box': size, 'at': at})}",
+        ]
+    if scene.allowances:
+        lines += ["", "# Pairs that may touch; they are not checked.", "allow:"]
+        lines += [
+            f"  - {in_yaml({'a': pair.a, 'b': pair.b, 'reason': pair.reason})}"
+            for pair in scene.allowances
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def robot_lines(draft: Draft) -> list[str]:
+    """The entry of a robot."""
+    base = {"xyz": rounded(draft.base.xyz)}
+    if any(draft.base.rpy):
+        base["rpy"] = rounded(draft.base.rpy)
+    lines = [
+        f"  {draft.name}:",
+        f"    urdf: {in_yaml(draft.source)}",
+        *([f"    srdf: {in_yaml(draft.srdf)}"] if draft.srdf else []),
+        "    # Frame of its root link in the world. ASSUMED.",
+        f"    base: {in_yaml(base)}",
+    ]
+    if draft.home:
+        lines += [
+            "    # A posture in which nothing touches, found by a search [rad or m].",
+            f"    home: {in_yaml(draft.home)}",
+        ]
+    if draft.stopping:
+        lines += stopping_lines(draft)
+    else:
+        lines.append(
+            "    # Its stopping figures are known by its name; `check -v` lists them."
+        )
+    if draft.gripper is not None:
+        gripper = {"link": draft.gripper.link, "fingers": list(draft.gripper.fingers)}
+        lines += [
+            "    # Its fingers may touch objects with `graspable: true`.",
+            f"    gripper: {in_yaml(gripper)}",
+        ]
+    return lines
+
+
+def stopping_lines(draft: Draft) -> list[str]:
+    """The assumed stopping figures of a robot."""
+    figures = draft.stopping
+    lines = [
+        "    # How it stops. The proofs hold if it stops at least this hard.",
+        "    stopping:",
+        "      # ASSUMED: least deceleration of a controlled stop [rad/s² or m/s²].",
+        f"      deceleration: {in_yaml(figures['deceleration'])}",
+    ]
+    if "velocity" in figures:
+        lines += [
+            "      # ASSUMED where the robot's file has none: top speeds [rad/s, m/s].",
+            f"      velocity: {in_yaml(figures['velocity'])}",
+        ]
+    else:
+        speeds = [
+            draft.model.joints[name].velocity or 0.0 for name in draft.model.q_names
+        ]
+        lines += [
+            "      # Top speed [rad/s or m/s]; without this line that of the URDF, at "
+            f"most {max(speeds):g}"
+            + (", which few arms reach." if max(speeds) > FAST else "."),
+            f"      # velocity: {min(max(speeds), FAST):g}",
+        ]
+    return [*lines, f"      sources: {in_yaml(figures['sources'])}"]
+
+
+def table_size(box: Any) -> list[float]:
+    """Full size of a box [m]."""
+    return [round(2.0 * float(half), 4) for half in box.half_extents]
+
+
+def rounded(values: Any) -> list[float]:
+    """Numbers of a pose as the file has them."""
+    return [round(float(value), 4) + 0.0 for value in values]

@@ -1,0 +1,296 @@
+"""Free configurations near the middle of the joint limits, and closed fingers."""
+
+from collections.abc import Iterator, Set
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.robot.model import Joint, JointKind, RobotModel
+from armguard.robot.tree import joints_above, rigid_groups
+from armguard.scene.hold_tables import COARSE
+from armguard.scene.proposal import HALF_TURN, Tree, sample_extremes
+from armguard.scene.scene import Scene
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+
+# Configurations that are looked at; the first is the middle of the limits, the last
+# ones lie anywhere within them.
+SAMPLES = 300
+
+# A configuration with this much room beyond every buffer ends the search [m].
+ROOM = 0.05
+
+# Nearness to the middle counts more than room beyond this share of the most found [-].
+ENOUGH = 0.5
+
+# Pairs of primitives measured in one search at most; a scene of many obstacles is
+# given fewer samples.
+MOST_MEASURED = 20_000_000
+
+# Positions are proposed in steps of this many decimals [rad or m].
+DECIMALS = 3
+
+# Fingers without a common joint belong to one gripper only if they slide no farther
+# than this [m].
+FINGER_STROKE = 0.1
+
+# Closed fingers overlap by no more than this [m].
+TOUCH = 0.002
+
+
+class Distances:
+    """Distances of the checked pairs of bodies at any configuration.
+
+    Args:
+        tables: The compiled scene.
+
+    Attributes:
+        pairs: Names of the two bodies of each pair.
+        buffers: Distance each pair must keep, shape (k,) [m].
+    """
+
+    def __init__(self, tables: SceneTables) -> None:
+        self._tables = tables
+        names = list(tables.body_names)
+        real = np.array([not name.endswith(COARSE) for name in names])
+        first, second = tables.groups[: tables.moving_count], tables.groups
+        checked = tables.checked[first][:, second].astype(bool)
+        i, j = np.nonzero(np.triu(checked & real[: len(first), None] & real[None], 1))
+        number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+        body = np.array([number[name] for name in names])
+        codes, owner = np.unique(
+            body[i].astype(np.int64) * len(number) + body[j], return_inverse=True
+        )
+        order = np.argsort(owner, kind="stable")
+        self._primitives = np.stack([i, j, owner], axis=1)[order].astype(np.int32)
+        by_number = list(number)
+        self.pairs = [
+            (by_number[code // len(number)], by_number[code % len(number)])
+            for code in codes.tolist()
+        ]
+        self.buffers = np.zeros(len(codes))
+        np.maximum.at(
+            self.buffers, owner, tables.buffers[tables.groups[i], tables.groups[j]]
+        )
+        self._tree = Tree(
+            tables.parent,
+            tables.joint_kind,
+            tables.q_index,
+            tables.gain,
+            tables.T_parent_joint,
+            tables.axis,
+        )
+
+    def __len__(self) -> int:
+        """How many pairs of primitives are measured."""
+        return len(self._primitives)
+
+    def at(self, q: Floats) -> Floats:
+        """Distance of each pair at a configuration, shape (k,) [m].
+
+        Args:
+            q: Joint positions, shape (n,) [rad or m].
+        """
+        least = np.full(len(self.pairs), inf)
+        if self.pairs:
+            sample_extremes(
+                np.ascontiguousarray(q, dtype=np.float64)[None],
+                self._tree,
+                self._tables.kinds,
+                self._tables.bodies,
+                self._tables.local_rows,
+                self._primitives,
+                least,
+                np.full(len(self.pairs), -inf),
+            )
+        return least
+
+
+def free_homes(
+    scene: Scene, tables: SceneTables, robots: Set[str], ignored: Set[str] = frozenset()
+) -> Iterator[dict[str, dict[str, float]]]:
+    """Configurations in which all pairs keep their buffers.
+
+    Those with at least half of the most room found come first, the nearest to the
+    middle of the limits before all others.
+
+    The search is the same each time. Robots of one model get the same positions.
+    Primitives are measured; a pair that overlaps in every sample is left to the guard,
+    which measures exact shapes too.
+
+    Args:
+        scene: The scene.
+        tables: The compiled scene.
+        robots: Robots that may be elsewhere; all others stay at home.
+        ignored: Robots whose pairs with each other do not count.
+
+    Yields:
+        Positions by robot and joint [rad or m].
+    """
+    distances = Distances(tables)
+    count = max(20, min(SAMPLES, MOST_MEASURED // max(len(distances), 1)))
+    counts = np.array(
+        [not {robot_of(a), robot_of(b)} <= ignored for a, b in distances.pairs], bool
+    )
+    seen, room = [], []
+    for q in candidates(scene, tables, robots, count):
+        seen.append(q)
+        room.append(distances.at(q) - distances.buffers)
+        if not (room[-1][counts] < ROOM).any():
+            break
+    rooms = np.array(room).reshape(len(seen), -1)
+    counts &= rooms.max(axis=0, initial=-inf) >= 0.0
+    least = rooms[:, counts].min(axis=1, initial=inf)
+    enough = least >= ENOUGH * max(least.max(), 0.0)
+    for k in [*np.flatnonzero(enough).tolist(), *np.argsort(-least).tolist()]:
+        if least[k] < 0.0:
+            return
+        at = dict(zip(tables.q_names, seen[k].tolist(), strict=True))
+        yield {
+            name: {joint: at[f"{name}/{joint}"] for joint in robot.model.q_names}
+            for name, robot in scene.robots.items()
+            if name in robots
+        }
+
+
+def robot_of(body: str) -> str:
+    """The robot of a link, or the object itself."""
+    return body.partition("/")[0]
+
+
+def candidates(
+    scene: Scene, tables: SceneTables, robots: Set[str], count: int
+) -> Iterator[Floats]:
+    """Configurations from the middle of the limits outwards, each shape (n,)."""
+    rng = np.random.default_rng(0)
+    for k in range(count):
+        q, drawn = tables.home.copy(), dict[object, Floats]()
+        for part in tables.robots:
+            own = slice(part.first_joint, part.first_joint + part.joint_count)
+            low, high = tables.lower[own], tables.upper[own]
+            ends = np.isfinite(low) & np.isfinite(high)
+            low, high = np.where(ends, low, -HALF_TURN), np.where(ends, high, HALF_TURN)
+            kind = (part.joints, low.tobytes(), high.tobytes())
+            if kind not in drawn:
+                drawn[kind] = rng.uniform(-1.0, 1.0, size=len(low))
+            half = (high - low) / 2.0
+            at = np.round((low + high) / 2.0 + k / count * half * drawn[kind], DECIMALS)
+            if part.name in robots:
+                q[own] = np.clip(at, low, high) + 0.0
+        yield q
+
+
+@dataclass(frozen=True, slots=True)
+class Gripping:
+    """A gripper as its joints show it.
+
+    Attributes:
+        carrier: The link the fingers are joined to.
+        fingers: The outermost links with geometry that its joints move.
+        joints: Places of q that close it, by name.
+        links: All links with geometry that its joints move.
+    """
+
+    carrier: str
+    fingers: tuple[str, ...]
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+
+
+def grippings(model: RobotModel, shaped: Set[str]) -> list[Gripping]:
+    """Grippers of a robot: links that one joint moves against each other.
+
+    These are links on both sides of a joint that another joint mimics, and two links
+    that slide in opposite directions by no more than `FINGER_STROKE`.
+
+    Args:
+        model: The robot.
+        shaped: Links that have geometry.
+    """
+    groups = rigid_groups(model)
+    families: dict[tuple[str, ...], list[Joint]] = {}
+    moving = [
+        joint for joint in model.joints.values() if joint.kind is not JointKind.FIXED
+    ]
+    for joint in moving:
+        driver = joint.mimic.joint if joint.mimic else joint.name
+        families.setdefault((driver,), []).append(joint)
+    for k, a in enumerate(moving):
+        for b in moving[k + 1 :]:
+            if groups[a.parent] == groups[b.parent] and slide_together(a, b):
+                families[a.name, b.name] = [a, b]
+    found = []
+    for drivers, joints in families.items():
+        children = {groups[joint.child] for joint in joints}
+        roots = [joint for joint in joints if groups[joint.parent] not in children]
+        if len(roots) < 2 or len({groups[joint.parent] for joint in roots}) > 1:
+            continue
+        links = tuple(
+            link for link in model.links if link in shaped and groups[link] in children
+        )
+        inner = {
+            groups[joint.parent]
+            for link in links
+            for joint in joints_above(model, link)
+        }
+        fingers = tuple(link for link in links if groups[link] not in inner)
+        if len(fingers) > 1:
+            found.append(Gripping(roots[0].parent, fingers, drivers, links))
+    return found
+
+
+def slide_together(a: Joint, b: Joint) -> bool:
+    """Whether two joints slide fingers towards each other."""
+    for joint in (a, b):
+        stroke = joint.upper - joint.lower
+        if joint.kind is not JointKind.PRISMATIC or not stroke <= FINGER_STROKE:
+            return False
+    if a.mimic or b.mimic:
+        return False
+    axes = [joint.T_parent_joint[:3, :3] @ joint.axis for joint in (a, b)]
+    return float(axes[0] @ axes[1]) < -0.99
+
+
+def touching_fingers(
+    scene: Scene, tables: SceneTables, q: Floats | None = None
+) -> dict[tuple[str, str], str]:
+    """Pairs of one gripper's links that do no more than touch when it is closed.
+
+    The distance is about 0 at one end of the gripper's way, and grows towards the
+    other end.
+
+    Args:
+        scene: The scene.
+        tables: The compiled scene.
+        q: Configuration in which they must touch; either end of the way if None.
+
+    Returns:
+        The reason why each pair may touch, by the names of its bodies.
+    """
+    distances = Distances(tables)
+    place = {name: k for k, name in enumerate(tables.q_names)}
+    found: dict[tuple[str, str], str] = {}
+    for name, robot in scene.robots.items():
+        for gripping in grippings(robot.model, robot.fits.keys()):
+            joints = [place[f"{name}/{joint}"] for joint in gripping.joints]
+            ends = [tables.home.copy() if q is None else q.copy() for _ in range(2)]
+            ends[0][joints], ends[1][joints] = (
+                tables.lower[joints],
+                tables.upper[joints],
+            )
+            if not all(np.isfinite(end).all() for end in ends):
+                continue
+            by_end = np.array([distances.at(end) for end in ends])
+            now = by_end.min(axis=0) if q is None else distances.at(q)
+            own = {f"{name}/{link}" for link in gripping.links}
+            for k, (a, b) in enumerate(distances.pairs):
+                if not {a, b} <= own or abs(now[k]) > distances.buffers[k]:
+                    continue
+                opens = by_end[:, k].max() > now[k] + distances.buffers[k]
+                if opens and now[k] >= -TOUCH:
+                    joint = "' and '".join(gripping.joints)
+                    found[a, b] = f"fingers of one gripper; '{joint}' closes them"
+    return found

@@ -1,0 +1,294 @@
+"""`armguard init` writes a scene that `check` passes; `check` says what to write."""
+
+import json
+
+import pytest
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from armguard.cli.app import app
+from armguard.cli.finding import in_yaml, merged, subject
+from armguard.cli.plausibility import FAST
+from armguard.scene import Scene, compile_scene
+from armguard.scene.posture import Distances, free_homes, touching_fingers
+
+LINK = """<link name="{name}"><collision><origin xyz="{xyz}"/>
+ <geometry>{shape}</geometry></collision></link>"""
+TURN = """<joint name="{name}" type="revolute"><parent link="{parent}"/>
+ <child link="{child}"/><origin xyz="0 0 {z}"/><axis xyz="{axis}"/>
+ <limit lower="{lower}" upper="2" effort="1"{speed}/></joint>"""
+SLIDE = """<joint name="{name}" type="prismatic"><parent link="hand"/>
+ <child link="{name}"/><origin xyz="0 0 0.1"/><axis xyz="{axis}"/>
+ <limit lower="0" upper="0.04" effort="1" velocity="0.2"/>{mimic}</joint>"""
+
+
+def gripper_arm(speed="2", lower="-2", mimic=True):
+    """A small arm without SRDF whose fingers touch at position 0."""
+    limit = f' velocity="{speed}"' if speed else ""
+    turns = [
+        TURN.format(
+            name="pan",
+            parent="base",
+            child="rod",
+            z=0.1,
+            axis="0 0 1",
+            lower=lower,
+            speed=limit,
+        ),
+        TURN.format(
+            name="lift",
+            parent="rod",
+            child="hand",
+            z=0.4,
+            axis="0 1 0",
+            lower=lower,
+            speed=limit,
+        ),
+    ]
+    ball, rod = '<sphere radius="0.05"/>', '<capsule radius="0.04" length="0.2"/>'
+    finger = '<box size="0.02 0.02 0.06"/>'
+    links = [
+        LINK.format(name="base", xyz="0 0 0.05", shape=ball),
+        LINK.format(name="rod", xyz="0 0 0.2", shape=rod),
+        LINK.format(name="hand", xyz="0 0 0", shape=ball),
+        LINK.format(name="thumb", xyz="0 0.01 0", shape=finger),
+        LINK.format(name="index", xyz="0 -0.01 0", shape=finger),
+    ]
+    follows = '<mimic joint="thumb"/>' if mimic else ""
+    slides = [
+        SLIDE.format(name="thumb", axis="0 1 0", mimic=""),
+        SLIDE.format(name="index", axis="0 -1 0", mimic=follows),
+    ]
+    return f'<robot name="small">{"".join([*links, *turns, *slides])}</robot>'
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def words_of(result):
+    return " ".join(result.stdout.split())
+
+
+STOPPING = "stopping: {deceleration: 2.5}"
+
+
+def check(folder, text, *options, urdf=None):
+    (folder / "r.urdf").write_text(urdf or gripper_arm())
+    path = folder / "scene.yaml"
+    path.write_text(text)
+    return run("check", path, *options)
+
+
+def test_init_of_a_named_robot_twice_is_ready(tmp_path):
+    path = tmp_path / "scene.yaml"
+    made = run("init", "panda", "panda", "-o", path, "--rate", "100")
+    assert made.exit_code == 0, made.output
+    text = path.read_text()
+    first, values = text.splitlines()[0], YAML(typ="safe").load(text)
+    assert first == "# yaml-language-server: $schema=./armguard.schema.json"
+    assert values["cycle"] == {"period": 0.01, "late": 0.001}
+    assert "here 100 Hz" in text
+    assert values["robots"]["right"]["base"]["rpy"] == [0.0, 0.0, 3.1416]
+    assert values["robots"]["left"]["gripper"]["link"] == "panda_hand"
+    schema = json.loads((tmp_path / "armguard.schema.json").read_text())
+    assert {"robots", "cycle"} <= schema["properties"].keys()
+    result = run("check", path)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1].startswith("READY")
+    assert (
+        "PASS loop: robots 'left', 'right', 16 joints; call the guard every 10 ms "
+        in (words_of(result))
+    )
+
+
+def test_init_of_a_urdf_is_ready_and_never_overwrites(tmp_path):
+    (tmp_path / "small.urdf").write_text(gripper_arm(speed=None))
+    path = tmp_path / "scenes" / "scene.yaml"
+    assert "create it first" in str(run("init", "x.urdf", "-o", path).exception)
+    path.parent.mkdir()
+    made = run("init", tmp_path / "small.urdf", "-o", path)
+    assert made.exit_code == 0, made.output
+    values = YAML(typ="safe").load(path.read_text())
+    arm = values["robots"]["arm"]
+    assert arm["urdf"] == "../small.urdf"
+    assert arm["gripper"] == {"link": "hand", "fingers": ["thumb", "index"]}
+    assert arm["stopping"]["velocity"]["pan"] == 3.2
+    (pair,) = values["allow"]
+    assert {pair["a"], pair["b"]} == {"arm/thumb", "arm/index"}
+    assert "'thumb' closes them" in pair["reason"]
+    assert values["cycle"]["period"] == 0.02
+    result = run("check", path)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1].startswith("READY")
+    before = path.read_text()
+    again = run("init", "panda", "-o", path)
+    assert "exists; replace it with --force" in str(again.exception)
+    assert path.read_text() == before
+
+
+def test_closed_fingers_are_a_warning_with_the_line_that_allows_them(tmp_path):
+    scene = f"robots: {{a: {{urdf: r.urdf, {STOPPING}}}}}\n"
+    result = check(tmp_path, scene)
+    words = words_of(result)
+    assert "WARN fingers: closed fingers touch at home: a/index and a/thumb" in words
+    assert "FAIL" not in words
+    assert result.exit_code == 1
+    last = result.stdout.splitlines()[-1]
+    assert last.startswith("NOT READY: ")
+    assert last.endswith("closed fingers to allow")
+    lines = result.stdout.splitlines()
+    start = lines.index("          allow:")
+    pasted = "\n".join(
+        line.strip() if "allow" in line else line[8:]
+        for line in lines[start : start + 2]
+    )
+    fixed = check(tmp_path, scene + pasted + "\n")
+    assert fixed.exit_code == 0, fixed.output
+
+
+def test_an_overlap_without_a_free_posture_names_the_pair(tmp_path):
+    blocked = "objects: {post: {box: [0.2, 0.2, 0.2], at: {xyz: [0, 0, 0.3]}}}\n"
+    robot = f"{{urdf: r.urdf, {STOPPING}, home: {{thumb: 0.02}}}}"
+    result = check(tmp_path, f"robots: {{a: {robot}}}\n{blocked}")
+    assert result.exit_code == 1
+    words = words_of(result)
+    assert "no free posture was found: move the base or the object" in words
+    assert "`allow: [{a: a/rod, b: post, reason: WHY}]` (line 1 of scene.yaml)" in words
+
+
+def test_an_overlap_at_home_is_answered_by_a_free_home(tmp_path):
+    blocked = "objects: {post: {box: [0.1, 0.1, 0.1], at: {xyz: [0, 0, 0.66]}}}\n"
+    robot = f"urdf: r.urdf, {STOPPING}"
+    result = check(tmp_path, f"robots: {{a: {{{robot}}}}}\n{blocked}")
+    assert result.exit_code == 1
+    words = words_of(result)
+    assert "FAIL home: robot 'a': at home these overlap: " in words
+    assert "without an SRDF home is the pose nearest to zero" in words
+    assert "under robots.a (line 1 of scene.yaml)" in words
+    line = next(
+        row for row in result.stdout.splitlines() if row.startswith(" " * 10 + "home")
+    )
+    fixed = check(tmp_path, f"robots: {{a: {{{robot}, {line.strip()}}}}}\n{blocked}")
+    assert fixed.exit_code == 0, fixed.output
+
+
+def test_bases_at_one_place_are_one_failure(tmp_path):
+    robot = f"{{urdf: r.urdf, {STOPPING}, home: {{thumb: 0.02}}}}"
+    result = check(tmp_path, f"robots:\n  l: {robot}\n  r: {robot}\n")
+    words = words_of(result)
+    assert "FAIL home: robot 'r': bases of 'l' and 'r' coincide" in words
+    assert (
+        "-> give one a base; write under robots.r (line 3 of scene.yaml): base:"
+        in words
+    )
+    assert result.stdout.splitlines()[-1].startswith("NOT READY: 1 failure")
+
+
+IMPLAUSIBLE = {
+    "millimetres": (
+        "base: {xyz: [800, 0, 0]}",
+        "",
+        {},
+        "800 m from 'l'",
+        "base: {xyz: [0.8",
+    ),
+    "far": ("base: {xyz: [9, 0, 0]}", "", {}, "so they never meet", "base: "),
+    "large": (
+        "base: {xyz: [1, 0, 0]}",
+        "objects: {t: {box: [1200, 2000, 50], at: {xyz: [500, 0, -100]}}}",
+        {},
+        "object 't': its longest side is 2000 m: millimetres?",
+        "box: [1.2, 2.0, 0.05]",
+    ),
+    "unreachable": (
+        "base: {xyz: [1, 0, 0]}",
+        "objects: {t: {box: [1, 1, 1], at: {xyz: [0, 9, 0]}}}",
+        {},
+        "object 't': no robot reaches it",
+        "line 4 of scene.yaml",
+    ),
+    "fast": (
+        "base: {xyz: [1, 0, 0]}",
+        "",
+        {"speed": "10"},
+        "joint 'pan' is 10 rad/s in r.urdf line ",
+        "stopping: {velocity: {pan: 4.0",
+    ),
+    "long stop": (
+        "base: {xyz: [1, 0, 0]}",
+        "",
+        {"speed": "10"},
+        "goes on for",
+        "check velocity and deceleration",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", IMPLAUSIBLE)
+def test_what_is_seldom_true_is_a_warning_with_its_line(case, tmp_path):
+    base, rest, arm, says, remedy = IMPLAUSIBLE[case]
+    robot = f"urdf: r.urdf, {STOPPING}, home: {{thumb: 0.02}}"
+    text = f"robots:\n  l: {{{robot}}}\n  r: {{{robot}, {base}}}\n{rest}\n"
+    words = words_of(check(tmp_path, text, urdf=gripper_arm(**arm)))
+    found = words.partition("WARN plausibility")[2]
+    assert says in found
+    assert remedy in found
+
+
+def test_a_plausible_scene_prints_neither_tables_nor_passes(tmp_path):
+    robot = f"urdf: r.urdf, {STOPPING}, home: {{thumb: 0.02}}"
+    text = f"robots:\n  l: {{{robot}}}\n  r: {{{robot}, base: {{xyz: [0.9, 0, 0]}}}}\n"
+    result = check(tmp_path, text)
+    assert result.exit_code == 0, result.output
+    assert len(result.stdout.splitlines()) < 15
+    assert [line for line in result.stdout.splitlines() if line.startswith("PASS")] == [
+        result.stdout.splitlines()[0]
+    ]
+    full = check(tmp_path, text, "-v").stdout
+    assert "figures of robot 'l', and where each is from" in full
+    assert "PASS plausibility: lengths, speeds and stops are plausible" in full
+    answer = json.loads(check(tmp_path, text, "--json").stdout)
+    stopping = [row for row in answer["findings"] if row["topic"] == "stopping"]
+    assert [row["keys"] for row in stopping] == [["robots", "l"], ["robots", "r"]]
+    assert FAST == 4.0
+
+
+def small_scene(tmp_path, **arm):
+    (tmp_path / "r.urdf").write_text(gripper_arm(**arm))
+    scene = Scene(mode="fixed", buffer=0.005)
+    scene.add_robot(tmp_path / "r.urdf", name="a")
+    return scene
+
+
+@pytest.mark.parametrize("mimic", [True, False])
+def test_fingers_are_recognised_with_and_without_mimic(mimic, tmp_path):
+    scene = small_scene(tmp_path, mimic=mimic)
+    tables = compile_scene(scene)
+    (pair,) = touching_fingers(scene, tables, tables.home)
+    assert set(pair) == {"a/thumb", "a/index"}
+    opened = tables.home.copy()
+    opened[2:] = 0.03
+    assert touching_fingers(scene, tables, opened) == {}
+
+
+def test_a_free_home_is_the_middle_of_the_limits_where_that_is_free(tmp_path):
+    scene = small_scene(tmp_path)
+    tables = compile_scene(scene)
+    first = next(free_homes(scene, tables, {"a"}))["a"]
+    assert first == next(free_homes(scene, tables, {"a"}))["a"]
+    distances = Distances(tables)
+    at = distances.at([first[name.partition("/")[2]] for name in tables.q_names])
+    assert (at >= distances.buffers).all()
+    assert 0.0 < first["thumb"] < 0.04
+    assert abs(first["pan"]) < 2.0
+
+
+def test_equal_findings_are_one_and_names_are_quoted_as_yaml():
+    from armguard.cli.finding import Finding
+
+    two = [Finding("fit", "WARN", "x", keys=("robots", name)) for name in "lr"]
+    ((_, keys),) = merged(two)
+    assert subject(keys) == "robots 'l', 'r': "
+    odd = {"a: b": [1.0, "yes", "#x"]}
+    assert YAML(typ="safe").load(in_yaml(odd)) == odd
