@@ -189,7 +189,7 @@ def test_xacro_and_mjcf_are_named_with_the_way_out(tmp_path):
     # What xacro has expanded still declares its namespace.
     expanded = robot(joint()).replace("<robot", f"<robot {spaced}", 1)
     assert load(tmp_path, expanded).root == "a"
-    with pytest.raises(ModelError, match="starts with <mujoco>.*MJCF is not read"):
+    with pytest.raises(ModelError, match=r"starts with <mujoco>.*MJCF is not read"):
         load(tmp_path, "<mujoco/>")
 
 

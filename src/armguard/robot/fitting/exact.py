@@ -11,7 +11,6 @@ from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Hull, PlacedShape
 from armguard.robot.fitting.hull_reach import (
     DEPTH,
-    PIECES,
     SHARE,
     SLACK,
     bound_pieces,
@@ -29,6 +28,9 @@ DENSE = 12_000
 # Largest radius of a first piece of a hull's surface, and edge of a region [m].
 PIECE = 0.008
 REGION = 0.02
+
+# Pieces at a time after which the bound is left as it is.
+MOST_PIECES = 200_000
 
 # Pieces of a hull's faces whose corners are tried before the proof.
 TRIES = 10_000
@@ -117,7 +119,7 @@ def dent_depth(faces: Floats, triangles: Floats) -> float:
         open_ = most > enough
         if not open_.any():
             return enough
-        if level == DEPTH or 4 * int(open_.sum()) > PIECES:
+        if level == DEPTH or 4 * int(open_.sum()) > MOST_PIECES:
             break
         left = quartered(left[open_])
     return float(most.max())
