@@ -1,6 +1,7 @@
 """Fits: the whole surface is inside, and the overreach is what it says."""
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -8,12 +9,22 @@ from scipy.spatial import cKDTree
 
 from armguard.errors import MeshError
 from armguard.geometry import Box, Capsule, PlacedShape, Pose, Sphere
+from armguard.geometry.shapes import Hull
 from armguard.robot import find_named_robot, load_urdf
-from armguard.robot.fitting import enclose_cylinder, fit_link, fit_robot, uncovered
+from armguard.robot.fitting import (
+    enclose_cylinder,
+    fit_link,
+    fit_robot,
+    parallel,
+    uncovered,
+)
 from armguard.robot.fitting.clipping import cut
+from armguard.robot.fitting.exact import dent_depth, hull_faces, sticks_out
 from armguard.robot.fitting.fit import placed_triangles
+from armguard.robot.fitting.hull_reach import bound_pieces, hull_reach
 from armguard.robot.fitting.overreach import overreaches, surface_samples
-from armguard.robot.fitting.proof import inside
+from armguard.robot.fitting.proof import inside, quartered
+from armguard.robot.fitting.store import as_dict
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import CollisionElement, Cylinder, Link, MeshFile, RobotModel
 
@@ -250,3 +261,94 @@ def test_a_shape_far_off_has_its_overreach():
     ball = PlacedShape(Sphere(radius=0.3))
     (reach,) = overreaches(triangle, [ball], 0.001)
     assert reach == pytest.approx(0.3, abs=0.002)
+
+
+def dented(count, depth=0.02):
+    """A dense ball with a dent at its top, shape (n, 3, 3)."""
+    import trimesh
+
+    ball = trimesh.creation.uv_sphere(radius=0.1, count=[count, count])
+    points = ball.vertices.copy()
+    points[:, 2] -= depth * np.clip(points[:, 2] / 0.1, 0.0, 1.0) ** 8
+    return points[ball.faces]
+
+
+def test_regions_of_a_dense_mesh_bound_its_dents(monkeypatch):
+    """No tighter than the distances of points of the hull, and no looser than 4 %."""
+    triangles = dented(40)
+    faces = hull_faces(Hull(points=triangles.reshape(-1, 3)))
+    monkeypatch.setattr("armguard.robot.fitting.exact.DENSE", 0)
+    found = dent_depth(faces, triangles)
+    points = quartered(quartered(faces[faces[:, :, 2].max(axis=1) > 0.05]))
+    points = np.unique(points.reshape(-1, 3).round(6), axis=0)
+    distances = np.zeros((len(points), 2))
+    pieces = np.repeat(points[:, None], 3, axis=1)
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    bound_pieces(pieces, triangles, low, high, distances)
+    true = float(distances[:, 0].max())
+    assert 0.001 < true <= found <= 1.04 * true + 2e-4
+    assert found == pytest.approx(hull_reach(faces, triangles))
+
+
+def test_a_hull_that_sticks_out_is_found_before_the_proof():
+    faces = hull_faces(Hull(points=dented(30, 0.0).reshape(-1, 3)))
+    assert not sticks_out(faces, [PlacedShape(Sphere(radius=0.101))])
+    assert sticks_out(faces, [PlacedShape(Sphere(radius=0.0995))])
+
+
+def meshed_links(tmp_path, count=3):
+    names = [f"l{k}" for k in range(count)]
+    for k, name in enumerate(names):
+        corners = dented(8, 0.001 * k).reshape(-1, 3)
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
+        lines += [f"f {i} {i + 1} {i + 2}" for i in range(1, len(corners), 3)]
+        (tmp_path / f"{name}.obj").write_text("\n".join(lines))
+    return [
+        Link(
+            name=name,
+            collisions=(
+                CollisionElement(
+                    geometry=MeshFile(tmp_path / f"{name}.obj"),
+                    T_link_geometry=np.eye(4),
+                ),
+            ),
+        )
+        for name in names
+    ]
+
+
+@pytest.mark.parametrize("executable", ["python", "", "/no/such", "/bin/false"])
+def test_workers_fit_as_this_process_does(tmp_path, monkeypatch, executable):
+    """Where there is no worker, or one that ends, the fits are the same."""
+    links, started, finished = meshed_links(tmp_path), [], []
+    settings = {"target": 0.030, "max_primitives": 1}
+    alone = {link.name: fit_link(link, **settings) for link in links}
+    monkeypatch.setattr(parallel, "WORTH", 0)
+    monkeypatch.setattr(parallel, "core_count", lambda: 3)
+    if executable != "python":
+        monkeypatch.setattr("sys.executable", executable)
+    found = parallel.fit_links(
+        fit_link, links, settings, started.append, lambda fit: finished.append(fit.link)
+    )
+    assert {n: [as_dict(s) for s in f.shapes] for n, f in found.items()} == {
+        n: [as_dict(s) for s in f.shapes] for n, f in alone.items()
+    }
+    assert set(started) == set(finished) == set(alone)
+
+
+def test_a_worker_fits_without_the_main_module(tmp_path):
+    (link,) = meshed_links(tmp_path, 1)
+    process = parallel.start()
+    parallel.send(process.stdin, (fit_link, link, {}))
+    answer = pickle.load(process.stdout)
+    parallel.end(process)
+    assert process.wait(30) == 0
+    assert as_dict(answer.shapes[0]) == as_dict(fit_link(link).shapes[0])
+
+
+def test_a_link_that_cannot_be_fitted_ends_the_others(tmp_path, monkeypatch):
+    links = meshed_links(tmp_path)
+    (tmp_path / "l2.obj").write_text("f 1 2 3")
+    monkeypatch.setattr(parallel, "WORTH", 0)
+    with pytest.raises(MeshError, match=r"l2\.obj"):
+        parallel.fit_links(fit_link, links, {}, print, print)

@@ -149,6 +149,48 @@ def test_a_missing_mesh_lists_where_it_was_sought(tmp_path):
         load(tmp_path, robot(joint(), shape=mesh))
     assert "names the mesh 'package://p/m.stl'" in str(caught.value)
     assert str(tmp_path / "p" / "m.stl") in str(caught.value)
+    first, *places = str(caught.value).splitlines()
+    assert "`packages: {p: FOLDER}`" in first
+    assert len(places) == 4
+    assert places[-1].strip().startswith("… ")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["file:///maker/arm_description/a/meshes/m.obj", "package://p/old/a/meshes/m.obj"],
+)
+def test_a_mesh_of_another_machine_is_found_by_its_longest_tail(tmp_path, name):
+    right, wrong = (tmp_path / "d" / x for x in ("a/meshes", "meshes"))
+    for folder in (right, wrong):
+        folder.mkdir(parents=True)
+        (folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    shape = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+    text = robot(joint(), shape=shape)
+    model = load(tmp_path, text, packages={"p": tmp_path / "d"})
+    assert model.links["a"].collisions[0].geometry.path == right / "m.obj"
+    with pytest.raises(MeshError, match=r"packages: \{(p|arm_description): FOLDER\}"):
+        load(tmp_path, text)
+
+
+def test_a_name_of_a_mesh_alone_is_no_tail(tmp_path):
+    (tmp_path / "d").mkdir()
+    (tmp_path / "d" / "m.obj").write_text("v 0 0 0\n")
+    mesh = '<mesh filename="file:///maker/visual/m.obj"/>'
+    text = robot(joint(), shape=f"<collision><geometry>{mesh}</geometry></collision>")
+    with pytest.raises(MeshError, match="not found"):
+        load(tmp_path, text, packages={"p": tmp_path / "d"})
+
+
+def test_xacro_and_mjcf_are_named_with_the_way_out(tmp_path):
+    spaced = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    text = f'<robot name="r" {spaced}><xacro:include filename="a"/></robot>'
+    with pytest.raises(ModelError, match=r"is a xacro file; .*xacro r.urdf > robot"):
+        load(tmp_path, text)
+    # What xacro has expanded still declares its namespace.
+    expanded = robot(joint()).replace("<robot", f"<robot {spaced}", 1)
+    assert load(tmp_path, expanded).root == "a"
+    with pytest.raises(ModelError, match=r"starts with <mujoco>.*MJCF is not read"):
+        load(tmp_path, "<mujoco/>")
 
 
 def test_shapes_axes_and_limits_are_read(tmp_path):

@@ -65,7 +65,7 @@ def test_without_figures_a_robot_is_only_guarded_in_fixed(mode):
         compile_scene(scene)
     for words in (
         f"robot 'arm' is in mode '{mode}'",
-        "stopping: {deceleration: ...}",
+        "stopping: {deceleration: 5}  # assumed: measure it",
         "`mode: fixed`",
     ):
         assert words in str(caught.value)
@@ -360,3 +360,66 @@ def test_how_old_states_may_be_is_set_for_all_robots():
         with pytest.raises(SceneError, match=words):
             scene.set_stale(wrong)
     assert [robot.stopping.stale for robot in scene.robots.values()] == [0.1, 0.1]
+
+
+MESHED = """<robot name="r">
+<link name="a"><collision><geometry><mesh filename="m.obj"/></geometry></collision>
+</link>
+<link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/>
+<limit lower="-1" upper="1" effort="1" velocity="37"/></joint></robot>"""
+
+
+CHEAP = {
+    "figures": (("", ""), "", "robots 'left', 'right' are in mode 'path' and have no"),
+    "home": (
+        (", mode: fixed, home: {j: 2}", ", mode: fixed"),
+        "",
+        "home puts joint 'j' at 2",
+    ),
+    "gripper": (
+        (", mode: fixed, gripper: {link: b, fingers: [x]}", ", mode: fixed"),
+        "",
+        "has no link 'x' for its gripper",
+    ),
+    "allow": (
+        (", mode: fixed", ", mode: fixed"),
+        "allow: [{a: left/x, b: right/a, reason: why}]\n"
+        "objects: {o: {mesh: {file: m.obj}}}",
+        "no body is named 'left/x'",
+    ),
+    "mesh": ((", mode: fixed", ", mode: fixed"), "", "m.obj' has no triangle"),
+}
+
+
+@pytest.mark.parametrize("case", CHEAP)
+def test_what_needs_no_mesh_is_checked_before_one_is_read(tmp_path, case):
+    """The mesh cannot be read: only a scene without another mistake gets that far."""
+    (left, right), rest, says = CHEAP[case]
+    (tmp_path / "r.urdf").write_text(MESHED)
+    (tmp_path / "m.obj").write_text("no mesh")
+    path = tmp_path / "scene.yaml"
+    robots = f"{{left: {{urdf: r.urdf{left}}}, right: {{urdf: r.urdf{right}}}}}"
+    path.write_text(f"robots: {robots}\n{rest}\n")
+    with pytest.raises(SceneFileError) as caught:
+        load_scene(path)
+    assert says in str(caught.value)
+    assert ("m.obj" in str(caught.value)) == (case == "mesh")
+    assert str(caught.value).count("no stopping figures") == (case == "figures")
+
+
+def test_a_high_speed_limit_of_the_urdf_is_a_note_with_its_line(tmp_path):
+    (tmp_path / "r.urdf").write_text(
+        MESHED.replace('<mesh filename="m.obj"/>', '<sphere radius="0.1"/>')
+    )
+    scene = Scene()
+    robot = scene.add_robot(
+        tmp_path / "r.urdf", name="arm", stopping={"deceleration": 4.0}
+    )
+    assert robot.stopping.velocity.tolist() == [37.0]
+    (note,) = scene.notes
+    assert "'r.urdf' line 4: joint 'j' has the speed limit 37" in note
+    assert "`stopping: {velocity: 5}`" in note
+    scene.add_robot(
+        tmp_path / "r.urdf", name="b", stopping={"deceleration": 4.0, "velocity": 5.0}
+    )
+    assert len(scene.notes) == 1

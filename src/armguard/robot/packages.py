@@ -1,7 +1,7 @@
 """Where a mesh lies: `package://`, `file://`, relative and absolute names."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from lxml import etree
@@ -15,6 +15,12 @@ SEARCH_HEIGHT = 8
 # How names begin that start with a package.
 SCHEMES = ("package://", "model://")
 
+# How names of packages with meshes end.
+ENDINGS = ("_description", "_descriptions", "_support", "_data")
+
+# Places a message lists.
+PLACES = 3
+
 # Largest package.xml [byte].
 MOST_PACKAGE_BYTES = 1_000_000
 
@@ -27,10 +33,13 @@ def find_file(
 ) -> Path:
     """File a URDF names.
 
-    `package://NAME/rest` is looked for in the packages given, in ROS_PACKAGE_PATH and
+    `package://NAME/rest` is looked for in the package given, there by the longest tail
+    of `rest` that exists; without one, in ROS_PACKAGE_PATH and
     AMENT_PREFIX_PATH, in folders above the URDF that are called NAME or whose
     package.xml says so, and last by the longest tail of the name that exists above
-    the URDF: package names in the wild often match no folder.
+    the URDF: package names in the wild often match no folder. `file://` and absolute
+    names of another machine are looked for below all packages given, by their longest
+    tail that has a folder.
 
     Wherever the name leads, the file must be below the URDF's folder or the package
     it is part of, the scene file's folder, a package given, or a package of that name
@@ -43,8 +52,8 @@ def find_file(
         folder: The scene file's folder, if a scene file names the URDF.
 
     Raises:
-        MeshError: There is no such file, with a list of where it was sought, or it is
-            elsewhere.
+        MeshError: There is no such file, with the line that remedies it and the first
+            places, or it is elsewhere.
     """
     found: list[Path] = []
     own = [package_of(urdf), *([] if folder is None else [folder])]
@@ -53,11 +62,40 @@ def find_file(
         if is_file(path):
             return path_below(name, path, [*own, *(packages or {}).values(), *found])
         tried.append(path)
-    listed = "\n  ".join(str(path) for path in dict.fromkeys(tried))
-    raise MeshError(
-        f"'{urdf.name}' names the mesh '{shown(name)}', which is in none of these "
-        f"places:\n  {listed}\ngive the package's folder with `packages`"
+    raise MeshError(not_found(name, urdf, [*dict.fromkeys(map(str, tried))]))
+
+
+def not_found(name: str, urdf: Path, places: list[str]) -> str:
+    """That a mesh was not found, the line that remedies it, and the first places.
+
+    Args:
+        name: As written in the URDF.
+        urdf: The URDF.
+        places: Where it was looked for.
+    """
+    remedy = "copy it there, or correct the name"
+    if is_placed(name):
+        package = package_in(name)
+        remedy = f"set its folder: `packages: {{{package}: FOLDER}}`"
+    if len(places) > PLACES:
+        places = [*places[:PLACES], f"… {len(places) - PLACES} more"]
+    return "\n  ".join(
+        [f"'{urdf.name}' names the mesh '{shown(name)}', not found; {remedy}", *places]
     )
+
+
+def is_placed(name: str) -> bool:
+    """Whether a name starts with a package, or with a place of its maker's machine."""
+    return name.startswith((*SCHEMES, "file://", "/"))
+
+
+def package_in(name: str) -> str:
+    """Name of the package that a mesh most likely belongs to."""
+    parts = PurePosixPath(name.split("://", 1)[-1]).parts
+    if name.startswith(SCHEMES):
+        return parts[0] if parts else "NAME"
+    likely = [part for part in parts if part.endswith(ENDINGS)]
+    return (likely or [*parts[-2:-1], "NAME"])[0].strip("/") or "NAME"
 
 
 def find_in(name: str, folder: Path, packages: Mapping[str, Path]) -> Path:
@@ -115,15 +153,18 @@ def candidates(
         found: Receives folders of packages of that name, as they are found.
     """
     folder = urdf.resolve().parent
-    if name.startswith("file://"):
-        yield Path(name.removeprefix("file://"))
+    if not is_placed(name):
+        yield folder / name
         return
     if not name.startswith(SCHEMES):
-        yield folder / name
+        path = PurePosixPath(name.removeprefix("file://"))
+        yield Path(path)
+        yield from tails(path.parts[1:], packages.values())
         return
     package, _, rest = name.split("://", 1)[1].partition("/")
     if package in packages:
         yield Path(packages[package]) / rest
+        yield from tails(PurePosixPath(rest).parts[1:], [packages[package]])
         return
     if package in ("", ".", ".."):
         package = ""
@@ -144,6 +185,13 @@ def candidates(
     for start in range(1, len(parts)):
         for parent in above:
             yield parent.joinpath(*parts[start:])
+
+
+def tails(parts: Sequence[str], folders: Iterable[Path]) -> Iterator[Path]:
+    """Ends of a path below folders, the longest first; a file's name alone is none."""
+    for start in range(len(parts) - 1):
+        for folder in folders:
+            yield Path(folder).joinpath(*parts[start:])
 
 
 def package_of(urdf: Path) -> Path:

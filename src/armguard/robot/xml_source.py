@@ -28,7 +28,8 @@ def read_xml(path: Path, root_tag: str) -> Element:
     recovered; entities and external files are refused, since a robot needs none.
 
     Raises:
-        ModelError: The file cannot be read, is not XML, has a DTD, or another root.
+        ModelError: The file cannot be read, is not XML, has a DTD, is a xacro file, or
+            has another root.
     """
     try:
         source = read_bytes(path, MOST_XML_BYTES)
@@ -45,12 +46,15 @@ def read_xml(path: Path, root_tag: str) -> Element:
         raise ModelError(f"'{path.name}' is not XML: {shown(str(error.msg))}") from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise ModelError(f"'{path.name}' has a DTD or entities; a robot needs none")
-    if root.tag != root_tag:
-        hint = (
-            "; expand it with xacro first"
-            if "xacro" in str(source[:2000]) and path.suffix != ".urdf"
-            else ""
+    if any("xacro" in str(element.tag) for element in root.iter("{*}*")):
+        raise ModelError(
+            f"'{path.name}' is a xacro file; expand it and name the result: "
+            f"`pip install xacro; xacro {path.name} > robot.urdf`"
         )
+    if root.tag != root_tag:
+        hint = ""
+        if root.tag == "mujoco":
+            hint = "; MJCF is not read, name the URDF of this robot"
         raise ModelError(
             f"'{path.name}' starts with <{shown(str(root.tag))}>; it must be "
             f"<{root_tag}>{hint}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ from pydantic import ValidationError
 
 from armguard.bounded import is_file
 from armguard.errors import ArmguardError, did_you_mean
+from armguard.geometry.shapes import PlacedShape
 from armguard.robot import load_urdf
+from armguard.robot.model import RobotModel
 from armguard.robot.stopping import FiguresError
 from armguard.scene.file_models import (
     RobotEntry,
@@ -20,9 +23,9 @@ from armguard.scene.file_models import (
     stopping_arguments,
 )
 from armguard.scene.file_shapes import Place
-from armguard.scene.meshes import Progress
+from armguard.scene.meshes import Progress, Surface
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
-from armguard.scene.robots import check_figures
+from armguard.scene.robots import SceneRobot, check_figures, lacks_figures
 from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
 from armguard.scene.settings import ObjectSettings, RobotSettings
@@ -162,7 +165,7 @@ class Problems:
     """
 
     def __init__(self, source: YamlSource) -> None:
-        self._source = source
+        self.source = source
         self._found: list[Problem] = []
 
     def __len__(self) -> int:
@@ -172,7 +175,7 @@ class Problems:
     def add(self, keys: Keys, sentence: str) -> None:
         """Add one, unless there are enough."""
         if len(self) < MOST_PROBLEMS:
-            self._found.append(self._source.found(keys, sentence))
+            self._found.append(self.source.found(keys, sentence))
 
     @contextmanager
     def at(self, *keys: str | int) -> Iterator[None]:
@@ -180,7 +183,7 @@ class Problems:
         try:
             yield
         except FiguresError as error:
-            entry = self._source.values["robots"][keys[1]].get("stopping")
+            entry = self.source.values["robots"][keys[1]].get("stopping")
             self.add((*keys, *keys_of_figure(error, entry)), str(error))
         except ArmguardError as error:
             self.add(keys, str(error))
@@ -192,6 +195,16 @@ class Problems:
         )
 
 
+class Draft(Scene):
+    """A scene without primitives around its links: what its files say, unread meshes.
+
+    Everything that needs no mesh is checked on it, before one is read or fitted.
+    """
+
+    def _fitted(self, robot: SceneRobot, progress: Progress | None) -> SceneRobot:
+        return robot
+
+
 def build_scene(
     source: YamlSource, model: SceneModel, progress: Progress | None
 ) -> Scene:
@@ -200,31 +213,76 @@ def build_scene(
     Raises:
         SceneFileError: A part cannot be built, or parts contradict each other.
     """
-    scene = Scene(
-        mode=model.mode,
-        period=model.cycle.period,
-        late=model.cycle.late,
-        buffer=model.buffer,
-        margin=model.margin,
-        index=model.index,
-    )
     problems = Problems(source)
-    folder = source.path.resolve().parent
-    place = place_of(folder, model.packages)
-    for name, robot in model.robots.items():
-        with problems.at("robots", name):
-            own = place_of(folder, {**model.packages, **robot.packages})
-            add_robot(scene, name, robot, own, progress)
+    place = place_of(source.path.resolve().parent, model.packages)
+    robots = robot_sources(model, place, problems)
+    parts = parts_of_objects(model, replace(place, reads=False), problems, None)
+    fill(Draft(**scene_settings(model)), model, robots, parts, problems)
+    if problems:
+        raise problems.error()
+    parts = parts_of_objects(model, place, problems, progress)
+    scene = Scene(**scene_settings(model))
+    if not problems:
+        fill(scene, model, robots, parts, problems, progress)
+    if problems:
+        raise problems.error()
+    return scene
+
+
+def scene_settings(model: SceneModel) -> dict[str, Any]:
+    """Arguments of `Scene`."""
+    return {
+        "mode": model.mode,
+        "period": model.cycle.period,
+        "late": model.cycle.late,
+        "buffer": model.buffer,
+        "margin": model.margin,
+        "index": model.index,
+    }
+
+
+def parts_of_objects(
+    model: SceneModel, place: Place, problems: Problems, progress: Progress | None
+) -> dict[str, list[Surface | PlacedShape]]:
+    """Parts of each object that can be read."""
+    parts = {}
     for name, entry in model.objects.items():
         if len(problems) == MOST_PROBLEMS:
             break
         with problems.at("objects", name):
-            scene.add(
-                entry.parts_of_all(place, progress),
-                name=name,
-                pose=entry.at.pose(),
-                **part_of(entry, ObjectSettings),
-            )
+            parts[name] = entry.parts_of_all(place, progress)
+    return parts
+
+
+def fill(
+    scene: Scene,
+    model: SceneModel,
+    robots: Mapping[str, str | RobotModel],
+    parts: Mapping[str, list[Surface | PlacedShape]],
+    problems: Problems,
+    progress: Progress | None = None,
+) -> None:
+    """Add robots, objects and rules of the file to a scene.
+
+    Args:
+        scene: The scene.
+        model: The file.
+        robots: See `robot_sources`.
+        parts: Parts of the objects.
+        problems: Receives what is wrong.
+        progress: See `load_scene`.
+    """
+    folder = problems.source.path.resolve().parent
+    for name, urdf in robots.items():
+        with problems.at("robots", name):
+            add_robot(scene, name, model.robots[name], urdf, folder, progress)
+    for name, own in parts.items():
+        if len(problems) == MOST_PROBLEMS:
+            break
+        with problems.at("objects", name):
+            entry = model.objects[name]
+            settings = part_of(entry, ObjectSettings)
+            scene.add(own, name=name, pose=entry.at.pose(), **settings)
     if not problems:
         for k, allow in enumerate(model.allow):
             with problems.at("allow", k):
@@ -232,15 +290,13 @@ def build_scene(
         for k, pair in enumerate(model.buffers):
             with problems.at("buffers", k):
                 scene.set_buffer(pair.a, pair.b, pair.buffer)
-        for name in scene.robots:
-            with problems.at("robots", name):
-                check_figures(scene.robots[name])
+    lacking = [r for r in scene.robots.values() if lacks_figures(r)]
+    if lacking:
+        with problems.at("robots", lacking[0].name):
+            check_figures(lacking)
     if not problems:
         with problems.at("margin"):
             scene.validate()
-    if problems:
-        raise problems.error()
-    return scene
 
 
 def place_of(folder: Path, packages: Mapping[str, str]) -> Place:
@@ -248,25 +304,39 @@ def place_of(folder: Path, packages: Mapping[str, str]) -> Place:
     return Place(folder, {name: folder / path for name, path in packages.items()})
 
 
+def robot_sources(
+    model: SceneModel, place: Place, problems: Problems
+) -> dict[str, str | RobotModel]:
+    """Each robot's model, or its name if it is one by name."""
+    found: dict[str, str | RobotModel] = {}
+    for name, entry in model.robots.items():
+        beside = place.folder / entry.urdf
+        if not ({"/", "."} & set(entry.urdf) or is_file(beside)):
+            found[name] = entry.urdf
+            continue
+        with problems.at("robots", name):
+            own = place_of(place.folder, {**model.packages, **entry.packages})
+            srdf = None if entry.srdf is None else own.folder / entry.srdf
+            found[name] = load_urdf(
+                beside, srdf=srdf, packages=own.packages, folder=own.folder
+            )
+    return found
+
+
 def add_robot(
     scene: Scene,
     name: str,
     entry: RobotEntry,
-    place: Place,
+    urdf: str | RobotModel,
+    folder: Path,
     progress: Progress | None,
 ) -> None:
     """Add a robot of the file."""
-    folder = place.folder
-    beside = folder / entry.urdf
-    srdf = None if entry.srdf is None else folder / entry.srdf
-    named = not ({"/", "."} & set(entry.urdf) or is_file(beside))
     scene.add_robot(
-        entry.urdf
-        if named
-        else load_urdf(beside, srdf=srdf, packages=place.packages, folder=folder),
+        urdf,
         name=name,
         base=entry.base.pose(),
-        srdf=srdf,
+        srdf=None if entry.srdf is None else folder / entry.srdf,
         stopping=None
         if entry.stopping is None
         else stopping_arguments(entry.stopping, folder),

@@ -44,10 +44,12 @@ class Place:
     Attributes:
         folder: The scene file's folder; relative paths count from there.
         packages: Folders the scene file declares, by name.
+        reads: Whether meshes are read; if not, a point takes the place of each.
     """
 
     folder: Path
     packages: Mapping[str, Path]
+    reads: bool = True
 
 
 class PoseModel(Strict):
@@ -69,6 +71,9 @@ class PoseModel(Strict):
 
 
 ORIGIN = PoseModel()
+
+# Takes the place of a mesh that is not read.
+UNREAD = Sphere(radius=1e-6)
 
 
 class Rounded(Strict):
@@ -206,6 +211,8 @@ class MeshModel(Rounded):
         """Parts of the mesh."""
         settings = self.model_dump()
         file = find_in(settings.pop("file"), place.folder, place.packages)
+        if not place.reads:
+            return [PlacedShape(UNREAD, pose)]
         return mesh_parts(file, pose=pose, progress=progress, **settings)
 
 

@@ -1,13 +1,12 @@
 """What may be gripped, by what, and how: settings of objects and of grippers."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
-from armguard.robot.model import FittedLink, RobotModel
+from armguard.robot.model import RobotModel
 from armguard.robot.tree import joints_above, rigid_groups
 from armguard.scene.schema import CLOSED, NotNegative, Positive
 
@@ -83,9 +82,7 @@ class Gripper:
     swap: NotNegative = 0.05
 
 
-def check_links(
-    name: str, model: RobotModel, fits: Mapping[str, FittedLink], gripper: Gripper
-) -> None:
+def check_links(name: str, model: RobotModel, gripper: Gripper) -> None:
     """Check that the links of a gripper are those of one.
 
     Raises:
@@ -107,7 +104,7 @@ def check_links(
             "one that joints move"
         )
     for finger in gripper.fingers:
-        if finger not in fits:
+        if not model.links[finger].collisions:
             raise SceneError(
                 f"robot '{name}': finger '{finger}' has no collision geometry, so "
                 "its contacts cannot be detected"

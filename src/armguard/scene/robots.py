@@ -1,7 +1,7 @@
 """Robots of a scene: a model with its fits, its place and its settings."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ from armguard.robot.stopping import (
     known_figures,
     named_figures,
 )
+from armguard.robot.stopping.declared import DEFAULTS
+from armguard.robot.stopping.figures import FIGURES
 from armguard.robot.urdf import load_urdf
 from armguard.scene.gripping import check_links
 from armguard.scene.meshes import Progress
@@ -29,6 +31,9 @@ from armguard.scene.settings import (
     ResponseSettings,
     RobotSettings,
 )
+
+# Largest deceleration that is proposed unmeasured [rad/s² or m/s²].
+MOST_GUESSED = 5.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -93,13 +98,12 @@ def scene_robot(
     base: Pose | None,
     stopping: StoppingFigures | Mapping[str, Any] | None,
     home: Mapping[str, float] | None,
-    progress: Progress | None,
 ) -> SceneRobot:
-    """A robot as `load_robot` has it, fitted; see `Scene.add_robot`.
+    """A robot as `load_robot` has it, not fitted yet; see `Scene.add_robot`.
 
     Raises:
         SceneError: Its gripper is none.
-        ModelError: A link cannot be fitted, or it cannot be at home there.
+        ModelError: It cannot be at home there.
         FiguresError: A figure cannot be true.
     """
     model, own_home, own = loaded
@@ -107,24 +111,32 @@ def scene_robot(
         stopping = own
     elif not isinstance(stopping, StoppingFigures):
         stopping = declared_figures(model, stopping, own)
-    at_home = home_configuration(model, {**own_home, **(home or {})})
-    fits = fit_robot(
-        model,
-        target=settings.fit_target,
-        max_primitives=settings.max_primitives,
-        progress=progress and fitting(progress),
-    )
     if settings.gripper is not None:
-        check_links(name, model, fits, settings.gripper)
+        check_links(name, model, settings.gripper)
     return SceneRobot(
         name=name,
         model=model,
-        fits=fits,
+        fits={},
         base=Pose() if base is None else base,
-        home=at_home,
+        home=home_configuration(model, {**own_home, **(home or {})}),
         stopping=stopping,
         **part_of(settings, RobotSettings),
     )
+
+
+def fitted(robot: SceneRobot, progress: Progress | None) -> SceneRobot:
+    """The robot with primitives around its links.
+
+    Raises:
+        ModelError: A link cannot be fitted.
+    """
+    fits = fit_robot(
+        robot.model,
+        target=robot.fit_target,
+        max_primitives=robot.max_primitives,
+        progress=progress and fitting(progress),
+    )
+    return replace(robot, fits=fits)
 
 
 def fitting(progress: Progress) -> Progress:
@@ -132,19 +144,66 @@ def fitting(progress: Progress) -> Progress:
     return lambda link, number, count: progress(f"fitting {link}", number, count)
 
 
-def check_figures(robot: SceneRobot) -> None:
-    """A robot has the figures its mode needs.
+def check_figures(robots: Iterable[SceneRobot]) -> None:
+    """Robots have the figures their modes need.
 
     Raises:
-        SceneError: It does not.
+        SceneError: Some do not; robots of one file share one sentence.
     """
-    if robot.mode != "fixed" and robot.stopping is None:
-        raise SceneError(
-            f"robot '{robot.name}' is in mode '{robot.mode}' and has no stopping "
-            "figures; give it `stopping: {deceleration: ...}` (least deceleration of a "
-            "controlled stop [rad/s² or m/s²], see docs/stopping.md), or set "
-            "`mode: fixed`"
-        )
+    lacking: dict[object, list[SceneRobot]] = {}
+    for robot in robots:
+        if lacks_figures(robot):
+            lacking.setdefault((robot.model.path, robot.mode), []).append(robot)
+    if lacking:
+        raise SceneError("\n".join(map(without_figures, lacking.values())))
+
+
+def lacks_figures(robot: SceneRobot) -> bool:
+    """Whether a robot has no stopping figures and its mode needs them."""
+    return robot.mode != "fixed" and robot.stopping is None
+
+
+def without_figures(robots: Sequence[SceneRobot]) -> str:
+    """That robots of one file have no stopping figures, and the line to paste."""
+    first, names = robots[0], ", ".join(f"'{robot.name}'" for robot in robots)
+    one = len(robots) == 1
+    return (
+        f"robot{'' if one else 's'} {names} {'is' if one else 'are'} in mode "
+        f"'{first.mode}' and {'has' if one else 'have'} no stopping figures; give "
+        f"{'it' if one else 'each'} the least deceleration of a controlled stop "
+        "[rad/s² or m/s²], see docs/stopping.md, or set `mode: fixed`:\n"
+        f"  stopping: {{deceleration: {first_guess(first.model):g}}}  "
+        "# assumed: measure it"
+    )
+
+
+def first_guess(model: RobotModel) -> float:
+    """A deceleration to begin with: top speed is stopped in a second, 5 at most.
+
+    Returns:
+        The deceleration, a number for all joints [rad/s² or m/s²].
+    """
+    speeds = [model.joints[name].velocity for name in model.q_names]
+    known = [speed for speed in speeds if speed]
+    return float(f"{min([*known, MOST_GUESSED]):.2g}")
+
+
+def fast_joints(robot: SceneRobot) -> list[str]:
+    """A note about top speeds of the URDF that no arm has; empty if there are none."""
+    model, figures = robot.model, robot.stopping
+    if figures is None or figures.sources.get("velocity") != DEFAULTS["velocity"]:
+        return []
+    ceiling = FIGURES["velocity"].ceiling
+    fast = [model.joints[n] for n in model.q_names]
+    fast = [joint for joint in fast if (joint.velocity or 0.0) > ceiling]
+    if not fast or model.path is None:
+        return []
+    first, more = fast[0], f" and {len(fast) - 1} more" if len(fast) > 1 else ""
+    return [
+        f"'{model.path.name}' line {first.line}: joint '{first.name}'{more} has the "
+        f"speed limit {first.velocity:g}, more than arms reach; if the drives are "
+        "slower, set `stopping: {velocity: 5}` [rad/s or m/s]"
+    ]
 
 
 def response_settings(

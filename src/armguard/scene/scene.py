@@ -31,6 +31,8 @@ from armguard.scene.objects import (
 from armguard.scene.robots import (
     SceneRobot,
     check_figures,
+    fast_joints,
+    fitted,
     load_robot,
     response_settings,
     scene_robot,
@@ -181,11 +183,16 @@ class Scene(Contents):
             base=base,
             stopping=stopping,
             home=home,
-            progress=progress,
         )
+        robot = self._fitted(robot, progress)
         self._robots[name] = robot
-        self.notes += [f"{who}: {note}" for note in robot.model.notes]
+        self.notes += [
+            f"{who}: {note}" for note in (*robot.model.notes, *fast_joints(robot))
+        ]
         return robot
+
+    def _fitted(self, robot: SceneRobot, progress: Progress | None) -> SceneRobot:
+        return fitted(robot, progress)
 
     def add(
         self,
@@ -357,8 +364,7 @@ class Scene(Contents):
             raise SceneError("the scene has no robot; add one with `add_robot`")
         if not self.q_names:
             raise SceneError("no robot of the scene has a joint that moves")
-        for robot in self._robots.values():
-            check_figures(robot)
+        check_figures(self._robots.values())
         for item in self._objects.values():
             for support in item.rests_on or ():
                 self._check_body(support)

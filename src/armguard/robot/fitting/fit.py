@@ -1,6 +1,7 @@
 """Links to primitives: exact where they can be, fitted where not, kept on disk."""
 
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import PlacedShape
 from armguard.robot.fitting.exact import exact_shapes, hulls_are_contained
+from armguard.robot.fitting.parallel import fit_links
 from armguard.robot.fitting.store import fit_key, is_exact, read_fit, write_fit
 from armguard.robot.meshes import check_faces, load_triangles
 from armguard.robot.model import (
@@ -29,28 +31,34 @@ def fit_robot(
     max_primitives: int = 8,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> dict[str, FittedLink]:
-    """Primitives of every link that has collision geometry.
+    """Primitives of every link that has collision geometry, fitted on all cores.
 
     Args:
         model: The robot.
         target: Overreach to stay below where the primitives allow it [m].
         max_primitives: Primitives a mesh or cylinder may be given.
-        progress: Called before each fit that is not kept on disk, with the link's
-            name, its number and the count of links.
+        progress: Called as each fit begins that is not kept on disk, with the link's
+            name, its number and the count of these fits.
     """
     links = [link for link in model.links.values() if link.collisions]
-    fits = {}
-    for k, link in enumerate(links):
-        key = "" if is_exact(link) else fit_key(link, (target, max_primitives))
-        found = read_fit(key, link.name) if key else None
-        if found is None:
-            if key and progress is not None:
-                progress(link.name, k + 1, len(links))
-            found = fit_link(link, target=target, max_primitives=max_primitives)
-            if key:
-                write_fit(key, found)
-        fits[link.name] = found
-    return fits
+    settings = {"target": target, "max_primitives": max_primitives}
+    keys = {k.name: fit_key(k, settings.values()) for k in links if not is_exact(k)}
+    kept = {name: read_fit(key, name) for name, key in keys.items()}
+    open_ = [link for link in links if kept.get(link.name, link) is None]
+    begun = count(1)
+
+    def started(name: str) -> None:
+        if progress is not None:
+            progress(name, next(begun), len(open_))
+
+    def finished(fit: FittedLink) -> None:
+        write_fit(keys[fit.link], fit)
+
+    fitted = fit_links(fit_link, open_, settings, started, finished)
+    return {
+        link.name: fitted.get(link.name) or kept.get(link.name) or fit_link(link)
+        for link in links
+    }
 
 
 def fit_link(

@@ -61,13 +61,16 @@ class Figure:
     positive: bool = False
     bounded: bool = True
 
-    def of(self, name: str, model: RobotModel, value: Any) -> Any:
+    def of(
+        self, name: str, model: RobotModel, value: Any, *, trusted: bool = False
+    ) -> Any:
         """The figure of a robot, of shape (n,) if it is one by joint.
 
         Args:
             name: Its name, an attribute of `StoppingFigures`.
             model: The robot.
             value: A number, or one by joint name.
+            trusted: Whether it may be above the ceiling.
 
         Raises:
             FiguresError: It is missing for a joint, or cannot be true.
@@ -83,7 +86,7 @@ class Figure:
                 bound = f"finite and {'> 0' if self.positive else '>= 0'}"
                 sentence = f"{figure} is {number:g}; it must be {bound}"
                 raise FiguresError(sentence, name, joint)
-            if number > self.ceiling:
+            if number > self.ceiling and not trusted:
                 slides = joint and model.joints[joint].kind is JointKind.PRISMATIC
                 looks, give = MISTAKEN[self.unit or ("m" if slides else "rad")]
                 sentence = f"{figure} is {number:g}, which looks like {looks}; give "
@@ -301,9 +304,11 @@ def stopping_figures(
         value = given.get(name)
         if value is None:
             value = figure.default
+        # A speed of the URDF may be above the ceiling: too high is on the safe side.
+        derived = value is None
         if value is None:
             value = from_others(name, model, made)
-        made[name] = figure.of(name, model, value)
+        made[name] = figure.of(name, model, value, trusted=derived)
     least, most = made["deceleration"], made["deceleration_most"]
     for name, low, high in zip(model.q_names, least, most, strict=True):
         if not high >= low:
