@@ -25,13 +25,15 @@ LISTED = 6
 # Pairs that the plot offers at most.
 CHOICES = 24
 
+# Joints are plotted within one turn [rad or m], headroom up to this [mm].
+TURN, TALLEST = np.pi * 2.0, 800.0
+
 # The signal that is plotted at first, and the title of the plot.
 NEAREST = "nearest pair"
 TITLE = "{} [{}], last 20 s"
 
-# Levels with a shade behind the plot; a higher one has that of the next below.
+# Levels with a shade behind the plot; one between has that of the next below.
 SHADED = {
-    Level.CLEAR: "clear",
     Level.CAUTION: "caution",
     Level.SLOW: "slow",
     Level.STOP: "stop",
@@ -42,8 +44,8 @@ class SignalPlot(Drawable):
     """A signal of the last seconds, with the levels behind it.
 
     The signal is the headroom of a pair or the position of a joint, as chosen in the
-    list. Nothing is drawn where a pair is not reported. The chosen pair is marked in
-    the picture.
+    list. Where a pair is not reported its line leaves the plot at the top. The chosen
+    pair is marked in the picture.
     """
 
     def __init__(self, world: World) -> None:
@@ -56,13 +58,13 @@ class SignalPlot(Drawable):
         self._choice = self.gui.add_dropdown("Plot", self._options())
         on_value(self._choice, self._choose)
         still = np.array([-SPAN, 0.0])
-        none = np.full(2, np.nan)
+        self._shown = self._range(0.0)
         shades = [
             uplot.Series(label=word, fill=hexadecimal(LEVEL_COLOURS[level]) + "60")
             for level, word in SHADED.items()
         ]
         self._plot = self.gui.add_uplot(
-            (still, *[none] * len(SHADED), none, np.zeros(2)),
+            (still, *[np.zeros(2)] * len(SHADED), still, np.zeros(2)),
             (
                 uplot.Series(label="s"),
                 *shades,
@@ -72,7 +74,7 @@ class SignalPlot(Drawable):
                 ),
             ),
             title=TITLE.format(NEAREST, "mm"),
-            scales={"x": uplot.Scale(time=False, range=(-SPAN, 0.0))},
+            scales=scales(*self._shown),
             legend=uplot.Legend(show=False),
             height=170,
         )
@@ -128,12 +130,28 @@ class SignalPlot(Drawable):
         """Send the points to the page, with a shade where each level was."""
         times, levels, values = np.array(self._points).T
         shown = values[np.isfinite(values)]
-        low, high = (shown.min(), shown.max()) if len(shown) else (0.0, 1.0)
-        low, high = min(low, 0.0), max(high, 1.0)
+        low, high = self._range(float(shown.max()) if len(shown) else 0.0)
+        if (low, high) != self._shown:
+            self._shown = low, high
+            self._plot.scales = scales(low, high)
         ordered = sorted(SHADED)
         found = np.searchsorted(ordered, levels, side="right") - 1
-        shades = [np.where(found == k, high, np.nan) for k in range(len(ordered))]
-        self._plot.data = times - now, *shades, values, np.full(len(times), 0.0)
+        shades = [np.where(found == k, high, 0.0) for k in range(len(ordered))]
+        # Far above the plot: uPlot joins what is beside a NaN.
+        line = np.where(np.isfinite(values), values, 100.0 * high)
+        self._plot.data = times - now, *shades, line, np.full(len(times), 0.0)
+
+    def _range(self, most: float) -> tuple[float, float]:
+        """Ends of the axis: a joint's limits, or steps that hold the headroom."""
+        name, tables = self._choice.value, self.tables
+        if name in tables.q_names:
+            k = tables.q_names.index(name)
+            low, high = tables.lower[k], tables.upper[k]
+            return max(min(low, 0.0), -TURN) - 0.1, min(max(high, 0.0), TURN) + 0.1
+        high = tables.margin * 1e3
+        while high < min(most, TALLEST):
+            high *= 2.0
+        return -0.3 * high, 1.05 * high
 
 
 class NearList(Drawable):
@@ -159,6 +177,14 @@ class NearList(Drawable):
             text += f"\n\n… and {len(cycle.pairs) - LISTED} more"
         if text != self._text.content:
             self._text.content = text
+
+
+def scales(low: float, high: float) -> dict[str, uplot.Scale]:
+    """Scales of the plot: the last seconds, and a range of the signal."""
+    return {
+        "x": uplot.Scale(time=False, range=(-SPAN, 0.0)),
+        "y": uplot.Scale(range=(low, high)),
+    }
 
 
 def pair_name(pair: NearPair) -> str:

@@ -64,6 +64,7 @@ class View:
         remark: Why the service stops all robots beside its verdicts; empty if it does
             not.
         changed: Whether objects were changed within the last second.
+        place: Position on the time line of a recording [s], and whether it plays.
         cue_delays: From a cycle's writing until its changed level left for the pages,
             of the last thousand changes [s].
 
@@ -93,6 +94,7 @@ class View:
         self.cue_delays: deque[float] = deque(maxlen=1000)
         self._published = -np.inf
         self.remark, self.changed = "", False
+        self.place: dict[str, Any] = {}
         self.show_scene(scene)
 
     def show_scene(self, scene: Scene) -> None:
@@ -164,7 +166,7 @@ class View:
             remark=self.remark if live else "",
             changed=self.changed and live,
         )
-        self.page.publish("state", message, repeat=True)
+        self.page.publish("state", {**message, **self.place}, repeat=True)
         if changed and before:
             self.cue_delays.append(time.monotonic() - frame.monotonic)
 

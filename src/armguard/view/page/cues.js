@@ -23,15 +23,13 @@ let late = null; // the newest of those it was not sent meanwhile
 const isGrey = () =>
   state === null || state.grey !== "" || performance.now() - heard > SILENCE;
 
-const number = (value, digits, unit) =>
-  value === null ? "–" : `${value.toFixed(digits)} ${unit}`;
-
 const line = () => {
   const { slack_ms, slack_mm, cycle, recorded } = state;
   const age = state.age + (performance.now() - heard) / 1000;
   const when = recorded || (age < 0.2 ? "live" : `written ${age.toFixed(1)} s ago`);
-  const left = slack_mm === null ? "" : ` · headroom ${number(slack_mm, 1, "mm")}`;
-  return `stop needed in ${number(slack_ms, 0, "ms")} or later${left} · cycle ${cycle} · ${when}`;
+  const left = slack_mm === null ? "" : ` · headroom ${slack_mm.toFixed(1)} mm`;
+  const time = slack_ms === null ? "–" : `≥ ${slack_ms.toFixed(0)} ms`;
+  return `${time} to a stop${left} · cycle ${cycle} · ${when}`;
 };
 
 const draw = () => {

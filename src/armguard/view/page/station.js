@@ -108,7 +108,7 @@
     if (state !== null) {
       const written = state.recorded ? state.recorded : `written ${(1000 * age).toFixed(0)} ms ago`;
       slack.textContent =
-        `stop needed in ${number(state.slack_ms, 0, "ms")} or later · headroom ${number(state.slack_mm, 1, "mm")}` +
+        `≥ ${number(state.slack_ms, 0, "ms")} to a stop · headroom ${number(state.slack_mm, 1, "mm")}` +
         ` · cycle ${state.cycle} · ${written}`;
     }
   };
