@@ -86,7 +86,7 @@ def contradictions(cycle, message, remark, changed):
         rests = verdict.levels[name] >= Level.STOP or remark
         if rests and card["word"].startswith("follows"):
             yield "a card follows while its robot is stopped"
-        if card["shown"] >= Level.STOP and card["blocked"].startswith("nothing"):
+        if card["shown"] >= Level.STOP and card["blocked"].startswith("nothing within"):
             yield "a card says that nothing is near beside a stop"
 
 

@@ -106,7 +106,8 @@ def robot_card(cycle: Cycle, name: str, remark: str) -> dict[str, Any]:
     elif remark or blocked is not Blocked.NOT:
         why = remark or blocked.sentence
     else:
-        why = AHEAD.get(level, LEVEL_WORDS[level].lower())
+        stops = verdict.reason.level >= Level.STOP
+        why = AHEAD.get(level, verdict.reason.sentence if stops else "stopped")
     shown = level if held is None else max(level, Level.STOP)
     return {
         "name": name,

@@ -46,7 +46,7 @@ DIRECTION = 1.35, 0.85, 0.8
 LINK = 0.15
 
 # Half of the angle that the first camera fits the scene into [rad].
-HALF_VIEW = 0.45
+HALF_VIEW = 0.58
 
 BACKGROUND = (238, 241, 244)
 

@@ -22,11 +22,11 @@ const makeTimeLine = (say) => {
     made.onclick = () => { say(message()); made.blur(); };
     return made;
   };
-  button("before", "⏮", "the stop before", () => ({ type: "seek", stop: -1 }));
+  button("before", "|◀", "the stop before", () => ({ type: "seek", stop: -1 }));
   button("back", "−1", "one cycle back", () => ({ type: "seek", cycles: -1 }));
   const play = button("play", "Play", "play or pause", () => ({ type: "play" }));
   button("forth", "+1", "one cycle on", () => ({ type: "seek", cycles: 1 }));
-  button("next", "⏭", "the next stop", () => ({ type: "seek", stop: 1 }));
+  button("next", "▶|", "the next stop", () => ({ type: "seek", stop: 1 }));
   const speed = make("select", "speed", buttons);
   speed.title = "speed";
   speed.onchange = () => { say({ type: "speed", value: Number(speed.value) }); speed.blur(); };
