@@ -13,6 +13,7 @@ from armguard.recording.recorded import RecordedGuard
 from armguard.recording.ring import RingReader, RingWriter
 from armguard.respond import Action
 from armguard.respond.command import Blocked
+from armguard.view.lateness import BUSY_SPAN, BUSY_STOPS, Lateness
 from armguard.view.state_message import state_message
 from armguard.view.world import World
 
@@ -115,3 +116,21 @@ def test_the_cases_that_newcomers_stumbled_over(filtered):
     assert [card["word"] for card in stopped["robots"]] == ["stop", "stop"]
     actions = cycle.command.actions.values()
     assert set(actions) <= {Action.FOLLOW, Action.HOLD, Action.STOP}
+
+
+def test_a_machine_is_busy_after_three_stops_by_lateness_and_not_for_ever(filtered):
+    _, frame = filtered
+    now = [0.0]
+    lateness = Lateness(clock=lambda: now[0])
+    late = frame.verdict.copy()
+    late[layout.REASON] = Reason.CYCLE_LATE
+    for _ in range(BUSY_STOPS):
+        assert not lateness.busy
+        now[0] += 1.0
+        # However many cycles a stop lasts, it counts once.
+        for _ in range(5):
+            lateness.add(replace(frame, verdict=late))
+        lateness.add(frame)
+    assert lateness.busy
+    now[0] += BUSY_SPAN
+    assert not lateness.busy
