@@ -16,9 +16,6 @@ from armguard.scene.scene import Scene
 from armguard.view.view import View
 from armguard.view.world import ObjectPoses, levels_of
 
-# A page draws at least this often [s].
-PULSE = 0.5
-
 # Parts of the time line that can be distinguished.
 PIECES = 2000
 
@@ -170,9 +167,6 @@ class RecordedView(View):
         super().__init__(scene, page_port, self._received)
         self.source = Playback(frames, len(self.world.names.robots))
         self._events = -1
-        # A page that got another size draws again when something moves.
-        self._pulse, self._pulsed = self.server.scene.add_frame("/pulse"), 0.0
-        self._pulse.visible = False
         if self.source.stops:
             self.source.go(self.source.stops[0])
         self.page.publish("timeline", self._time_line())
@@ -189,9 +183,6 @@ class RecordedView(View):
                     self.world.objects.apply(event.text)
         frame = playback.newest
         self.draw(frame)
-        if time.monotonic() - self._pulsed >= PULSE:
-            self._pulsed = time.monotonic()
-            self._pulse.position = (0.0, 0.0, self._pulsed % 1.0)
         if frame is not None:
             when = datetime.datetime.fromtimestamp(frame.wall, datetime.UTC)
             self.place = {"position": playback.position, "playing": playback.playing}
