@@ -107,6 +107,26 @@ def test_the_arm_is_driven_by_the_controls_of_its_tab(act):
     act(drive)
 
 
+def test_drive_yourself_takes_the_command_and_shows_the_inputs(act):
+    async def drive(view, page):
+        await page.channel.send(json.dumps({"type": "drive"}))
+        assert await page.until(lambda: view.commander.commands)
+        assert await page.until(lambda: "left" in view.drive.handles.nodes)
+        assert await page.until(lambda: '"on": true' in view.page.newest["driving"])
+        assert await page.until(lambda: '"commands": true' in view.page.newest["may"])
+        assert await page.enter(
+            "Give it back", True, lambda: not view.commander.commands
+        )
+        # What is refused without the command comes with the button that takes it.
+        view.commander.call("engage")
+        refused = json.loads(view.page.newest["refused"])
+        assert refused["remedy"] == "Take the command" and refused["said"]
+        await page.set("Handles at tools", False)
+        await page.set("Keys and gamepad", False)
+
+    act(drive)
+
+
 def test_drawables_are_switched_by_their_checkboxes(act):
     async def switch(view, page):
         for one in view.drawables:

@@ -1,16 +1,18 @@
 """A recording on a time line: where it is, what it shows, where it goes."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from armguard import Guard, bay_scene
+from armguard.guard.levels import Level
 from armguard.recording.calls import Engage
 from armguard.recording.frames import Kind, frame_of
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.ring import RingReader, RingWriter
-from armguard.view.recorded_view import Playback
+from armguard.view.recorded_view import PIECES, Playback, RecordedView, thinned
 
 PERIOD = 0.01
 CYCLES = 20
@@ -96,3 +98,51 @@ def test_an_empty_recording_shows_nothing():
     playback.to_stop(forward=True)
     playback.play(True)
     assert not playback.playing
+
+
+def test_a_recording_opens_at_its_first_stop_and_its_time_line_steers(frames):
+    view = RecordedView(bay_scene("path"), frames, 0)
+    try:
+        playback = view.source
+        assert playback.position == pytest.approx(playback.stops[0])
+        line = json.loads(view.page.newest["timeline"])
+        assert line["stops"] == pytest.approx(playback.stops)
+        assert line["length"] == pytest.approx(playback.length)
+        assert [at for at, _ in line["levels"]] == [at for at, _ in playback.levels]
+        assert any(level >= Level.STOP for _, level in playback.levels)
+        first = playback.newest.cycle
+        for message, cycle in (
+            ({"type": "seek", "cycles": -1}, first - 1),
+            ({"type": "seek", "stop": 1}, first),
+            ({"type": "seek", "at": 0.0}, 0),
+        ):
+            view._received("one", message)
+            view.step()
+            assert playback.newest.cycle == cycle
+        view._received("one", {"type": "speed", "value": 4.0})
+        view._received("one", {"type": "speed", "value": 1e9})
+        assert playback.speed == 4.0
+        view._published = -np.inf
+        view.step()
+        state = json.loads(view.page.newest["state"])
+        assert (state["position"], state["playing"]) == (0.0, False)
+        view._received("one", {"type": "play"})
+        assert playback.playing
+    finally:
+        view.close()
+
+
+def test_a_long_time_line_keeps_every_stop_and_no_stop_lasts_longer():
+    # A stop of a millisecond every second, over three hours.
+    levels = [
+        (float(s) + part, level)
+        for s in range(3 * 3600)
+        for part, level in ((0.0, Level.CLEAR), (0.5, Level.STOP), (0.501, Level.CLEAR))
+    ][: 3 * 3000]
+    length = 10800.0
+    short = thinned(levels, length)
+    assert len(short) <= PIECES
+    assert {level for at, level in short if at < 2990.0} == {Level.STOP}
+    # After the last of them it is clear to the end.
+    assert short[-1][1] == Level.CLEAR
+    assert short[-1][0] < 3000.0 + 2 * length / PIECES

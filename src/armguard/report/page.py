@@ -30,7 +30,7 @@ from armguard.report.incidents import Sense
 
 # Sections of the page, and their links at its top.
 PLACES = (
-    ("what", "What this is"),
+    ("what", "About"),
     ("levels", "Levels"),
     ("timeline", "Time line"),
     ("near", "Near misses"),
@@ -162,7 +162,10 @@ def summary(findings: Findings) -> str:
     misses = count(len(findings.near_misses), "near miss", "near misses")
     text += f", {misses}. {nearest_sentence(findings)}"
     if faults := findings.faults:
-        text += f" In {count(faults, 'cycle')} the input could not be believed."
+        text += (
+            f" In {count(faults, 'cycle')} the input was not credible "
+            "(NaN, stale or missing)."
+        )
     if findings.problems or series.missing:
         text += " The recording is not whole; see below."
     if gaps := len(series.gaps):

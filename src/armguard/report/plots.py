@@ -174,7 +174,7 @@ def time_line(findings: Findings) -> go.Figure:
     clearance[clearance > FARTHEST] = slack[line.slack >= LOOKED] = np.nan
     times = [clock(t) for t in line.t.tolist()]
     for row, values, colour, text in (
-        (2, clearance, BLUE, "%{y:.1f} mm left"),
+        (2, clearance, BLUE, "%{y:.1f} mm headroom"),
         (3, slack, GREEN, "%{y:.0f} ms until a stop"),
         (4, line.cycle_time * 1e6, FAINT, "longest cycle %{y:.0f} µs"),
     ):
@@ -201,7 +201,7 @@ def time_line(findings: Findings) -> go.Figure:
         annotation_font={"color": VERMILLION},
     )
     figure.update_yaxes(title_text="level", autorange="reversed", row=1)
-    figure.update_yaxes(title_text="clearance [mm]", row=2)
+    figure.update_yaxes(title_text="headroom [mm]", row=2)
     figure.update_yaxes(title_text="slack [ms]", row=3)
     figure.update_yaxes(title_text="cycle [µs]", type="log", dtick=1, row=4)
     figure.update_xaxes(range=[0.0, findings.series.duration / size])
@@ -293,7 +293,7 @@ def slack_histogram(series: Series) -> go.Figure:
     figure = make_subplots(cols=2, horizontal_spacing=0.1)
     for col, values, most, least, title, colour in (
         (1, series.slack, LOOKED * 1e3, 0.0, "time until a stop [ms]", GREEN),
-        (2, series.clearance, FARTHEST, -20.0, "clearance [mm]", BLUE),
+        (2, series.clearance, FARTHEST, -20.0, "headroom [mm]", BLUE),
     ):
         known = values * 1e3 < most
         number, weights = np.maximum(values[known] * 1e3, least), series.held[known]

@@ -240,7 +240,7 @@ class Shells(Drawable):
     """The distance that each of the nearest pairs needs, around moving primitives.
 
     Where both sides move each has half of it, so that shells meet just when the pair
-    has no clearance left.
+    has no headroom left.
     """
 
     label = "Room each pair needs"

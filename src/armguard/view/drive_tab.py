@@ -128,10 +128,16 @@ class DriveTab(Drawable):
         self._give = gui.add_button("Give it back", disabled=True)
         on_click(self._give, lambda: self._at_rest(commander.give_back))
 
+    def begin(self) -> None:
+        """Take the command, also from another client, and drive by handles and keys."""
+        if self._commander.commands or self._commander.claim(force=True):
+            self._commander.call("engage")
+            self._handles.value = self._keys.value = True
+
     def _claim(self, event: viser.GuiEvent) -> None:
         """Take the command; ask whether to take it from its holder."""
         commander = self._commander
-        question = "Take it? The motion that client requests is ignored from then on."
+        question = "Take over? Its commands will be ignored."
         if commander.claim():
             return
         if commander.role < Role.ADMINISTER:
@@ -171,8 +177,10 @@ class DriveTab(Drawable):
                 driver.chosen = names.index(self._robot.value)
 
         self._tele = on_value(gui.add_checkbox("Tele-driver", False), drive_by_program)
-        on_value(gui.add_checkbox("Handles at tools", False), self.handles.show)
-        on_value(gui.add_checkbox("Keys and gamepad", False), drive_by_keys)
+        handles = gui.add_checkbox("Handles at tools", False)
+        keys = gui.add_checkbox("Keys and gamepad", False)
+        self._handles = on_value(handles, self.handles.show)
+        self._keys = on_value(keys, drive_by_keys)
         share = round(100 * driver.share)
         on_value(gui.add_slider("Speed [%]", 5, 100, 5, share), limit)
         self._robot = on_page(gui.add_dropdown("Keys lead", names), choose)

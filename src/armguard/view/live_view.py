@@ -27,6 +27,7 @@ from armguard.view.commander import Commander
 from armguard.view.drive_tab import MODES, DriveTab
 from armguard.view.driver import Driver
 from armguard.view.edit_tab import Editor, EditTab
+from armguard.view.lateness import BUSY, Lateness
 from armguard.view.view import View
 
 # Time between two looks into the ring; a level is shown within it [s].
@@ -42,6 +43,9 @@ AGAIN, ATTEMPT = 1.0, 0.2
 # A recorder that reports nothing for so long records no more, and how often that is
 # looked at [s].
 NOT_RECORDING, LOOKS = 3.0, 0.5
+
+# A refusal is shown for so long [s].
+SHOWN = 10.0
 
 # The client needs answers only while it commands: one in so many cycles will do.
 EVERY = 5
@@ -148,6 +152,8 @@ class LiveView(View):
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._tried = time.monotonic()
         self._recording, self._looked = "", -float("inf")
+        self._refused = -float("inf")
+        self._lateness = Lateness()
         self._welcome = client.connect()
         self.commander = Commander(client, role, self._complain)
         super().__init__(guarded_scene(self._welcome), page_port, self._received)
@@ -163,8 +169,12 @@ class LiveView(View):
             self._jobs.get()()
         commander = self.commander
         may = {"role": commander.role.word, "engage": commander.role >= Role.COMMAND}
-        self.page.publish("may", {**may, "taken": commander.taken})
+        may |= {"taken": commander.taken, "commands": commander.commands}
+        self.page.publish("may", may)
         self._publish_recorder()
+        self.page.publish("busy", {"said": BUSY if self._lateness.busy else ""})
+        if time.monotonic() - self._refused > SHOWN:
+            self.page.publish("refused", {"said": "", "remedy": ""})
         self.remark, self.changed = commander.remark, commander.changed
         self.draw(self.source.newest)
         age = self.source.age
@@ -219,7 +229,7 @@ class LiveView(View):
             self.drawables.append(self.edit)
         self.page.publish("driving", {"on": False})
         self._hash = welcome.scene_hash
-        self.source = LiveFrames(Path(welcome.ring), self.publish, self._other)
+        self.source = LiveFrames(Path(welcome.ring), self._judged, self._other)
         # What was placed before the oldest record that the ring still has.
         world.objects.begin_with(commander.objects())
         self.source.start()
@@ -230,6 +240,11 @@ class LiveView(View):
         self.driver.close()
         self.editor.close()
         self.source.close()
+
+    def _judged(self, frame: Frame) -> None:
+        """Take a cycle, from the ring's thread."""
+        self._lateness.add(frame)
+        self.publish(frame)
 
     def _other(self, frame: Frame) -> None:
         """Take a frame that is no cycle, from the ring's thread."""
@@ -277,13 +292,16 @@ class LiveView(View):
             if self.commander.role >= Role.COMMAND:
                 # This thread has to receive the next stop meanwhile.
                 self._jobs.put(self.commander.engage)
+        elif kind == "drive":
+            if self.drive is not None:
+                self._jobs.put(self.drive.begin)
         elif kind == "pulse":
             self.driver.heartbeats.beat(page, message.get("held") is True)
         elif kind in ("keys", "pad"):
             self.driver.jog.receive(message)
 
     def _publish_recorder(self) -> None:
-        """Tell pages since when nothing is recorded although a recorder has begun."""
+        """Send pages since when a recorder that has begun records nothing."""
         now = time.monotonic()
         if now - self._looked < LOOKS:
             return
@@ -298,9 +316,11 @@ class LiveView(View):
         self.page.publish("recorder", {"said": self._recording})
 
     def _complain(self, sentence: str) -> None:
-        """Show all pages why something was not done."""
-        for client in self.server.get_clients().values():
-            client.add_notification("Refused", sentence, color="orange")
+        """Show all pages why something was not done, and the button that helps."""
+        commander, self._refused = self.commander, time.monotonic()
+        may = commander.role >= Role.COMMAND and not commander.commands
+        remedy = "Take the command" if may else ""
+        self.page.publish("refused", {"said": sentence, "remedy": remedy})
 
 
 def guarded_scene(welcome: Welcome) -> Scene:

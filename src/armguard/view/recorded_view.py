@@ -2,18 +2,22 @@
 
 import bisect
 import datetime
+import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-import viser
+import numpy as np
 
 from armguard.guard.levels import Level
 from armguard.recording.frames import Frame, Kind
+from armguard.recording.palette import LEVEL_COLOURS, hexadecimal
 from armguard.scene.scene import Scene
-from armguard.view.controls import on_click, on_page, on_value
 from armguard.view.view import View
 from armguard.view.world import ObjectPoses, levels_of
+
+# Parts of the time line that can be distinguished.
+PIECES = 2000
 
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1": 1.0, "4": 4.0, "16": 16.0}
 
@@ -26,6 +30,7 @@ class Playback:
 
     Attributes:
         stops: When a robot was stopped [s].
+        levels: When the highest level changed [s], and to which.
         speed: Seconds of the recording in a second [-].
 
     Args:
@@ -44,6 +49,7 @@ class Playback:
         self._cycles: list[Frame] = []
         self._events: list[Frame] = []
         stops: list[float] = []
+        levels: list[tuple[float, Level]] = []
         stopped = False
         every = seen = 0
         for frame in frames:
@@ -52,7 +58,10 @@ class Playback:
                 continue
             if not len(frame.poses) or not len(frame.verdict):
                 continue
-            now = levels_of(frame, robots)[0] >= Level.STOP
+            level = Level(levels_of(frame, robots)[0])
+            if not levels or level != levels[-1][1]:
+                levels.append((frame.monotonic, level))
+            now = level >= Level.STOP
             if now and not stopped:
                 stops.append(frame.monotonic)
             changed, stopped = now != stopped, now
@@ -65,6 +74,7 @@ class Playback:
         self._start = self._cycles[0].monotonic if self._cycles else 0.0
         self._times = [frame.monotonic - self._start for frame in self._cycles]
         self.stops = tuple(stop - self._start for stop in stops)
+        self.levels = tuple((at - self._start, level) for at, level in levels)
         self.speed, self._playing = 1.0, False
         self.go(0.0)
 
@@ -137,6 +147,8 @@ class Playback:
 class RecordedView(View):
     """Shows what was recorded, and never takes it for the present.
 
+    It opens at the first stop.
+
     Attributes:
         source: Where on the time line it is.
 
@@ -155,8 +167,9 @@ class RecordedView(View):
         super().__init__(scene, page_port, self._received)
         self.source = Playback(frames, len(self.world.names.robots))
         self._events = -1
-        with self.tabs.add_tab("Recording"):
-            self._add_time_line()
+        if self.source.stops:
+            self.source.go(self.source.stops[0])
+        self.page.publish("timeline", self._time_line())
 
     def step(self) -> None:
         """Draw the cycle at the present position."""
@@ -170,36 +183,53 @@ class RecordedView(View):
                     self.world.objects.apply(event.text)
         frame = playback.newest
         self.draw(frame)
-        at = round(playback.position, 3)
-        if abs(self._line.value - at) > 0.02:
-            self._line.value = at
-        self._play.label = "Pause" if playback.playing else "Play"
         if frame is not None:
             when = datetime.datetime.fromtimestamp(frame.wall, datetime.UTC)
-            at_second = f"{playback.position:.2f} of {playback.length:.2f} s"
-            recorded = f"recorded {when:%Y-%m-%d %H:%M:%S} UTC, {at_second}"
-            self.publish(frame, recorded=recorded)
+            self.place = {"position": playback.position, "playing": playback.playing}
+            self.publish(frame, recorded=f"recorded {when:%Y-%m-%d %H:%M:%S} UTC")
 
     def _received(self, page: str, message: Mapping[str, Any]) -> None:
-        """There is nothing to drive or to stop but the playback."""
-        if message["type"] == "stop":
-            self.source.play(False)
+        """Take a message of the time line; there is nothing to drive or to stop."""
+        kind, playback = message["type"], self.source
+        if kind == "play":
+            playback.play(not playback.playing)
+        elif kind == "speed" and message.get("value") in SPEEDS.values():
+            playback.set_speed(float(message["value"]))
+        elif kind == "seek":
+            at, stop = float(message.get("at", math.nan)), message.get("stop")
+            if math.isfinite(at):
+                playback.stay(at)
+            elif stop in (-1, 1):
+                playback.to_stop(forward=stop == 1)
+            else:
+                playback.step(int(message["cycles"]))
 
-    def _add_time_line(self) -> None:
-        """Add the controls: play, pause, step, jump, speed."""
-        gui, playback = self.server.gui, self.source
-        with gui.add_folder("Time line"):
-            self._line = gui.add_slider(
-                "Second", 0.0, max(round(playback.length, 3), 0.001), 0.001, 0.0
-            )
-            self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
-            steps = gui.add_button_group("Cycle", ("-10", "-1", "+1", "+10"))
-            count = f"{len(playback.stops)} stops"
-            stops = gui.add_button_group(count, ("before", "next"))
-            speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
+    def _time_line(self) -> dict[str, Any]:
+        """The message of the whole recording: its length, levels and stops."""
+        playback = self.source
+        levels = thinned(playback.levels, playback.length)
+        return {
+            "length": playback.length,
+            "levels": [[at, hexadecimal(LEVEL_COLOURS[one])] for at, one in levels],
+            "stops": list(playback.stops[:PIECES]),
+            "speeds": list(SPEEDS.items()),
+        }
 
-        on_page(self._line, lambda _: playback.stay(float(self._line.value)))
-        on_click(self._play, lambda: playback.play(not playback.playing))
-        on_click(steps, lambda: playback.step(int(steps.value)))
-        on_click(stops, lambda: playback.to_stop(stops.value == "next"))
-        on_value(speed, lambda factor: playback.set_speed(SPEEDS.get(factor, 1.0)))
+
+def thinned(
+    levels: Sequence[tuple[float, Level]], length: float
+) -> Sequence[tuple[float, Level]]:
+    """Changes of a level that a time line of some length [s] can show.
+
+    Of many changes each part of the line keeps its highest level.
+    """
+    if len(levels) <= PIECES:
+        return levels
+    highest = np.zeros(PIECES, dtype=np.int64)
+    ends = [at for at, _ in levels[1:]] + [length]
+    for (at, level), end in zip(levels, ends, strict=True):
+        first, last = (int(PIECES * t / length) for t in (at, end))
+        own = slice(first, last + 1)
+        highest[own] = np.maximum(highest[own], level)
+    changed = np.flatnonzero(np.diff(highest, prepend=-1))
+    return [(k * length / PIECES, Level(int(highest[k]))) for k in changed.tolist()]

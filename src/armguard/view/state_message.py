@@ -1,4 +1,4 @@
-"""The message that tells a page of a cycle: its light, its sentences, its sounds."""
+"""The message of a cycle to the page: its light, its sentences, its sounds."""
 
 import math
 import time
@@ -21,16 +21,16 @@ ACTION_WORDS = {
 
 # How a robot goes on that waits for a person, beside being engaged.
 GO_ON = {
-    Blocked.STOPPED: "let go of it once, lead it away",
+    Blocked.STOPPED: "release it once, lead it away",
     Blocked.FAR_START: "command a position near it",
     Blocked.LOCAL_MINIMUM: "lead it elsewhere",
 }
 
 # What a robot that follows its operator has to expect.
 AHEAD = {
-    Level.CLEAR: "nothing is near",
-    Level.CAUTION: "something is near",
-    Level.SLOW: "a stop would come soon",
+    Level.CLEAR: "nothing within the margin",
+    Level.CAUTION: "a body is near",
+    Level.SLOW: "a stop is needed soon",
 }
 
 
@@ -44,6 +44,10 @@ def state_message(
 ) -> dict[str, Any]:
     """The message of a cycle.
 
+    The light, the sentence and the cards are all made of this one cycle. The light has
+    the highest level of the service, the verdict and all robots, and the sentence
+    gives the reason of that level.
+
     Args:
         cycle: The cycle.
         age: Time since it was written [s].
@@ -56,7 +60,7 @@ def state_message(
     verdict, command, frame = cycle.verdict, cycle.command, cycle.frame
     held = {} if command is None else command.held
     level = max(
-        verdict.level,
+        *(verdict.level, *verdict.levels.values()),
         Level.STOP if remark or held else Level.CLEAR,
         Level.CAUTION if changed else Level.CLEAR,
     )
@@ -69,9 +73,8 @@ def state_message(
         "colour": hexadecimal(LEVEL_COLOURS[level]),
         "ink": hexadecimal(ink_on(LEVEL_COLOURS[level])),
         "held": bool(held),
-        "why": sentence(cycle, held),
-        "remark": remark if not held else "",
-        "changed": "objects were changed" if changed else "",
+        "why": sentence(cycle, held, remark, changed),
+        "changed": changed,
         "slack_ms": finite(verdict.slack.s * 1e3),
         "slack_mm": finite(verdict.slack.m * 1e3),
         "age": age,
@@ -103,11 +106,13 @@ def robot_card(cycle: Cycle, name: str, remark: str) -> dict[str, Any]:
     elif remark or blocked is not Blocked.NOT:
         why = remark or blocked.sentence
     else:
-        why = AHEAD.get(level, LEVEL_WORDS[level].lower())
+        stops = verdict.reason.level >= Level.STOP
+        why = AHEAD.get(level, verdict.reason.sentence if stops else "stopped")
     shown = level if held is None else max(level, Level.STOP)
     return {
         "name": name,
         "level": int(level),
+        "shown": int(shown),
         "colour": hexadecimal(LEVEL_COLOURS[shown]),
         "word": robot_word(level, action, verdict.speed_scale[name]),
         "blocked": why,
@@ -115,9 +120,39 @@ def robot_card(cycle: Cycle, name: str, remark: str) -> dict[str, Any]:
     }
 
 
-def sentence(cycle: Cycle, held: Mapping[str, Held]) -> str:
-    """Robots that wait for a person: why, since when, how to go on; then the rest."""
+def sentence(
+    cycle: Cycle, held: Mapping[str, Held], remark: str = "", changed: bool = False
+) -> str:
+    """Why the light has its level, the most urgent first.
+
+    Robots that wait for a person come first: why, since when, how to go on. A reason
+    of the verdict below a stop is left out beside a stop.
+
+    Args:
+        cycle: The cycle.
+        held: Robots that wait for a person.
+        remark: Why the service stops all robots beside the verdict.
+        changed: Whether objects were changed within the last second.
+    """
     verdict = cycle.verdict
+    sentences = waiting(cycle, held)
+    if remark and not held:
+        sentences.append(remark)
+    stopped = [name for name, own in verdict.levels.items() if own >= Level.STOP]
+    if verdict.reason.level >= Level.STOP:
+        if not sentences or verdict.reason not in ORDERED:
+            sentences.append(verdict.why)
+    elif not sentences and stopped:
+        sentences.append(f"{' and '.join(stopped)}: stopped")
+    elif not sentences and not (changed and verdict.reason is Reason.OK):
+        sentences.append(verdict.why)
+    if changed:
+        sentences.append("objects were changed")
+    return "; ".join(sentences)
+
+
+def waiting(cycle: Cycle, held: Mapping[str, Held]) -> list[str]:
+    """Why robots wait for a person, since when, and how each goes on."""
     groups: dict[str, list[str]] = {}
     for name, one in held.items():
         why, how = f"HELD: {one.cause}", "press Engage all"
@@ -127,13 +162,12 @@ def sentence(cycle: Cycle, held: Mapping[str, Held]) -> str:
             how = f"{GO_ON[one.blocked]}, or {how}"
         said = f"{why}, since {since(cycle, one)} – {how}"
         groups.setdefault(said, []).append(name)
-    sentences = [
-        said if len(names) == len(verdict.levels) else f"{' and '.join(names)} {said}"
+    return [
+        said
+        if len(names) == len(cycle.verdict.levels)
+        else f"{' and '.join(names)} {said}"
         for said, names in groups.items()
     ]
-    if not sentences or verdict.reason not in (Reason.OK, *ORDERED):
-        sentences.append(verdict.why)
-    return "; ".join(sentences)
 
 
 def since(cycle: Cycle, held: Held) -> str:

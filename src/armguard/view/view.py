@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import viser
-from viser import uplot
+from numpy.typing import NDArray
 
 from armguard.errors import StationError
 from armguard.recording.frames import Frame
-from armguard.recording.palette import BLUE, VERMILLION, hexadecimal
+from armguard.recording.palette import BLUE
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.view.computed_drawables import Leaves, StopGhost
@@ -26,9 +26,12 @@ from armguard.view.drawables import (
 )
 from armguard.view.login import Login
 from armguard.view.page_server import PageServer
+from armguard.view.signals import NearList, SignalPlot
 from armguard.view.state_message import state_message
 from armguard.view.viser_server import open_viser
-from armguard.view.world import Cycle, World, body_poses, levels_of
+from armguard.view.world import World, body_poses, levels_of
+
+Floats = NDArray[np.float64]
 
 # Drawings a second.
 RATE = 30.0
@@ -36,14 +39,14 @@ RATE = 30.0
 # The page gets sentence and numbers this often, a change of its light at once [s].
 SENTENCE = 0.1
 
-# What the plot shows, and how often it is sent [s].
-SPAN, REDRAW = 20.0, 0.3
+# Angle of the first camera against the line across the arms: back, aside, above [-].
+DIRECTION = 1.35, 0.85, 0.8
 
-# Near pairs in the list.
-LISTED = 6
+# Room about the origins of links for the links themselves [m].
+LINK = 0.15
 
-# The first camera is so far from the arms, in extents of what they may reach [-].
-BACK, ASIDE, ABOVE = 1.35, 0.85, 0.8
+# Half of the angle that the first camera fits the scene into [rad].
+HALF_VIEW = 0.58
 
 BACKGROUND = (238, 241, 244)
 
@@ -61,6 +64,7 @@ class View:
         remark: Why the service stops all robots beside its verdicts; empty if it does
             not.
         changed: Whether objects were changed within the last second.
+        place: Position on the time line of a recording [s], and whether it plays.
         cue_delays: From a cycle's writing until its changed level left for the pages,
             of the last thousand changes [s].
 
@@ -90,6 +94,7 @@ class View:
         self.cue_delays: deque[float] = deque(maxlen=1000)
         self._published = -np.inf
         self.remark, self.changed = "", False
+        self.place: dict[str, Any] = {}
         self.show_scene(scene)
 
     def show_scene(self, scene: Scene) -> None:
@@ -108,7 +113,7 @@ class View:
         self._summary: tuple[int, ...] = ()
         self.tabs = self.server.gui.add_tab_group()
         with self.tabs.add_tab("Watch", viser.Icon.EYE):
-            self.drawables += ClearancePlot(world), NearList(world)
+            self.drawables += SignalPlot(world), NearList(world)
             with self.server.gui.add_folder("Show"):
                 for one in self.drawables:
                     if one.label:
@@ -161,7 +166,7 @@ class View:
             remark=self.remark if live else "",
             changed=self.changed and live,
         )
-        self.page.publish("state", message, repeat=True)
+        self.page.publish("state", {**message, **self.place}, repeat=True)
         if changed and before:
             self.cue_delays.append(time.monotonic() - frame.monotonic)
 
@@ -173,7 +178,7 @@ class View:
     def _summary_of(self, frame: Frame) -> tuple[int, ...]:
         """What pages get at once when it changes: levels, who is held, remarks."""
         robots = len(self.world.names.robots)
-        held = np.isfinite(frame.told[-robots:]) if len(frame.told) else ()
+        held = np.isfinite(frame.told[-2 * robots : -robots]) if len(frame.told) else ()
         return *levels_of(frame, robots), *held, self.changed, bool(self.remark)
 
     def _add_switch(self, drawable: Drawable) -> None:
@@ -186,77 +191,11 @@ class View:
         on_value(box, show)
 
 
-class ClearancePlot(Drawable):
-    """Clearance of the nearest pair in the last seconds; at the top if none is near."""
-
-    def __init__(self, world: World) -> None:
-        super().__init__(world)
-        top = self._top = self.tables.margin * 1e3
-        self._points: deque[tuple[float, float]] = deque(maxlen=round(SPAN * RATE))
-        self._sent = -np.inf
-        self._plot = self.gui.add_uplot(
-            (np.array([-SPAN, 0.0]), np.array([top, top]), np.zeros(2)),
-            (
-                uplot.Series(label="s"),
-                uplot.Series(label="clearance [mm]", stroke=hexadecimal(BLUE), width=2),
-                uplot.Series(
-                    label="stop", stroke=hexadecimal(VERMILLION), width=2, dash=[6, 4]
-                ),
-            ),
-            title="nearest pair: clearance [mm], last 20 s",
-            scales={
-                "x": uplot.Scale(time=False, range=(-SPAN, 0.0)),
-                "y": uplot.Scale(range=(-0.3 * top, 1.05 * top)),
-            },
-            legend=uplot.Legend(show=False),
-            height=150,
-        )
-
-    def _draw(self, cycle: Cycle) -> None:
-        now, nearest = time.monotonic(), cycle.verdict.nearest
-        clearance = self._top if nearest is None else nearest.clearance * 1e3
-        self._points.append((now, clearance))
-        if now - self._sent >= REDRAW:
-            self._sent = now
-            times, values = np.array(self._points).T
-            shown = np.clip(values, -0.3 * self._top, self._top)
-            self._plot.data = times - now, shown, np.zeros(len(times))
-
-
-class NearList(Drawable):
-    """The list of near pairs."""
-
-    every = 0.25
-
-    def __init__(self, world: World) -> None:
-        super().__init__(world)
-        self._text = self.gui.add_markdown("")
-
-    def _draw(self, cycle: Cycle) -> None:
-        lines = [
-            f"| {inert(pair.a)} | {inert(pair.b)} | {pair.distance * 1e3:.0f} "
-            f"| {pair.clearance * 1e3:.0f} |"
-            for pair in cycle.pairs[:LISTED]
-        ]
-        text = "\n".join(
-            ["| near | to | mm | left |", "| --- | --- | --: | --: |", *lines]
-        )
-        if len(cycle.pairs) > LISTED:
-            text += f"\n\n… and {len(cycle.pairs) - LISTED} more"
-        if text != self._text.content:
-            self._text.content = text
-
-
 # What each scene is drawn by. Robots come first: others have nodes below their bodies.
 DRAWABLES: tuple[type[Drawable], ...] = (
     *(Robots, Objects, NearPairs),
     *(Primitives, Shells, StopGhost, Leaves),
 )
-
-
-def inert(name: str) -> str:
-    """A name in which no sign means anything in Markdown or HTML."""
-    return "".join(sign if sign.isalnum() else f"&#{ord(sign)};" for sign in name)
 
 
 def set_stage(server: viser.ViserServer, tables: SceneTables) -> None:
@@ -280,14 +219,28 @@ def set_stage(server: viser.ViserServer, tables: SceneTables) -> None:
     roots = places[[k for k, parent in enumerate(tables.parent) if parent < 0]]
     arms = np.concatenate([tools, roots]).mean(axis=0)
     forward = tools.mean(axis=0) - roots.mean(axis=0)
-    extent = max(
-        float(np.linalg.norm(forward)), float(np.ptp(places, axis=0).max()), 0.5
-    )
     ahead = tools.mean(axis=0) + forward * [1.0, 1.0, 0.0]
     towards = (arms - ahead) * [1.0, 1.0, 0.0]
     size = np.linalg.norm(towards)
     towards = towards / size if size > 0.05 else np.array([0.0, -1.0, 0.0])
     aside = np.array([-towards[1], towards[0], 0.0])
-    eye = arms + extent * (BACK * towards + ASIDE * aside + [0.0, 0.0, ABOVE])
-    server.initial_camera.position = eye
-    server.initial_camera.look_at = (arms + ahead) / 2.0
+    direction = np.array([towards, aside, [0.0, 0.0, 1.0]]).T @ DIRECTION
+    low, high = bounds_of(tables, places)
+    server.initial_camera.position = (low + high) / 2.0 + direction / np.linalg.norm(
+        direction
+    ) * np.linalg.norm(high - low) / (2.0 * np.sin(HALF_VIEW))
+    server.initial_camera.look_at = (low + high) / 2.0
+
+
+def bounds_of(tables: SceneTables, places: Floats) -> tuple[Floats, Floats]:
+    """Corners of the box about the robots, where they are at home.
+
+    Args:
+        tables: The scene.
+        places: Origins of all bodies at home, shape (b, 3) [m].
+
+    Returns:
+        Least and greatest corner, shape (3,) [m].
+    """
+    joints = places[: len(tables.parent)]
+    return joints.min(axis=0) - LINK, joints.max(axis=0) + LINK

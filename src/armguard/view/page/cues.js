@@ -1,53 +1,45 @@
-// The light, and when there is a beep: what must not wait for the drawing. A scene that
+// The header, and when there is a beep: what must not wait for the drawing. A scene that
 // is drawn without a graphics card keeps the page's own thread for seconds; this is a
 // thread beside it, with the channel to the view, a canvas and a pipe to the sound.
 "use strict";
+importScripts("header.js");
 const SILENCE = 500; // without news for so long the light is grey [ms]
 const AGAIN = 500; // from a channel that closed to the next try [ms]
 const LOOK = 25; // how often it is looked whether a beep is due [ms]
 const PITCHES = [523, 349, 659, 440]; // a robot's own tone [Hz]
-const ROOM = 0.86; // share of its width a word may take
-const GREY = { colour: "#9aa0a6", ink: "#000000" };
 
-let pen = null; // draws the light
+let pen = null; // draws the header
+let layout = null; // where its parts are [px]
+const notes = { recorder: "", may: "" }; // what the view adds to the sentence
 let pipe = null; // leads to what makes sound
 let muted = true;
 let channel = null;
 let state = null; // the newest message
 let heard = -Infinity; // when it came [ms]
-let shown = ""; // what the light shows
+let shown = ""; // what the header shows
 let unseen = 0; // messages the page has not looked at yet
 let late = null; // the newest of those it was not sent meanwhile
 
 const isGrey = () =>
   state === null || state.grey !== "" || performance.now() - heard > SILENCE;
 
-const light = () => {
-  if (pen === null || state === null) return;
-  const { colour, ink } = isGrey() ? GREY : state;
-  const { width, height } = pen.canvas;
-  const urgent = state.level >= 30;
-  const now = [state.word, colour, urgent, width, height].join();
+const line = () => {
+  const { slack_ms, slack_mm, cycle, recorded } = state;
+  const age = state.age + (performance.now() - heard) / 1000;
+  const when = recorded || (age < 0.2 ? "live" : `written ${age.toFixed(1)} s ago`);
+  const left = slack_mm === null ? "" : ` · headroom ${slack_mm.toFixed(1)} mm`;
+  const time = slack_ms === null ? "–" : `≥ ${slack_ms.toFixed(0)} ms`;
+  return `${time} to a stop${left} · cycle ${cycle} · ${when}`;
+};
+
+const draw = () => {
+  if (pen === null || layout === null || state === null) return;
+  const grey = isGrey();
+  const beside = { line: line(), notes: Object.values(notes).filter(Boolean) };
+  const now = JSON.stringify([state.cycle, state.word, state.why, state.robots, beside, grey]);
   if (now === shown) return;
   shown = now;
-  pen.fillStyle = colour;
-  pen.fillRect(0, 0, width, height);
-  pen.fillStyle = pen.strokeStyle = ink;
-  const write = (size) => {
-    pen.font = `800 ${size}px system-ui, "Segoe UI", "DejaVu Sans", sans-serif`;
-  };
-  // As large as the height allows, and no wider than the light.
-  const size = 0.42 * height;
-  write(size);
-  const wide = pen.measureText(state.word).width;
-  if (wide > ROOM * width) write((size * ROOM * width) / wide);
-  pen.textAlign = "center";
-  pen.textBaseline = "middle";
-  pen.fillText(state.word, width / 2, height / 2);
-  if (urgent) {
-    pen.lineWidth = 0.12 * height;
-    pen.strokeRect(0, 0, width, height);
-  }
+  drawHeader(pen, layout, state, beside, grey);
 };
 
 const due = new Map(); // when a robot's next beep is [ms]
@@ -78,7 +70,7 @@ const take = (message) => {
   heard = performance.now();
   const levels = (one) => [one.level, one.name, one.changed, ...one.robots.map((robot) => robot.level)].join();
   const changed = before === null || levels(before) !== levels(message);
-  light();
+  draw();
   sound(changed);
   if (before === null || before.level !== message.level) {
     postMessage({ type: "turned", cycle: message.cycle, at: Date.now() / 1000 });
@@ -94,8 +86,12 @@ const connect = () => {
   channel = new WebSocket(`ws://${location.host}/station${location.search}`);
   channel.onmessage = (event) => {
     const message = JSON.parse(event.data);
-    if (message.type === "state") take(message);
-    else postMessage(message);
+    if (message.type === "state") return take(message);
+    if (message.type === "recorder") notes.recorder = message.said;
+    if (message.type === "may") {
+      notes.may = message.engage ? "" : `this page may ${message.role}, and stop`;
+    }
+    postMessage(message);
   };
   channel.onclose = () => setTimeout(connect, AGAIN);
 };
@@ -103,11 +99,12 @@ const connect = () => {
 onmessage = ({ data }) => {
   if (data.type === "canvas") {
     pen = data.canvas.getContext("2d");
-    light();
-  } else if (data.type === "size" && pen !== null) {
-    [pen.canvas.width, pen.canvas.height] = [data.width, data.height];
+  } else if (data.type === "layout" && pen !== null) {
+    layout = data;
+    const { scale, width, height } = data;
+    [pen.canvas.width, pen.canvas.height] = [width * scale, height * scale];
     shown = "";
-    light();
+    draw();
   } else if (data.type === "pipe") pipe = data.pipe;
   else if (data.type === "muted") muted = data.muted;
   else if (data.type === "say") {
@@ -122,4 +119,4 @@ onmessage = ({ data }) => {
 };
 
 connect();
-setInterval(() => { light(); sound(false); }, LOOK);
+setInterval(() => { draw(); sound(false); }, LOOK);

@@ -4,6 +4,7 @@
 (() => {
   const SILENCE = 0.5; // without news for so long the page is grey [s]
   const REPEAT = 50; // keys that are held and gamepads are sent again after this [ms]
+  const ANSWER = 4000; // a question waits so long for its answer [ms]
   const PULSE = 100; // that this page lives is sent again after this [ms]
   const make = (tag, id, parent) => {
     const made = document.createElement(tag);
@@ -24,8 +25,11 @@
   const role = make("div", "role", words);
   const recorder = make("div", "recorder", words);
   const robots = make("div", "robots", bar);
-  const sound = make("button", "sound", bar);
+  const tools = make("div", "tools", bar);
+  const sound = make("button", "sound", tools);
   sound.textContent = "Sound: off";
+  const drive = make("button", "drive", tools);
+  drive.hidden = true;
   const engage = make("button", "engage", bar);
   engage.textContent = "Engage all";
   engage.hidden = true;
@@ -33,6 +37,10 @@
   stop.textContent = "STOP";
   stop.title = "stops all arms (space)";
   const veil = make("div", "veil");
+  const busy = make("div", "busy");
+  const refused = make("div", "refused");
+  const refusal = make("span", null, refused);
+  const remedy = make("button", null, refused);
   const cards = new Map();
 
   const card = (name) => {
@@ -48,14 +56,20 @@
     gauge.className = "urgency";
     const fill = make("i", null, gauge);
     cards.set(name, { box, action, words, fill });
+    placed();
     return cards.get(name);
   };
 
   let state = null; // the newest message
   let may = null; // what this page may do
-  const showEngage = () => {
-    engage.hidden = !(state?.held && !state.recorded && may?.engage);
+  let asked = null; // the timer of a question that waits for its answer
+  const showButtons = () => {
+    const commands = !state?.recorded && may?.engage;
+    engage.hidden = !(state?.held && commands);
     engage.title = may?.taken ? "takes the command for that from the client that has it" : "";
+    drive.hidden = !commands || may.commands;
+    if (!asked) drive.textContent = "Drive yourself";
+    sound.hidden = stop.hidden = Boolean(state?.recorded);
   };
   let heard = -Infinity; // when it came, on this page's clock [s]
   const now = () => performance.now() / 1000;
@@ -68,12 +82,11 @@
     heard = now();
     light.dataset.level = message.name;
     word.textContent = message.word;
-    light.classList.toggle("urgent", message.level >= 30);
     document.documentElement.style.setProperty("--level", message.colour);
     document.documentElement.style.setProperty("--ink", message.ink);
-    const said = message.remark ? `${message.remark} (${message.why})` : message.why;
-    why.textContent = message.changed ? `${message.changed}; ${said}` : said;
-    showEngage();
+    why.textContent = message.why;
+    showButtons();
+    if (message.recorded) timeLine.show(message);
     for (const robot of message.robots) {
       const own = card(robot.name);
       own.box.style.setProperty("--own", robot.colour);
@@ -95,7 +108,7 @@
     if (state !== null) {
       const written = state.recorded ? state.recorded : `written ${(1000 * age).toFixed(0)} ms ago`;
       slack.textContent =
-        `slack ${number(state.slack_ms, 0, "ms")} · ${number(state.slack_mm, 1, "mm")}` +
+        `≥ ${number(state.slack_ms, 0, "ms")} to a stop · headroom ${number(state.slack_mm, 1, "mm")}` +
         ` · cycle ${state.cycle} · ${written}`;
     }
   };
@@ -104,16 +117,27 @@
   // The light, the sounds and the channel have threads of their own, see cues.js; this
   // one is kept busy by the drawing.
   const cues = new Worker(`cues.js?page=${window.stationPage}`);
-  const over = make("canvas", null, light);
-  const sized = () => {
-    const scale = window.devicePixelRatio || 1;
-    const [width, height] = [light.clientWidth, light.clientHeight];
-    cues.postMessage({ type: "size", width: width * scale, height: height * scale });
+  const over = make("canvas", "drawn", bar);
+  const within = (part) => {
+    const [inner, outer] = [part.getBoundingClientRect(), bar.getBoundingClientRect()];
+    return { x: inner.x - outer.x, y: inner.y - outer.y, width: inner.width, height: inner.height };
   };
+  const placed = () => cues.postMessage({
+    type: "layout",
+    scale: window.devicePixelRatio || 1,
+    width: bar.offsetWidth,
+    height: bar.offsetHeight,
+    light: within(light),
+    words: within(words),
+    cards: [...cards.values()].map(({ box }) => within(box)),
+  });
   if (over.transferControlToOffscreen) {
     const canvas = over.transferControlToOffscreen();
     cues.postMessage({ type: "canvas", canvas }, [canvas]);
-    new ResizeObserver(sized).observe(light);
+    // The words beneath are for those who have them read out.
+    bar.classList.add("drawn");
+    const sizes = new ResizeObserver(placed);
+    for (const part of [bar, light, words, robots]) sizes.observe(part);
   }
   window.stationTurns = []; // the last turns of the light: cycle and wall clock [s]
   window.stationBeeps = []; // the last beeps, for those who check them
@@ -146,6 +170,20 @@
   const say = (message) => cues.postMessage({ type: "say", message });
   engage.onclick = () => { say({ type: "engage" }); engage.blur(); };
   stop.onclick = () => { say({ type: "stop" }); stop.blur(); };
+  drive.onclick = () => {
+    drive.blur();
+    if (may?.taken && asked === null) {
+      // Another client loses the command by it: the second click is the answer.
+      drive.textContent = "Take over?";
+      asked = setTimeout(() => { asked = null; showButtons(); }, ANSWER);
+      return;
+    }
+    clearTimeout(asked);
+    asked = null;
+    say({ type: "drive" });
+  };
+  remedy.onclick = () => { remedy.blur(); say({ type: "drive" }); };
+  const timeLine = makeTimeLine(say);
 
   let driving = false; // whether the view wants keys at all
   const held = new Set();
@@ -157,7 +195,7 @@
     if (event.code === "Space" && !typing(event)) {
       event.preventDefault();
       event.stopImmediatePropagation();
-      if (!event.repeat) say({ type: "stop" });
+      if (!event.repeat) say({ type: state?.recorded ? "play" : "stop" });
       return;
     }
     if (!driving || typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -206,7 +244,16 @@
     } else if (data.type === "may") {
       may = data;
       role.textContent = may.engage ? "" : `this page may ${may.role}, and stop`;
-      showEngage();
+      showButtons();
+    } else if (data.type === "timeline") {
+      document.body.append(timeLine.box);
+      document.documentElement.classList.add("recording");
+      timeLine.begin(data);
+    } else if (data.type === "busy") busy.textContent = data.said;
+    else if (data.type === "refused") {
+      refusal.textContent = data.said;
+      [remedy.textContent, remedy.hidden] = [data.remedy, !data.remedy];
+      refused.hidden = !data.said;
     } else if (data.type === "recorder") recorder.textContent = data.said;
     else if (data.type === "turned") note(window.stationTurns, [data.cycle, data.at]);
     else if (data.type === "driving") {
@@ -218,7 +265,8 @@
 
   const begin = () => {
     document.body.prepend(bar);
-    document.body.append(veil);
+    document.body.append(veil, busy, refused);
+    refused.hidden = true;
     setInterval(refresh, 50);
     setInterval(tellPads, REPEAT);
     setInterval(pulse, PULSE);
