@@ -53,7 +53,7 @@ CASES = {
     "no stamp at all": (
         {"stamp": None},
         Reason.STAMP_MISSING,
-        "'left': a stamp is missing",
+        "'left': stop, no finite stamp; pass the time of the measurement",
     ),
     "a robot's stamp missing": (
         {"stamp": {"left": NOW}},
@@ -194,7 +194,7 @@ def test_without_velocities_the_first_sample_is_a_stop_and_the_next_ones_are_not
     verdict = guard.step(STILL, 0.0)
     assert verdict.reason is Reason.NO_VELOCITY
     assert verdict.level >= Level.STOP
-    assert "'left': stop, no velocity from a single sample; send" in verdict.why
+    assert "'left': stopped, no velocity from a single sample; send" in verdict.why
     levels = [guard.step(STILL, k * PERIOD).level for k in range(1, 40)]
     assert levels[-1] < Level.STOP
 
@@ -204,7 +204,7 @@ def test_an_object_that_was_never_seen_is_a_stop_and_named():
     verdict = guard.step(STILL, 0.0, velocity=STILL)
     assert verdict.reason is Reason.OBJECT_UNSEEN
     assert verdict.level >= Level.STOP
-    assert verdict.why.startswith("'ball': stop, the moving object was never")
+    assert verdict.why.startswith("'ball': stopped, the moving object was never")
     assert verdict.subject == "ball"
 
 

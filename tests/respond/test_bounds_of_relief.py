@@ -126,7 +126,7 @@ def test_a_pair_that_may_touch_already_needs_no_distance_below_zero():
     assert told.verdict.level is Level.RECOVER
     assert told.velocity[0] < 0.0
     assert told.verdict.nearest.why == (
-        "left/ball 0.6 mm from ball: too close, but opening"
+        "left/ball 1 mm from ball: too close, but opening"
     )
 
 
