@@ -2,15 +2,23 @@
 
 import logging
 import signal
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from types import FrameType
 from typing import Annotated
 
 from typer import Option
 
-from armguard.cli.console import Late, Rate, SceneName, say, say_progress, with_options
-from armguard.respond.compiling import compile_ahead
-from armguard.respond.guard import try_out
+from armguard.cli.console import (
+    Late,
+    Rate,
+    SceneName,
+    compile_kernels,
+    say,
+    say_progress,
+    with_options,
+)
 from armguard.service.server import Service, ServiceSettings
 from armguard.service.server.scenes import open_scene
 from armguard.service.server.throttled_log import PatientHandler
@@ -114,10 +122,6 @@ def serve(options: Options) -> None:
     patient = PatientHandler()
     logging.basicConfig(level=logging.INFO, handlers=[patient])
     settings = options.settings()
-    # The default action ends the program at once. A handler of Python would run only
-    # after the compiler has returned, minutes later.
-    for ending in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(ending, signal.SIG_DFL)
     scene, file = open_scene(
         options.scene,
         period=settings.period,
@@ -127,15 +131,25 @@ def serve(options: Options) -> None:
         response=options.response,
         progress=say_progress,
     )
-    modes = {robot.mode for robot in scene.robots.values()}
-    compile_ahead(say, modes != {"fixed"}, try_out)
-    received: list[int] = []
-    for ending in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(ending, lambda number, _: received.append(number))
+    compile_kernels({robot.mode for robot in scene.robots.values()} != {"fixed"})
+    handle_signals(end_now)
     service = Service(scene, settings, file=file)
+    received: list[int] = []
+    handle_signals(lambda number, _: received.append(number))
     for note in service.notes:
         say(f"note: {note}")
     where = f"{settings.bind}:{service.port}, ring {service.ring.path}"
     print(f"listening on {where}", flush=True)
     service.run(until=lambda: bool(received))
     patient.finish()
+
+
+def handle_signals(handler: Callable[[int, FrameType | None], object]) -> None:
+    """Set the handler of the signals that end the service."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, handler)
+
+
+def end_now(number: int, _: FrameType | None) -> None:
+    """End the program while the service is made; what was opened is closed."""
+    raise SystemExit(128 + number)
