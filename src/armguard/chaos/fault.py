@@ -14,19 +14,19 @@ class Effect(Enum):
     """What arms do in the face of a fault."""
 
     GOES_ON = "goes on"
-    """They go on moving; nobody is told to stop."""
+    """They go on moving; no stop is commanded."""
 
     RESTS = "comes to rest"
     """Nothing is asked for any more: they come to rest, and are not stopped."""
 
     STOPS = "stops"
-    """The guard tells all of them to stop; they rest until somebody engages them."""
+    """The guard stops all of them; they rest until the operator engages them."""
 
     STOPS_ITSELF = "stops by itself"
     """They hear nothing, and stop by their own watchdog; then as `STOPS`."""
 
     TOLD_ONLY = "is told to stop"
-    """The guard tells all of them to stop, and nobody is there to do so."""
+    """The guard commands a stop to all of them, and no controller is there to obey."""
 
 
 # Does something to a playground for as long as the context lasts.

@@ -32,10 +32,10 @@ class Options:
     """The command line; `ServiceSettings` has the options of the same names."""
 
     scene: SceneName
-    port: Annotated[int, Option(help="UDP port; 0 for one that is free.")] = USUAL.port
-    bind: Annotated[str, Option(help="Address; all but loopback need --key-file.")] = (
-        USUAL.bind
-    )
+    port: Annotated[int, Option(help="UDP port; 0 for a free one.")] = USUAL.port
+    bind: Annotated[
+        str, Option(help="Address; all except loopback need --key-file.")
+    ] = USUAL.bind
     key_file: Annotated[
         Path | None,
         Option(help="File with the key of each role; new keys if left out."),
@@ -45,42 +45,41 @@ class Options:
     wish_watchdog: Annotated[
         float,
         Option(
-            help="How long a wish counts [s]; longer than a round trip to the operator."
+            help="Validity of a desired motion [s]; longer than a round trip to the "
+            "operator."
         ),
     ] = USUAL.wish_watchdog
     stale: Annotated[
         float | None,
-        Option(help="How old states may be; as the scene says if left out [s]."),
+        Option(help="Permitted age of states [s]; that of the scene if left out."),
     ] = None
     mode: Annotated[
-        str | None, Option(help="How distances are made: path or speed.")
+        str | None, Option(help="Computation of required distances: path or speed.")
     ] = None
     response: Annotated[
-        str | None, Option(help="What robots do: stop, slow, deflect or field.")
+        str | None, Option(help="Response of the robots: stop, slow, deflect or field.")
     ] = None
     ring: Annotated[
         Path | None, Option(help="File of the ring; in memory if left out.")
     ] = None
-    record: Annotated[Path | None, Option(help="Folder to record everything into.")] = (
-        None
-    )
+    record: Annotated[Path | None, Option(help="Folder for recordings.")] = None
     metrics: Annotated[
-        int | None, Option(help="Port to serve metrics for Prometheus on.")
+        int | None, Option(help="Port of the metrics for Prometheus.")
     ] = None
-    zenoh: Annotated[bool, Option(help="Also speak Zenoh.")] = False
-    view: Annotated[bool, Option(help="Also open the live view.")] = False
-    realtime: Annotated[bool, Option(help="Ask for real-time scheduling.")] = False
+    zenoh: Annotated[bool, Option(help="Start the Zenoh bridge as well.")] = False
+    view: Annotated[bool, Option(help="Start the live view as well.")] = False
+    realtime: Annotated[bool, Option(help="Request real-time scheduling.")] = False
     lock_memory: Annotated[
-        bool, Option(help="Ask for memory that is never swapped out.")
+        bool, Option(help="Request memory that is never swapped out.")
     ] = False
-    cpu: Annotated[int | None, Option(help="Processor to stay on.")] = None
+    cpu: Annotated[int | None, Option(help="Processor core for the loop.")] = None
     spin: Annotated[
-        float, Option(help="Stay awake for so long before a state is expected [s].")
+        float, Option(help="Time before an expected state in which the loop polls [s].")
     ] = USUAL.spin
     stopped: Annotated[
         bool, Option(help="Keep robots stopped until they are engaged.")
     ] = False
-    self_test: Annotated[bool, Option(help="Let the guard test itself first.")] = True
+    self_test: Annotated[bool, Option(help="Run the self-test at the start.")] = True
 
     def settings(self) -> ServiceSettings:
         """Settings of the service.
@@ -115,9 +114,11 @@ class Options:
 
 @with_options(Options)
 def serve(options: Options) -> None:
-    """Guard a scene for controllers and a commander, until it is ended.
+    """Run the guard of a scene as a service for controllers and a commander.
 
-    The first line on standard output says where it listens.
+    The first line on standard output has the address. Standard error has the log: stops
+    as they begin, and each slowing or stop with its duration when it is over. SIGTERM
+    and Ctrl-C end the service.
     """
     patient = PatientHandler()
     logging.basicConfig(level=logging.INFO, handlers=[patient])
