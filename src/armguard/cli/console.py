@@ -44,7 +44,8 @@ UNBROKEN = 100_000
 class Lines(Console):
     """Console that breaks no line outside a terminal, so that text can be searched."""
 
-    @property
+    # Nothing sets it, so it needs no setter.
+    @property  # type: ignore[misc]
     def size(self) -> ConsoleDimensions:
         """Size of the terminal; outside one, a width that no line has."""
         found = super().size

@@ -1,6 +1,6 @@
 """`armguard run`: judge a motion in a scene, report every event."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
@@ -255,6 +255,7 @@ def judged(
     """
     fixed = all(part.mode == "fixed" for part in guard.tables.robots)
     log, times, counts = EventLog(), list[float](), list[Counts]()
+    verdicts: Callable[[Guard, Floats, Floats | None], Verdicts]
     if fixed:
         how, verdicts = "by distances alone, mode fixed", fixed_verdicts
     elif stamps is None:
