@@ -66,3 +66,14 @@ def test_a_word_that_is_in_no_name_is_an_error_in_words():
     result = CliRunner().invoke(app, ["chaos", "--only", "all losst"])
     assert result.exit_code != 0
     assert "did you mean 'all lost'" in str(result.exception)
+    assert "armguard chaos --list" in str(result.exception)
+
+
+def test_the_list_has_every_fault_and_starts_nothing():
+    names = [fault.name for fault in FAULTS]
+    listed = json.loads(CliRunner().invoke(app, ["chaos", "--list", "--json"]).stdout)
+    assert [row["fault"] for row in listed["faults"]] == names
+    lines = CliRunner().invoke(app, ["chaos", "--list"]).stdout.splitlines()
+    assert len(lines) == len(names) + 1
+    some = CliRunner().invoke(app, ["chaos", "--list", "--only", "NaN"]).stdout
+    assert "a position is NaN" in some and "all lost" not in some

@@ -72,15 +72,6 @@ def test_check_of_a_broken_scene_fails(tmp_path):
     assert result.stdout.endswith("\nNOT READY: 1 failure\n")
 
 
-def test_octree_prints_numbers_and_draws(tmp_path):
-    png = tmp_path / "tree.png"
-    result = run("octree", BAY, "--png", str(png), "--json")
-    answer = json.loads(result.stdout)
-    assert answer["audit"] == "passed"
-    assert answer["primitives"] == 35
-    assert png.read_bytes()[:4] == b"\x89PNG"
-
-
 def test_an_error_is_one_message_and_exit_code_two(monkeypatch, capsys, tmp_path):
     arguments = ["armguard", "run", str(tmp_path / "no.yaml"), "--trajectory", TASK]
     monkeypatch.setattr("sys.argv", arguments)
@@ -155,7 +146,7 @@ def test_a_summary_tells_every_level_that_was_there(capsys):
     assert answer["exit_code"] == 1
     json.dumps(jsonable(answer), allow_nan=False)
     assert {e["level"] for e in answer["events"]} >= {"HARDWARE_STOP"}
-    assert all(len(event_line(e)) > 20 for e in log.events)
+    assert all(len(event_line(e, 0.0)) > 20 for e in log.events)
 
 
 ROWS = """<robot name="r">
@@ -176,6 +167,16 @@ PLANAR = """<robot name="r">
   <origin xyz="1 0 0"/><axis xyz="0 0 1"/>
   <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
 </robot>"""
+
+
+PLANAR_SCENE = """mode: path
+cycle: {period: 0.004}
+robots:
+  arm: {urdf: r.urdf, base: {xyz: [0, 0, 0]}, stopping: {deceleration: 1.0}}
+allow: [{a: arm/base, b: arm/tip, reason: apart}]
+objects:
+  wall: {box: [0.1, 0.1, 1.0], at: {xyz: [1.8, 0.3, 0]}}
+"""
 
 
 def test_check_proves_claims_or_tells_that_it_did_not(tmp_path):
@@ -200,3 +201,75 @@ def test_check_proves_claims_or_tells_that_it_did_not(tmp_path):
     assert set(claims["rows"][0]["contradiction"]) == {"shoulder", "elbow"}
     assert claims["rows"][0]["least_mm"] < -100.0
     assert claims["rows"][1]["contradiction"] is None
+
+
+def timed(tmp_path, times, elbow, name="t", scene=PLANAR_SCENE):
+    """A scene with a planar arm, and a motion of its elbow."""
+    (tmp_path / "r.urdf").write_text(PLANAR)
+    path = tmp_path / "s.yaml"
+    path.write_text(scene)
+    rows = (f"{t},0,{q}" for t, q in zip(times, elbow, strict=True))
+    motion = tmp_path / "m.csv"
+    motion.write_text("\n".join([f"{name},arm/shoulder,arm/elbow", *rows]) + "\n")
+    return run("run", str(path), "--trajectory", str(motion), "--json")
+
+
+def test_run_judges_with_recorded_speeds_what_is_clear_at_rest(tmp_path):
+    """0.16 m from a wall: enough at rest, too little to stop at 0.7 m/s."""
+    fast = timed(tmp_path, [0.0, 0.5], [-0.4, 0.05])
+    slow = timed(tmp_path, [0.0, 50.0], [-0.4, 0.05])
+    assert (fast.exit_code, slow.exit_code) == (1, 0), fast.stdout
+    answer = json.loads(fast.stdout)
+    assert answer["judged"] == "with recorded speeds"
+    assert answer["duration"] == 0.5
+    assert answer["rate"] == pytest.approx(2.0)
+    assert answer["top_speeds"]["arm"] == pytest.approx({"rad/s": 0.9})
+    assert answer["cycles"] > 100
+    assert "TOO_CLOSE" in {e["reason"] for e in answer["events"]}, answer["events"]
+    assert answer["faults"] == 0
+
+
+def test_run_without_times_says_that_it_judges_at_rest(tmp_path):
+    timed(tmp_path, [0.0, 0.5], [-0.4, 0.05])
+    (tmp_path / "m.csv").write_text("arm/shoulder,arm/elbow\n0,-0.4\n0,0.05\n")
+    words = ("run", str(tmp_path / "s.yaml"), "--trajectory", str(tmp_path / "m.csv"))
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    assert "judged at rest: no times" in result.stdout
+    assert "needs 0.0 mm" not in result.stdout
+    assert json.loads(run(*words, "--json").stdout)["judged"] == "at rest: no times"
+
+
+@pytest.mark.parametrize("times", [[0.0, 500.0, 1000.0], [0.0, 0.0005, 0.001]])
+def test_run_refuses_times_in_another_unit_with_the_column_to_write(tmp_path, times):
+    count = 3
+    result = timed(tmp_path, times, [-0.4, -0.2, 0.0][:count])
+    assert result.exit_code != 0
+    said = str(result.exception)
+    if times[-1] > 1.0:
+        assert "looks like milliseconds" in said and "t_ms" in said
+    else:
+        assert "speed limit" in said and "unit" in said
+
+
+def test_run_prints_duration_rate_and_top_speeds(tmp_path):
+    timed(tmp_path, [0.0, 0.5], [-0.4, 0.05])
+    words = ("run", str(tmp_path / "s.yaml"), "--trajectory", str(tmp_path / "m.csv"))
+    result = run(*words)
+    assert "0.5 s, 2 Hz; top speeds: arm 0.90 rad/s" in result.stdout
+
+
+def test_lines_are_not_broken_outside_a_terminal(capsys):
+    from armguard.cli.console import out, plain_table
+
+    table = plain_table("a", "b")
+    table.add_row("x " * 200, "y " * 200)
+    out.print(table)
+    out.print("word " * 100)
+    assert len(capsys.readouterr().out.splitlines()) == 3
+
+
+def test_the_help_offers_completion_and_no_tree():
+    said = run("--help").stdout
+    assert "--install-completion" in said
+    assert "octree" not in said

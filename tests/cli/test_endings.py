@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -33,8 +34,72 @@ def test_a_signal_ends_the_service_while_it_compiles(tmp_path, number):
             if "compiling kernels" in line:
                 break
         assert service.poll() is None, said
+        helpers = wait_for_children(service.pid)
         service.send_signal(number)
         assert service.wait(PATIENCE) == -number
+        assert gone(helpers)
+    finally:
+        service.kill()
+        service.wait()
+        service.stderr.close()
+
+
+def wait_for_children(pid):
+    """Numbers of the processes that a process has started, one at least."""
+    end = time.monotonic() + PATIENCE
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    while time.monotonic() < end and path.exists():
+        if found := path.read_text().split():
+            # It has to be past its own start to end with its parent.
+            time.sleep(2.0)
+            return found
+        time.sleep(0.05)
+    return []
+
+
+def gone(pids):
+    """Whether processes end in time."""
+    end = time.monotonic() + PATIENCE
+    paths = [Path(f"/proc/{pid}/cmdline") for pid in pids]
+    while time.monotonic() < end:
+        if not any(path.exists() and path.read_bytes() for path in paths):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+# A service that takes long to be made, as with a long self-test.
+SLOW_SERVICE = r"""
+import sys, time
+from armguard.cli import main, serve
+
+def make(*_, **__):
+    try:
+        sys.stderr.write("being made\n")
+        sys.stderr.flush()
+        time.sleep(100.0)
+    finally:
+        sys.stderr.write("closed\n")
+
+serve.Service = make
+serve.compile_kernels = lambda *_: None
+sys.argv = ["armguard", "serve", "bay", "--mode", "path", "--port", "0"]
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_the_service_while_it_is_made(number):
+    service = subprocess.Popen(
+        [sys.executable, "-c", SLOW_SERVICE], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        for line in service.stderr:
+            if "being made" in line:
+                break
+        service.send_signal(number)
+        assert service.wait(PATIENCE) == 128 + number
+        assert "closed" in service.stderr.read()
     finally:
         service.kill()
         service.wait()

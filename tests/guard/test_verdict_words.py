@@ -232,7 +232,7 @@ def test_a_slow_names_its_pair_with_the_margin_as_it_comes():
     assert verdict.why == said
 
 
-def test_an_approach_is_one_event_up_to_the_rest():
+def test_the_events_of_an_approach_rise_and_the_stop_is_one_up_to_the_rest():
     guard, log = ball_guard(settings={"margin": 0.3}), EventLog()
     guard.step([-1.0], 0.0, velocity=[0.0])
     q, speed = -1.0, 0.8
@@ -244,7 +244,9 @@ def test_an_approach_is_one_event_up_to_the_rest():
             speed = max(speed - FIGURES["deceleration"] * PERIOD, 0.0)
         if speed == 0.0 and verdict.level is not Level.STOP:
             break
-    (event,) = log.events
+    levels = [event.level for event in log.events]
+    assert levels == sorted(levels) and levels[-1] is Level.STOP
+    event = log.events[-1]
     assert (event.a, event.b) == ("arm/link1", "ball")
     assert event.reason in (Reason.TOO_CLOSE, Reason.NO_PROOF)
     assert log.faults == 0

@@ -14,13 +14,13 @@ class Effect(Enum):
     """What arms do in the face of a fault."""
 
     GOES_ON = "goes on"
-    """They go on moving; no stop is reported."""
+    """They go on moving; no stop is commanded."""
 
     RESTS = "comes to rest"
     """Nothing is requested any more: they come to rest, and are not stopped."""
 
     STOPS = "stops"
-    """The guard stops all of them; they rest until they are engaged."""
+    """The guard stops all of them; they rest until the operator engages them."""
 
     STOPS_ITSELF = "stops by itself"
     """They hear nothing, and stop by their own watchdog; then as `STOPS`."""

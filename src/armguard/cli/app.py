@@ -7,7 +7,6 @@ from armguard.cli.check import check
 from armguard.cli.demo import demo
 from armguard.cli.init import init
 from armguard.cli.keys import keys
-from armguard.cli.octree import octree
 from armguard.cli.replay import replay
 from armguard.cli.report import report
 from armguard.cli.run import run
@@ -17,25 +16,12 @@ from armguard.cli.view import view
 app = typer.Typer(
     name="armguard",
     help="Real-time collision guard for robot arms. Exit codes: 0 clear, "
-    "1 something came too close, 2 bad input.",
+    "1 a pair came too close, 2 bad input.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    demo,
-    init,
-    check,
-    run,
-    serve,
-    keys,
-    view,
-    replay,
-    report,
-    chaos,
-    octree,
-):
+for command in (demo, init, check, run, serve, keys, view, replay, report, chaos):
     app.command()(command)
 
 

@@ -1,5 +1,6 @@
-"""`armguard chaos`: every fault played against a running guard."""
+"""`armguard chaos`: every fault injected into a running guard."""
 
+import time
 from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +19,7 @@ from armguard.cli.console import (
     Late,
     Rate,
     SceneName,
+    compile_kernels,
     out,
     plain_table,
     print_json,
@@ -36,23 +38,33 @@ def chaos(
     scene: SceneName = "bay",
     only: Annotated[
         list[str] | None,
-        Option(help="Play faults whose names hold this; may be given again."),
+        Option(help="Inject only faults whose names contain this; repeatable."),
     ] = None,
+    list_faults: Annotated[
+        bool, Option("--list", help="List the faults and inject none.")
+    ] = False,
     rate: Rate = 250.0,
     late: Late = 0.012,
     slack: Annotated[
         float,
-        Option(help="Delay that a busy machine may add to every declared time [s]."),
+        Option(
+            help="Delay that this computer may add to every declared time because "
+            "of its other work [s]."
+        ),
     ] = 0.15,
     json: Json = False,
 ) -> None:
-    """Play every fault against a guard of simulated arms: declared beside observed.
+    """Inject every known fault into a simulated guard; compare expected with observed.
 
-    Nothing of it touches a real robot. Exit code 0 if everything happened as declared,
-    1 if something did not.
+    No real robot takes part. Exit code 0 if every fault had its declared effect, 1 if
+    one had not.
     """
     faults = chosen(only)
+    if list_faults:
+        print_faults(faults, json)
+        return
     say(f"starting a guard, simulated arms and an operator in '{scene}' ...")
+    compile_kernels()
     outcomes = []
     opened, _ = open_scene(scene, period=1.0 / rate, late=late)
     with (
@@ -62,8 +74,13 @@ def chaos(
         ) as ground,
     ):
         ground.start()
-        for k, fault in enumerate(faults, 1):
-            say(f"{k} of {len(faults)}: {fault.group}, {fault.name}")
+        began = time.monotonic()
+        for k, fault in enumerate(faults):
+            left = ""
+            if k:
+                seconds = (time.monotonic() - began) / k * (len(faults) - k)
+                left = f", about {seconds:.0f} s left"
+            say(f"{k + 1} of {len(faults)}{left}: {fault.group}, {fault.name}")
             outcomes.append(play(ground, fault))
     code = CLEAR if all(each.passed for each in outcomes) else NOT_AS_DECLARED
     if json:
@@ -86,7 +103,10 @@ def chosen(only: list[str] | None) -> list[Fault]:
     for word in only:
         if not any(word in name for name in faults):
             near = did_you_mean(word, [fault.name for fault in FAULTS])
-            raise SceneError(f"no fault's name holds '{word}'; {near}")
+            raise SceneError(
+                f"no fault's name contains '{word}'; {near}; `armguard chaos --list` "
+                "prints all names"
+            )
     return [f for name, f in faults.items() if any(word in name for word in only)]
 
 
@@ -121,8 +141,26 @@ def row_of(outcome: Outcome) -> dict[str, Any]:
     }
 
 
+def print_faults(faults: list[Fault], json: bool) -> None:
+    """Print the names of faults, and their declared effects."""
+    if json:
+        print_json(
+            {
+                "faults": [
+                    {"group": f.group, "fault": f.name, "declared": declared(f)}
+                    for f in faults
+                ]
+            }
+        )
+        return
+    table = plain_table("group", "fault", "declared")
+    for fault in faults:
+        table.add_row(fault.group, fault.name, declared(fault))
+    out.print(table)
+
+
 def print_outcomes(outcomes: list[Outcome]) -> None:
-    """Print the table, and what it comes to."""
+    """Print the table and the count of each status."""
     table = plain_table("", "fault", "declared", "observed")
     group = ""
     for outcome in outcomes:
@@ -133,7 +171,7 @@ def print_outcomes(outcomes: list[Outcome]) -> None:
         word = status(outcome)
         seen = outcome.skipped or outcome.observed
         if outcome.tries > 1:
-            seen += f" (try {outcome.tries}: this machine was late by itself)"
+            seen += f" (try {outcome.tries}: this computer was late in the others)"
         table.add_row(f"[{STYLES[word]}]{word}[/]", fault.name, declared(fault), seen)
     out.print(table)
     count = Counter(map(status, outcomes))

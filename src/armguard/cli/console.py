@@ -1,6 +1,7 @@
 """Shared by all commands: options, exit codes, JSON, progress, messages."""
 
 import json
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,18 +11,16 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-)
+from rich.console import Console, ConsoleDimensions
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
 from armguard.guard.events import Event
 from armguard.guard.levels import Level
+from armguard.guard.verdict import Verdict
+from armguard.respond.compiling import compile_ahead
+from armguard.respond.guard import try_out
 
 CLEAR = 0
 TOO_CLOSE = 1
@@ -38,24 +37,45 @@ STYLES = {
     Level.HARDWARE_STOP: "bold white on red",
 }
 
-out = Console(highlight=False)
+# Width of a line that is not for a terminal: no table or sentence is that long.
+UNBROKEN = 100_000
+
+
+class Lines(Console):
+    """Console that breaks no line outside a terminal, so that text can be searched."""
+
+    # Nothing sets it, so it needs no setter.
+    @property  # type: ignore[misc]
+    def size(self) -> ConsoleDimensions:
+        """Size of the terminal; outside one, a width that no line has."""
+        found = super().size
+        return found if self.is_terminal else ConsoleDimensions(UNBROKEN, found.height)
+
+
+out = Lines(highlight=False)
 # Progress and remarks, so that standard output holds the answer alone.
-err = Console(stderr=True, highlight=False)
+err = Lines(stderr=True, highlight=False)
 
 Options = TypeVar("Options")
 
 # Arguments and options of several commands.
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-SceneFile = Annotated[Path, typer.Argument(help="Scene file: ours, or MoveIt's.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Print every change of pair or level.")
+]
+SceneFile = Annotated[
+    Path, typer.Argument(help="Scene file of armguard, or planning scene of MoveIt.")
+]
 SceneName = Annotated[
     str, typer.Argument(help="Scene file, or a bundled scene: bay, two-pandas.")
 ]
 RobotOption = Annotated[
-    str | None, typer.Option(help="URDF for a MoveIt scene, or a robot's name.")
+    str | None,
+    typer.Option(help="Robot of a MoveIt scene: a URDF file or a bundled robot."),
 ]
-Rate = Annotated[float, typer.Option(help="Cycles a second [Hz].")]
+Rate = Annotated[float, typer.Option(help="Rate of the cycles [Hz].")]
 Late = Annotated[
-    float, typer.Option(help="How much later than its period a cycle may come [s].")
+    float, typer.Option(help="Permitted delay of a cycle beyond its period [s].")
 ]
 
 
@@ -112,6 +132,22 @@ def say_progress(what: str, number: int, count: int) -> None:
     say(f"{what}, {number} of {count}" if count > 1 else what)
 
 
+def compile_kernels(guarded: bool = True) -> None:
+    """On the first start compile all kernels of a guard, and report the time left.
+
+    Meanwhile a signal ends the program at once: a handler in Python would run only
+    after the compiler has returned.
+
+    Args:
+        guarded: Whether stops are predicted.
+    """
+    numbers = (signal.SIGTERM, signal.SIGINT)
+    before = [signal.signal(number, signal.SIG_DFL) for number in numbers]
+    compile_ahead(say, guarded, try_out)
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
 def plain_table(*titles: str) -> Table:
     """A table without lines, whose cells are folded where they are too long."""
     columns = (Column(title, overflow="fold") for title in titles)
@@ -124,20 +160,39 @@ def progress_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
+        TextColumn("{task.completed} of {task.total},"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
     )
     with Progress(*columns, console=err, transient=True) as progress:
         task = progress.add_task(title, total=total)
         yield lambda steps: progress.update(task, advance=steps)
 
 
-def event_line(event: Event) -> str:
-    """An event as one line."""
-    time = "" if event.stamp is None else f" {event.stamp:8.3f} s"
-    style = STYLES[event.level]
-    level = f"[{style}]{event.level.name:13}[/]"
-    return f"{level} cycle {event.at:6d}{time}  {event.why}"
+def event_line(event: Event, start: float) -> str:
+    """An event as one line of rich's markup.
+
+    Args:
+        event: The event.
+        start: Stamp from which its time counts [s].
+    """
+    return (
+        f"{event.began - start:8.2f} s  {level_word(event.level)}"
+        f" for {event.seconds:5.2f} s  {escape(event.why)}"
+    )
+
+
+def cycle_line(verdict: Verdict, start: float) -> str:
+    """A cycle as one line of rich's markup, aligned with `event_line`."""
+    time = (verdict.stamp or 0.0) - start
+    return (
+        f"{time:8.2f} s  {level_word(verdict.level)}              {escape(verdict.why)}"
+    )
+
+
+def level_word(level: Level) -> str:
+    """A level in its colour, padded."""
+    return f"[{STYLES[level]}]{level.name:13}[/]"
 
 
 def exit_code(levels: dict[Level, int], faults: int) -> int:

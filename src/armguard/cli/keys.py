@@ -10,19 +10,19 @@ from armguard.errors import ArmguardError
 
 
 def keys(
-    file: Annotated[Path, Argument(help="File to write, readable by you alone.")],
+    file: Annotated[Path, Argument(help="File to write; only its owner may read it.")],
     source: Annotated[
         Path | None,
-        Option("--from", help="Copy keys from this file; else they are new."),
+        Option("--from", help="Copy keys from this file; new keys if left out."),
     ] = None,
     role: Annotated[
         list[str] | None,
-        Option(help="Only this role: observe, sense, command or administer."),
+        Option(help="Only this role; repeatable: observe, sense, command, administer."),
     ] = None,
 ) -> None:
-    """Write a key for each role, for `serve --key-file` and its clients.
+    """Write a file with a key for each role, for `serve --key-file` and its clients.
 
-    With --from and --role it writes the part that one client needs.
+    With --from and --role the file has only the keys that one client needs.
     """
     from armguard.recording.rights import Role
     from armguard.service.wire.keys import key_of, new_keys, read_keys, write_keys

@@ -26,28 +26,30 @@ SHOWN = 20
 
 def replay(
     recording: Annotated[
-        Path, Argument(help="A recording, a near miss, or a folder of them.")
+        Path, Argument(help="Recording, near miss, or folder of recordings.")
     ],
     settings: Annotated[
         list[str] | None,
         Option(
             "--set",
             metavar="NAME=VALUE",
-            help="Compare with other settings: guard.mode=speed, scene.buffer=0.01, "
+            help="Judge with another setting: guard.mode=speed, scene.buffer=0.01, "
             "response=slow, robots.left.response.kind=stop ...",
         ),
     ] = None,
     start: Annotated[
-        float, Option("--from", help="Begin at this time of it [s].")
+        float, Option("--from", help="Start time within the recording [s].")
     ] = 0.0,
-    end: Annotated[float, Option("--to", help="End at this time of it [s].")] = np.inf,
+    end: Annotated[
+        float, Option("--to", help="End time within the recording [s].")
+    ] = np.inf,
     json: Json = False,
 ) -> None:
-    """Judge every cycle of a recording again and compare the answers bit by bit.
+    """Judge every cycle of a recording again, and compare the results bit by bit.
 
-    With --set it is judged with other settings, and compared with the recording.
-    Exit codes: 0 all answers are the same, 1 one is different or none could be judged,
-    2 there is no such recording or setting.
+    With --set the cycles are judged with other settings and compared with the recorded
+    results. Exit codes: 0 all results are equal, 1 a result differs or no cycle could
+    be judged, 2 the recording or a setting does not exist.
     """
     if settings:
         answer, code = compared(recording, by_name(settings), start, end)
@@ -126,8 +128,8 @@ def print_comparison(answer: dict[str, Any]) -> None:
         table.add_row(name.replace("_", " "), *lengths)
     out.print(table)
     for title, key in (
-        ("stops that would not have been ordered then", "stops_gone"),
-        ("stops that would have been ordered besides", "stops_new"),
+        ("stops that these settings avoid", "stops_gone"),
+        ("stops that these settings add", "stops_new"),
     ):
         stops = answer[key]
         if stops:
@@ -137,7 +139,7 @@ def print_comparison(answer: dict[str, Any]) -> None:
             out.print(f"  {stop['time']:9.3f} s  {whose}{stop['why']}")
     first = answer["first_difference"]
     if first is None:
-        out.print("no level and no command would have been different")
+        out.print("no level and no command differs")
     else:
         at = f"cycle {first['cycle']:,} at {first['time']:.3f} s"
         out.print(f"first difference: {at}: {first['what']}")

@@ -12,27 +12,28 @@ from armguard.errors import StationError
 
 def report(
     recording: Annotated[
-        Path, Argument(help="A recording, a near miss, or a folder of recordings.")
+        Path, Argument(help="Recording, near miss, or folder of recordings.")
     ],
     page: Annotated[
         Path | None,
-        Option("--out", help="The page; beside the recording if this is not given."),
+        Option("--out", help="HTML file to write; beside the recording if left out."),
     ] = None,
     clearance: Annotated[
-        float, Option(help="A pair with less left than this is a near miss [m].")
+        float, Option(help="A pair with less headroom is a near miss [m].")
     ] = 0.0,
     slack: Annotated[
-        float, Option(help="Less time than this until a stop is a near miss [s].")
+        float, Option(help="Less time until a stop must be ordered is a near miss [s].")
     ] = 0.0,
     prove_seconds: Annotated[
         float,
-        Option(min=0.0, help="Time for proofs that are not kept on this machine [s]."),
+        Option(min=0.0, help="Time for proofs that are not in the cache [s]."),
     ] = 0.0,
     json: Json = False,
 ) -> None:
-    """Report a recording on one page that needs no network. Exit code 0, 2 bad input.
+    """Write a report about a recording: one HTML page that needs no network.
 
-    With --json the findings are printed, and a page is written only with --out.
+    With --json the findings are printed, and the page is written only with --out. Exit
+    code 0, or 2 for bad input.
     """
     try:
         from armguard.recording import open_recording

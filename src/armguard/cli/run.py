@@ -1,13 +1,15 @@
 """`armguard run`: judge a motion in a scene, report every event."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
+from rich.markup import escape
 from typer import Option
 
 from armguard.cli.console import (
@@ -26,15 +28,32 @@ from armguard.cli.console import (
     say_progress,
     with_options,
 )
+from armguard.errors import TrajectoryError
 from armguard.guard import EventLog, Level
 from armguard.guard.answer import Counts
+from armguard.guard.verdict import Verdict
 from armguard.recording.motions import load_motion, motion_notes
 from armguard.respond import Guard
-from armguard.scene import load_scene
+from armguard.robot.model import JointKind
+from armguard.scene import Scene, Trajectory, load_scene
 from armguard.scene.trajectory import densify
 from armguard.simulation.tally import cycle_time_sentence, cycle_times
 
 Floats = NDArray[np.float64]
+
+# Verdicts, each with the count of configurations of the file that it completes.
+Verdicts = Iterator[tuple[int, Verdict]]
+
+# Least time between two configurations [s]; a division by less is none.
+TIME_GRAIN = 1e-9
+
+# Share of a speed limit that no motion in seconds reaches [-].
+SURELY_TOO_FAST = 100.0
+
+# Times that are read as seconds and may be milliseconds: at least so much from one
+# configuration to the next [s], and a top speed that is such a share of its limit [-].
+LONG_PERIOD = 0.5
+SHARE_IN_MILLISECONDS = (5e-5, 2e-3)
 
 # Changes of the index that are added up.
 CHANGES = ("leaves_entered", "leaves_left", "splits", "merges")
@@ -54,47 +73,54 @@ class Options:
     trajectory: Annotated[
         Path,
         Option(
-            help="CSV with joint names, NPZ, YAML, a bag of ROS 1 or ROS 2, or a "
-            "recording of ours."
+            help="Motion: CSV with joint names, NPZ, YAML, a ROS 1 or ROS 2 bag, or "
+            "a recording of armguard."
         ),
     ]
     topic: Annotated[
         list[str] | None,
         Option(
-            help="Topic of a bag; give it once for each arm, as ROBOT=TOPIC where the "
-            "joints' names do not name the robot."
+            help="Topic of a bag; repeat it for each arm, as ROBOT=TOPIC if the joint "
+            "names do not contain the robot."
         ),
     ] = None
     step: Annotated[
         float,
         Option(
             help="Largest joint step between cycles [rad or m] for a motion without "
-            "time: straight lines are walked in such steps."
+            "times; straight lines are divided into such steps."
         ),
     ] = 0.01
     hold_home: Annotated[
-        bool, Option(help="Hold joints the motion does not have at home.")
+        bool, Option(help="Hold joints that the motion lacks at their home position.")
     ] = False
     robot: RobotOption = None
     report: Annotated[
-        Path | None, Option(help="Write the report with every event here.")
+        Path | None, Option(help="JSON file to write, with every event.")
     ] = None
     json: Json = False
 
 
 @with_options(Options)
 def run(options: Options) -> None:
-    """Judge a motion, cycle by cycle. Exit code 0 clear, 1 too close, 2 bad input."""
+    """Judge a motion, cycle by cycle. Exit code 0 clear, 1 too close, 2 bad input.
+
+    A motion with times is judged with its recorded speeds, as in the loop. A motion
+    without times is judged at rest: only distances count, no stopping distances.
+    """
     loaded = load_scene(options.scene, robot=options.robot, progress=say_progress)
     motion = load_motion(options.trajectory, options.topic or ())
     fill = dict(zip(loaded.q_names, loaded.home.tolist(), strict=True))
     q = motion.for_scene(loaded, fill if options.hold_home else None)
-    if motion.stamps is None and not motion.ends_only:
+    pace = None if motion.stamps is None else Pace.of(loaded, q, motion)
+    between = None
+    if pace is None and not motion.ends_only:
         q = densify(q, options.step)
     guard = Guard(loaded, progress=say)
     notes = [*motion_notes(motion, loaded), *guard.tables.notes]
     log, figures = judged(guard, q, motion.stamps)
-    between = None
+    if pace is not None:
+        figures |= pace.to_dict()
     if not motion.ends_only and np.isfinite(q).all():
         say("checking the lines between the samples")
         between = guard.check_path(q)
@@ -119,11 +145,102 @@ def run(options: Options) -> None:
         for note in notes:
             say(f"note: {note}")
         print_summary(answer, log)
+        out.print(f"judged {answer['judged']}" + ("" if pace is None else f"; {pace}"))
         if between is not None:
             out.print(between.sentence)
         if options.report is not None:
             out.print(f"report written to {options.report}")
     raise typer.Exit(code)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Duration and speeds of a motion with times.
+
+    Attributes:
+        duration: Time from the first configuration to the last [s].
+        rate: Configurations a second, by the median of their times [Hz].
+        top_speeds: Greatest speed in each robot's joints, by unit [rad/s or m/s].
+    """
+
+    duration: float
+    rate: float
+    top_speeds: dict[str, dict[str, float]]
+
+    @classmethod
+    def of(cls, scene: Scene, q: Floats, motion: Trajectory) -> Self:
+        """The pace of a motion.
+
+        Args:
+            scene: The scene.
+            q: Its configurations, shape (k, n) [rad or m].
+            motion: The same as it was read, with times.
+
+        Raises:
+            TrajectoryError: Its times look like another unit than seconds.
+        """
+        assert motion.stamps is not None
+        passed = np.diff(motion.stamps)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            every = np.abs(np.diff(q, axis=0)) / passed[:, None]
+        moved = np.nan_to_num(every, nan=0.0)
+        speeds = moved.max(axis=0, initial=0.0)
+        found: dict[str, dict[str, float]] = {}
+        used: dict[str, float] = {}
+        for name, speed in zip(scene.q_names, speeds.tolist(), strict=True):
+            robot, joint = name.split("/", 1)
+            model = scene.robots[robot].model.joints[joint]
+            unit = "m/s" if model.kind is JointKind.PRISMATIC else "rad/s"
+            own = found.setdefault(robot, {})
+            own[unit] = max(own.get(unit, 0.0), speed)
+            if model.velocity:
+                used[name] = speed / model.velocity
+        period = float(np.median(passed)) if len(passed) else 0.0
+        if not motion.unit_known:
+            check_unit(motion.source, used, period)
+        duration = float(motion.stamps[-1] - motion.stamps[0])
+        return cls(duration, 1.0 / period if period else 0.0, found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same, ready for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """The same in words."""
+        tops = ", ".join(
+            f"{robot} {speed:.2f} {unit}"
+            for robot, by_unit in self.top_speeds.items()
+            for unit, speed in by_unit.items()
+        )
+        return f"{self.duration:.4g} s, {self.rate:.4g} Hz; top speeds: {tops}"
+
+
+def check_unit(source: str, used: dict[str, float], period: float) -> None:
+    """Refuse times without a unit that do not look like seconds.
+
+    Args:
+        source: The file.
+        used: Greatest speed of each joint as a share of its speed limit [-].
+        period: Median time from one configuration to the next [s].
+
+    Raises:
+        TrajectoryError: They look like another unit.
+    """
+    joint = max(used, key=used.__getitem__, default="")
+    share = used.get(joint, 0.0)
+    if share > SURELY_TOO_FAST:
+        raise TrajectoryError(
+            f"{source}: joint '{joint}' would move at {share:.0f} times its speed "
+            "limit: the times are too short for seconds; correct them, or write the "
+            "unit into the header if they are right: 't_s'"
+        )
+    low, high = SHARE_IN_MILLISECONDS
+    if period >= LONG_PERIOD and low < share < high:
+        raise TrajectoryError(
+            f"{source}: {period:g} s from one configuration to the next, and at most "
+            f"{100.0 * share:.2g} % of a speed limit: that looks like milliseconds; "
+            "name the column 't_ms', or 't_s' if it is seconds"
+        )
 
 
 def judged(
@@ -138,20 +255,59 @@ def judged(
     """
     fixed = all(part.mode == "fixed" for part in guard.tables.robots)
     log, times, counts = EventLog(), list[float](), list[Counts]()
+    verdicts: Callable[[Guard, Floats, Floats | None], Verdicts]
+    if fixed:
+        how, verdicts = "by distances alone, mode fixed", fixed_verdicts
+    elif stamps is None:
+        how, verdicts = "at rest: no times", rest_verdicts
+    else:
+        how, verdicts = "with recorded speeds", moving_verdicts
     with progress_bar("judging", len(q)) as advance:
-        for k, row in enumerate(q):
-            # A recorded motion does not obey, so it is judged place by place.
-            verdict = (
-                guard.step(row, None if stamps is None else float(stamps[k]))
-                if fixed
-                else guard.judge_at_rest(row)
-            )
+        for rows, verdict in verdicts(guard, q, stamps):
             log.add(verdict)
             times.append(verdict.cycle_time)
             counts.append(verdict.counts)
-            if k % 100 == 99:
-                advance(100)
-    return log, summary(log, times, counts)
+            if rows:
+                advance(rows)
+    return log, {"judged": how, **summary(log, times, counts)}
+
+
+def fixed_verdicts(guard: Guard, q: Floats, stamps: Floats | None) -> Verdicts:
+    """Verdicts where no robot's stop is predicted, each with the rows it is for."""
+    for k, row in enumerate(q):
+        yield 1, guard.step(row, None if stamps is None else float(stamps[k]))
+
+
+def rest_verdicts(guard: Guard, q: Floats, _: Floats | None) -> Verdicts:
+    """Verdicts on robots at rest."""
+    for row in q:
+        yield 1, guard.judge_at_rest(row)
+
+
+def moving_verdicts(guard: Guard, q: Floats, stamps: Floats | None) -> Verdicts:
+    """Verdicts of a loop at the scene's period, with the recorded speeds.
+
+    Configurations between those of the file are on the straight line. The motion does
+    not obey, so stops of earlier cycles do not count.
+    """
+    assert stamps is not None
+    period = guard.tables.period
+    # The first configuration has the speeds of the motion that follows it.
+    speeds = np.diff(q, axis=0) / np.maximum(np.diff(stamps), TIME_GRAIN)[:, None]
+    speeds = np.concatenate([speeds[:1], speeds]) if len(q) > 1 else np.zeros_like(q)
+    guard.forget_stops()
+    yield 1, guard.step(q[0], float(stamps[0]), velocity=speeds[0])
+    for k in range(1, len(q)):
+        passed = stamps[k] - stamps[k - 1]
+        if not passed > 0.0 and (q[k] == q[k - 1]).all():
+            continue
+        cycles = max(1, int(np.ceil(passed / period - 1e-6)))
+        for n in range(1, cycles + 1):
+            guard.forget_stops()
+            share = n / cycles
+            row = q[k] if n == cycles else q[k - 1] + share * (q[k] - q[k - 1])
+            time = float(stamps[k - 1] + share * passed)
+            yield int(n == cycles), guard.step(row, time, velocity=speeds[k])
 
 
 def summary(
@@ -187,8 +343,8 @@ def print_summary(answer: dict[str, Any], log: EventLog) -> None:
             table.add_row(
                 f"[{STYLES[event.level]}]{event.level.name}[/]",
                 f"{event.first}-{event.last}",
-                str(event.at),
-                event.why,
+                str(event.at) if event.stamp is None else f"{event.stamp:.3f} s",
+                escape(event.why),
             )
         out.print(table)
         if len(log.events) > SHOWN:

@@ -2,15 +2,23 @@
 
 import logging
 import signal
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from types import FrameType
 from typing import Annotated
 
 from typer import Option
 
-from armguard.cli.console import Late, Rate, SceneName, say, say_progress, with_options
-from armguard.respond.compiling import compile_ahead
-from armguard.respond.guard import try_out
+from armguard.cli.console import (
+    Late,
+    Rate,
+    SceneName,
+    compile_kernels,
+    say,
+    say_progress,
+    with_options,
+)
 from armguard.service.server import Service, ServiceSettings
 from armguard.service.server.scenes import open_scene
 from armguard.service.server.throttled_log import PatientHandler
@@ -24,10 +32,10 @@ class Options:
     """The command line; `ServiceSettings` has the options of the same names."""
 
     scene: SceneName
-    port: Annotated[int, Option(help="UDP port; 0 for one that is free.")] = USUAL.port
-    bind: Annotated[str, Option(help="Address; all but loopback need --key-file.")] = (
-        USUAL.bind
-    )
+    port: Annotated[int, Option(help="UDP port; 0 for a free one.")] = USUAL.port
+    bind: Annotated[
+        str, Option(help="Address; all except loopback need --key-file.")
+    ] = USUAL.bind
     key_file: Annotated[
         Path | None,
         Option(help="File with the key of each role; new keys if left out."),
@@ -36,41 +44,42 @@ class Options:
     late: Late = USUAL.late
     wish_watchdog: Annotated[
         float,
-        Option(help="Validity of a desired motion [s]; longer than a round trip."),
+        Option(
+            help="Validity of a desired motion [s]; longer than a round trip to the "
+            "operator."
+        ),
     ] = USUAL.wish_watchdog
     stale: Annotated[
         float | None,
-        Option(help="How old states may be; as the scene says if left out [s]."),
+        Option(help="Permitted age of states [s]; that of the scene if left out."),
     ] = None
     mode: Annotated[
-        str | None, Option(help="How distances are made: path or speed.")
+        str | None, Option(help="Computation of required distances: path or speed.")
     ] = None
     response: Annotated[
-        str | None, Option(help="What robots do: stop, slow, deflect or field.")
+        str | None, Option(help="Response of the robots: stop, slow, deflect or field.")
     ] = None
     ring: Annotated[
         Path | None, Option(help="File of the ring; in memory if left out.")
     ] = None
-    record: Annotated[Path | None, Option(help="Folder to record everything into.")] = (
-        None
-    )
+    record: Annotated[Path | None, Option(help="Folder for recordings.")] = None
     metrics: Annotated[
-        int | None, Option(help="Port to serve metrics for Prometheus on.")
+        int | None, Option(help="Port of the metrics for Prometheus.")
     ] = None
-    zenoh: Annotated[bool, Option(help="Also speak Zenoh.")] = False
-    view: Annotated[bool, Option(help="Also open the live view.")] = False
+    zenoh: Annotated[bool, Option(help="Start the Zenoh bridge as well.")] = False
+    view: Annotated[bool, Option(help="Start the live view as well.")] = False
     realtime: Annotated[bool, Option(help="Request real-time scheduling.")] = False
     lock_memory: Annotated[
         bool, Option(help="Request memory that is never swapped out.")
     ] = False
-    cpu: Annotated[int | None, Option(help="Processor to stay on.")] = None
+    cpu: Annotated[int | None, Option(help="Processor core for the loop.")] = None
     spin: Annotated[
-        float, Option(help="Stay awake for so long before a state is expected [s].")
+        float, Option(help="Time before an expected state in which the loop polls [s].")
     ] = USUAL.spin
     stopped: Annotated[
         bool, Option(help="Keep robots stopped until they are engaged.")
     ] = False
-    self_test: Annotated[bool, Option(help="Let the guard test itself first.")] = True
+    self_test: Annotated[bool, Option(help="Run the self-test at the start.")] = True
 
     def settings(self) -> ServiceSettings:
         """Settings of the service.
@@ -105,17 +114,15 @@ class Options:
 
 @with_options(Options)
 def serve(options: Options) -> None:
-    """Guard a scene for controllers and a commander, until it is ended.
+    """Run the guard of a scene as a service for controllers and a commander.
 
-    The first line on standard output says where it listens.
+    The first line on standard output has the address. Standard error has the log: stops
+    as they begin, and each slowing or stop with its duration when it is over. SIGTERM
+    and Ctrl-C end the service.
     """
     patient = PatientHandler()
     logging.basicConfig(level=logging.INFO, handlers=[patient])
     settings = options.settings()
-    # The default action ends the program at once. A handler of Python would run only
-    # after the compiler has returned, minutes later.
-    for ending in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(ending, signal.SIG_DFL)
     scene, file = open_scene(
         options.scene,
         period=settings.period,
@@ -125,15 +132,25 @@ def serve(options: Options) -> None:
         response=options.response,
         progress=say_progress,
     )
-    modes = {robot.mode for robot in scene.robots.values()}
-    compile_ahead(say, modes != {"fixed"}, try_out)
-    received: list[int] = []
-    for ending in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(ending, lambda number, _: received.append(number))
+    compile_kernels({robot.mode for robot in scene.robots.values()} != {"fixed"})
+    handle_signals(end_now)
     service = Service(scene, settings, file=file)
+    received: list[int] = []
+    handle_signals(lambda number, _: received.append(number))
     for note in service.notes:
         say(f"note: {note}")
     where = f"{settings.bind}:{service.port}, ring {service.ring.path}"
     print(f"listening on {where}", flush=True)
     service.run(until=lambda: bool(received))
     patient.finish()
+
+
+def handle_signals(handler: Callable[[int, FrameType | None], object]) -> None:
+    """Set the handler of the signals that end the service."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, handler)
+
+
+def end_now(number: int, _: FrameType | None) -> None:
+    """End the program while the service is made; what was opened is closed."""
+    raise SystemExit(128 + number)

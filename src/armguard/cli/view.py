@@ -13,20 +13,18 @@ from armguard.errors import StationError
 def view(
     recording: Annotated[
         Path | None,
-        Argument(help="A recording to play; the running service if left out."),
+        Argument(help="Recording to play; the running service if left out."),
     ] = None,
     port: Annotated[int, Option(help="Port of the service.")] = 47800,
     page_port: Annotated[
-        int, Option(help="Port of the page; 0 for one that is free.")
+        int, Option(help="Port of the page; 0 for a free one.")
     ] = 8080,
-    key_file: Annotated[
-        Path | None, Option(help="File with the service's keys.")
-    ] = None,
+    key_file: Annotated[Path | None, Option(help="Key file of the service.")] = None,
 ) -> None:
-    """Show a running service in the browser and drive through it, or play a recording.
+    """Show a running service in the browser and drive its robots, or play a recording.
 
-    The first line on standard output has a link that lets one browser in; when it was
-    used, the next line has one for another browser.
+    The first line on standard output has a link, valid for one browser. After its use
+    the next line has a link for another browser.
     """
     if find_spec("viser") is None:
         raise StationError("the view needs viser: pip install 'armguard[view]'")

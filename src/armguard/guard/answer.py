@@ -188,7 +188,8 @@ class Answer:
         if not self.names.robots or self.nearest < 0:
             return None
         terms = self.data[layout.TERMS : layout.TERMS + layout.TERM_COUNT]
-        return Budget(*terms.tolist())
+        # A configuration that was judged at rest has none.
+        return Budget(*terms.tolist()) if terms.any() else None
 
     @property
     def unbounded(self) -> tuple[str, ...]:

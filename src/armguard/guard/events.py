@@ -1,6 +1,7 @@
-"""Events: sequences of cycles in which one pair, or one fault, decided the level."""
+"""Events: episodes of a level, with the pair or the fault that decided it."""
 
 from dataclasses import asdict, dataclass
+from math import isfinite, nan
 
 from armguard.guard.levels import Level, Reason
 from armguard.guard.sentences import ABOUT_PAIRS
@@ -9,28 +10,39 @@ from armguard.guard.verdict import Verdict, finite
 # Reasons of a stop that was ordered in an earlier cycle.
 AFTERWARDS = (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN)
 
+# Time below an event's level after which the event is over [s]. An event that is
+# younger when the level rises is raised to the new level.
+PAUSE = 0.5
+
 
 @dataclass(slots=True)
 class Event:
-    """A sequence of cycles above `Level.CLEAR` with one cause.
+    """Episode at one level, from its first to its last cycle at that level.
+
+    Shorter times below the level do not divide it. `STOP` and all levels above count
+    as one level, so a stop is one event until it is over.
 
     Attributes:
         first: Its first cycle, counted from 0.
         last: Its last cycle.
-        level: Highest level in it.
+        began: Stamp of its first cycle [s]; NaN if the cycles have no stamps.
+        ended: Stamp of its last cycle [s], or NaN.
+        level: Highest level in it; a rest after a stop is not higher than the stop.
         reason: Reason of that level; of a stop, the reason of its order.
-        a: Body A of the deciding pair, or the subject of a fault, or "".
+        a: Body A of the worst pair, or the subject of a fault, or "".
         b: Body B, or "".
-        least_clearance: Least clearance in it [m]; NaN for a fault, or where the pair
-            is beyond the margin.
+        least_clearance: Least clearance of that pair at that level [m]; NaN for a
+            fault, or where the pair is beyond the margin.
         distance: Signed distance in the cycle of the least clearance [m], or NaN.
         at: The cycle of the least clearance.
         stamp: Stamp of that cycle [s], or None.
-        why: Sentence of the verdict of that cycle.
+        why: Sentence of the verdict of the worst cycle; of a stop, of its order.
     """
 
     first: int
     last: int
+    began: float
+    ended: float
     level: Level
     reason: Reason
     a: str
@@ -41,72 +53,154 @@ class Event:
     stamp: float | None
     why: str
 
+    @property
+    def seconds(self) -> float:
+        """Its duration [s]; NaN if the cycles have no stamps."""
+        return self.ended - self.began
+
+    @property
+    def rank(self) -> Level:
+        """Its level; `STOP` for all levels above."""
+        return min(self.level, Level.STOP)
+
+    def absorb(self, other: "Event") -> None:
+        """Extend it to the end of a later one, whose cause it takes over if worse."""
+        self.last, self.ended = other.last, other.ended
+        follows = other.reason in AFTERWARDS and self.level >= Level.STOP
+        worse = severity(other.level) > severity(self.level) or (
+            self.reason in AFTERWARDS and not follows and other.rank == self.rank
+        )
+        beyond = self.reason in ABOUT_PAIRS and not isfinite(self.least_clearance)
+        nearer = other.level == self.level and (
+            other.least_clearance < self.least_clearance
+            or (beyond and isfinite(other.least_clearance))
+        )
+        if follows and (other.a, other.b) != (self.a, self.b):
+            return
+        if worse:
+            self.level = other.level
+        if (
+            worse
+            or nearer
+            or (follows and other.least_clearance < self.least_clearance)
+        ):
+            self.least_clearance, self.distance = other.least_clearance, other.distance
+            self.at, self.stamp = other.at, other.stamp
+            if not follows:
+                self.reason, self.why = other.reason, other.why
+                self.a, self.b = other.a, other.b
+
     def to_dict(self) -> dict[str, object]:
         """The event as plain numbers and strings, ready for JSON."""
         answer = {
             **asdict(self),
+            "seconds": self.seconds,
             "level": self.level.name,
             "reason": self.reason.name,
         }
         return {key: finite(value) for key, value in answer.items()}
 
 
+def severity(level: Level) -> int:
+    """Rank of a level among events: a rest after a stop is below the stop."""
+    return Level.STOP - 1 if level is Level.RECOVER else level
+
+
 class EventLog:
     """Collects the events of a run.
 
+    Cycles may be left out where the level does not change.
+
     Attributes:
         events: Events so far; the last may not have ended.
+        open: Event that has not ended; None if there is none.
         levels: Count of cycles at each level.
         faults: Count of cycles whose input could not be judged.
         least_clearance: Least clearance of all cycles [m]; inf if no pair was near.
+        start: Stamp of the first cycle [s]; NaN if it has none.
+
+    Args:
+        least: Level from which a cycle belongs to an event.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, least: Level = Level.CAUTION) -> None:
         self.events: list[Event] = []
+        self.open: Event | None = None
         self.levels = dict.fromkeys(Level, 0)
         self.faults = 0
         self.least_clearance = float("inf")
+        self.start = nan
+        self._least = least
         self._cycle = -1
+        # While the level is below that of the open event: since when, and what may
+        # become the next event.
+        self._fell: float | None = None
+        self._lower: Event | None = None
 
     def add(self, verdict: Verdict) -> Event | None:
         """Add the verdict of the next cycle.
 
         Returns:
-            The event that this cycle opens or raises to a higher level, else None.
+            The event that has ended, which is known `PAUSE` after its end; None if
+            none has.
         """
         self._cycle += 1
-        level, reason = verdict.level, verdict.reason
+        level, stamp = verdict.level, nan if verdict.stamp is None else verdict.stamp
+        if not self._cycle:
+            self.start = stamp
         self.levels[level] += 1
-        if level is Level.CLEAR:
-            return None
+        cycle = self._event_of(verdict, stamp) if level > Level.CLEAR else None
+        if cycle is not None and level < self._least:
+            cycle = None
+        before, rank = self.open, Level.CLEAR if cycle is None else cycle.rank
+        if before is None:
+            return self._go_on(cycle)
+        if rank < before.rank:
+            self._fell = stamp if self._fell is None else self._fell
+            if self._lower is None:
+                self._lower = cycle
+            elif cycle is not None:
+                self._lower.absorb(cycle)
+            return None if stamp - self._fell < PAUSE else self._go_on(self._lower)
+        assert cycle is not None
+        if rank > before.rank and not stamp - before.began < PAUSE:
+            return self._go_on(cycle)
+        self._fell = self._lower = None
+        before.absorb(cycle)
+        return None
+
+    def finish(self) -> Event | None:
+        """End the open event.
+
+        Returns:
+            The event; None if none is open.
+        """
+        return self._go_on(None)
+
+    def _go_on(self, after: Event | None) -> Event | None:
+        """End the open event, and open another one."""
+        before, self.open = self.open, after
+        self._fell = self._lower = None
+        if after is not None:
+            self.events.append(after)
+        return before
+
+    def _event_of(self, verdict: Verdict, stamp: float) -> Event:
+        """A cycle above `Level.CLEAR` as an event; counts its fault or clearance."""
+        reason, nearest = verdict.reason, verdict.nearest
         self.faults += reason >= Reason.NOT_FINITE
-        nearest = verdict.nearest
         a, b = verdict.subject, ""
-        clearance = distance = float("nan")
+        clearance = distance = nan
         if reason in ABOUT_PAIRS and nearest is not None:
             a, b = nearest.a, nearest.b
             clearance, distance = nearest.clearance, nearest.distance
             self.least_clearance = min(self.least_clearance, clearance)
-        last = self.events[-1] if self.events else None
-        if last is not None and self._goes_on(last, reason, (a, b)):
-            raised = level > last.level
-            if raised and reason not in AFTERWARDS:
-                last.reason = reason
-            last.last = self._cycle
-            last.level = max(last.level, level)
-            # In this form the first clearance replaces a NaN.
-            nearer = not last.least_clearance <= clearance
-            if (a, b) == (last.a, last.b) and clearance == clearance and nearer:
-                last.least_clearance = clearance
-                last.distance = distance
-                last.at = self._cycle
-                last.stamp = verdict.stamp
-                last.why = verdict.why
-            return last if raised else None
-        event = Event(
+        return Event(
             first=self._cycle,
             last=self._cycle,
-            level=level,
+            began=stamp,
+            ended=stamp,
+            level=verdict.level,
             reason=reason,
             a=a,
             b=b,
@@ -116,17 +210,3 @@ class EventLog:
             stamp=verdict.stamp,
             why=verdict.why,
         )
-        self.events.append(event)
-        return event
-
-    def _goes_on(self, event: Event, reason: Reason, sides: tuple[str, str]) -> bool:
-        """Whether this cycle belongs to the last event.
-
-        The cycles of an ordered stop belong to the event that it was ordered for.
-        """
-        if event.last != self._cycle - 1:
-            return False
-        if reason in AFTERWARDS and event.level >= Level.STOP:
-            return True
-        same_kind = (event.reason >= Reason.NOT_FINITE) == (reason >= Reason.NOT_FINITE)
-        return (event.a, event.b) == sides and same_kind

@@ -24,6 +24,7 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.index.small_tree import compile_octree
 from armguard.kernel import KERNEL_CACHE, READY_CODE
+from armguard.processes import FIRST
 from armguard.respond.whole_cycle import (
     begin_filtered_cycle,
     end_filtered_cycle,
@@ -162,7 +163,8 @@ def compile_by_two(guarded: bool, try_out: TryOut) -> None:
         compile_here(guarded, try_out)
         return
     other = subprocess.Popen(
-        [sys.executable, "-m", "armguard.respond", *["guarded"] * guarded],
+        [sys.executable, "-c", FIRST, str(os.getpid()), "-m", "armguard.respond"]
+        + ["guarded"] * guarded,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

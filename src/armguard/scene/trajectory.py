@@ -33,6 +33,7 @@ class Trajectory:
         others: Whether it may also hold joints that the scene does not have: a log of
             a whole machine does, a table made for this scene does not.
         notes: What its reader had to decide, each a sentence.
+        unit_known: Whether the source names the unit of its times.
     """
 
     names: tuple[str, ...]
@@ -42,6 +43,7 @@ class Trajectory:
     ends_only: bool = False
     others: bool = False
     notes: tuple[str, ...] = ()
+    unit_known: bool = True
 
     def for_scene(
         self, scene: Scene, fill: Mapping[str, float] | None = None

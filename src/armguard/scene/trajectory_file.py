@@ -133,6 +133,7 @@ def read_csv(path: Path) -> Trajectory:
         q=table[:, joints],
         stamps=seconds(name, names[time[0]], table[:, time[0]]) if time else None,
         source=name,
+        unit_known=bool(time and unit_of(names[time[0]])),
     )
 
 
@@ -199,11 +200,16 @@ def is_number(text: str) -> bool:
     return True
 
 
+def unit_of(column: str) -> str | None:
+    """Unit in the name of a column of times."""
+    match = TIME_COLUMN.fullmatch(column)
+    return match[1] if match else None
+
+
 def seconds(name: str, column: str, values: np.ndarray) -> np.ndarray:
     """A column of times [s]."""
-    match = TIME_COLUMN.fullmatch(column)
-    if match and match[1]:
-        return np.asarray(values * UNITS[match[1].lower()])
+    if unit := unit_of(column):
+        return np.asarray(values * UNITS[unit.lower()])
     if len(values) and abs(values[0]) > MOST_SECONDS:
         raise TrajectoryError(
             f"{name}: column '{column}' begins with {values[0]:g}, which is no time in "

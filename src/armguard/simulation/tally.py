@@ -20,17 +20,26 @@ from armguard.scene.tables import SceneTables
 # An arm moves if one of its joints is faster than this [rad/s or m/s].
 MOVES = 0.02
 
-# It is told something else than was asked for if a joint is off by this much.
+# A command differs from the desired velocities if a joint differs by more [rad/s or
+# m/s].
 DEFLECTED = 0.05
+
+# Reasons of stops that come from a computer with other work to do.
+LATE_REASONS = (Reason.CYCLE_LATE, Reason.DEADLINE_MISSED, Reason.STATE_STALE)
+
+# Time for which a late cycle affects the motion of arms: until they have stopped [s].
+AFTER_LATE = 1.0
 
 
 class Tally:
     """Counts frames of cycles.
 
     Attributes:
-        log: Events.
+        log: Events from `Level.SLOW` on.
         stops: Stops that were ordered, by robot and reason.
-        deflected: Cycles in which robots were told something else than was asked for.
+        deflected: Cycles whose commands differ from the desired velocities.
+        delay: Greatest delay of a cycle beyond its period [s].
+        late: The delay that the scene permits [s].
         least: Least distance of a checked pair that was near [m].
         touched: The two sides that touched first; None if nothing did.
         verdict: The newest verdict; None before there is one.
@@ -41,14 +50,19 @@ class Tally:
     """
 
     def __init__(self, tables: SceneTables) -> None:
-        self.log = EventLog()
+        self.log = EventLog(Level.SLOW)
         self.stops: Counter[tuple[str, str]] = Counter()
         self.deflected = 0
+        self.delay = 0.0
         self.least = inf
         self.touched: tuple[str, str] | None = None
         self.verdict: Verdict | None = None
         self.why = ""
         self._robots = tables.robots
+        self.late = tables.late
+        self._period = tables.period
+        # Times of the last cycle, and of the last one that came too late [s].
+        self._now, self._late_at = inf, -inf
         self._names: Names = names_of(tables)
         self._times: list[float] = []
         self._moving = np.zeros(len(self._robots), dtype=np.int64)
@@ -63,7 +77,7 @@ class Tally:
         """Count a cycle.
 
         Returns:
-            The event it opens or raises; None if nothing is new.
+            The event that has ended; None if none has.
         """
         fault = str(frame.text.get("fault", ""))
         verdict = Verdict(
@@ -71,6 +85,11 @@ class Tally:
         )
         self.verdict, self.why = verdict, verdict.why
         self._times.append(frame.cycle_time)
+        now = frame.monotonic
+        delay = now - self._now - self._period
+        self.delay, self._now = max(self.delay, delay), now
+        if delay > self.late or verdict.reason in LATE_REASONS:
+            self._late_at = now
         if frame.velocity is not None:
             for r, part in enumerate(self._robots):
                 first = part.first_joint
@@ -87,6 +106,15 @@ class Tally:
             self._look_at_pairs(verdict)
         return self.log.add(verdict)
 
+    @property
+    def too_busy(self) -> bool:
+        """Whether a cycle came later than its scene permits."""
+        return self._late_at > -inf
+
+    def is_late(self, event: Event) -> bool:
+        """Whether the last event may come from a late cycle, not from the motion."""
+        return event.began - AFTER_LATE <= self._late_at
+
     def summary(self) -> dict[str, Any]:
         """The same as one JSON object."""
         total = max(self.cycles, 1)
@@ -98,6 +126,7 @@ class Tally:
                 for (robot, reason), count in sorted(self.stops.items())
             ],
             "deflected": self.deflected / total,
+            "greatest_delay": self.delay,
             "moving": {
                 part.name: float(n / total)
                 for part, n in zip(self._robots, self._moving, strict=True)
@@ -151,18 +180,20 @@ def in_words(summary: dict[str, Any]) -> Sequence[str]:
         if n
     )
     moving = ", ".join(f"{k} {100.0 * v:.0f} %" for k, v in summary["moving"].items())
-    stops = sum(entry["count"] for entry in summary["stops"])
-    why = ", ".join(
-        f"{e['robot']} {e['count']} × {e['reason']}" for e in summary["stops"]
-    )
+    names = {reason.name for reason in LATE_REASONS}
+    late = sum(e["count"] for e in summary["stops"] if e["reason"] in names)
+    others = [e for e in summary["stops"] if e["reason"] not in names]
+    count = sum(entry["count"] for entry in others)
+    why = ", ".join(f"{e['robot']} {e['count']} × {e['reason']}" for e in others)
+    stops = f"{count} stops" + (f" ({why})" if count else "")
+    if late:
+        stops += f", and {late} because this computer was late"
     near = "nothing came near"
     if np.isfinite(summary["least_distance"]):
         near = f"nearest approach {summary['least_distance'] * 1e3:.1f} mm"
     return [
         f"{summary['cycles']} cycles: {levels}",
-        f"{stops} stops"
-        + (f" ({why})" if stops else "")
-        + f"; otherwise than asked in {100.0 * summary['deflected']:.1f} %",
+        f"{stops}; commands changed in {100.0 * summary['deflected']:.1f} % of cycles",
         f"in motion: {moving}; {near}",
         cycle_time_sentence(summary["cycle_time_us"]),
         "nothing touched"

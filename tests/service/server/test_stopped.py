@@ -144,3 +144,24 @@ def test_the_python_loop_recovers_by_itself(serving, page):
             text=True,
         ) as running:
             assert held_up(served, running) == "{} 0.05 0.05\n"
+
+
+def test_the_log_has_a_stop_once_when_it_begins_and_once_when_it_is_over(serving):
+    with serving() as service, service.client() as client:
+        arms = Arms(client)
+        wish = np.full(14, 0.02)
+        arms.lead(wish)
+        client.stop()
+        arms.drive_until(wish, lambda a: len(a.held) == 2)
+        arms.drive(wish, 100)
+        client.call("engage")
+        arms.drive_until(0 * wish, lambda a: not a.held)
+        arms.drive(0 * wish, 200)
+        time.sleep(0.1)
+        said = service.end().splitlines()
+    began = [line for line in said if line.startswith("WARNING STOP: ")]
+    over = [line for line in said if re.match(r"INFO STOP for \d+\.\d\d s: ", line)]
+    assert len(over) == 1 and "stop was ordered" in over[0], said
+    assert "stop was ordered" in began[0]
+    # A second one is that of the end.
+    assert len(began) <= 2, said

@@ -1,7 +1,10 @@
 """Cycles: when one is due, what it does, and which clients get its answer."""
 
+import logging
 import time
 
+from armguard.guard.events import EventLog
+from armguard.guard.levels import Level
 from armguard.recording.counters import FIRST_CAUSE
 from armguard.service.desk.desk import (
     BEGAN_AT,
@@ -22,6 +25,11 @@ from armguard.service.wire.layout import HELD, MISSED, OBJECTS_CHANGED, STOP_LEV
 NANO = 1_000_000_000
 
 NEVER = 1 << 62
+
+# Time from one look at an event in progress to the next [ns].
+LOOK = 50_000_000
+
+log = logging.getLogger("armguard.service")
 
 
 class Cycles:
@@ -53,6 +61,9 @@ class Cycles:
         self._force = Cause.NONE
         given = context.judge.desk.given.data
         self._given, self._given_u = given, given.cast("B").cast("Q")
+        self._events = EventLog(Level.SLOW)
+        # Level of the last cycle that the log of events has, and when it was [ns].
+        self._seen, self._looked = Level.CLEAR, 0
 
     def begin_with(self, peer: Peer, sequence: int, now: int) -> None:
         """A state was received: the next cycle is its."""
@@ -132,6 +143,31 @@ class Cycles:
                 self.fail("ring", error, ended)
         counters.time("waking", start - due)
         self._count(fresh, cause, before, ended - start)
+        events = self._events
+        if answers.level > self._seen or (
+            events.open is not None and ended - self._looked > LOOK
+        ):
+            self._looked = ended
+            self._log_event()
+
+    def _log_event(self) -> None:
+        """Log an event that ends, and a stop that begins."""
+        last, events = self._context.judge.last, self._events
+        if last is None:
+            return
+        verdict, before = last.verdict, events.open
+        stopped = before is not None and before.level >= Level.STOP
+        self._seen = max(verdict.level, Level.CAUTION)
+        over = events.add(verdict)
+        if over is not None:
+            log.info("%s for %.2f s: %s", over.level.name, over.seconds, over.why)
+        now = events.open
+        if (
+            now is not None
+            and now.level >= Level.STOP
+            and not (stopped and now is before)
+        ):
+            log.warning("%s: %s", now.level.name, last.why)
 
     def _judge(
         self, cause: Cause, number: int, start: int, last: int
