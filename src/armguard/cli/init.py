@@ -196,10 +196,10 @@ def arranged(drafts: list[Draft], period: float) -> Scene:
         scene.allow(a, b, reason=reason)
     reach = max(reaches(scene, compile_scene(scene)).values())
     last = drafts[-1].base.xyz[0]
-    half = ((last + 2.0 * BORDER) / 2.0, max(reach, BORDER), THICKNESS / 2.0)
+    size = (last + 2.0 * BORDER, 2.0 * max(reach, BORDER), THICKNESS)
     for top in TOPS:
         at = Pose(xyz=(last / 2.0, 0.0, top - THICKNESS / 2.0))
-        scene.add(Box(half_extents=half), name="table", pose=at)
+        scene.add(Box(size=size), "table", pose=at)
         if is_free(scene, set()) or settle(scene, drafts):
             return scene
         scene.remove("table")

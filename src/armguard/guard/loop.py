@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
-from armguard.guard.answer import Answer, first_row_of, names_of, stop_answer
+from armguard.guard.answer import first_row_of, names_of, stop_answer
 from armguard.guard.checkpoint import chosen, kept_of_tables
 from armguard.guard.checkpoint_bounds import greatest_of
 from armguard.guard.contract import ContractTable
@@ -31,7 +31,6 @@ from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.saving import Saving
-from armguard.guard.sentences import sentence_of
 from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import (
@@ -277,16 +276,8 @@ class Loop:
             data[layout.REASON] = Reason.WRONG_INPUT
             data[layout.JOINT] = -1.0
         elif reason == OUT_OF_LIMITS:
-            fault = self._advice(data, q)
+            fault = likely_mistake(q, self.tables)
         return data, fault
-
-    def _advice(self, data: NDArray[np.float64], q: NDArray[np.float64]) -> str:
-        """Positions outside their limits and the likely mistake; "" if unknown."""
-        mistake = likely_mistake(q, self.tables)
-        if not mistake:
-            return ""
-        answer = Answer(data, self._names)
-        return f"{sentence_of(Reason.OUT_OF_LIMITS, answer, ())}; {mistake}"
 
     def reset(self) -> None:
         """Clear the last cycle, the last stamps, ordered stops and disproved figures.

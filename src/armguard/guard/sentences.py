@@ -80,7 +80,7 @@ def sentence_of(
         fault: Fault of the input in words, or "".
     """
     doing = DOING[level]
-    if fault:
+    if fault and reason is not Reason.OUT_OF_LIMITS:
         return f"{doing}: {fault}"
     if reason is Reason.OK and level is Level.CLEAR:
         return f"clear: nothing within {answer.names.tables.margin * 1e3:.0f} mm"
@@ -88,7 +88,7 @@ def sentence_of(
     if reason in ABOUT_PAIRS and k >= 0:
         return pair_sentence(doing, reason, answer.pair(k))
     if answer.data[layout.JOINT] >= 0.0:
-        return joint_sentence(doing, reason, answer)
+        return joint_sentence(doing, reason, answer, fault or "check units and order")
     return input_sentence(doing, reason, answer, subject_of(reason, answer, disproved))
 
 
@@ -147,8 +147,8 @@ def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> 
     return sentence if said_already else f"{doing}: {sentence}"
 
 
-def joint_sentence(doing: str, reason: Reason, answer: Answer) -> str:
-    """Line of a reason about a joint."""
+def joint_sentence(doing: str, reason: Reason, answer: Answer, advice: str) -> str:
+    """Line of a reason about a joint, with advice where it is outside its limits."""
     k, value = int(answer.data[layout.JOINT]), float(answer.data[layout.VALUE])
     names = answer.names
     at, sentence = "", reason.sentence
@@ -165,7 +165,7 @@ def joint_sentence(doing: str, reason: Reason, answer: Answer) -> str:
     else:
         lower, upper = names.tables.lower[k], names.tables.upper[k]
         at = f" is at {value:.4f}"
-        sentence = f"its limits are [{lower:.4f}, {upper:.4f}]; check units and order"
+        sentence = f"its limits are [{lower:.4f}, {upper:.4f}]; {advice}"
     return f"joint '{names.tables.q_names[k]}'{at}: {doing}, {sentence}"
 
 

@@ -6,8 +6,8 @@ from collections import deque
 import numpy as np
 from viser import uplot
 
-from armguard.guard.answer import NearPair
 from armguard.guard.levels import Level
+from armguard.guard.near_pair import NearPair
 from armguard.recording.palette import BLUE, LEVEL_COLOURS, VERMILLION, hexadecimal
 from armguard.view.controls import on_value
 from armguard.view.drawables import Drawable
