@@ -235,7 +235,7 @@ class Loop:
                     else:
                         data = self._out[: run_cycle(array, self._lines)].copy()
                         if data.item(layout.REASON) == OUT_OF_LIMITS:
-                            fault = self._advice(data, array)
+                            fault = likely_mistake(array, self.tables)
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
