@@ -31,7 +31,7 @@ def test_the_code_of_the_readme_runs(capsys):
     printed = capsys.readouterr().out
     # Both follow, but almost nothing of their desired motion is commanded.
     assert printed.count("Action.FOLLOW") == 2
-    assert "needs" in printed
+    assert " mm from right/" in printed
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -91,7 +91,7 @@ def test_notebooks_show_tables_whose_text_is_escaped(scene, command):
     assert sum(row[1] == "1 Sphere" for row in rows) == 12
     rows, captions = rows_of(command._repr_html_())
     assert captions == [f"FOLLOW: {command.why}"]
-    assert rows[1] == ["left", "FOLLOW", "it follows its operator", "100 %"]
+    assert rows[1] == ["left", "FOLLOW", "follows its operator", "100 %"]
     assert rows[2][0] == "<right>"
 
 

@@ -123,7 +123,7 @@ class Trusting(Guard):
 @pytest.mark.parametrize(
     ("kind", "says"),
     [
-        (Blind, "met something without a stop: arm/link1 to ball"),
+        (Blind, "met something without a stop: arm/link1 overlaps ball"),
         (Deaf, "a NaN was answered by"),
         (Timeless, "BRAKE and HARDWARE_STOP must follow|a late cycle was answered by"),
         (Trusting, "BRAKE and HARDWARE_STOP must follow"),

@@ -244,7 +244,12 @@ def test_the_same_goals_give_the_same_bits(trap):
 @pytest.mark.parametrize(
     ("name", "goal", "error", "words"),
     [
-        ("lefd", {"q": np.zeros(7)}, UnknownNameError, "did you mean 'left'"),
+        (
+            "lefd",
+            {"q": np.zeros(7)},
+            UnknownNameError,
+            "known names are 'left', 'right'",
+        ),
         ("left", {"q": np.zeros(6)}, GoalError, "it must be 7 numbers"),
         ("left", {"q": np.full(7, np.nan)}, GoalError, "nan"),
         ("left", {"q": "home"}, GoalError, "it must be 7 numbers"),

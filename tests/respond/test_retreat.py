@@ -256,7 +256,7 @@ def test_positions_without_a_free_way_are_refused_and_nothing_moves(guard):
 @pytest.mark.parametrize(
     ("name", "to", "error", "words"),
     [
-        ("lefd", "path", UnknownNameError, "did you mean 'left'"),
+        ("lefd", "path", UnknownNameError, "known names are 'left', 'right'"),
         ("left", "home", GoalError, "must be 'path' or positions"),
         ("left", np.zeros(6), GoalError, "it must be 7 numbers"),
         ("left", np.full(7, np.inf), GoalError, "inf"),

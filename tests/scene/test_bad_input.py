@@ -130,4 +130,4 @@ def test_an_unknown_robot_is_answered_by_the_list_of_names(name, tmp_path):
         load_scene(path)
     said = str(caught.value)
     assert "did you mean" not in said
-    assert "one of the named robots: baxter, kinova, panda, " in said
+    assert "one of the named robots: baxter, g1, kinova, panda, " in said

@@ -70,7 +70,7 @@ OF_ALL = (Reason.WRONG_INPUT, Reason.CYCLE_LATE, Reason.TIME_STILL, *ORDERED)
 def sentence_of(
     level: Level, reason: Reason, answer: Answer, disproved: Sequence[str], fault: str
 ) -> str:
-    """A verdict in one short line: what, how near, what is done, what to do.
+    """A verdict in one short line: pair, distance, action, remedy.
 
     Args:
         level: Its level.

@@ -283,7 +283,7 @@ class Verdict:
 
     @property
     def why(self) -> str:
-        """The verdict in one short line: what, how near, what is done, what to do."""
+        """The verdict in one short line: pair, distance, action, remedy."""
         return sentence_of(
             self.level, self.reason, self._answer, self.disproved, self._fault
         )

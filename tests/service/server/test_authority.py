@@ -65,7 +65,7 @@ def test_a_refusal_is_the_guards_own_sentence(served):
     with served.client() as client:
         Arms(client)
         client.claim()
-        with pytest.raises(RefusedError, match="no robot is named 'lift'; did you"):
+        with pytest.raises(RefusedError, match="no robot is named 'lift'; known"):
             client.call("engage", name="lift")
         with pytest.raises(RefusedError, match="no gripper") as refused:
             client.call("grasp", robot="left", name="bench")
