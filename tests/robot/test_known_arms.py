@@ -10,6 +10,7 @@ from armguard.robot import load_urdf
 from armguard.robot.known_arms import family_figures, known_arms, known_data
 from armguard.robot.named import ROBOTS, find_named_robot
 from armguard.robot.stopping import known_figures
+from armguard.scene import load_scene
 
 ARMS = known_data()["arms"]
 
@@ -174,3 +175,14 @@ def test_declared_figures_take_the_place_of_those_of_a_recognised_arm(
     assert stopping is not None
     assert stopping.deceleration[0] == 7.0
     assert stopping.ramp == 0.02
+
+
+def test_a_scene_file_takes_figures_of_a_recognised_arm(tmp_path: Path) -> None:
+    row = ARMS["ur16e"]
+    write_arm(tmp_path, row["joints"], row["lengths"])
+    file = tmp_path / "scene.yaml"
+    file.write_text("robots:\n  arm: {urdf: arm.urdf}\n")
+    robot = load_scene(file).robots["arm"]
+    assert robot.stopping is not None
+    assert robot.stopping.deceleration[0] == 4.0
+    assert [robot.home[joint] for joint in row["joints"]] == row["home"]

@@ -10,7 +10,7 @@ from armguard.geometry.pose import Pose
 from armguard.robot.fitting import fit_robot
 from armguard.robot.known_arms import known_home
 from armguard.robot.limits import home_configuration
-from armguard.robot.model import FittedLink, RobotModel
+from armguard.robot.model import FittedLink, JointKind, RobotModel
 from armguard.robot.named import find_named_robot
 from armguard.robot.stopping import (
     StoppingFigures,
@@ -79,7 +79,7 @@ def load_robot(
         as a robot by name, or a recognised arm, has some.
     """
     if isinstance(urdf, RobotModel):
-        return urdf, {}, None
+        return urdf, known_home(urdf), known_figures(urdf)
     path = Path(urdf)
     if path.exists() or path.suffix or len(path.parts) > 1:
         model = load_urdf(path, srdf=srdf, packages=packages)
@@ -183,8 +183,9 @@ def first_guess(model: RobotModel) -> float:
     Returns:
         The deceleration, a number for all joints [rad/s² or m/s²].
     """
-    speeds = [model.joints[name].velocity for name in model.q_names]
-    known = [speed for speed in speeds if speed]
+    joints = [model.joints[name] for name in model.q_names]
+    turning = [joint for joint in joints if joint.kind is not JointKind.PRISMATIC]
+    known = [joint.velocity for joint in turning or joints if joint.velocity]
     return float(f"{min([*known, MOST_GUESSED]):.2g}")
 
 
