@@ -164,7 +164,9 @@ def test_an_overlap_at_home_is_answered_by_a_free_home(tmp_path):
     assert result.exit_code == 1
     words = words_of(result)
     assert "FAIL home: robot 'a': at home these overlap: " in words
-    assert "without an SRDF home is the pose nearest to zero" in words
+    assert (
+        "without an SRDF home is that of a recognised arm, or the pose nearest" in words
+    )
     assert "under robots.a (line 1 of scene.yaml)" in words
     line = next(
         row for row in result.stdout.splitlines() if row.startswith(" " * 10 + "home")

@@ -137,7 +137,10 @@ def overlap(
     sentence = "at home these overlap: " + ", ".join(listed)
     sentence += f" and {more} more" if more else ""
     if not robot.model.group_states:
-        sentence += "; without an SRDF home is that of a recognised arm, or the pose nearest to zero"
+        sentence += (
+            "; without an SRDF home is that of a recognised arm, or the pose nearest "
+            "to zero"
+        )
     if name in homes:
         remedy = "this posture is free"
         return Finding(
