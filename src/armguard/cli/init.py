@@ -83,7 +83,7 @@ class Draft:
 def init(
     robot: Annotated[
         list[str],
-        typer.Argument(help="One or two robots: a name, a URDF, xacro or MJCF file."),
+        typer.Argument(help="One or two robots: names, or URDF files."),
     ],
     output: Annotated[
         Path, Option("--output", "-o", help="The scene file to write.")
