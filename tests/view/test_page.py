@@ -47,6 +47,15 @@ def test_it_loads_from_this_machine_alone_and_without_a_complaint(station):
     assert "written" in station.page.locator("#slack").inner_text()
 
 
+def test_the_picture_is_as_high_as_the_page_below_the_header(station):
+    header, picture = (
+        station.page.locator(part).bounding_box()
+        for part in ("#station", "#root canvas[data-engine]")
+    )
+    assert picture["y"] == header["height"]
+    assert picture["y"] + picture["height"] == VIEWPORT["height"]
+
+
 def test_the_light_turns_while_the_page_is_busy_drawing(station):
     station.clear()
     busy, stops = 3.0, 1.0
