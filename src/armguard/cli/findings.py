@@ -28,10 +28,10 @@ from armguard.scene.yaml_source import SceneFileError
 
 # Cycles the cycle time is measured over, and the step of each joint between them.
 CYCLES = 2000
-
-# Cycles end when they took this long together [s].
-LONGEST_TIMING = 3.0
 JITTER = 1e-4
+
+# The measurement ends when its cycles took this long together [s].
+LONGEST_TIMING = 3.0
 
 # A link may be grown by this share of its thickness [-].
 OVERREACH_SHARE = 0.5
