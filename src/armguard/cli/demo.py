@@ -33,7 +33,7 @@ from armguard.recording.frames import Frame, Kind, frame_of
 from armguard.scene import compile_scene
 from armguard.service.server.scenes import open_scene
 from armguard.simulation.stage import Stage
-from armguard.simulation.tally import Tally, in_words
+from armguard.simulation.tally import LATE_REASONS, Tally, in_words
 
 # Looks into the ring, and redraws of the status line, a second.
 LOOKS = 20
@@ -195,8 +195,8 @@ class Reporter:
                 console.print(cycle_line(verdict, tally.log.start))
 
     def _print(self, event: Event, console: Console) -> None:
-        """Print an event, but no stop that only comes from a late cycle."""
-        if event.level < Level.STOP or not self._tally.is_late(event):
+        """Print an event, but no stop that was ordered because of a late cycle."""
+        if event.level < Level.STOP or event.reason not in LATE_REASONS:
             console.print(event_line(event, self._tally.log.start))
 
 

@@ -27,9 +27,6 @@ DEFLECTED = 0.05
 # Reasons of stops that come from a computer with other work to do.
 LATE_REASONS = (Reason.CYCLE_LATE, Reason.DEADLINE_MISSED, Reason.STATE_STALE)
 
-# Time for which a late cycle affects the motion of arms: until they have stopped [s].
-AFTER_LATE = 1.0
-
 
 class Tally:
     """Counts frames of cycles.
@@ -40,6 +37,7 @@ class Tally:
         deflected: Cycles whose commands differ from the desired velocities.
         delay: Greatest delay of a cycle beyond its period [s].
         late: The delay that the scene permits [s].
+        too_busy: Whether a cycle came later than that.
         least: Least distance of a checked pair that was near [m].
         touched: The two sides that touched first; None if nothing did.
         verdict: The newest verdict; None before there is one.
@@ -62,7 +60,8 @@ class Tally:
         self.late = tables.late
         self._period = tables.period
         # Times of the last cycle, and of the last one that came too late [s].
-        self._now, self._late_at = inf, -inf
+        self._now = inf
+        self.too_busy = False
         self._names: Names = names_of(tables)
         self._times: list[float] = []
         self._moving = np.zeros(len(self._robots), dtype=np.int64)
@@ -89,7 +88,7 @@ class Tally:
         delay = now - self._now - self._period
         self.delay, self._now = max(self.delay, delay), now
         if delay > self.late or verdict.reason in LATE_REASONS:
-            self._late_at = now
+            self.too_busy = True
         if frame.velocity is not None:
             for r, part in enumerate(self._robots):
                 first = part.first_joint
@@ -105,15 +104,6 @@ class Tally:
         if verdict.level > Level.CLEAR:
             self._look_at_pairs(verdict)
         return self.log.add(verdict)
-
-    @property
-    def too_busy(self) -> bool:
-        """Whether a cycle came later than its scene permits."""
-        return self._late_at > -inf
-
-    def is_late(self, event: Event) -> bool:
-        """Whether the last event may come from a late cycle, not from the motion."""
-        return event.began - AFTER_LATE <= self._late_at
 
     def summary(self) -> dict[str, Any]:
         """The same as one JSON object."""

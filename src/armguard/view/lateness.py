@@ -5,12 +5,11 @@ from collections import deque
 from collections.abc import Callable
 
 from armguard.guard import layout
-from armguard.guard.levels import Reason
 from armguard.recording.frames import Frame
+from armguard.simulation.tally import LATE_REASONS
 
 # So many stops by lateness within so long mean a machine that is too busy [-], [s].
 BUSY_STOPS, BUSY_SPAN = 3, 20.0
-LATENESS = (Reason.CYCLE_LATE, Reason.STATE_STALE, Reason.DEADLINE_MISSED)
 
 BUSY = (
     "This computer is too busy to run the guard in time: stops by late cycles and old "
@@ -38,7 +37,7 @@ class Lateness:
 
     def add(self, frame: Frame) -> None:
         """Take in a cycle."""
-        late = bool(len(frame.verdict)) and frame.verdict[layout.REASON] in LATENESS
+        late = bool(len(frame.verdict)) and frame.verdict[layout.REASON] in LATE_REASONS
         if late and not self._late:
             self._stops.append(self._clock())
         self._late = late

@@ -53,7 +53,7 @@ class Fits:
 
     Attributes:
         fit: Fits a link.
-        waiting: Links that nobody fits yet, the longest last.
+        waiting: Links that no process fits yet, the longest last.
         settings: Keyword arguments of `fit`.
         started: Called as a fit begins.
         finished: Called with each fit.
