@@ -234,7 +234,7 @@ class ZenohClient:
         """The seal of a message that is sent now; NoServiceError before `connect`."""
         if not self._key:
             raise NoServiceError("not connected: call connect() first")
-        stamp = int(self.clock() / NANO)
+        stamp = int(self.clock.earliest() / NANO)
         return self._sealer.seal(key, payload, stamp, self._bridge)
 
     def _mark(self, key: str, payload: bytes, attachment: Any) -> Mark:

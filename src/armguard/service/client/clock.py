@@ -1,6 +1,7 @@
 """The service's clock, as a client knows it."""
 
 import time
+from math import isfinite
 
 
 class ServiceClock:
@@ -39,3 +40,11 @@ class ServiceClock:
     def __call__(self) -> float:
         """The service's clock now [s]."""
         return time.monotonic() + self.offset
+
+    def earliest(self) -> float:
+        """The earliest that the service's clock may show now [s].
+
+        A message with this stamp is never stamped later than the cycle that receives
+        it. Before the first round trip it is this machine's clock.
+        """
+        return self() - (self.bound if isfinite(self.bound) else 0.0)
