@@ -28,6 +28,7 @@ def patient_bay(tmp_path):
     return path
 
 
+@pytest.mark.realtime
 def test_every_fault_is_answered_as_declared(patient_bay):
     words = ("chaos", str(patient_bay), "--json", "--late", "0.08", "--slack", "0.5")
     run = subprocess.run(

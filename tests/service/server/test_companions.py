@@ -1,5 +1,7 @@
 """Companions: the one nobody sees is started again when it ends, later each time."""
 
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -57,3 +59,28 @@ def test_others_are_not(beside, now):
 
 def test_a_recorder_is_told_who_started_it():
     assert companions.MODULES["record"][-2:] == ("--parent", "{pid}")
+
+
+@pytest.mark.parametrize(("name", "later"), [("record", 5), ("zenoh", 0)])
+def test_the_loop_has_the_processor_before_companions_that_only_look(
+    name, later, monkeypatch, now
+):
+    started = []
+    popen = subprocess.Popen
+
+    def note(*words, **options):
+        started.append(popen(*words, **options))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", note)
+    one = Companions(clock=lambda: now[0])
+    # A module that runs until it is ended.
+    monkeypatch.setitem(
+        companions.MODULES, name, ("http.server", "--bind", "127.0.0.1", "0")
+    )
+    one.start({name: ()}, Path("ring"), 1)
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    try:
+        assert os.getpriority(os.PRIO_PROCESS, started[0].pid) == min(own + later, 19)
+    finally:
+        one.end()

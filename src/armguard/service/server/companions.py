@@ -26,6 +26,11 @@ MODULES: Mapping[str, tuple[str, ...]] = {
 # Those that are started again when they end: no user sees that they are gone.
 RESTARTED = frozenset(("record",))
 
+# The loop comes before these: they get the processor that it leaves. The bridge passes on
+# commands, so it has the loop's priority.
+AFTER_THE_LOOP = frozenset(("record", "view", "metrics"))
+NICENESS = 5
+
 # They are started again so much later, then twice that each time, at most so much [s].
 SOON, LATER = 0.5, 60.0
 
@@ -135,7 +140,11 @@ class Companions:
 def started(name: str, command: Sequence[str]) -> subprocess.Popen[bytes] | None:
     """A process that was started; None if that was not possible, which is logged."""
     try:
-        return subprocess.Popen(command, stdin=subprocess.DEVNULL)
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL)
     except OSError as error:
         log.warning("companion '%s' cannot be started: %s", name, error)
         return None
+    if name in AFTER_THE_LOOP:
+        own = os.getpriority(os.PRIO_PROCESS, 0)
+        os.setpriority(os.PRIO_PROCESS, process.pid, own + NICENESS)
+    return process
