@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import PlacedShape
 from armguard.robot.fitting.exact import exact_shapes, hulls_are_contained
+from armguard.robot.fitting.few_corners import with_few_corners
 from armguard.robot.fitting.parallel import fit_links
 from armguard.robot.fitting.store import fit_key, is_exact, read_fit, write_fit
 from armguard.robot.meshes import check_faces, load_triangles
@@ -102,7 +103,7 @@ def fit_link(
         shapes=tuple(shapes),
         overreach=max((s.model_error for s in shapes), default=0.0),
         source=", ".join(dict.fromkeys(sources)),
-        exact=exact,
+        exact=tuple(with_few_corners(placed) for placed in exact),
         contained=hulls_are_contained(exact, shapes),
     )
 
