@@ -5,6 +5,7 @@ import pytest
 from armguard.errors import ModelError
 from armguard.robot import load_urdf, xacro_source
 from armguard.robot.xacro_source import expand_xacro
+from armguard.scene import load_scene
 
 ARM = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="name" default="a"/>
@@ -86,3 +87,23 @@ def test_arguments_of_a_urdf_are_refused(tmp_path):
     path.write_text("<robot/>")
     with pytest.raises(ModelError, match="is no xacro file; remove `xacro_args`"):
         load_urdf(path, xacro_args={"size": 1})
+
+
+def test_an_expression_gets_no_more_memory_than_the_limit(tmp_path):
+    pytest.importorskip("xacro")
+    path, _ = arm(tmp_path, body("""<link name="${len('a' * 10**10)}"/>"""))
+    with pytest.raises(ModelError, match=r"when evaluating expression .len"):
+        expand_xacro(path)
+
+
+def test_a_scene_file_gives_the_arguments(tmp_path):
+    pytest.importorskip("xacro")
+    joint = """<link name="base"/><joint name="j" type="continuous">
+    <parent link="base"/><child link="$(arg name)"/></joint></robot>"""
+    arm(tmp_path, ARM.replace("</robot>", joint))
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "packages: {parts: elsewhere}\nrobots:\n  r:\n    urdf: arm.urdf.xacro\n"
+        "    mode: fixed\n    xacro_args: {size: 0.2, name: b}\n"
+    )
+    assert load_scene(scene).robots["r"].model.links.keys() == {"base", "b"}
