@@ -154,6 +154,7 @@ class RobotModel:
         group_states: Named configurations from the SRDF: state name to joint
             positions by joint name [rad or m].
         notes: What a reader of the files should know, one sentence each.
+        expanded: The URDF that a xacro file was expanded to, None for a URDF file.
     """
 
     name: str
@@ -164,6 +165,7 @@ class RobotModel:
     disabled_pairs: tuple[DisabledPair, ...] = ()
     group_states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    expanded: bytes | None = None
 
     def __repr__(self) -> str:
         """Name, and counts of links and joints."""

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.bounded import is_file
 from armguard.errors import MeshError, ModelError, did_you_mean
 from armguard.robot.model import (
     Joint,
@@ -21,7 +22,8 @@ from armguard.robot.model import (
 from armguard.robot.packages import find_file
 from armguard.robot.srdf import load_srdf
 from armguard.robot.urdf_geometry import MeshFinder, read_collisions
-from armguard.robot.xml_source import Element, Reader, read_xml
+from armguard.robot.xacro_source import Argument, expand_xacro
+from armguard.robot.xml_source import Element, Reader, parse_xml, read_xml
 
 Part = TypeVar("Part", Link, Joint)
 
@@ -41,14 +43,16 @@ def load_urdf(
     srdf: str | Path | None = None,
     packages: Mapping[str, Path] | None = None,
     folder: Path | None = None,
+    xacro_args: Mapping[str, Argument] | None = None,
 ) -> RobotModel:
     """Read a robot.
 
     Args:
-        source: The URDF file.
+        source: The URDF file, or a xacro file with the ending .xacro.
         srdf: Its SRDF file: disabled pairs and named configurations.
         packages: Folders of `package://` names.
         folder: The scene file's folder, if a scene file names the URDF.
+        xacro_args: Values of the arguments of a xacro file, by name.
 
     Raises:
         ModelError: The description cannot be guarded as it is written, or is too large.
@@ -56,7 +60,14 @@ def load_urdf(
             may be read: the URDF's, the scene's, and those of its packages.
     """
     path = Path(source)
-    root = read_xml(path, "robot")
+    expanded = None
+    if path.suffix == ".xacro" and is_file(path):
+        expanded = expand_xacro(path, packages, xacro_args)
+        root = parse_xml(path, expanded, "robot")
+    elif xacro_args:
+        raise ModelError(f"'{path.name}' is no xacro file; remove `xacro_args`")
+    else:
+        root = read_xml(path, "robot")
     reader = Reader(path.name)
     check_counts(path.name, root)
     files = partial(find_file, urdf=path, packages=packages, folder=folder)
@@ -83,6 +94,7 @@ def load_urdf(
         joints=joints,
         root=root_link,
         notes=tuple(notes),
+        expanded=expanded,
     )
     return model if srdf is None else load_srdf(Path(srdf), model)
 

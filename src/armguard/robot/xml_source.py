@@ -35,6 +35,22 @@ def read_xml(path: Path, root_tag: str) -> Element:
         source = read_bytes(path, MOST_XML_BYTES)
     except OSError as error:
         raise ModelError(f"'{path}' cannot be read: {error.strerror}") from None
+    return parse_xml(path, source, root_tag)
+
+
+def parse_xml(path: Path, source: bytes, root_tag: str) -> Element:
+    """Root element of a text; see `read_xml`.
+
+    Args:
+        path: The file messages name.
+        source: Its text, or the text xacro made of it.
+        root_tag: Tag the root must have.
+    """
+    if len(source) > MOST_XML_BYTES:
+        raise ModelError(
+            f"'{path.name}' has {len(source) / 1e6:.1f} MB after its expansion; the "
+            f"limit is {MOST_XML_BYTES / 1e6:g} MB"
+        )
     if b"<!DOCTYPE" in source or b"<!ENTITY" in source:
         raise ModelError(f"'{path.name}' has a DTD or entities; a robot needs none")
     parser = etree.XMLParser(
@@ -48,8 +64,8 @@ def read_xml(path: Path, root_tag: str) -> Element:
         raise ModelError(f"'{path.name}' has a DTD or entities; a robot needs none")
     if any("xacro" in str(element.tag) for element in root.iter("{*}*")):
         raise ModelError(
-            f"'{path.name}' is a xacro file; expand it and name the result: "
-            f"`pip install xacro; xacro {path.name} > robot.urdf`"
+            f"'{path.name}' is a xacro file; name it with the ending .xacro: "
+            f"`mv {path.name} {path.name}.xacro`"
         )
     if root.tag != root_tag:
         hint = ""

@@ -318,7 +318,11 @@ def robot_sources(
             own = place_of(place.folder, {**model.packages, **entry.packages})
             srdf = None if entry.srdf is None else own.folder / entry.srdf
             found[name] = load_urdf(
-                beside, srdf=srdf, packages=own.packages, folder=own.folder
+                beside,
+                srdf=srdf,
+                packages=own.packages,
+                folder=own.folder,
+                xacro_args=entry.xacro_args,
             )
     return found
 

@@ -146,12 +146,13 @@ class RobotEntry(RobotSettings):
     """A robot of the scene.
 
     Attributes:
-        urdf: A URDF file, or a robot's name.
+        urdf: A URDF file, a xacro file, or a robot's name.
         srdf: Its SRDF file.
         base: A pose.
         stopping: Its stopping figures, see docs/stopping.md.
         home: Positions by joint [rad or m].
         packages: Folders of `package://` names, for this robot alone.
+        xacro_args: Values of the arguments of a xacro file, by name.
     """
 
     __pydantic_config__ = CLOSED
@@ -162,6 +163,7 @@ class RobotEntry(RobotSettings):
     stopping: StoppingModel | None = None
     home: dict[str, Number] = field(default_factory=dict)
     packages: dict[str, str] = field(default_factory=dict)
+    xacro_args: dict[str, str | bool | int | float] = field(default_factory=dict)
     # The default is that of the settings; a file may ask for less work.
     max_primitives: Annotated[int, Field(ge=1, le=64)]
 

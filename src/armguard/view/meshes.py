@@ -22,7 +22,7 @@ from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, Link, MeshFile, RobotModel
 from armguard.robot.packages import find_file
 from armguard.robot.urdf_geometry import read_geometry
-from armguard.robot.xml_source import Reader, read_xml
+from armguard.robot.xml_source import Reader, parse_xml, read_xml
 from armguard.scene.scene import SceneRobot
 
 Floats = NDArray[np.float64]
@@ -174,7 +174,11 @@ def visuals_of(model: RobotModel) -> dict[str, list[Trimesh]]:
     reader = Reader(model.path.name)
     files = partial(find_file, urdf=model.path)
     found: dict[str, list[Trimesh]] = {}
-    for link in read_xml(model.path, "robot").iterchildren("link"):
+    if model.expanded is None:
+        root = read_xml(model.path, "robot")
+    else:
+        root = parse_xml(model.path, model.expanded, "robot")
+    for link in root.iterchildren("link"):
         try:
             found[link.get("name")] = [
                 geometry_mesh(read_geometry(reader, element, files)).apply_transform(
