@@ -28,7 +28,6 @@ from armguard.cli.console import (
     say_progress,
     with_options,
 )
-from armguard.errors import TrajectoryError
 from armguard.guard import EventLog, Level
 from armguard.guard.answer import Counts
 from armguard.guard.verdict import Verdict
@@ -37,6 +36,7 @@ from armguard.respond import Guard
 from armguard.robot.model import JointKind
 from armguard.scene import Scene, Trajectory, load_scene
 from armguard.scene.trajectory import densify
+from armguard.scene.trajectory_times import check_change, check_unit
 from armguard.simulation.tally import cycle_time_sentence, cycle_times
 
 Floats = NDArray[np.float64]
@@ -46,14 +46,6 @@ Verdicts = Iterator[tuple[int, Verdict]]
 
 # Least time between two configurations [s]; a division by less is none.
 TIME_GRAIN = 1e-9
-
-# Share of a speed limit that no motion in seconds reaches [-].
-SURELY_TOO_FAST = 100.0
-
-# Times that are read as seconds and may be milliseconds: at least so much from one
-# configuration to the next [s], and a top speed that is such a share of its limit [-].
-LONG_PERIOD = 0.5
-SHARE_IN_MILLISECONDS = (5e-5, 2e-3)
 
 # Changes of the index that are added up.
 CHANGES = ("leaves_entered", "leaves_left", "splits", "merges")
@@ -177,10 +169,13 @@ class Pace:
             motion: The same as it was read, with times.
 
         Raises:
-            TrajectoryError: Its times look like another unit than seconds.
+            TrajectoryError: Its times do not change, or look like another unit than
+                seconds.
         """
         assert motion.stamps is not None
         passed = np.diff(motion.stamps)
+        if not motion.others:
+            check_change(motion.source, q, motion.stamps)
         with np.errstate(divide="ignore", invalid="ignore"):
             every = np.abs(np.diff(q, axis=0)) / passed[:, None]
         moved = np.nan_to_num(every, nan=0.0)
@@ -213,34 +208,6 @@ class Pace:
             for unit, speed in by_unit.items()
         )
         return f"{self.duration:.4g} s, {self.rate:.4g} Hz; top speeds: {tops}"
-
-
-def check_unit(source: str, used: dict[str, float], period: float) -> None:
-    """Refuse times without a unit that do not look like seconds.
-
-    Args:
-        source: The file.
-        used: Greatest speed of each joint as a share of its speed limit [-].
-        period: Median time from one configuration to the next [s].
-
-    Raises:
-        TrajectoryError: They look like another unit.
-    """
-    joint = max(used, key=used.__getitem__, default="")
-    share = used.get(joint, 0.0)
-    if share > SURELY_TOO_FAST:
-        raise TrajectoryError(
-            f"{source}: joint '{joint}' would move at {share:.0f} times its speed "
-            "limit: the times are too short for seconds; correct them, or write the "
-            "unit into the header if they are right: 't_s'"
-        )
-    low, high = SHARE_IN_MILLISECONDS
-    if period >= LONG_PERIOD and low < share < high:
-        raise TrajectoryError(
-            f"{source}: {period:g} s from one configuration to the next, and at most "
-            f"{100.0 * share:.2g} % of a speed limit: that looks like milliseconds; "
-            "name the column 't_ms', or 't_s' if it is seconds"
-        )
 
 
 def judged(

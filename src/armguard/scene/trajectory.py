@@ -8,16 +8,26 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import TrajectoryError, did_you_mean
+from armguard.errors import TrajectoryError, did_you_mean, known_names
 from armguard.geometry.pose import LOOKS_LIKE_DEGREES
 from armguard.robot.model import JointKind
 from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
+# A sliding joint so many times beyond its limits is in millimetres [-].
+LOOKS_LIKE_MILLIMETRES = 10.0
+
 # What is between a robot's name and its joint's in the names of others: ours,
 # ROS's prefix, and that of some log files.
 SEPARATORS = ("/", "_", ".")
+
+
+# Unit of a joint's positions, its name, and the unit that is taken for it.
+UNITS = {
+    JointKind.REVOLUTE: ("rad", "radians", "degrees"),
+    JointKind.PRISMATIC: ("m", "metres", "millimetres"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +70,7 @@ class Trajectory:
 
         Raises:
             TrajectoryError: A joint is unknown, ambiguous, given twice, or missing; or
-                its positions are degrees.
+                its positions are degrees or millimetres.
         """
         fill, joints = fill or {}, scene.q_names
         column, unknown = self._columns(scene)
@@ -68,6 +78,11 @@ class Trajectory:
         for name in unknown:
             if not self.others or is_like(name, absent):
                 near = did_you_mean(name, sorted(joints, key=column.__contains__))
+                robot, slash, _ = name.partition("/")
+                if slash and robot not in scene.robots:
+                    near = f"no robot is '{robot}': {known_names(scene.robots)}"
+                elif self.stamps is None and len(self.q) > 1 and self._rises(name):
+                    near += "; if it holds times, name it 't'"
                 raise self._wrong(f"joint '{name}' is not in the scene; {near}")
         missing = ", ".join(f"'{j}'" for j in absent if j not in fill)
         if missing:
@@ -103,7 +118,8 @@ class Trajectory:
             elif joint in column:
                 first = self.names[column[joint]]
                 raise self._wrong(
-                    f"joint '{joint}' has two columns, '{first}' and '{name}'"
+                    f"joint '{joint}' has two columns, '{first}' and '{name}'; "
+                    "delete one"
                 )
             else:
                 column[joint] = k
@@ -126,21 +142,29 @@ class Trajectory:
             )
         return matches[0] if matches else None
 
+    def _rises(self, name: str) -> bool:
+        """Whether a column becomes greater from row to row, as times do."""
+        return bool((np.diff(self.q[:, self.names.index(name)]) > 0.0).all())
+
     def _check_unit(self, scene: Scene, column: Mapping[str, int]) -> None:
-        """Refuse positions of a joint with limits that can only be degrees."""
+        """Refuse positions that can only be degrees or millimetres."""
         for name, k in column.items():
             robot, joint = name.split("/", 1)
             model = scene.robots[robot].model.joints[joint]
-            if model.kind is not JointKind.REVOLUTE or not np.isfinite(
-                model.upper - model.lower
-            ):
+            most = max(model.upper, -model.lower)
+            if model.kind not in UNITS or not np.isfinite(most):
                 continue
-            q = self.q[:, k]
-            q = np.abs(q[np.isfinite(q)])
-            if len(q) and q.max() > max(LOOKS_LIKE_DEGREES, model.upper, -model.lower):
+            unit, whole, other = UNITS[model.kind]
+            if unit == "rad":
+                most = max(LOOKS_LIKE_DEGREES, most)
+            else:
+                most *= LOOKS_LIKE_MILLIMETRES
+            far = np.nan_to_num(self.q[:, k], nan=0.0, posinf=0.0, neginf=0.0)
+            for row in np.flatnonzero(np.abs(far) > most)[:1]:
                 raise self._wrong(
-                    f"joint '{self.names[k]}' is at {q.max():g}, which looks like "
-                    f"degrees; its limits are [{model.lower:g}, {model.upper:g}] rad"
+                    f"configuration {row + 1}: joint '{self.names[k]}' is at "
+                    f"{far[row]:g}, which looks like {other}; its limits are "
+                    f"[{model.lower:g}, {model.upper:g}] {unit}; give {whole}"
                 )
 
     def _wrong(self, sentence: str) -> TrajectoryError:

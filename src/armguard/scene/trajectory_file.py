@@ -1,7 +1,6 @@
 """Motion files: tables of text, arrays, trajectories of ROS, requests of MoveIt."""
 
 import csv
-import re
 from io import BytesIO
 from itertools import takewhile
 from pathlib import Path
@@ -15,6 +14,12 @@ from ruamel.yaml import YAMLError
 from armguard.bounded import read_bytes, read_text, shown
 from armguard.errors import TrajectoryError, did_you_mean
 from armguard.scene.trajectory import Trajectory
+from armguard.scene.trajectory_times import (
+    TIME_COLUMN,
+    check_times,
+    seconds,
+    unit_of,
+)
 from armguard.scene.yaml_source import MOST_YAML_BYTES, parse_yaml, sentence_of_yaml
 
 # Largest table of text [byte], most lines, and most characters of a line.
@@ -22,16 +27,10 @@ MOST_CSV_BYTES = 100_000_000
 MOST_LINES = 500_000
 MOST_IN_LINE = 20_000
 
-# Column names that mean time, and units they may end in: `t`, `time_ms`, `stamp [s]`.
-TIME_COLUMN = re.compile(
-    r"(?:t|time|stamp|timestamp|time_from_start)"
-    r"(?:[ _]?[\[(]?(s|sec|ms|us|µs|ns)[\])]?)?",
-    re.IGNORECASE,
+# The remedy for a line that does not fit the header.
+AS_THE_HEADER = (
+    "write one number a column, with a decimal point, separated as the header is"
 )
-UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-
-# Seconds since 1970 are below this for another three thousand years [s].
-MOST_SECONDS = 1e11
 
 # What a first column without a name holds: the row's number, as pandas writes it.
 INDEX_COLUMNS = ("", "Unnamed: 0")
@@ -43,7 +42,6 @@ MOST_UNPACKED = 256_000_000
 # What others call the arrays, ours first.
 NAMES = ("names", "joint_names", "joints")
 POSITIONS = ("q", "qpos", "positions", "joint_positions")
-TIMES = ("t", "time", "times", "stamps", "timestamps")
 
 # What reading a value of another form raises.
 WRONG_FORM = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
@@ -69,7 +67,10 @@ def load_trajectory(path: str | Path) -> Trajectory:
     try:
         trajectory = reader(path)
     except UnicodeDecodeError:
-        raise TrajectoryError(f"'{path.name}' is no text in UTF-8") from None
+        raise TrajectoryError(
+            f"'{path.name}' is no text in UTF-8; save it as {path.suffix[1:].upper()} "
+            "in UTF-8"
+        ) from None
     except OSError as error:
         raise TrajectoryError(f"'{path}' cannot be read: {error.strerror}") from None
     check_motion(trajectory)
@@ -77,24 +78,21 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 
 def check_motion(trajectory: Trajectory) -> None:
-    """Refuse a motion that is empty, or whose time goes back."""
+    """Refuse a motion that is empty, or whose times are not finite or go back."""
     source, stamps = trajectory.source, trajectory.stamps
     if len(trajectory.q) == 0:
-        raise TrajectoryError(f"{source}: there is no configuration in it")
-    if stamps is None:
-        return
-    for k in np.flatnonzero(~(np.diff(stamps) >= 0.0)):
         raise TrajectoryError(
-            f"{source}: time goes from {stamps[k]:g} s to {stamps[k + 1]:g} s at "
-            f"configuration {k + 2}; it must not go back"
+            f"{source}: there is no configuration in it; give at least one"
         )
+    if stamps is not None:
+        check_times(source, stamps)
 
 
 def read_csv(path: Path) -> Trajectory:
     """CSV with a header of joint names.
 
-    Separated by commas, semicolons, tabs or blanks, whichever the header has. Lines
-    that begin with `#` are remarks; the header may be one, as NumPy writes it.
+    Separated by commas, semicolons, tabs, bars or blanks, whichever the header has.
+    Lines that begin with `#` are remarks; the header may be one, as NumPy writes it.
     """
     text, name = read_text(path, MOST_CSV_BYTES), path.name
     count = text.count("\n")
@@ -111,7 +109,7 @@ def read_csv(path: Path) -> Trajectory:
             )
     first, names, separator = header_of(name, lines)
     values = [
-        row_of(split(line, separator), len(names), f"{name}:{k}", separator)
+        row_of(split(line, separator), names, f"{name}:{k}", separator)
         for k, line in lines
         if k > first and not line.startswith("#")
     ]
@@ -125,6 +123,11 @@ def read_csv(path: Path) -> Trajectory:
             f"{names.index('') + 1} has none"
         )
     time = [k for k, column in enumerate(names) if TIME_COLUMN.fullmatch(column)]
+    if len(time) > 1:
+        raise TrajectoryError(
+            f"{name}:{first}: columns '{names[time[0]]}' and '{names[time[1]]}' are "
+            "both times; delete one"
+        )
     joints = [k for k in range(len(names)) if k not in time]
     if not joints:
         raise TrajectoryError(f"{name}:{first}: there is no joint in the header")
@@ -154,14 +157,14 @@ def header_of(name: str, lines: list[tuple[int, str]]) -> tuple[int, list[str], 
     twice = [cell for cell in header if header.count(cell) > 1]
     if twice:
         raise TrajectoryError(
-            f"{name}:{number}: column '{shown(twice[0])}' is there twice"
+            f"{name}:{number}: column '{shown(twice[0])}' is there twice; delete one"
         )
     return number, header, separator
 
 
 def separator_of(text: str) -> str:
     """What separates the cells of a line."""
-    sign = max(",;\t", key=text.count)
+    sign = max(",;\t|", key=text.count)
     if text.count(sign):
         return sign
     return " " if " " in text else ","
@@ -177,18 +180,23 @@ def split(text: str, separator: str) -> list[str]:
         return [text]
 
 
-def row_of(cells: list[str], count: int, at: str, separator: str) -> list[float]:
+def row_of(cells: list[str], names: list[str], at: str, separator: str) -> list[float]:
     """Numbers of a line."""
-    if len(cells) != count:
-        raise TrajectoryError(f"{at}: {len(cells)} columns; the header has {count}")
+    if len(cells) != len(names):
+        raise TrajectoryError(
+            f"{at}: {len(cells)} columns; the header has {len(names)}; {AS_THE_HEADER}"
+        )
     if separator == ";":
         # Where numbers have a decimal comma, columns are parted by semicolons.
         cells = [cell.replace(",", ".") for cell in cells]
     try:
         return [float(cell) for cell in cells]
     except ValueError:
-        bad = next(cell for cell in cells if not is_number(cell))
-        raise TrajectoryError(f"{at}: '{shown(bad)}' is no number") from None
+        k = next(k for k, cell in enumerate(cells) if not is_number(cell))
+        raise TrajectoryError(
+            f"{at}: '{shown(cells[k])}' is no number, in column '{shown(names[k])}'; "
+            f"{AS_THE_HEADER}"
+        ) from None
 
 
 def is_number(text: str) -> bool:
@@ -198,24 +206,6 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def unit_of(column: str) -> str | None:
-    """Unit in the name of a column of times."""
-    match = TIME_COLUMN.fullmatch(column)
-    return match[1] if match else None
-
-
-def seconds(name: str, column: str, values: np.ndarray) -> np.ndarray:
-    """A column of times [s]."""
-    if unit := unit_of(column):
-        return np.asarray(values * UNITS[unit.lower()])
-    if len(values) and abs(values[0]) > MOST_SECONDS:
-        raise TrajectoryError(
-            f"{name}: column '{column}' begins with {values[0]:g}, which is no time in "
-            f"seconds; name its unit: '{column}_ms', '{column}_us' or '{column}_ns'"
-        )
-    return values
 
 
 def read_npz(path: Path) -> Trajectory:
@@ -237,14 +227,27 @@ def read_npz(path: Path) -> Trajectory:
         raise TrajectoryError(
             f"{name}: q has shape {q.shape}; it must be (n, {len(names)}){hint}"
         )
-    stamps = next((held[key] for key in TIMES if key in held), None)
+    keys = [key for key in held if TIME_COLUMN.fullmatch(key)]
+    if len(keys) > 1:
+        raise TrajectoryError(
+            f"{name}: arrays '{keys[0]}' and '{keys[1]}' are both times; leave one out"
+        )
+    key = keys[0] if keys else ""
+    stamps = held.get(key)
     if stamps is not None:
-        if stamps.shape != (len(q),):
+        if stamps.shape != (len(q),) or stamps.dtype.kind not in "fiu":
             raise TrajectoryError(
-                f"{name}: t has shape {stamps.shape}; it must be ({len(q)},)"
+                f"{name}: {key} has shape {stamps.shape} of {stamps.dtype}; it must be "
+                f"({len(q)},) of numbers"
             )
-        stamps = np.asarray(stamps, dtype=np.float64)
-    return Trajectory(names, np.asarray(q, dtype=np.float64), stamps, name)
+        stamps = seconds(name, key, np.asarray(stamps, dtype=np.float64))
+    return Trajectory(
+        names=names,
+        q=np.asarray(q, dtype=np.float64),
+        stamps=stamps,
+        source=name,
+        unit_known=unit_of(key) is not None,
+    )
 
 
 def arrays_of(data: bytes) -> dict[str, np.ndarray]:
