@@ -273,3 +273,30 @@ def test_the_help_offers_completion_and_no_tree():
     said = run("--help").stdout
     assert "--install-completion" in said
     assert "octree" not in said
+
+
+@pytest.mark.parametrize(
+    ("times", "step", "says"),
+    [
+        (("0", "1", "1"), 0.01, "2 and 3 differ and both have the time 1 s; correct"),
+        (("3", "3", "3"), 0.01, "all 3 configurations have the time 3 s; correct the"),
+        (
+            ("0", "20", "40"),
+            0.01,
+            "looks like milliseconds; name the times 't_ms'",
+        ),
+        (("0", "1e-6", "2e-6"), 0.01, "the times are too short for seconds; correct"),
+    ],
+    ids=["repeated", "constant", "milliseconds", "too short"],
+)
+def test_run_refuses_times_that_do_not_fit_the_motion(tmp_path, times, step, says):
+    lines = (FOLDER / "task_150.csv").read_text().splitlines()
+    names, home = lines[0].split(","), lines[1].split(",")
+    rows = [["t", *names[-14:]]]
+    for k, time in enumerate(times):
+        rows.append([time, str(float(home[-14]) + k * step), *home[-13:]])
+    path = tmp_path / "motion.csv"
+    path.write_text("\n".join(map(",".join, rows)) + "\n")
+    result = run("run", BAY, "--trajectory", str(path))
+    assert result.exit_code != 0
+    assert says in " ".join(str(result.exception or result.output).split())

@@ -53,8 +53,9 @@ def test_columns_are_matched_by_name(tmp_path, bay):
         ("a,b\n1\n", "m.csv:2: 1 columns; the header has 2"),
         ("a,b\n1,x\n", "m.csv:2: 'x' is no number"),
         ("a,b\n", "there is no configuration in it"),
+        ("t,a\n0,1\ninf,2\n", "the time of configuration 2 is inf; give a finite"),
         ("t,a\n0,1\n2,1\n1,1\n", "time goes from 2 s to 1 s at configuration 3"),
-        ("t,a\nnan,1\n2,1\n", "it must not go back"),
+        ("t,a\nnan,1\n2,1\n", "the time of configuration 1 is nan; give a finite"),
     ],
 )
 def test_a_csv_that_is_wrong_is_refused(tmp_path, text, says):

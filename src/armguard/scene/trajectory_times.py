@@ -88,9 +88,8 @@ def check_change(source: str, q: Floats, stamps: Floats) -> None:
             f"{source}: all {len(stamps)} configurations have the time {stamps[0]:g} "
             "s; correct the times, or leave them out"
         )
-    known = np.isfinite(q).all(axis=1)
-    moved = (q[1:] != q[:-1]).any(axis=1) & known[1:] & known[:-1]
-    for k in np.flatnonzero(moved & (np.diff(stamps) == 0.0)):
+    steps = np.diff(np.where(np.isfinite(q), q, 0.0), axis=0)
+    for k in np.flatnonzero(steps.any(axis=1) & (np.diff(stamps) == 0.0)):
         raise TrajectoryError(
             f"{source}: configurations {k + 1} and {k + 2} differ and both have the "
             f"time {stamps[k]:.9g} s; correct a time, or delete one of them"
