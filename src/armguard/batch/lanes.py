@@ -10,7 +10,7 @@ from math import factorial
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import (
     intrinsic,
