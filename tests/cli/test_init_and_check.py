@@ -7,8 +7,10 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from armguard.cli.app import app
+from armguard.cli.cycles import slower
 from armguard.cli.finding import in_yaml, merged, subject
 from armguard.cli.plausibility import FAST
+from armguard.geometry import Pose
 from armguard.scene import Scene, compile_scene
 from armguard.scene.posture import Distances, free_homes, touching_fingers
 
@@ -145,6 +147,43 @@ def test_closed_fingers_are_a_warning_with_the_line_that_allows_them(tmp_path):
     )
     fixed = check(tmp_path, scene + pasted + "\n")
     assert fixed.exit_code == 0, fixed.output
+
+
+def test_arms_that_step_stops_at_rest_get_the_figures_that_let_them_rest(tmp_path):
+    path = tmp_path / "scene.yaml"
+    bases = {"left": [0.0, 0.25, 0.0], "right": [0.0, -0.25, 0.0]}
+    robots = {
+        name: {"urdf": "so101", "base": {"xyz": xyz}} for name, xyz in bases.items()
+    }
+    path.write_text(in_yaml({"cycle": {"period": 0.02}, "robots": robots}))
+
+    def rest_findings():
+        found = json.loads(run("check", path, "--json").stdout)["findings"]
+        assert sum(one["topic"] == "cycle time" for one in found) == 1
+        return [one for one in found if one["topic"] == "rest"]
+
+    found = rest_findings()
+    assert [one["keys"] for one in found] == [["robots", "left"], ["robots", "right"]]
+    assert "Guard.step orders a stop" in found[0]["sentence"]
+    assert "call Guard.filter" in found[0]["remedy"]
+    yaml = YAML()
+    scene = yaml.load(path.read_text())
+    for one in found:
+        scene["robots"][one["keys"][1]].update(yaml.load(one["paste"]))
+    with path.open("w") as file:
+        yaml.dump(scene, file)
+    assert not rest_findings()
+
+
+def test_a_search_for_figures_leaves_the_scene_as_it_is():
+    scene = Scene()
+    for name, y in (("left", 0.25), ("right", -0.25)):
+        scene.add_robot("so101", name, base=Pose(xyz=(0.0, y, 0.0)))
+    before = {name: robot.stopping for name, robot in scene.robots.items()}
+    found = slower(scene)
+    for name, robot in scene.robots.items():
+        assert robot.stopping is before[name]
+        assert found[name]["velocity"] < before[name].velocity.max()
 
 
 def test_an_overlap_without_a_free_posture_names_the_pair(tmp_path):

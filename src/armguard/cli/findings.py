@@ -7,6 +7,7 @@ from platform import machine, python_version
 import numpy as np
 
 from armguard.cli.console import say
+from armguard.cli.cycles import cycle_findings
 from armguard.cli.finding import Finding
 from armguard.cli.home import (
     close_findings,
@@ -25,13 +26,6 @@ from armguard.scene.allowed import allowed_pairs
 from armguard.scene.blocks import extent
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.yaml_source import SceneFileError
-
-# Cycles the cycle time is measured over, and the step of each joint between them.
-CYCLES = 2000
-JITTER = 1e-4
-
-# The measurement ends when its cycles took this long together [s].
-LONGEST_TIMING = 3.0
 
 # A link may be grown by this share of its thickness [-].
 OVERREACH_SHARE = 0.5
@@ -217,7 +211,7 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
     # Without predicted stops there is nothing to test.
     if has_stops(tables):
         yield from self_test_findings(guard, scene)
-    yield cycle_time(guard)
+    yield from cycle_findings(guard, scene)
 
 
 def without_fingers(scene: Scene, file: str) -> Iterator[Finding]:
@@ -242,27 +236,3 @@ def self_test_findings(guard: Guard, scene: Scene) -> Iterator[Finding]:
             skipped.append(line.sentence)
     if skipped:
         yield from roomier(scene, "; ".join(skipped))
-
-
-def cycle_time(guard: Guard) -> Finding:
-    """How long a cycle takes on this machine, all joints moving."""
-    rng = np.random.default_rng(0)
-    q = guard.home + rng.uniform(-JITTER, JITTER, size=(CYCLES, len(guard.home)))
-    q = np.clip(q, guard.tables.lower, guard.tables.upper)
-    period, still = guard.tables.period, np.zeros_like(guard.home)
-    times: list[float] = []
-    for k, row in enumerate(q):
-        times.append(guard.step(row, k * period, velocity=still).cycle_time)
-        if sum(times) > LONGEST_TIMING:
-            break
-    median, p99 = np.percentile(times, [50, 99]) * 1e6
-    sentence = f"median {median:.1f} µs, p99 {p99:.1f} µs around home"
-    if p99 < period * 1e6:
-        return Finding("cycle time", "PASS", sentence)
-    return Finding(
-        "cycle time",
-        "WARN",
-        f"{sentence}; the period is {period * 1e6:g} µs",
-        "use fewer primitives or a quieter machine, or call the guard less often",
-        paste=f"cycle: {{period: {2e-6 * p99:.1g}}}",
-    )

@@ -339,6 +339,19 @@ class Scene(Contents):
             if robot.stopping is not None:
                 self._change(name, stopping=replace(robot.stopping, stale=stale))
 
+    def set_stopping(self, name: str, figures: StoppingFigures) -> None:
+        """Change the stopping figures of a robot.
+
+        Args:
+            name: Name of the robot.
+            figures: Its new figures; their vectors are in the order of its `q_names`.
+
+        Raises:
+            UnknownNameError: There is no such robot.
+        """
+        (robot,) = self._named(name)
+        self._change(robot, stopping=figures)
+
     def set_home(self, name: str, home: Mapping[str, float]) -> None:
         """Give a robot another home configuration.
 

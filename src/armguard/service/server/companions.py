@@ -26,8 +26,8 @@ MODULES: Mapping[str, tuple[str, ...]] = {
 # Those that are started again when they end: no user sees that they are gone.
 RESTARTED = frozenset(("record",))
 
-# The loop comes before these: they get the processor that it leaves. The bridge passes on
-# commands, so it has the loop's priority.
+# The loop comes before these: they get the processor that it leaves. The bridge passes
+# on commands, so it has the loop's priority.
 AFTER_THE_LOOP = frozenset(("record", "view", "metrics"))
 NICENESS = 5
 
