@@ -19,6 +19,7 @@ from numba.extending import (
     register_jitable,
     register_model,
 )
+from numba.np.arrayobj import make_array
 
 WIDTH = 8
 
@@ -237,54 +238,52 @@ def either_chosen(mask: Any, a: Any, b: Any) -> Any:
     return vector if mask == MASK and fits(a, b) else None
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def zero_code(_typing: Any) -> Any:
-    """Zero in every lane."""
-    return LANES(), lambda *_: ir.Constant(VECTOR, [0.0] * WIDTH)
+def vector_at(context: Any, builder: Any, kind: Any, array: Any, start: Any) -> Any:
+    """Pointer to the eight doubles of an array from an index on."""
+    data = make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [start]), VECTOR.as_pointer())
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def insert_code(_typing: Any, value: Any, lane: Any, one: Any) -> Any:
-    """The vector with one lane replaced."""
+def load_code(_typing: Any, array: Any, start: Any) -> Any:
+    """One vector read; the array need not be aligned to vectors."""
 
-    def generate(_context: Any, builder: Any, _sign: Any, values: Any) -> Any:
-        return builder.insert_element(values[0], values[2], values[1])
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        at = vector_at(context, builder, sign.args[0], *values)
+        return builder.load(at, align=8)
 
-    return LANES(value, types.int64, types.float64), generate
+    return LANES(array, types.int64), generate
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def extract_code(_typing: Any, value: Any, lane: Any) -> Any:
-    """One lane of the vector."""
+def store_code(_typing: Any, array: Any, start: Any, value: Any) -> Any:
+    """One vector write; the array need not be aligned to vectors."""
 
-    def generate(_context: Any, builder: Any, _sign: Any, values: Any) -> Any:
-        return builder.extract_element(values[0], values[1])
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        at = vector_at(context, builder, sign.args[0], *values[:2])
+        builder.store(values[2], at, align=8)
 
-    return types.float64(value, types.int64), generate
+    return types.void(array, types.int64, value), generate
 
 
 @overload(load, strict=False)  # type: ignore[untyped-decorator]
 def load_chosen(array: Any, start: Any) -> Any:
-    """LLVM joins the eight reads."""
+    """Vector code."""
 
-    def code(array: Any, start: Any) -> Any:
-        value = zero_code()
-        for lane in range(WIDTH):
-            value = insert_code(value, lane, array[start + lane])
-        return value
+    def vector(array: Any, start: Any) -> Any:
+        return load_code(array, start)
 
-    return code
+    return vector
 
 
 @overload(store, strict=False)  # type: ignore[untyped-decorator]
 def store_chosen(array: Any, start: Any, value: Any) -> Any:
-    """LLVM joins the eight writes."""
+    """Vector code."""
 
-    def code(array: Any, start: Any, value: Any) -> Any:
-        for lane in range(WIDTH):
-            array[start + lane] = extract_code(value, lane)
+    def vector(array: Any, start: Any, value: Any) -> Any:
+        store_code(array, start, value)
 
-    return code
+    return vector
 
 
 @register_jitable  # type: ignore[untyped-decorator]
