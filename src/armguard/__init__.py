@@ -145,6 +145,7 @@ __all__ = [
     "Box",
     "BruteForce",
     "Capsule",
+    "Checker",
     "Client",
     "Command",
     "Cone",

@@ -82,7 +82,7 @@ def test_answers_are_those_of_the_guard(make):
     found, clear = checker.distances(rows, margin), checker.clear(rows)
     kinds = set()
     for k, q in enumerate(rows):
-        near = guard.step(q).pairs
+        near = guard.step(q).near
         least = min((p.primitive_distance for p in near), default=np.inf)
         assert clear[k] == all(p.primitive_distance >= p.buffer for p in near)
         if least >= margin:
