@@ -22,8 +22,8 @@ def mixed_scene():
     scene = ag.Scene(mode="fixed", margin=1.0)
     scene.add_robot(simple_arm(), name="arm")
     shapes = {
-        "cylinder": ag.Cylinder(radius=0.1, length=0.3),
-        "cone": ag.Cone(radius=0.1, length=0.3),
+        "cylinder": ag.Cylinder(radius=0.1, height=0.3),
+        "cone": ag.Cone(radius=0.1, height=0.3),
         "egg": ag.Ellipsoid(semi_axes=(0.1, 0.2, 0.15)),
         "block": ag.Box(size=(0.2, 0.1, 0.3), rounding=0.02),
         "ball": ag.Sphere(radius=0.1),
