@@ -29,7 +29,7 @@ def mixed_scene():
         "ball": ag.Sphere(radius=0.1),
     }
     for k, (name, shape) in enumerate(shapes.items()):
-        angle = 1.2 * k - 2.4
+        angle = 1.2 * k - 1.8
         place = (0.8 * np.cos(angle), 0.8 * np.sin(angle), 0.2 * k)
         scene.add(shape, name=name, pose=ag.Pose(xyz=place))
     scene.add(ag.HalfSpace(), name="floor", pose=ag.Pose(xyz=(0, 0, -0.1)))
