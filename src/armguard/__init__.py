@@ -13,6 +13,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from armguard.batch.checker import Checker, NearestPairs
     from armguard.errors import (
         ArmguardError,
         GraspError,
@@ -76,6 +77,7 @@ __version__ = version("armguard")
 # Public names and the room each comes from. They are imported when first used, so
 # that `import armguard` is quick and a scene can be read without compiling anything.
 _ROOMS = {
+    "armguard.batch.checker": ("Checker", "NearestPairs"),
     "armguard.errors": (
         "ArmguardError",
         "GraspError",
@@ -143,6 +145,7 @@ __all__ = [
     "Box",
     "BruteForce",
     "Capsule",
+    "Checker",
     "Client",
     "Command",
     "Cone",
@@ -162,6 +165,7 @@ __all__ = [
     "MeshError",
     "ModelError",
     "NearPair",
+    "NearestPairs",
     "Octree",
     "OctreeError",
     "PlacedShape",

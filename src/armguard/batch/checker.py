@@ -1,0 +1,144 @@
+"""Many configurations of a scene: clear or not, and how far from what."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armguard.batch.check import SETTINGS, Scratch, check_rows
+from armguard.batch.lanes import WIDTH
+from armguard.batch.plan import plan_of
+from armguard.errors import SceneError
+from armguard.geometry.shapes import ROW_WIDTH
+from armguard.kernel import check_cache
+from armguard.scene.compile import compile_scene
+from armguard.scene.scene import Scene
+from armguard.table import Ledger
+
+Floats = NDArray[np.float64]
+
+# The sine in lanes is exact up to this angle [rad].
+LARGEST_ANGLE = 1e5
+
+
+@dataclass(frozen=True, slots=True)
+class NearestPairs:
+    """The nearest checked pair of each configuration.
+
+    Attributes:
+        distance: Least signed distance of the checked pairs; infinite where none is
+            nearer than the margin, NaN where the row cannot be judged, (rows,) [m].
+        a: Primitive of each row's pair, a place in `Checker.labels`; -1 where there is
+            none, shape (rows,).
+        b: The other primitive, shape (rows,).
+    """
+
+    distance: Floats
+    a: NDArray[np.intp]
+    b: NDArray[np.intp]
+
+
+class Checker:
+    """Answers for arrays of joint configurations of a scene.
+
+    It checks the pairs of primitives that a `Guard` of the scene checks, in the scene
+    as it is now: nothing is gripped, every object stands where the scene has it, and a
+    gripper is measured by its links. The exact hulls of links, by which a guard may
+    accept a pair whose primitives are too near, are not measured. A changed scene needs
+    a new checker. Calls from several threads at once are allowed.
+
+    Attributes:
+        q_names: 'robot/joint' of each place of a configuration.
+        labels: Name of each primitive, as in `NearPair.primitive_a`.
+
+    Args:
+        scene: The scene.
+
+    Raises:
+        SceneError: The scene contradicts itself.
+
+    Example:
+        >>> import armguard as ag
+        >>> scene = ag.bay_scene()
+        >>> ag.Checker(scene).clear([scene.home]).tolist()
+        [True]
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        check_cache()
+        self._tables = compile_scene(scene)
+        self._plan = Ledger(plan := plan_of(self._tables))
+        self.q_names = self._tables.q_names
+        self.labels = self._tables.labels
+        self._sizes = len(plan.parent), len(plan.kinds)
+        factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
+        self._limit = (LARGEST_ANGLE - offset) / factor
+
+    def clear(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Whether every checked pair keeps its buffer, in each configuration.
+
+        A pair keeps its buffer where its signed distance is at least the distance that
+        the scene requires of its two bodies at rest. A row with a number that is not
+        finite, or beyond about 1e5 rad or m, is not clear. Joint limits do not count.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (rows, joints)
+                [rad or m].
+
+        Returns:
+            Shape (rows,).
+
+        Raises:
+            SceneError: `q` is no array of numbers of that shape.
+        """
+        return np.asarray(self._found(q, 0.0, 1.0, inf)[:, 0] >= 0.0)
+
+    def distances(self, q: ArrayLike, margin: float = inf) -> NearestPairs:
+        """The least signed distance of the checked pairs, in each configuration.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (rows, joints)
+                [rad or m].
+            margin: Distances from this on are not looked for: such a row gets infinity
+                and no pair. A small margin is answered faster [m].
+
+        Raises:
+            SceneError: `q` is no array of numbers of that shape, or `margin` is NaN.
+        """
+        if not margin > -inf:
+            raise SceneError(f"margin is {margin} m; it must be a number")
+        found = self._found(q, margin, 0.0, 0.0)
+        pair = found[:, 1:].astype(np.intp)
+        distance = np.where((pair[:, 0] < 0) & ~np.isnan(found[:, 0]), inf, found[:, 0])
+        return NearestPairs(distance, pair[:, 0], pair[:, 1])
+
+    def _found(self, q: ArrayLike, margin: float, strict: float, drop: float) -> Floats:
+        """Distance and pair of each row, shape (rows, 3); see `check_rows`."""
+        given, joints = np.asarray(q), len(self.q_names)
+        if given.ndim != 2 or given.shape[1] != joints:
+            raise SceneError(
+                f"q has shape {given.shape}; it must be (rows, {joints}), one column "
+                f"for each of: {', '.join(self.q_names)}"
+            )
+        if given.dtype.kind not in "fiu":
+            raise SceneError(f"q holds {given.dtype}; it must hold numbers")
+        rows = np.ascontiguousarray(given, dtype=np.float64)
+        bodies, shapes = self._sizes
+        settings = np.array([margin, strict, drop, self._limit])
+        assert len(settings) == SETTINGS
+        scratch = Ledger(
+            Scratch(
+                settings=settings,
+                q=np.zeros(WIDTH * joints),
+                T=np.zeros(WIDTH * 12 * bodies),
+                rows=np.zeros(WIDTH * ROW_WIDTH * shapes),
+                best=np.zeros(WIDTH),
+                who=np.zeros(WIDTH),
+                bound=np.zeros(WIDTH),
+                single=np.zeros((3, ROW_WIDTH)),
+            )
+        )
+        found = np.zeros((len(rows), 3))
+        check_rows(rows, self._plan.lines, scratch.lines, found)
+        return found

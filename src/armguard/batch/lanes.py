@@ -1,0 +1,314 @@
+"""Values that stand for eight doubles: LLVM vectors in kernels, arrays without them.
+
+Each verb is a plain function over NumPy arrays. Compiled code gets LLVM's vector
+instructions in place of it, with the same bits.
+"""
+
+import operator
+from collections.abc import Callable
+from math import factorial
+from typing import Any
+
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.extending import (
+    intrinsic,
+    models,
+    overload,
+    register_jitable,
+    register_model,
+)
+from numba.np.arrayobj import make_array
+
+WIDTH = 8
+
+VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+BITS = ir.VectorType(ir.IntType(1), WIDTH)
+
+# Half of pi in three parts. Whole numbers below 2^20 times the first two are exact.
+HALF_PI_HIGH = float.fromhex("0x1.921fb544p+0")
+HALF_PI_MIDDLE = float.fromhex("0x0.42d18469p-32")
+HALF_PI_LOW = float.fromhex("0x0.898cc51701b83ap-64")
+QUADRANTS = 2.0 / np.pi
+
+# The series of sine and cosine, from the term of order 3 and 4.
+SINE = tuple((-1.0) ** k / factorial(2 * k + 1) for k in range(1, 9))
+COSINE = tuple((-1.0) ** k / factorial(2 * k) for k in range(2, 10))
+
+
+class Lanes(types.Type):  # type: ignore[misc]
+    """Eight doubles."""
+
+
+class Mask(types.Type):  # type: ignore[misc]
+    """Eight booleans."""
+
+
+LANES = Lanes("Lanes")
+MASK = Mask("Mask")
+
+
+@register_model(Lanes)
+class LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+    """Eight doubles as one LLVM vector."""
+
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, VECTOR)
+
+
+@register_model(Mask)
+class MaskModel(models.PrimitiveModel):  # type: ignore[misc]
+    """Eight booleans as one LLVM vector."""
+
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, BITS)
+
+
+def load(array: Any, start: int) -> Any:
+    """Eight consecutive doubles of a contiguous array, from index `start`."""
+    return array[start : start + WIDTH].copy()
+
+
+def store(array: Any, start: int, value: Any) -> None:
+    """Write eight doubles to a contiguous array, from index `start`."""
+    array[start : start + WIDTH] = value
+
+
+def least(a: Any, b: Any) -> Any:
+    """The smaller of each lane; `b` where a NaN is on either side."""
+    return np.where(a < b, a, b)
+
+
+def most(a: Any, b: Any) -> Any:
+    """The larger of each lane; `b` where a NaN is on either side."""
+    return np.where(a > b, a, b)
+
+
+def either(mask: Any, a: Any, b: Any) -> Any:
+    """`a` where the mask is true, else `b`."""
+    return np.where(mask, a, b)
+
+
+def root(a: Any) -> Any:
+    """Square root of each lane."""
+    return np.sqrt(a)
+
+
+def size(a: Any) -> Any:
+    """Absolute value of each lane."""
+    return np.abs(a)
+
+
+def floor(a: Any) -> Any:
+    """Largest whole number not above each lane."""
+    return np.floor(a)
+
+
+def some(mask: Any) -> bool:
+    """Whether the mask is true in any lane."""
+    return bool(np.any(mask))
+
+
+def widened(builder: Any, kind: Any, value: Any) -> Any:
+    """The vector itself, or a scalar in every lane."""
+    if isinstance(kind, Lanes):
+        return value
+    if isinstance(kind, types.Integer):
+        value = builder.sitofp(value, ir.DoubleType())
+    one = builder.insert_element(
+        ir.Constant(VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+    )
+    order = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(one, ir.Constant(VECTOR, ir.Undefined), order)
+
+
+def fits(*kinds: Any) -> bool:
+    """Whether the operands are lanes, or lanes and scalars."""
+    numbers = (Lanes, types.Float, types.Integer)
+    return any(isinstance(k, Lanes) for k in kinds) and all(
+        isinstance(k, numbers) for k in kinds
+    )
+
+
+def define_binary(verb: Any, emit: Callable[..., Any], result: Any) -> None:
+    """Give a verb of two operands its vector code."""
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def code(_typing: Any, a: Any, b: Any) -> Any:
+        def generate(_context: Any, builder: Any, sign: Any, values: Any) -> Any:
+            wide = (
+                widened(builder, k, v) for k, v in zip(sign.args, values, strict=True)
+            )
+            return emit(builder, *wide)
+
+        return result(a, b), generate
+
+    @overload(verb, strict=False)  # type: ignore[untyped-decorator]
+    def chosen(a: Any, b: Any) -> Any:
+        def vector(a: Any, b: Any) -> Any:
+            return code(a, b)
+
+        return vector if fits(a, b) else None
+
+
+def define_unary(verb: Any, emit: Callable[..., Any], given: Any, result: Any) -> None:
+    """Give a verb of one operand its vector code."""
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def code(_typing: Any, a: Any) -> Any:
+        def generate(_context: Any, builder: Any, _sign: Any, values: Any) -> Any:
+            return emit(builder, values[0])
+
+        return result(a), generate
+
+    @overload(verb, strict=False)  # type: ignore[untyped-decorator]
+    def chosen(a: Any) -> Any:
+        def vector(a: Any) -> Any:
+            return code(a)
+
+        return vector if a == given else None
+
+
+def compared(sign: str) -> Callable[..., Any]:
+    """Code that compares; false where a NaN is on either side."""
+    return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
+
+
+def called(name: str) -> Callable[..., Any]:
+    """Code of an LLVM function over vectors."""
+    kind = ir.FunctionType(VECTOR, [VECTOR])
+    full = f"{name}.v{WIDTH}f64"
+
+    def emit(builder: Any, a: Any) -> Any:
+        known = builder.module.globals.get(full)
+        return builder.call(known or ir.Function(builder.module, kind, full), [a])
+
+    return emit
+
+
+def chosen_by(sign: str) -> Callable[..., Any]:
+    """Code that keeps the first operand where it compares true."""
+    return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, a, b), a, b)
+
+
+define_binary(operator.add, lambda builder, a, b: builder.fadd(a, b), LANES)
+define_binary(operator.sub, lambda builder, a, b: builder.fsub(a, b), LANES)
+define_binary(operator.mul, lambda builder, a, b: builder.fmul(a, b), LANES)
+define_binary(operator.truediv, lambda builder, a, b: builder.fdiv(a, b), LANES)
+define_binary(operator.lt, compared("<"), MASK)
+define_binary(operator.le, compared("<="), MASK)
+define_binary(operator.gt, compared(">"), MASK)
+define_binary(operator.ge, compared(">="), MASK)
+define_binary(operator.eq, compared("=="), MASK)
+define_binary(least, chosen_by("<"), LANES)
+define_binary(most, chosen_by(">"), LANES)
+define_unary(operator.neg, lambda builder, a: builder.fneg(a), LANES, LANES)
+define_unary(root, called("llvm.sqrt"), LANES, LANES)
+define_unary(size, called("llvm.fabs"), LANES, LANES)
+define_unary(floor, called("llvm.floor"), LANES, LANES)
+define_unary(
+    some,
+    lambda builder, mask: builder.icmp_unsigned(
+        "!=", builder.bitcast(mask, ir.IntType(8)), ir.Constant(ir.IntType(8), 0)
+    ),
+    MASK,
+    types.boolean,
+)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def select_code(_typing: Any, mask: Any, a: Any, b: Any) -> Any:
+    """Vector code of `either`."""
+
+    def generate(_context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        a, b = (widened(builder, sign.args[k], values[k]) for k in (1, 2))
+        return builder.select(values[0], a, b)
+
+    return LANES(mask, a, b), generate
+
+
+@overload(either, strict=False)  # type: ignore[untyped-decorator]
+def either_chosen(mask: Any, a: Any, b: Any) -> Any:
+    """Vector code for lanes only."""
+
+    def vector(mask: Any, a: Any, b: Any) -> Any:
+        return select_code(mask, a, b)
+
+    return vector if mask == MASK and fits(a, b) else None
+
+
+def vector_at(context: Any, builder: Any, kind: Any, array: Any, start: Any) -> Any:
+    """Pointer to the eight doubles of an array from an index on."""
+    data = make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [start]), VECTOR.as_pointer())
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def load_code(_typing: Any, array: Any, start: Any) -> Any:
+    """One vector read; the array need not be aligned to vectors."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        at = vector_at(context, builder, sign.args[0], *values)
+        return builder.load(at, align=8)
+
+    return LANES(array, types.int64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def store_code(_typing: Any, array: Any, start: Any, value: Any) -> Any:
+    """One vector write; the array need not be aligned to vectors."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        at = vector_at(context, builder, sign.args[0], *values[:2])
+        builder.store(values[2], at, align=8)
+
+    return types.void(array, types.int64, value), generate
+
+
+@overload(load, strict=False)  # type: ignore[untyped-decorator]
+def load_chosen(array: Any, start: Any) -> Any:
+    """Vector code."""
+
+    def vector(array: Any, start: Any) -> Any:
+        return load_code(array, start)
+
+    return vector
+
+
+@overload(store, strict=False)  # type: ignore[untyped-decorator]
+def store_chosen(array: Any, start: Any, value: Any) -> Any:
+    """Vector code."""
+
+    def vector(array: Any, start: Any, value: Any) -> Any:
+        store_code(array, start, value)
+
+    return vector
+
+
+@register_jitable  # type: ignore[untyped-decorator]
+def sincos(angle: Any) -> tuple[Any, Any]:
+    """Sine and cosine of each lane, for angles up to 10^5 rad either way."""
+    turns = floor(angle * QUADRANTS + 0.5)
+    first = angle - turns * HALF_PI_HIGH
+    x = first - turns * HALF_PI_MIDDLE
+    rest = ((first - x) - turns * HALF_PI_MIDDLE) - turns * HALF_PI_LOW
+    z = x * x
+    sine = z * SINE[7]
+    cosine = z * COSINE[7]
+    for k in (6, 5, 4, 3, 2, 1):
+        sine = z * (SINE[k] + sine)
+        cosine = z * (COSINE[k] + cosine)
+    sine = x + (x * (z * (SINE[0] + sine)) + rest * (1.0 - 0.5 * z))
+    half = 0.5 * z
+    whole = 1.0 - half
+    cosine = whole + (
+        ((1.0 - whole) - half) + (z * (z * (COSINE[0] + cosine)) - x * rest)
+    )
+    quadrant = turns - 4.0 * floor(turns * 0.25)
+    odd = turns - 2.0 * floor(turns * 0.5) == 1.0
+    a = either(odd, cosine, sine)
+    b = either(odd, sine, cosine)
+    upper = quadrant >= 2.0
+    middle = size(quadrant - 1.5) < 1.0
+    return either(upper, -a, a), either(middle, -b, b)

@@ -1,0 +1,76 @@
+"""Lanes: one kernel in both meanings gives the same bits, in vector code."""
+
+import platform
+import re
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+from armguard.batch.lanes import (
+    WIDTH,
+    either,
+    least,
+    load,
+    most,
+    root,
+    sincos,
+    size,
+    some,
+    store,
+)
+
+
+def play_verbs(values: Any, out: Any) -> Any:
+    for start in range(0, len(values), WIDTH):
+        a = load(values, start)
+        sine, cosine = sincos(a)
+        store(out[0], start, sine)
+        store(out[1], start, cosine)
+        mixed = either(a > 0.5, root(size(a)), 2.0 - a / 3.0)
+        store(out[2], start, least(mixed, most(-a, sine * 2.0)))
+        if some(a > 19.0):
+            store(out[3], start, a + 1.0)
+
+
+compiled: Any = numba.njit(error_model="numpy")(play_verbs)
+
+
+@pytest.fixture(scope="module")
+def values() -> Any:
+    drawn = np.random.default_rng(1).uniform(-20.0, 20.0, 8000)
+    drawn[:8] = (0.0, np.pi / 2, np.pi, -np.pi / 4, 1e-9, np.nan, np.inf, 0.5)
+    return drawn
+
+
+def test_both_meanings_give_the_same_bits(values: Any) -> None:
+    vector, plain = np.zeros((2, 4, len(values)))
+    with np.errstate(invalid="ignore"):
+        compiled(values, vector)
+    with np.errstate(invalid="ignore"):
+        play_verbs(values, plain)
+    np.testing.assert_array_equal(vector, plain)
+    assert plain[3].any()
+
+
+def test_sine_and_cosine_are_within_two_units_in_the_last_place(values: Any) -> None:
+    out = np.zeros((4, len(values)))
+    with np.errstate(invalid="ignore"):
+        compiled(values, out)
+    right = np.isfinite(values)
+    for got, function in ((out[0], np.sin), (out[1], np.cos)):
+        wanted = function(values[right])
+        assert np.all(np.abs(got[right] - wanted) <= 2.0 * np.spacing(np.abs(wanted)))
+        assert np.isnan(got[~right]).all()
+
+
+@pytest.mark.skipif(
+    platform.machine() != "x86_64" or numba.config.DISABLE_JIT,
+    reason="looks for compiled x86 instructions",
+)
+def test_machine_code_is_vector_code(values: Any) -> None:
+    compiled(values, np.zeros((4, len(values))))
+    (code,) = compiled.inspect_asm().values()
+    assert len(re.findall(r"\bv?mulpd\b", code)) > 20
+    assert re.search(r"\bv?sqrtpd\b", code)
