@@ -96,15 +96,35 @@ def test_numbers_are_taken_in_any_form(far, client, form):
         ((Q, WANTED[:1], V), r"the wish has shape \(1,\); it must be"),
         ((Q, 0.0, V), r"the wish has shape \(\); it must be"),
         ((Q, WANTED, np.zeros((3, 1))), r"velocity has shape \(3, 1\); it must"),
+        ((["a", "b", "c"], WANTED, V), r"q is \['a', 'b', 'c'\]; it must be real numb"),
+        ((["1", "2", "3"], WANTED, V), r"q is \['1', '2', '3'\]; it must be real numb"),
+        ((Q + 1j, WANTED, V), r"q is array\(\[0.1.*\); it must be real numbers"),
+        ((None, WANTED, V), r"q has shape \(\); it must be \(3,\)"),
+        ((Q, WANTED, V, "now"), r"stamp is 'now'; it must be a number \[s\]"),
     ],
 )
-def test_another_number_of_joints_is_refused_and_not_sent(far, client, given, sentence):
+def test_what_is_no_vector_of_the_joints_is_refused_and_not_sent(
+    far, client, given, sentence
+):
     sent = client._connection.outbox.sequence
     with pytest.raises(RefusedError, match=sentence):
         client.cycle(*given)
     with answering(far):
         answer = client.cycle(Q, WANTED, V, timeout=PATIENCE)
     assert answer.began[1] > sent
+
+
+@pytest.mark.parametrize(
+    ("wish", "sentence"),
+    [
+        (Q[:2], r"the wish has shape \(2,\); it must be \(3,\)"),
+        (["a", "b", "c"], "the wish is .*; it must be real numbers"),
+    ],
+)
+def test_a_wish_that_is_no_vector_of_the_joints_is_refused(client, wish, sentence):
+    for send in (client.send_velocities, client.send_positions):
+        with pytest.raises(RefusedError, match=sentence):
+            send(wish)
 
 
 def test_other_messages_on_the_way_are_no_answer(far, client):

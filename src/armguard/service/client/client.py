@@ -5,11 +5,11 @@ from pathlib import Path
 from time import monotonic, monotonic_ns, sleep
 from typing import Any, Self
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from armguard.errors import NoServiceError, RefusedError
 from armguard.service.client.answer import NANO, Answer, words
+from armguard.service.client.connection import numbers_of
 from armguard.service.client.exchange import Exchange, request_of
 from armguard.service.client.welcome import Welcome
 from armguard.service.wire import Cause, Form, Keys, Kind, Role
@@ -256,9 +256,8 @@ class Client(Exchange):
         for name, twist in twists.items():
             if name not in tools:
                 raise RefusedError(f"the scene has no tool '{name}'")
-            rows.append([tools.index(name), *np.asarray(twist, np.float64).flat])
-        if any(len(row) != TWIST for row in rows):
-            raise RefusedError("a twist has six numbers")
+            six = numbers_of(twist, f"the twist of '{name}'", TWIST - 1)
+            rows.append([tools.index(name), *six])
         self._send_desired(Form.TWISTS, rows)
 
     def cycle(
@@ -389,6 +388,7 @@ class Client(Exchange):
 
     def _send_desired(self, form: Form, values: ArrayLike) -> None:
         """Send a WISH of that form."""
-        row = np.asarray(values, dtype=np.float64).reshape(-1)
+        count = None if form is Form.TWISTS else len(self.welcome.names)
+        row = numbers_of(values, "the wish", count).reshape(-1)
         head = WISH.pack(self._token, form, len(row))
         self._connection.say(Kind.WISH, head, row.tobytes())

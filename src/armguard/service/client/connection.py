@@ -6,6 +6,7 @@ import socket
 import time
 from collections.abc import Callable
 from math import nan
+from reprlib import repr as brief
 from typing import Any
 
 import numpy as np
@@ -318,7 +319,11 @@ class StateMessage:
         outbox = self._outbox
         outbox.sequence = sequence = outbox.sequence + 1
         self._sequence[0], self._sent[0] = sequence, now + outbox.ahead
-        self._stamp[0] = stamp
+        try:
+            self._stamp[0] = stamp
+        except TypeError:
+            said = f"stamp is {brief(stamp)}; it must be a number [s]"
+            raise RefusedError(said) from None
         if desired is not None:
             self._token[0] = token
         try:
@@ -329,18 +334,37 @@ class StateMessage:
                 self._desired[:] = desired
         except (TypeError, ValueError, NotImplementedError):
             self._convert(self._q, q, "q")
-            self._convert(self._velocity, velocity, "velocity")
-            self._convert(self._desired, desired, "the wish")
+            if velocity is not None:
+                self._convert(self._velocity, velocity, "velocity")
+            if desired is not None:
+                self._convert(self._desired, desired, "the wish")
         self._seal.put(self._message)
         return self._message
 
-    def _convert(self, row: Any, values: ArrayLike | None, name: str) -> None:
+    def _convert(self, row: Any, values: ArrayLike, name: str) -> None:
         """Write numbers of another kind."""
-        if values is None:
-            return
-        numbers = np.asarray(values, dtype=np.float64)
-        if numbers.shape != (self._joints,):
-            raise RefusedError(
-                f"{name} has shape {numbers.shape}; it must be ({self._joints},)"
-            )
-        row[:] = numbers
+        row[:] = numbers_of(values, name, self._joints)
+
+
+def numbers_of(values: ArrayLike, name: str, count: int | None = None) -> Floats:
+    """An array of real numbers.
+
+    Args:
+        values: The array, in any form.
+        name: What it is, for messages.
+        count: How many numbers it must have; any if None.
+
+    Raises:
+        RefusedError: It holds other values, or has another shape.
+    """
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind not in "biufO":
+            raise TypeError
+        numbers = array.astype(np.float64)
+    except (TypeError, ValueError):
+        said = f"{name} is {brief(values)}; it must be real numbers"
+        raise RefusedError(said) from None
+    if count is not None and numbers.shape != (count,):
+        raise RefusedError(f"{name} has shape {numbers.shape}; it must be ({count},)")
+    return numbers
