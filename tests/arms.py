@@ -6,6 +6,21 @@ from armguard.geometry import Box, Capsule, Pose
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene import Scene
 
+# A file of an arm that turns and lifts.
+TURN_AND_LIFT = """<robot name="r">
+ <link name="base"><collision><origin xyz="0 1.5 0"/>
+  <geometry><sphere radius="0.3"/></geometry></collision></link>
+ <link name="rod"><collision><origin xyz="0.5 0 0"/>
+  <geometry><sphere radius="0.1"/></geometry></collision></link>
+ <link name="tip"><collision><origin xyz="0.8 0 0"/>
+  <geometry><sphere radius="0.05"/></geometry></collision></link>
+ <joint name="turn" type="revolute"><parent link="base"/><child link="rod"/>
+  <axis xyz="0 0 1"/><limit lower="0.1" upper="2" effort="1" velocity="1"/></joint>
+ <joint name="lift" type="prismatic"><parent link="rod"/><child link="tip"/>
+  <origin xyz="1 0 0"/><axis xyz="0 0 1"/>
+  <limit lower="0" upper="0.4" effort="1" velocity="0.3"/></joint>
+</robot>"""
+
 
 def simple_arm(joints=3, length=0.4, radius=0.04):
     """A planar arm: capsules that turn about z, stacked 0.2 m apart so none overlap."""

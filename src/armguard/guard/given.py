@@ -12,6 +12,7 @@ from armguard.errors import known_names
 from armguard.geometry.pose import LOOKS_LIKE_DEGREES
 from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch
 from armguard.robot.kinematics import REVOLUTE
+from armguard.robot.limits import FAR_BEYOND_LIMITS
 from armguard.scene.tables import RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
@@ -113,23 +114,16 @@ def joined(
 def likely_mistake(q: Floats, tables: SceneTables) -> str:
     """Likely mistake behind positions outside their limits, in words; "" if unknown.
 
-    Degrees, if a turning joint is beyond two turns and all would be within their limits
-    in degrees. Another order, if all joints would be within their limits in it.
+    Another unit, see `other_unit`. Another order, if all joints would be within their
+    limits in it.
 
     Args:
         q: Positions, shape (n,) [rad or m].
         tables: The scene.
     """
-
-    def fits(positions: Floats, of: Any = slice(None)) -> bool:
-        inside = (positions >= tables.lower) & (positions <= tables.upper)
-        return bool(inside[of].all())
-
-    turning = np.zeros(len(q), dtype=bool)
-    turning[tables.q_index[tables.joint_kind == REVOLUTE]] = True
-    if np.abs(q[turning]).max(initial=0.0) > LOOKS_LIKE_DEGREES:
-        in_degrees = fits(np.radians(q), turning)
-        return "the positions look like degrees; give radians" if in_degrees else ""
+    unit, known = other_unit(q, tables)
+    if known:
+        return unit
     slices = [
         slice(part.first_joint, part.first_joint + part.joint_count)
         for part in tables.robots
@@ -137,13 +131,47 @@ def likely_mistake(q: Floats, tables: SceneTables) -> str:
     cuts = np.cumsum([part.joint_count for part in tables.robots[::-1]])[:-1]
     backwards, swapped = q.copy(), np.concatenate(np.split(q, cuts)[::-1])
     for own in slices:
-        if not fits(q, own):
+        if not within(q, tables, own):
             backwards[own] = q[own][::-1]
     orders = {"the joints": backwards, "the robots": swapped, "all joints": q[::-1]}
     for which, positions in orders.items():
-        if fits(positions):
+        if within(positions, tables):
             return f"{which} seem to be in reverse order; see guard.q_names"
     return ""
+
+
+def within(q: Floats, tables: SceneTables, of: Any = slice(None)) -> bool:
+    """Whether positions are within the limits of their joints."""
+    inside = (q >= tables.lower) & (q <= tables.upper)
+    return bool(inside[of].all())
+
+
+def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
+    """In words, that positions outside their limits are in another unit.
+
+    Degrees, if a turning joint is beyond two turns and all would be within their limits
+    in degrees. Millimetres, if a sliding joint is ten times beyond its limits and all
+    would be within them in millimetres.
+
+    Args:
+        q: Positions, shape (n,) [rad or m].
+        tables: The scene.
+
+    Returns:
+        The words, "" if there is no such evidence; and whether positions are so far
+        off that no other order of the joints explains them.
+    """
+    turning = np.zeros(len(q), dtype=bool)
+    turning[tables.q_index[tables.joint_kind == REVOLUTE]] = True
+    if np.abs(q[turning]).max(initial=0.0) > LOOKS_LIKE_DEGREES:
+        in_degrees = within(np.radians(q), tables, turning)
+        return "the positions look like degrees; give radians" * in_degrees, True
+    most = FAR_BEYOND_LIMITS * np.maximum(tables.upper, -tables.lower)
+    if (np.abs(q) > most)[~turning].any():
+        in_millimetres = within(q * 1e-3, tables, ~turning)
+        words = "the sliding joints look like millimetres; give metres"
+        return words * in_millimetres, True
+    return "", False
 
 
 def described(value: object) -> str:

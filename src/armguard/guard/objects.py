@@ -20,6 +20,7 @@ from armguard.index import BruteForce, Octree
 from armguard.index.base import Index
 from armguard.index.small_tree import small_tree
 from armguard.scene.blocks import WITH_ADDRESS
+from armguard.scene.objects import warn_of_length
 from armguard.scene.standing import Standing
 from armguard.scene.tables import SceneTables
 
@@ -146,6 +147,7 @@ class Objects:
             T = self._take_sighting(name, item, pose, stamp, velocity)
         else:
             T = transform_of(pose)
+            warn_of_length(f"object '{name}': pose", float(np.abs(T[:3, 3]).max()))
         if item.body >= 0:
             self.holding.check_free(name)
             self.holding.put(name, T)

@@ -25,7 +25,7 @@ from armguard.respond.lead_state import lead_of
 from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
 from armguard.respond.remembered import more_of
 from armguard.respond.requested import (
-    positions_in,
+    DesiredPositions,
     reason_of_stop,
     twists_in,
     velocities_in,
@@ -108,7 +108,7 @@ class Guard(Monitor):
             scene, budget=budget, self_test=self_test, progress=progress, clock=clock
         )
         tables = self.tables
-        self._tools = Tools(tables)
+        self._tools, self._positions = Tools(tables), DesiredPositions(tables)
         self._guidance = Guidance(tables, self._watch, self._tools, self.check_path)
         if not compiling and all(part.mode != "fixed" for part in tables.robots):
             # Compiles or loads the kernels of a filtered cycle before the loop.
@@ -199,7 +199,7 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        goal = positions_in(q_desired, self.tables)
+        goal = self._positions(q_desired)
         return self._filter((q, stamp, velocity, now), POSITIONS, *goal)
 
     def filter_twists(

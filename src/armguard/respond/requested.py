@@ -1,5 +1,6 @@
 """Requests of operators: converted to arrays, or refused with a reason in words."""
 
+import logging
 from collections.abc import Mapping
 
 import numpy as np
@@ -13,7 +14,9 @@ from armguard.guard.given import (
     is_mapping,
     joined,
     kind_of,
+    other_unit,
     real_array,
+    within,
 )
 from armguard.guard.levels import ORDERED, Reason
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
@@ -21,6 +24,8 @@ from armguard.respond.tool import Tools
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
+
+log = logging.getLogger("armguard")
 
 
 def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]:
@@ -36,11 +41,41 @@ def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]
     return array, ""
 
 
-def positions_in(value: JointVector, tables: SceneTables) -> tuple[Floats | None, str]:
-    """Desired joint positions as a kernel takes them, or None and the reason."""
-    if is_mapping(value):
-        return robot_vectors("q_desired", value, tables)
-    return as_vector("q_desired", value, len(tables.q_names))
+class DesiredPositions:
+    """Desired joint positions as a kernel takes them.
+
+    Positions that look like degrees or millimetres are a warning in the log, the first
+    time: they are followed as far as the limits of the joints.
+
+    Args:
+        tables: The scene.
+    """
+
+    def __init__(self, tables: SceneTables) -> None:
+        self.tables = tables
+        self._warned = False
+
+    def __call__(self, value: JointVector) -> tuple[Floats | None, str]:
+        """The positions, or None and the reason in words."""
+        if is_mapping(value):
+            vector, fault = robot_vectors("q_desired", value, self.tables)
+        else:
+            vector, fault = as_vector("q_desired", value, len(self.tables.q_names))
+        if vector is not None and not self._warned:
+            self._warned = self._warn(vector)
+        return vector, fault
+
+    def _warn(self, q: Floats) -> bool:
+        """Whether positions look like another unit; then it is written to the log."""
+        tables = self.tables
+        hint = "" if within(q, tables) else other_unit(q, tables)[0]
+        if hint:
+            k = int(np.minimum(q - tables.lower, tables.upper - q).argmin())
+            log.warning(
+                "q_desired of joint '%s' is %g, its limits are [%g, %g]; %s",
+                *(tables.q_names[k], q[k], tables.lower[k], tables.upper[k], hint),
+            )
+        return bool(hint)
 
 
 def robot_vectors(

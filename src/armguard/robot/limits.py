@@ -1,13 +1,20 @@
 """Joint limits in the order of q, and the configuration a robot is at home in."""
 
 from collections.abc import Mapping
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import ModelError, did_you_mean
 from armguard.geometry.pose import LOOKS_LIKE_DEGREES
-from armguard.robot.model import RobotModel
+from armguard.robot.model import Joint, JointKind, RobotModel
+
+# A sliding joint so many times beyond its limits is in millimetres [-].
+FAR_BEYOND_LIMITS = 10.0
+
+# Nothing near an arm is so far away or so long in metres [m].
+LOOKS_LIKE_MILLIMETRES = 100.0
 
 # Names of SRDF group states that say where a robot is at home, the first found wins;
 # if there is none of these, the file's first state does.
@@ -20,6 +27,21 @@ def joint_limits(
     """Lower and upper limits in the order of `q_names`, each shape (n,)."""
     joints = [model.joints[name] for name in model.q_names]
     return np.array([j.lower for j in joints]), np.array([j.upper for j in joints])
+
+
+def other_unit(joint: Joint, value: float) -> str:
+    """In words, that a position outside its limits is in another unit; "" if not so.
+
+    Args:
+        joint: The joint.
+        value: Its position [rad or m].
+    """
+    most = max(joint.upper, -joint.lower)
+    if joint.kind is JointKind.REVOLUTE and abs(value) > max(LOOKS_LIKE_DEGREES, most):
+        return "which looks like degrees; give radians"
+    if joint.kind is JointKind.PRISMATIC and abs(value) > FAR_BEYOND_LIMITS * most:
+        return "which looks like millimetres; give metres"
+    return ""
 
 
 def home_configuration(
@@ -42,13 +64,16 @@ def home_configuration(
                 f"move; {did_you_mean(name, model.q_names)}"
             )
         joint = model.joints[name]
-        if not joint.lower <= value <= joint.upper:
-            hint = (
-                ", which looks like degrees" if abs(value) > LOOKS_LIKE_DEGREES else ""
-            )
+        given: object = value
+        if isinstance(given, bool) or not isinstance(given, Real):
             raise ModelError(
-                f"home puts joint '{name}' at {value:g}{hint}; its limits are "
-                f"[{joint.lower:g}, {joint.upper:g}]"
+                f"home puts joint '{name}' at {given!r}; it must be a number [rad or m]"
+            )
+        if not joint.lower <= value <= joint.upper:
+            hint = other_unit(joint, float(value))
+            raise ModelError(
+                f"home puts joint '{name}' at {value:g}{hint and f', {hint}'}; its "
+                f"limits are [{joint.lower:g}, {joint.upper:g}]"
             )
     state: Mapping[str, float] = {}
     for name in (*HOME_STATES, *model.group_states):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
+from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
@@ -17,7 +18,14 @@ from armguard.errors import (
 )
 from armguard.scene.objects import SceneObject
 from armguard.scene.robots import SceneRobot, check_mode
-from armguard.scene.schema import CLOSED, Name
+from armguard.scene.schema import (
+    BRIEF,
+    CLOSED,
+    MOST_MARGIN,
+    MOST_METRES,
+    Name,
+    in_other_units,
+)
 from armguard.scene.settings import Mode
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
@@ -141,7 +149,11 @@ class Contents:
         Raises:
             SceneError: It is negative or not finite.
         """
-        self._margin = None if margin is None else check_amount("margin", margin)
+        self._margin = (
+            None
+            if margin is None
+            else check_amount("margin", margin, greatest=MOST_MARGIN)
+        )
 
     def set_mode(self, mode: Mode, robot: str | None = None) -> None:
         """Change how the distance that robots must keep is made.
@@ -236,6 +248,11 @@ class Contents:
         return [robot]
 
     def _check_name(self, name: str) -> None:
+        if not isinstance(name, str):
+            raise SceneError(
+                f"the name is {BRIEF.repr(name)}; it must be text, as in "
+                "add(Box(size=(1, 1, 1)), 'table')"
+            )
         if not name or "/" in name or name != name.strip():
             raise SceneError(
                 f"'{name}' is no name; it must not be empty, hold '/', or start or end "
@@ -265,12 +282,19 @@ class Contents:
         return [name]
 
 
-def check_amount(what: str, value: float, unit: str = "m") -> float:
-    """Return a distance or a time that is finite and not negative.
+def check_amount(
+    what: str, value: float, unit: str = "m", greatest: float = MOST_METRES
+) -> float:
+    """Return a distance or a time that is finite, not negative and not too large.
 
     Raises:
-        SceneError: It is not.
+        SceneError: It is not, or it is no number.
     """
+    given: object = value
+    if isinstance(given, bool) or not isinstance(given, Real):
+        raise SceneError(f"{what} is {given!r}; it must be a number [{unit}]")
     if not (isfinite(value) and value >= 0.0):
         raise SceneError(f"{what} is {value} {unit}; it must be finite and >= 0")
+    if value > greatest:
+        raise SceneError(f"{what} {in_other_units(float(value), unit)}")
     return float(value)

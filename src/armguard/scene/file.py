@@ -1,9 +1,8 @@
 """Scene files: own YAML, or a MoveIt planning scene, to a `Scene`."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -30,27 +29,6 @@ from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
 from armguard.scene.settings import ObjectSettings, RobotSettings
 from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
-
-# A full turn; more is an angle in degrees [rad].
-TURN = 6.2832
-
-# Greatest values of times [s], lengths [m] and angles [rad] of a scene file, by their
-# keys; a larger one is in other units. None takes the place of any name or place.
-GREATEST = {
-    ("cycle", "period"): (2.0, "s"),
-    ("cycle", "late"): (2.0, "s"),
-    ("buffer",): (2.0, "m"),
-    ("margin",): (10.0, "m"),
-    ("buffers", None, "buffer"): (2.0, "m"),
-    ("robots", None, "buffer"): (2.0, "m"),
-    ("robots", None, "fit_target"): (0.5, "m"),
-    ("robots", None, "gripper", "swap"): (2.0, "m"),
-    ("robots", None, "base", "rpy", None): (TURN, "rad"),
-    ("objects", None, "at", "rpy", None): (TURN, "rad"),
-    ("objects", None, "buffer"): (2.0, "m"),
-    ("objects", None, "error"): (2.0, "m"),
-    ("objects", None, "top_speed"): (100.0, "m/s"),
-}
 
 # Problems of one file that are reported; each takes a search for its line.
 MOST_PROBLEMS = 20
@@ -89,7 +67,6 @@ def validated(source: YamlSource) -> SceneModel:
         raise source.problem((), "must be a mapping with the key 'robots'")
     try:
         model = SceneModel.model_validate(source.values)
-        check_units(source)
         return model
     except ValidationError as errors:
         found = errors.errors(include_url=False)[:MOST_PROBLEMS]
@@ -98,7 +75,10 @@ def validated(source: YamlSource) -> SceneModel:
         keys = keys_of(error["loc"])
         if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
             known = known_keys(keys[:-1])
-            sentence = f"there is no such key; {did_you_mean(str(keys[-1]), known)}"
+            near, rate = did_you_mean(str(keys[-1]), known), error["input"]
+            if keys == ("cycle", "rate") and isinstance(rate, int | float) and rate > 0:
+                near = f"give the period, {{period: {1.0 / rate:.4g}}}"
+            sentence = f"there is no such key; {near}"
         else:
             sentence = sentence_of(dict(error))
         known = known_keys(keys)[:6]
@@ -106,55 +86,6 @@ def validated(source: YamlSource) -> SceneModel:
             sentence += f"; its keys are {', '.join(known)}"
         problems.add(keys, sentence)
     raise problems.error()
-
-
-def values_at(value: Any, path: tuple[str | None, ...]) -> Iterator[tuple[Keys, Any]]:
-    """Values of a file at a path of keys, of which None is any; each with its keys."""
-    if not path:
-        yield (), value
-        return
-    inner: Iterable[tuple[str | int, Any]] = ()
-    if isinstance(value, dict):
-        inner = value.items()
-    elif isinstance(value, list):
-        inner = enumerate(value)
-    for key, item in inner:
-        if path[0] in (None, key):
-            yield from (((key, *keys), v) for keys, v in values_at(item, path[1:]))
-
-
-def in_other_units(value: float, unit: str) -> str:
-    """A value that is too large in its unit, and the number that is intended."""
-    if unit == "s":
-        return (
-            f"is {value:g} s, which looks like milliseconds or hertz; give seconds: "
-            f"{value:g} ms are {value * 1e-3:g}, "
-            f"at {value:g} Hz it is {1.0 / value:.4g}"
-        )
-    if unit == "rad":
-        return (
-            f"is {value:g} rad, which looks like degrees; give radians: "
-            f"{radians(value):.4f}"
-        )
-    return (
-        f"is {value:g} {unit}, which looks like millimetres; give metres: "
-        f"{value * 1e-3:g}"
-    )
-
-
-def check_units(source: YamlSource) -> None:
-    """Refuse times and lengths that are in other units.
-
-    Raises:
-        SceneFileError: There are some.
-    """
-    problems = Problems(source)
-    for path, (greatest, unit) in GREATEST.items():
-        for keys, value in values_at(source.values, path):
-            if value is not None and abs(float(value)) > greatest:
-                problems.add(keys, in_other_units(float(value), unit))
-    if problems:
-        raise problems.error()
 
 
 class Problems:

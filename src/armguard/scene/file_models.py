@@ -23,6 +23,8 @@ from armguard.scene.file_shapes import (
 from armguard.scene.meshes import Progress, Surface
 from armguard.scene.schema import (
     CLOSED,
+    METRES,
+    MOST_MARGIN,
     ByJoint,
     Name,
     NotNegative,
@@ -30,6 +32,7 @@ from armguard.scene.schema import (
     Positive,
     Strict,
     Triple,
+    at_most,
     meanings,
 )
 from armguard.scene.settings import (
@@ -173,7 +176,7 @@ class BufferEntry(Strict):
 
     a: str
     b: str
-    buffer: NotNegative
+    buffer: Annotated[NotNegative, METRES]
 
 
 class SceneModel(Strict):
@@ -201,8 +204,8 @@ class SceneModel(Strict):
     packages: dict[str, str] = Field(default={})
     mode: Mode = DEFAULT_MODE
     cycle: CycleSettings = CycleSettings()
-    buffer: NotNegative | None = None
-    margin: NotNegative | None = None
+    buffer: Annotated[NotNegative, METRES] | None = None
+    margin: Annotated[NotNegative, at_most(MOST_MARGIN, "m")] | None = None
     allow: list[Allowance] = Field(default=[])
     buffers: list[BufferEntry] = Field(default=[])
     index: IndexSettings = IndexSettings()

@@ -26,6 +26,7 @@ from armguard.scene.meshes.pieces import CONCAVITIES, CONCAVITY
 from armguard.scene.meshes.source import MAX_TRIANGLES, MAX_TRIANGLES_OF_FILE
 from armguard.scene.schema import (
     CLOSED,
+    Angles,
     ByForm,
     Name,
     NotNegative,
@@ -56,7 +57,7 @@ class PoseModel(Strict):
     """A frame: `xyz`, and one way to give the orientation."""
 
     xyz: Triple = (0.0, 0.0, 0.0)
-    rpy: Triple | None = None
+    rpy: Angles | None = None
     quat_wxyz: Quaternion | None = None
     quat_xyzw: Quaternion | None = None
 

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.robot.model import RobotModel
 from armguard.robot.tree import joints_above, rigid_groups
-from armguard.scene.schema import CLOSED, NotNegative, Positive
+from armguard.scene.schema import CLOSED, METRES, SPEED, NotNegative, Positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,13 +33,13 @@ class Grasp:
 
     __pydantic_config__ = CLOSED
 
-    near: Positive = 0.1
-    intent_speed: Positive = 0.1
-    creep: Positive = 0.02
-    depth: NotNegative = 0.002
-    aim: NotNegative = 0.01
-    touch: NotNegative = 0.005
-    lift: NotNegative = 0.010
+    near: Annotated[Positive, METRES] = 0.1
+    intent_speed: Annotated[Positive, SPEED] = 0.1
+    creep: Annotated[Positive, SPEED] = 0.02
+    depth: Annotated[NotNegative, METRES] = 0.002
+    aim: Annotated[NotNegative, METRES] = 0.01
+    touch: Annotated[NotNegative, METRES] = 0.005
+    lift: Annotated[NotNegative, METRES] = 0.010
     expiry: Positive = 30.0
 
     @model_validator(mode="after")
@@ -79,7 +79,7 @@ class Gripper:
         tuple[str, ...], Field(min_length=1), AfterValidator(no_link_twice)
     ]
     coarse: bool = True
-    swap: NotNegative = 0.05
+    swap: Annotated[NotNegative, METRES] = 0.05
 
 
 def check_links(name: str, model: RobotModel, gripper: Gripper) -> None:

@@ -1,15 +1,22 @@
 """Objects of a scene: shapes and surfaces with a pose and settings."""
 
+import logging
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import inf
+
+import numpy as np
 
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import HalfSpace, PlacedShape, Shape, Triangle
+from armguard.robot.limits import LOOKS_LIKE_MILLIMETRES
 from armguard.scene.meshes import Surface
+from armguard.scene.schema import BRIEF
 from armguard.scene.settings import ObjectSettings
+
+log = logging.getLogger("armguard")
 
 Part = Shape | PlacedShape | Surface
 
@@ -53,6 +60,12 @@ def scene_object(
     """
     if not parts:
         raise SceneError(f"object '{name}' has no shape")
+    for part in parts:
+        if not isinstance(part, Part):
+            raise SceneError(
+                f"object '{name}': {BRIEF.repr(part)} is no shape; give shapes such as "
+                "Box(size=(1, 1, 1))"
+            )
     made = SceneObject(
         name=name,
         shapes=tuple(
@@ -61,13 +74,58 @@ def scene_object(
             if not isinstance(part, Surface)
         ),
         surfaces=tuple(part for part in parts if isinstance(part, Surface)),
-        pose=ORIGIN if pose is None else pose,
+        pose=checked_pose(f"object '{name}': pose", pose),
         **vars(settings),
     )
+    for placed in made.shapes:
+        warn_of_length(f"object '{name}'", longest_number(placed.shape))
     wrong = contradiction(made)
     if wrong is not None:
         raise SceneError(f"object '{name}' {wrong}")
     return made
+
+
+def checked_pose(what: str, pose: object) -> Pose:
+    """The pose, the origin if it is None.
+
+    Args:
+        what: What it is, for messages.
+        pose: The pose.
+
+    Raises:
+        SceneError: It is none.
+    """
+    if pose is None:
+        return ORIGIN
+    if not isinstance(pose, Pose):
+        raise SceneError(
+            f"{what} is {BRIEF.repr(pose)}; give a Pose, such as "
+            "Pose(xyz=(0, 0, 0), rpy=(0, 0, 0))"
+        )
+    warn_of_length(what, max(map(abs, pose.xyz)))
+    return pose
+
+
+def warn_of_length(what: str, length: float) -> None:
+    """Write to the log that a length looks like millimetres, if it does.
+
+    Args:
+        what: What is so long or so far away.
+        length: The length [m].
+    """
+    if LOOKS_LIKE_MILLIMETRES < length < inf:
+        log.warning(
+            "%s: %g m look like millimetres; give metres: %g",
+            what,
+            length,
+            length * 1e-3,
+        )
+
+
+def longest_number(shape: Shape) -> float:
+    """Greatest of the sizes of a shape [m]."""
+    sizes = [getattr(shape, part.name) for part in fields(shape) if part.init]
+    return float(max(np.abs(size).max(initial=0.0) for size in sizes))
 
 
 def shapes_in_words(item: SceneObject) -> str:

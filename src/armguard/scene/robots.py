@@ -23,7 +23,8 @@ from armguard.robot.stopping.figures import FIGURES
 from armguard.robot.urdf import load_urdf
 from armguard.scene.gripping import check_links
 from armguard.scene.meshes import Progress
-from armguard.scene.schema import checked, part_of
+from armguard.scene.objects import checked_pose
+from armguard.scene.schema import BRIEF, checked, part_of
 from armguard.scene.settings import (
     MODES,
     Mode,
@@ -107,9 +108,13 @@ def scene_robot(
         FiguresError: A figure cannot be true.
     """
     model, own_home, own = loaded
+    who, joint = f"robot '{name}'", model.q_names[0] if model.q_names else "joint"
+    base = checked_pose(f"{who}: base", base)
+    check_mapping(f"{who}: home", home, f"{{'{joint}': 0.1}}")
     if stopping is None:
         stopping = own
     elif not isinstance(stopping, StoppingFigures):
+        check_mapping(f"{who}: stopping", stopping, "{'deceleration': 5.0}")
         stopping = declared_figures(model, stopping, own)
     if settings.gripper is not None:
         check_links(name, model, settings.gripper)
@@ -117,11 +122,28 @@ def scene_robot(
         name=name,
         model=model,
         fits={},
-        base=Pose() if base is None else base,
+        base=base,
         home=home_configuration(model, {**own_home, **(home or {})}),
         stopping=stopping,
         **part_of(settings, RobotSettings),
     )
+
+
+def check_mapping(what: str, value: object, example: str) -> None:
+    """Refuse values that are not given by name.
+
+    Args:
+        what: What they are.
+        value: A mapping, or None.
+        example: Values as they must be given.
+
+    Raises:
+        SceneError: They are not.
+    """
+    if value is not None and not isinstance(value, Mapping):
+        raise SceneError(
+            f"{what} is {BRIEF.repr(value)}; give a mapping by name, such as {example}"
+        )
 
 
 def fitted(robot: SceneRobot, progress: Progress | None) -> SceneRobot:

@@ -9,10 +9,12 @@ import re
 from collections.abc import Mapping
 from functools import cache
 from inspect import getdoc
+from math import radians
 from reprlib import Repr
 from typing import Annotated, Any, TypeVar
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -43,6 +45,11 @@ Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0), NO_FLAG]
 NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0), NO_FLAG]
 Name = Annotated[str, Field(min_length=1)]
 
+# Greatest times [s], distances [m], speeds [m/s] and angles [rad] that are declared; a
+# larger one is in other units.
+MOST_SECONDS, MOST_METRES, MOST_MARGIN = 2.0, 2.0, 10.0
+MOST_SPEED, TURN = 100.0, 6.2832
+
 # Of a mapping without unknown keys. Instances are validated too: making one is not.
 CLOSED = ConfigDict(extra="forbid", frozen=True, revalidate_instances="always")
 
@@ -65,6 +72,42 @@ EXPECTED = {
 SIGNS = {"greater_than": ">", "greater_than_equal": ">=", "less_than_equal": "<="}
 
 
+def in_other_units(value: float, unit: str) -> str:
+    """A value that is too large in its unit, and the number that is intended."""
+    if unit == "s":
+        return (
+            f"is {value:g} s, which looks like milliseconds or hertz; give seconds: "
+            f"{value:g} ms are {value * 1e-3:g}, "
+            f"at {value:g} Hz it is {1.0 / value:.4g}"
+        )
+    if unit == "rad":
+        return (
+            f"is {value:g} rad, which looks like degrees; give radians: "
+            f"{radians(value):.4f}"
+        )
+    return (
+        f"is {value:g} {unit}, which looks like millimetres; give metres: "
+        f"{value * 1e-3:g}"
+    )
+
+
+def at_most(greatest: float, unit: str) -> AfterValidator:
+    """Refuses a number that is so large that it is in other units."""
+
+    def check(value: float) -> float:
+        if abs(value) > greatest:
+            raise ValueError(in_other_units(value, unit))
+        return value
+
+    return AfterValidator(check)
+
+
+SECONDS = at_most(MOST_SECONDS, "s")
+METRES = at_most(MOST_METRES, "m")
+SPEED = at_most(MOST_SPEED, "m/s")
+Angle = Annotated[Number, at_most(TURN, "rad")]
+
+
 class Strict(BaseModel):
     """A mapping without unknown keys."""
 
@@ -83,6 +126,7 @@ def counted(count: int) -> BeforeValidator:
 
 
 Triple = Annotated[tuple[Number, Number, Number], counted(3)]
+Angles = Annotated[tuple[Angle, Angle, Angle], counted(3)]
 PositiveTriple = Annotated[tuple[Positive, Positive, Positive], counted(3)]
 Quaternion = Annotated[tuple[Number, Number, Number, Number], counted(4)]
 
@@ -172,16 +216,17 @@ def checked(
         )
         said = "; ".join(filter(None, ("there is no such key", known)))
         raise SceneError(f"{who}: {path}: {said}")
-    if keys:
+    is_own = error["type"] == "value_error"
+    if keys and not is_own:
         unit = UNIT.search(meanings(declared).get(str(keys[-1]), ""))
         if unit is not None:
             sentence = sentence.replace(";", f" {unit[1]};", 1)
-        if sentence.startswith(f"{keys[-1]} "):
-            keys = keys[:-1]
+    if keys and sentence.startswith(f"{keys[-1]} "):
+        keys = keys[:-1]
     sentence = sentence.replace("must be >= 0", "must be finite and >= 0")
     path = ".".join(filter(None, (under, *map(str, keys))))
     if path:
-        path += "." if error["type"] == "value_error" else " "
+        path += "." if is_own and not sentence.startswith("is ") else " "
     raise SceneError(f"{who}: {path}{sentence}")
 
 

@@ -8,7 +8,18 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict, get_args
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from armguard.scene.gripping import Grasp, Gripper
-from armguard.scene.schema import BRIEF, CLOSED, NotNegative, Number, Positive, Triple
+from armguard.scene.schema import (
+    BRIEF,
+    CLOSED,
+    METRES,
+    SECONDS,
+    SPEED,
+    NotNegative,
+    Number,
+    Positive,
+    Triple,
+    at_most,
+)
 
 # How the distance a robot must keep is made: a number; from its stopping figures and
 # its speed; from these and from where it may go while it stops.
@@ -28,8 +39,8 @@ class CycleSettings:
 
     __pydantic_config__ = CLOSED
 
-    period: Positive = 0.001
-    late: NotNegative = 0.0
+    period: Annotated[Positive, SECONDS] = 0.001
+    late: Annotated[NotNegative, SECONDS] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +179,7 @@ class ResponseSettings:
     field_speed: Share = 0.3
     attraction: Positive = 5.0
     repulsion: Positive = 0.08
-    influence: Positive = 0.1
+    influence: Annotated[Positive, METRES] = 0.1
     patience: Positive = 1.5
 
 
@@ -210,7 +221,7 @@ class RobotSettings:
 
     __pydantic_config__ = CLOSED
 
-    buffer: NotNegative | None = None
+    buffer: Annotated[NotNegative, METRES] | None = None
     mode: Mode | None = None
     response: Annotated[
         ResponseSettings,
@@ -219,7 +230,7 @@ class RobotSettings:
         ),
     ] = ResponseSettings()
     gripper: Gripper | None = None
-    fit_target: Positive = 0.030
+    fit_target: Annotated[Positive, at_most(0.5, "m")] = 0.030
     max_primitives: Annotated[int, Field(ge=1)] = 8
 
 
@@ -255,9 +266,9 @@ class ObjectSettings:
     __pydantic_config__ = CLOSED
 
     attached_to: str | None = None
-    buffer: NotNegative | None = None
+    buffer: Annotated[NotNegative, METRES] | None = None
     present: bool = True
-    top_speed: NotNegative = 0.0
+    top_speed: Annotated[NotNegative, SPEED] = 0.0
     person: bool = False
     graspable: Annotated[
         Grasp | None,
@@ -270,7 +281,7 @@ class ObjectSettings:
             json_schema_input_type=str | list[str] | None,
         ),
     ] = None
-    error: NotNegative = 0.0
+    error: Annotated[NotNegative, METRES] = 0.0
     stale: Annotated[
         float,
         Field(gt=0.0),

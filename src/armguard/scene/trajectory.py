@@ -9,25 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import TrajectoryError, did_you_mean, known_names
-from armguard.geometry.pose import LOOKS_LIKE_DEGREES
-from armguard.robot.model import JointKind
+from armguard.robot.limits import other_unit
 from armguard.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
-# A sliding joint so many times beyond its limits is in millimetres [-].
-LOOKS_LIKE_MILLIMETRES = 10.0
-
 # What is between a robot's name and its joint's in the names of others: ours,
 # ROS's prefix, and that of some log files.
 SEPARATORS = ("/", "_", ".")
-
-
-# Unit of a joint's positions, its name, and the unit that is taken for it.
-UNITS = {
-    JointKind.REVOLUTE: ("rad", "radians", "degrees"),
-    JointKind.PRISMATIC: ("m", "metres", "millimetres"),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,20 +140,14 @@ class Trajectory:
         for name, k in column.items():
             robot, joint = name.split("/", 1)
             model = scene.robots[robot].model.joints[joint]
-            most = max(model.upper, -model.lower)
-            if model.kind not in UNITS or not np.isfinite(most):
-                continue
-            unit, whole, other = UNITS[model.kind]
-            if unit == "rad":
-                most = max(LOOKS_LIKE_DEGREES, most)
-            else:
-                most *= LOOKS_LIKE_MILLIMETRES
             far = np.nan_to_num(self.q[:, k], nan=0.0, posinf=0.0, neginf=0.0)
-            for row in np.flatnonzero(np.abs(far) > most)[:1]:
+            row = int(np.abs(far).argmax()) if len(far) else 0
+            hint = other_unit(model, far[row]) if len(far) else ""
+            if hint:
                 raise self._wrong(
                     f"configuration {row + 1}: joint '{self.names[k]}' is at "
-                    f"{far[row]:g}, which looks like {other}; its limits are "
-                    f"[{model.lower:g}, {model.upper:g}] {unit}; give {whole}"
+                    f"{far[row]:g}, {hint}; its limits are "
+                    f"[{model.lower:g}, {model.upper:g}]"
                 )
 
     def _wrong(self, sentence: str) -> TrajectoryError:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
+from reprlib import repr as brief
 from typing import Annotated, Any, Required, TypedDict, Unpack, get_type_hints
 
 import numpy as np
@@ -101,7 +102,14 @@ def per_joint(what: str, value: PerJoint, names: Sequence[str]) -> Floats:
         FiguresError: A joint has none, or a name is no joint's.
     """
     if not isinstance(value, Mapping):
-        return np.full(len(names), value, dtype=np.float64)
+        array = np.asarray(value)
+        if array.shape not in ((), (len(names),)) or array.dtype.kind not in "iuf":
+            raise FiguresError(
+                f"{what} is {brief(value)}; it must be a number, or numbers by "
+                "joint name",
+                what,
+            )
+        return np.full(len(names), array, dtype=np.float64)
     unknown = [name for name in value if name not in names]
     if unknown:
         raise FiguresError(
