@@ -82,8 +82,8 @@ def sums(plan: Plan, episodes: Episodes) -> Figures:
         "least_distance_mm": 1e3 * min(e["least"] for e in episodes),
         "breaches_of_floor": len(floored),
         "breach_seeds": [e["seed"] for e in floored[:LISTED]],
-        "clearances_at_order": classes(1e3 * s["clearance"] for s in stops),
-        "clearances_at_rest": classes(1e3 * e["rest"] for e in episodes),
+        "distance_at_order": classes(1e3 * s["distance"] for s in stops),
+        "distance_at_rest": classes(1e3 * e["rest"] for e in episodes),
         "episodes_with_a_stop": sum(bool(e["stops"]) for e in episodes),
         "stops": len(stops),
         "releases": sum(e["releases"] for e in episodes),
@@ -116,8 +116,8 @@ def derived(plan: Plan, found: Figures) -> Figures:
         "contacts_below_at_95_percent": bound(found["contacts"], found["episodes"]),
         "contact_cases": found["contact_cases"][:LISTED],
         "breach_seeds": found["breach_seeds"][:LISTED],
-        "clearance_at_order_mm": quartiles(found["clearances_at_order"]),
-        "clearance_at_rest_mm": quartiles(found["clearances_at_rest"]),
+        "distance_at_order_mm": quartiles(found["distance_at_order"]),
+        "distance_at_rest_mm": quartiles(found["distance_at_rest"]),
         "stops_a_second": found["stops"] / time if time else 0.0,
         "reasons": dict(Counter(found["reasons"]).most_common()),
         "levels": dict(Counter(found["levels"]).most_common()),
@@ -192,7 +192,7 @@ def case(episode: dict[str, Any]) -> dict[str, Any]:
         "time_s": contact["time"],
         "depth_mm": 1e3 * contact["depth"],
         "stops": [
-            {k: stop[k] for k in ("arm", "time", "reason", "clearance")}
+            {k: stop[k] for k in ("arm", "time", "reason", "distance")}
             for stop in episode["stops"]
         ],
     }

@@ -68,7 +68,7 @@ def walk(scene_file: Path, path: Path, buffer: float) -> dict[str, int]:
             continue
         near = [pair for pair in verdict.near if "finger" not in pair.a + pair.b]
         counts["cycles"] += 1
-        counts["stops"] += any(pair.clearance < 0.0 for pair in near)
+        counts["stops"] += any(pair.headroom < 0.0 for pair in near)
         counts["refined"] += verdict.counts.pairs_refined
         counts["primitives_would_stop"] += any(
             pair.primitive_distance < pair.buffer for pair in near

@@ -87,15 +87,15 @@ def states(guard: Guard, rng: np.random.Generator) -> Iterator[Floats]:
 
 
 def least(guard: Guard, q: Floats) -> float:
-    """Least clearance at rest, as far as it is known [m]."""
+    """Least headroom at rest, as far as it is known [m]."""
     nearest = guard.judge_at_rest(q).nearest
-    return np.inf if nearest is None else nearest.clearance
+    return np.inf if nearest is None else nearest.headroom
 
 
-def clearances(guard: Guard, q: Floats) -> dict[tuple[str, str], float]:
-    """Clearance at rest of each near pair [m]."""
+def headroom(guard: Guard, q: Floats) -> dict[tuple[str, str], float]:
+    """Headroom at rest of each near pair [m]."""
     return {
-        (pair.primitive_a, pair.primitive_b): pair.clearance
+        (pair.primitive_a, pair.primitive_b): pair.headroom
         for pair in guard.judge_at_rest(q).near
     }
 
@@ -115,8 +115,8 @@ def commanded(
 
 
 def changes(guard: Guard, q: Floats, way: Floats) -> list[float]:
-    """Changes of the clearances of pairs that are too near by a motion [m]."""
-    before, after = clearances(guard, q), clearances(guard, q + STEP * way)
+    """Changes of the headroom of pairs that are too near by a motion [m]."""
+    before, after = headroom(guard, q), headroom(guard, q + STEP * way)
     return [after.get(p, np.inf) - c for p, c in before.items() if c < 0.0]
 
 
@@ -133,7 +133,7 @@ def judge(guard: Guard, q: Floats, count: Count) -> None:
     """Look for a way out of a state."""
     count.states += 1
     top = Arms(guard.tables).joined("velocity")
-    before = clearances(guard, q)
+    before = headroom(guard, q)
     count.too_near += any(c < 0.0 for c in before.values())
     guard.reset()
     still = np.zeros_like(q)

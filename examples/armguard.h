@@ -74,9 +74,9 @@ struct armguard_wish {
 struct armguard_command {
     uint64_t cycle, began_by, began_with;
     int64_t received, ended;
-    double time, slack, slack_time;
+    double time, headroom, time_left;
     uint32_t body_a, body_b;
-    double distance, clearance, point_a[3], point_b[3];
+    double distance, pair_headroom, point_a[3], point_b[3];
     uint16_t reason, cause, level, action, flags, joints, robots, form;
     uint64_t commander;
 };
@@ -108,7 +108,7 @@ struct armguard {
     uint32_t held;                         /* robots that wait: bit k for robot k; send zero */
     uint16_t stopped_by[ARMGUARD_ROBOTS];  /* reason of each robot's last stop */
     double held_since[ARMGUARD_ROBOTS];    /* on CLOCK_MONOTONIC [s]; NaN: it does not wait */
-    double clearance, room; /* of the nearest pair, and what is left of it beyond its need [m] */
+    double distance, headroom; /* of the nearest pair [m] */
     int wire;
     struct armguard_header own;
     uint64_t token;
@@ -280,7 +280,7 @@ static inline int armguard_cycle(struct armguard *guard, const double *q, const 
             command.began_with != guard->own.sequence)
             continue; /* the answer to an older state is late */
         guard->cycle = command.cycle;
-        guard->clearance = command.distance, guard->room = command.clearance;
+        guard->distance = command.distance, guard->headroom = command.headroom;
         guard->reason = command.reason, guard->cause = command.cause;
         guard->level = command.level, guard->action = command.action;
         guard->held = 0;

@@ -82,7 +82,7 @@ def gap_of(guard, speed, deficit, age=None):
     for _ in range(60):
         gap = 0.5 * (near + far)
         pair = moving(guard, gap, speed, age).nearest
-        if pair is not None and -pair.clearance > deficit:
+        if pair is not None and -pair.headroom > deficit:
             near = gap
         else:
             far = gap

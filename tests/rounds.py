@@ -88,7 +88,7 @@ def work(name, response="deflect", seconds=60.0, rate=250.0, seed=1):
             )
         found.stuck = np.maximum(found.stuck, stood)
         plant.advance(period, command.velocity, command.actions)
-        found.least = min(found.least, judge.clearance(plant.q))
+        found.least = min(found.least, judge.distance(plant.q))
     return found
 
 

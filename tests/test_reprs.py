@@ -109,5 +109,5 @@ def test_the_table_of_a_verdict_has_the_nearest_pair():
         "arm/link1 to ball",
         f"{pair.distance * 1e3:.1f} mm",
         f"{pair.needed * 1e3:.1f} mm",
-        f"{pair.clearance * 1e3:.1f} mm",
+        f"{pair.headroom * 1e3:.1f} mm",
     ]

@@ -135,7 +135,7 @@ def run(drives: int) -> list[Row]:
         finally:
             enemy.terminate()
             enemy.join()
-        least, near, count = clearances(judge, arms)
+        least, near, count = least_distance(judge, arms)
         without = beyond(judge, start)
     return [
         Row(
@@ -154,7 +154,7 @@ def run(drives: int) -> list[Row]:
     ]
 
 
-def clearances(judge: Judge, arms: Arms) -> tuple[float, float, int]:
+def least_distance(judge: Judge, arms: Arms) -> tuple[float, float, int]:
     """Least distances of all links to fixtures and of the driven one to its own [m]."""
     names = set(fixed())
     pairs = [

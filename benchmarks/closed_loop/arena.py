@@ -17,8 +17,8 @@ from closed_loop.search import Reference
 from closed_loop.settings import Setting
 from closed_loop.torque import TorqueArms, torque_model
 
-# Least clearance of a starting state [m].
-START_CLEARANCE = 0.02
+# Least distance of any pair in a starting state [m].
+START_DISTANCE = 0.02
 
 # Random states tried before a start counts as impossible, and before objects are put
 # elsewhere: one may stand where an arm's base is.
@@ -96,12 +96,12 @@ class Arena:
         # Joints that turn without end start within one turn.
         low = np.maximum(self.lower, -np.pi)
         high = np.minimum(self.upper, np.pi)
-        needed = START_CLEARANCE + 2.0 * float(outer.max(initial=0.0))
+        needed = START_DISTANCE + 2.0 * float(outer.max(initial=0.0))
         for k in range(TRIES):
             if k % TRIES_A_PLACE == 0:
                 for name, p in movers.scatter().items():
                     self.judge.stand_at(name, p)
             q = rng.uniform(low, high)
-            if self.judge.clearance(q) >= needed:
+            if self.judge.distance(q) >= needed:
                 return q
         raise RuntimeError(f"no start with {needed * 1e3:.0f} mm in {TRIES} tries")

@@ -39,7 +39,7 @@ class Stop:
         time: When it was ordered [s].
         reason: Why, in one word of the guard.
         speed: Largest joint speed at the order, in shares of its declared top [-].
-        clearance: Least distance of any checked pair at the order [m].
+        distance: Least distance of any checked pair at the order [m].
         needless: Whether nothing could have happened without it; None if not asked.
     """
 
@@ -47,7 +47,7 @@ class Stop:
     time: float
     reason: str
     speed: float
-    clearance: float
+    distance: float
     needless: bool | None = None
 
 
@@ -363,9 +363,9 @@ class Episode:
         plants.order_stop(plant, arm, now + self.truth.command_delay(arm), figures)
         own = slice(self.arena.first[arm], self.arena.first[arm + 1])
         share = np.abs(self.v[own]) / self.truth.figures[arm].velocity
-        clearance = self.arena.judge.clearance(self.q)
+        distance = self.arena.judge.distance(self.q)
         reason = verdict.reason.name
-        stop = Stop(name, now, reason, float(share.max()), clearance)
+        stop = Stop(name, now, reason, float(share.max()), distance)
         self.outcome.stops.append(stop)
         return True
 
@@ -458,7 +458,7 @@ class Episode:
         if self.arms is not None:
             outcome.broke = self.broke()
             outcome.saturated = self.arms.saturated / max(self.tick, 1)
-        outcome.rest = judge.clearance(self.q)
+        outcome.rest = judge.distance(self.q)
         outcome.rest_q = [round(float(x), 6) for x in self.q]
         rows, free = self.q_rows[: self.tick + 1], self.free_rows[: self.tick + 1]
         spread = np.repeat(free[1:], self.arena.joint_counts, axis=1)

@@ -109,7 +109,7 @@ class Judge:
                 self._distances[k] = self.gap((int(a[k]), int(b[k])))
         return self._distances, self._geoms
 
-    def clearance(self, q: Floats) -> float:
+    def distance(self, q: Floats) -> float:
         """Least signed distance of a checked pair; `SIGHT` if none is in sight [m]."""
         distances, _ = self.measure(q)
         return float(distances.min(initial=SIGHT))

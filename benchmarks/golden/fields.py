@@ -13,7 +13,7 @@ from armguard.respond import Command
 
 # Attributes of a verdict and of a command, without `cycle_time`, which is no decision.
 OF_VERDICT = (
-    "reason level levels causes last_causes speed_scale ages slack budget nuisance "
+    "reason level levels causes last_causes speed_scale ages headroom budget nuisance "
     "protective_distance cues disproved near joint counts"
 ).split()
 OF_COMMAND = "velocity position actions blocked held far_joints passed".split()

@@ -335,6 +335,6 @@ def what_blocks(command: Command | None) -> str:
     named = blocked.name if blocked else ""
     if reason is not Reason.OK:
         named += f" {reason.name}"
-    near = [p for p in command.verdict.near if p.clearance < 0.005]
-    pairs = "; ".join(f"{p.a}, {p.b} {p.clearance * 1e3:.1f} mm left" for p in near)
+    near = [p for p in command.verdict.near if p.headroom < 0.005]
+    pairs = "; ".join(f"{p.a}, {p.b} {p.headroom * 1e3:.1f} mm left" for p in near)
     return f"{named} {pairs}".strip()

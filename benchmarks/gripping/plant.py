@@ -100,7 +100,7 @@ class Plant(Follower):
         for _ in range(int(AWAY / self.period)):
             nearest = command.verdict.nearest
             follows = command.action < Action.STOP
-            if follows and (nearest is None or nearest.clearance > ROOM):
+            if follows and (nearest is None or nearest.headroom > ROOM):
                 return True
             escape = SPEED * np.asarray(command.verdict.cues["arm"].escape)
             if not fingers:

@@ -190,7 +190,7 @@ class ThinWorld:
         for k in range(count):
             q = line.start + k / (count - 1) * (line.end - line.start)
             nearest = self.guard.judge_at_rest(q).nearest
-            if nearest is not None and not nearest.clearance >= 0.0:
+            if nearest is not None and not nearest.headroom >= 0.0:
                 return False, k + 1
         return True, count
 

@@ -238,7 +238,7 @@ def free_state(
         if not arena.checker.check_path([q]).clear:
             continue
         nearest = arena.checker.judge_at_rest(q).nearest
-        if nearest is None or nearest.clearance >= room:
+        if nearest is None or nearest.headroom >= room:
             return q
     raise RuntimeError(f"no configuration keeps its buffers in {TRIES} tries")
 

@@ -19,7 +19,7 @@ from reach.trial import Trial
 ALONG = 0.12
 INTO = 0.05
 
-# Heights above the surface at which a start is looked for, and the clearance it must
+# Heights above the surface at which a start is looked for, and the distance it must
 # have [m].
 HEIGHTS = np.arange(0.08, 0.40, 0.03)
 CLEAR = 0.02
@@ -104,7 +104,7 @@ def start_of(arena: Arena, slide: Slide, seed: int) -> Floats | None:
             found = led_to(arena, slide, q, float(height))
             if found is None or not arena.checker.check_path([found]).clear:
                 continue
-            if arena.judge.clearance(found) >= CLEAR:
+            if arena.judge.distance(found) >= CLEAR:
                 return found
     return None
 

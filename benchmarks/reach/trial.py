@@ -298,12 +298,12 @@ def in_words(verdict: Verdict | None, count: int = 4) -> dict[str, Any]:
     """The pairs with the least left, and what a cycle says."""
     if verdict is None:
         return {}
-    pairs = sorted(verdict.near, key=lambda p: p.clearance)[:count]
+    pairs = sorted(verdict.near, key=lambda p: p.headroom)[:count]
     return {
         "says": verdict.why,
         "pairs": [
             f"{p.primitive_a} {p.primitive_b}: {1e3 * p.distance:.1f} mm apart, "
-            f"{1e3 * p.clearance:.1f} mm left"
+            f"{1e3 * p.headroom:.1f} mm left"
             for p in pairs
         ],
     }

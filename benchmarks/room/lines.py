@@ -227,14 +227,14 @@ def first_warnings(
         near, budget = verdict.near, verdict.budget
         stopped = verdict.level >= Level.STOP
         # A stop is for what lacks most, a slow for what has least time.
-        lacks = "clearance" if stopped else "time_left"
+        lacks = "headroom" if stopped else "time_left"
         pair = min(near, key=attrgetter(lacks))
         warning = Warned(
             pair.primitive_distance,
             (pair.a, pair.b),
             speed,
             None if budget is None else asdict(budget),
-            pair.clearance / pair.time_left if pair.time_left > 0.0 else None,
+            pair.headroom / pair.time_left if pair.time_left > 0.0 else None,
         )
         if stopped:
             return slow or warning, warning

@@ -139,7 +139,7 @@ def mean(values: Sequence[float]) -> float | None:
 
 
 def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
-    """Clearance at the first slow and stop: approaches above, passing below."""
+    """Distance at the first slow and stop: approaches above, passing below."""
     what = ((warned_at, rows, "approaching"), (passed_at, passed, "passing"))
     each = [(*one, level) for one in what for level in LEVELS]
     with drawn(path, (9.0, 7.0), 2, 2, **TIDY) as places:
@@ -150,7 +150,7 @@ def draw_warnings(rows: Rows, passed: Rows, path: Path) -> None:
                 clear = [1e3 * d for d in known.values()]
                 axes.plot([*known], clear, "o-", color=COLOURS[mode], label=mode)
             axes.set_title(f"{title}: {'first slow' if level == 'SLOW' else 'stop'}")
-            axes.set(xlabel="speed of the tool [m/s]", ylabel="mean clearance [mm]")
+            axes.set(xlabel="speed of the tool [m/s]", ylabel="mean distance [mm]")
             axes.set_ylim(bottom=0.0)
             axes.legend(title="mode")
 
@@ -213,7 +213,7 @@ def draw_head_on(rows: Rows, path: Path) -> None:
 
 
 def draw_least(rows: Rows, path: Path) -> None:
-    """Clearance at the stop beside the least fixed buffer that does."""
+    """Distance at the stop beside the least fixed buffer that does."""
     arms = by_arm(rows)
     with drawn(path, (9.0, 3.8), len(arms), **TIDY) as places:
         for axes, (arm, own) in zip(places, arms.items(), strict=True):
@@ -232,7 +232,7 @@ def draw_least(rows: Rows, path: Path) -> None:
             speeds = sorted(row["tool_speed"] for row in own)
             axes.set_xticks(x, [f"{s / paper.INCH:.0f}" for s in speeds])
             axes.set(title=arm, xlabel="speed of the tool [in/s]")
-            axes.set_ylabel("clearance at the stop [mm]")
+            axes.set_ylabel("distance at the stop [mm]")
             axes.set_ylim(bottom=0.0)
             axes.legend(fontsize=8)
 

@@ -133,7 +133,7 @@ def least_fixed(figures: StoppingFigures, speed: float) -> float:
 def ordered_at(
     figures: StoppingFigures, mode: Mode, floor: float, speed: float
 ) -> dict[str, Any]:
-    """Clearance at which a mode orders the stop, and what comes of it [m]."""
+    """Distance at which a mode orders the stop, and what comes of it [m]."""
     track = before_wall(figures, mode, floor)
     first = WIDEST + LEAD + track.speeding_up(speed)
     distance, more = figures_of(track.at_stop(first, speed, PHASES))

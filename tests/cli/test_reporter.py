@@ -22,7 +22,7 @@ def stop_of(reason):
         reason=reason,
         a="left/hand",
         b="right/hand",
-        least_clearance=-0.001,
+        least_headroom=-0.001,
         distance=0.004,
         at=5,
         stamp=0.02,

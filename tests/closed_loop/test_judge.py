@@ -49,7 +49,7 @@ def test_distances_are_those_of_pinocchio_and_coal(arena):
         q = rng.uniform(tables.lower, tables.upper)
         peer.step(q)
         there = min(r.min_distance for r in peer.results.distanceResults)
-        ours = judge.clearance(q)
+        ours = judge.distance(q)
         assert (ours < 0.0) == (there < 0.0)
         if there >= 0.0:
             assert ours == pytest.approx(min(there, SIGHT), abs=2e-6)
@@ -69,7 +69,7 @@ def test_an_arm_driven_into_something_is_a_contact(arena):
     assert watching.contact is not None
     assert "left" in {watching.contact.a[:4], watching.contact.b[:4]}
     k = round(watching.contact.time / SUBSTEP) - 1
-    assert judge.clearance(rows[k]) < 0.0 <= judge.clearance(rows[k - 1]) + 1e-9
+    assert judge.distance(rows[k]) < 0.0 <= judge.distance(rows[k - 1]) + 1e-9
     assert watching.contact.depth == pytest.approx(-watching.least)
     # Not every state was measured; none that could have been nearer was left out.
     assert watching.judged < 4000
@@ -84,7 +84,7 @@ def test_few_states_are_judged_and_the_least_distance_is_found(arena):
         rows = tables.home + a * np.sin(3 * t) + b * np.sin(5 * t)
         watching = watch(judge, rows[0])
         look(watching, rows)
-        least = min(judge.clearance(q) for q in rows)
+        least = min(judge.distance(q) for q in rows)
         if least > 0.0:
             assert least - 1e-12 <= watching.least <= least * 1.12 + 1e-9
         else:
@@ -105,7 +105,7 @@ def test_an_object_that_hits_a_resting_arm_is_nobodys_doing(arena):
     p_rows = into_the_arm(judge, tables)
     watching = watch(judge, tables.home, ball=p_rows[0])
     look(watching, np.tile(tables.home, (400, 1)), p_rows)
-    assert judge.clearance(tables.home) < 0.0
+    assert judge.distance(tables.home) < 0.0
     assert watching.contact is None and watching.least == SIGHT
     # The other arm may move; it is not in the pair.
     rows = tables.home + 1e-5 * np.arange(400)[:, None] * (np.arange(14) == 13)
@@ -149,7 +149,7 @@ def in_the_way(judge, tables):
     ball = tables.standing["ball"]
     p = judge.tips()[0] - tables.local_rows[ball.first, 1:4]
     judge.stand_at("ball", p)
-    assert judge.clearance(tables.home) > 0.0 > judge.clearance(rows[-1])
+    assert judge.distance(tables.home) > 0.0 > judge.distance(rows[-1])
     return rows, np.tile(p, (400, 1))
 
 
@@ -160,7 +160,7 @@ def test_an_arm_that_runs_into_something_on_its_way_out_is_a_contact(arena):
     assert watching.met_at_rest == 0
     assert {watching.contact.a, watching.contact.b} & {"ball"}
     k = round(watching.contact.time / SUBSTEP) - 1
-    assert judge.clearance(rows[k]) < 0.0 <= judge.clearance(rows[k - 1]) + 1e-9
+    assert judge.distance(rows[k]) < 0.0 <= judge.distance(rows[k - 1]) + 1e-9
     assert watching.least == -watching.contact.depth < -0.01
 
 
@@ -253,7 +253,7 @@ def test_hulls_of_meshes_are_never_judged_farther_than_the_meshes():
     for _ in range(25):
         q = rng.uniform(tables.lower, tables.upper)
         there = exact.distances(q).min()
-        ours = judge.clearance(q)
+        ours = judge.distance(q)
         assert ours <= max(there, 0.0) + 1e-5
         # What a hull adds to a Panda's links.
         assert ours >= min(there, SIGHT) - 0.02 or there <= 0.0

@@ -27,13 +27,13 @@ def bay():
     return reference()
 
 
-def towards_the_bench(scene, clearance, guard):
+def towards_the_bench(scene, headroom, guard):
     """A configuration whose left arm leans over, so far from what it would hit."""
     q = scene.home
     for lean in np.linspace(0.0, 2.0, 2001):
         q[1] = scene.home[1] + lean
         least = guard._world.distances(q).min()
-        if least < clearance:
+        if least < headroom:
             return q
     raise AssertionError("the arm reaches nothing")
 
@@ -62,14 +62,14 @@ def test_at_full_speed_close_by_there_is_one_and_it_is_true(bay):
 def test_a_higher_floor_and_a_longer_wait_never_end_a_breach():
     q, v = None, np.zeros(14)
     v[1] = 0.8
-    for clearance in (0.02, 0.08, 0.15):
+    for headroom in (0.02, 0.08, 0.15):
         found = []
         for changes in ({}, {"floor": 0.05}, {"period": 0.05}):
             guard, scene = reference(**changes)
-            q = towards_the_bench(scene, clearance, guard)
+            q = towards_the_bench(scene, headroom, guard)
             found.append(guard.breach(q, STAMP, v, NOW, SWEEPS) is not None)
         assert not found[0] or (found[1] and found[2])
-        if clearance == 0.02:
+        if headroom == 0.02:
             assert found[0]
 
 

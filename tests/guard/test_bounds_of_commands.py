@@ -42,7 +42,7 @@ def led(guard, wishes, speeds, told=True, which_slide=0):
 def needed(command):
     """What the nearest pair needs as it was told at last [m]."""
     pair = command.verdict.nearest
-    return pair.distance - pair.clearance
+    return pair.distance - pair.headroom
 
 
 @pytest.mark.parametrize("moving", [False, True])

@@ -90,7 +90,7 @@ def test_a_velocity_that_is_estimated_is_as_great_as_it_can_be(case):
         verdict = guard.step([place], 5.0 + PERIOD, now=5.0 + PERIOD)
         assert (verdict.level >= Level.STOP) == (share < 1.0)
         slack = (share - 1.0) * need
-        assert verdict.nearest.clearance == pytest.approx(slack, abs=1e-4)
+        assert verdict.nearest.headroom == pytest.approx(slack, abs=1e-4)
 
 
 def test_a_velocity_that_is_estimated_may_be_none_where_a_stop_may_be_of_any_hardness():

@@ -99,7 +99,7 @@ def test_a_measured_stop_takes_the_place_of_the_figures(speed):
     need = speed * (0.02 + PERIOD) + np.interp(speed, speeds, ways)
     for gap in (need + GRAIN, need - GRAIN):
         verdict = judged(guard, 0, gap, speed, 0.0, told=True)
-        assert verdict.nearest.clearance == pytest.approx(gap - need, abs=GRAIN / 3.0)
+        assert verdict.nearest.headroom == pytest.approx(gap - need, abs=GRAIN / 3.0)
         assert (verdict.level is Level.STOP) == (gap < need)
 
 
@@ -121,13 +121,13 @@ def test_a_pair_needs_the_worst_case_of_each_figure_and_no_more(case, which):
     assert need > 0.03
     guard, which_slide = opposite(which, figures, **options)
     above = judged(guard, which_slide, need + GRAIN, speed, age, told)
-    assert above.nearest.clearance == pytest.approx(GRAIN, abs=GRAIN / 3.0)
+    assert above.nearest.headroom == pytest.approx(GRAIN, abs=GRAIN / 3.0)
     assert above.level < Level.STOP
     # However little of what is near is to be told, what has to stop is.
     margin = options.get("buffer", 0.0)
     guard, which_slide = opposite(which, figures, margin=margin, **options)
     below = judged(guard, which_slide, need - GRAIN, speed, age, told)
-    assert below.nearest.clearance == pytest.approx(-GRAIN, abs=GRAIN / 3.0)
+    assert below.nearest.headroom == pytest.approx(-GRAIN, abs=GRAIN / 3.0)
     assert below.level is Level.STOP
 
 
@@ -178,7 +178,7 @@ def test_a_ball_that_moves_is_reckoned_with(case, kind, others):
         verdict = judged(
             guard, 0, gap, options["speed"], options["age"], options["told"]
         )
-        assert verdict.nearest.clearance == pytest.approx(gap - need, abs=GRAIN / 3.0)
+        assert verdict.nearest.headroom == pytest.approx(gap - need, abs=GRAIN / 3.0)
         assert (verdict.level is Level.STOP) is not above
 
 
@@ -205,8 +205,8 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
     need, _ = worst_stop({}, speed, PERIOD)
     for left in (0.01, 0.04):
         verdict = judged(guard, 0, need + left, speed, 0.0, told=True)
-        assert verdict.slack.m == pytest.approx(left, abs=1e-6)
-        assert verdict.slack.s == pytest.approx(left / speed, abs=1e-6)
+        assert verdict.headroom.m == pytest.approx(left, abs=1e-6)
+        assert verdict.headroom.s == pytest.approx(left / speed, abs=1e-6)
 
 
 @pytest.mark.parametrize("spare", [-GRAIN, GRAIN])
@@ -217,7 +217,7 @@ def test_without_a_budget_levers_alone_may_prove_a_pair(spare):
     verdict = judged(guard, 0, need + spare, speed, 0.0, told=True)
     assert (verdict.level is Level.STOP) == (spare < 0.0)
     assert (verdict.reason is Reason.BUDGET_SPENT) == (spare < 0.0)
-    assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
+    assert verdict.nearest.headroom == pytest.approx(spare, abs=GRAIN / 3.0)
 
 
 def slide_on_slides():
@@ -250,7 +250,7 @@ def test_two_links_of_one_arm_need_what_the_joints_between_them_do(spare):
     speeds[1] *= -1.0
     q = [0.0, 0.0, need + spare + 2.0 * RADIUS - APART]
     verdict = guard.step(q, 5.0, velocity=speeds, now=5.0)
-    assert verdict.nearest.clearance == pytest.approx(spare, abs=GRAIN / 3.0)
+    assert verdict.nearest.headroom == pytest.approx(spare, abs=GRAIN / 3.0)
     assert (verdict.level is Level.STOP) == (spare < 0.0)
 
 
@@ -284,7 +284,7 @@ def test_time_is_short_for_who_has_a_quarter_of_the_closing_speed(slower, share)
     slowed = [level is Level.SLOW for level in verdict.levels.values()]
     assert slowed[1 - slower]
     assert slowed[slower] == (share > 1.0)
-    assert verdict.slack.s == pytest.approx(left, abs=1e-6)
+    assert verdict.headroom.s == pytest.approx(left, abs=1e-6)
 
 
 # Time left below which an arm is slowed, and one at which its pair is reported [s].

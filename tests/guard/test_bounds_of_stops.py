@@ -115,7 +115,7 @@ def test_a_stop_under_way_is_what_is_left_of_it_and_the_swing_it_began_with(ramp
         way, speed = np.interp(since, times, ways), np.interp(since, times, speeds)
         pair = stopped.cycle(way, speed).nearest
         need = ways[-1] - way + swing
-        assert pair.distance - pair.clearance == pytest.approx(need, abs=1e-5)
+        assert pair.distance - pair.headroom == pytest.approx(need, abs=1e-5)
 
 
 @pytest.mark.parametrize("share", [0.6, 1.0, 1.15])
@@ -259,7 +259,7 @@ def test_a_slide_that_leaves_is_thought_to_swing_back_when_it_is_stopped_hard():
         let_go(guard)
         pair = guard.step(at_gap(share * back), 5.0, velocity=[-speed], now=5.0).nearest
         assert pair.needed == pytest.approx(back, rel=1e-6)
-        assert (pair.clearance >= 0.0) == kept
+        assert (pair.headroom >= 0.0) == kept
 
 
 def test_a_measured_stop_that_begins_at_once_and_lingers_is_as_declared():

@@ -45,12 +45,12 @@ def test_what_is_told_is_the_same_to_the_bit(scene, monkeypatch):
             if truth is not None:
                 # What is left is known to GAIN, where that is little.
                 most = truth.distance - truth.buffer
-                if truth.clearance < LITTLE:
-                    most = min(most, truth.clearance + GAIN)
-                assert pair.clearance <= most
-                saved += pair.clearance != truth.clearance
+                if truth.headroom < LITTLE:
+                    most = min(most, truth.headroom + GAIN)
+                assert pair.headroom <= most
+                saved += pair.headroom != truth.headroom
         for key, truth in known.items():
             told = {(p.primitive_a, p.primitive_b) for p in one.verdict.near}
-            assert key in told or truth.clearance > 0.0
+            assert key in told or truth.headroom > 0.0
     if scene in ("ball", "crowded bay"):
         assert saved > 0

@@ -69,7 +69,7 @@ def test_random_lines_agree_with_dense_samples():
             s
             for s in shares
             if any(
-                p.clearance < 0.0
+                p.headroom < 0.0
                 for p in guard.judge_at_rest(start + s * (end - start)).near
             )
         ]

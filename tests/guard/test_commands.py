@@ -115,7 +115,7 @@ def test_a_step_in_between_counts_with_every_operator_again():
     guard = fresh()
     filtered = guard.filter([-1.0], [0.0], 0.0, velocity=[0.0]).verdict
     stepped = guard.step([-1.0], PERIOD, velocity=[0.0])
-    assert stepped.nearest.clearance < filtered.nearest.clearance
+    assert stepped.nearest.headroom < filtered.nearest.headroom
 
 
 def test_reset_forgets_what_was_sent():

@@ -85,12 +85,12 @@ def test_the_torque_is_that_of_the_force_about_the_tool():
     q = np.array([0.31, 0.2, 0.1])
     verdict = guard.step(q, 0.0, velocity=[0.0] * 3)
     cue = verdict.cues["arm"]
-    near = [p for p in verdict.near if p.clearance < 0.02]
+    near = [p for p in verdict.near if p.headroom < 0.02]
     assert near
     angles = np.cumsum(q)
     tool = 0.4 * np.array([np.cos(angles[:2]).sum(), np.sin(angles[:2]).sum()])
     # Every pair pushes down from the wall; what they do about z follows from where.
-    pushes = [10.0 * min(1.0 - p.clearance / 0.02, 1.0) for p in near]
+    pushes = [10.0 * min(1.0 - p.headroom / 0.02, 1.0) for p in near]
     total = min(sum(pushes), 10.0) / sum(pushes)
     torque = -sum(
         total * push * (p.point_a[0] - tool[0])

@@ -32,7 +32,7 @@ def test_each_level_of_an_approach_without_stamps_is_an_event_with_its_worst_cyc
     stop = log.events[1]
     assert (stop.a, stop.b) == ("arm/link1", "up")
     assert stop.at in (60, 61)
-    assert stop.least_clearance == log.least_clearance < 0.0
+    assert stop.least_headroom == log.least_headroom < 0.0
     assert np.isnan(stop.seconds)
     assert ended == log.events and log.open is None
     assert sum(e.last - e.first + 1 for e in ended) == 122 - log.levels[Level.CLEAR]
@@ -42,7 +42,7 @@ def test_two_sides_are_two_events_and_a_fault_is_a_third():
     log, _ = log_of([0.0, 0.6, 0.0, -0.6, 0.0, float("nan"), 0.0])
     assert [e.b for e in log.events] == ["up", "down", ""]
     assert log.events[2].reason is Reason.NOT_FINITE
-    assert log.events[2].to_dict()["least_clearance"] is None
+    assert log.events[2].to_dict()["least_headroom"] is None
     assert log.faults == 1
 
 
@@ -82,16 +82,16 @@ def test_a_young_event_is_raised_and_an_old_one_ends_where_the_level_rises():
 def test_the_worst_of_equal_levels_is_kept_and_a_rest_is_not_worse_than_its_stop():
     stop = event_at(Level.STOP, Reason.TOO_CLOSE, -0.001)
     stop.absorb(event_at(Level.STOP, Reason.STOPPING, -0.002))
-    assert (stop.reason, stop.least_clearance) == (Reason.TOO_CLOSE, -0.002)
+    assert (stop.reason, stop.least_headroom) == (Reason.TOO_CLOSE, -0.002)
     stop.absorb(event_at(Level.RECOVER, Reason.RESTING, -0.001))
     assert (stop.level, stop.reason) == (Level.STOP, Reason.TOO_CLOSE)
     stop.absorb(event_at(Level.BRAKE, Reason.STOP_LAGS, float("nan")))
     assert (stop.level, stop.reason) == (Level.BRAKE, Reason.STOP_LAGS)
     late = event_at(Level.STOP, Reason.CYCLE_LATE, float("nan"))
     late.absorb(event_at(Level.STOP, Reason.STOPPING, -0.001))
-    assert late.reason is Reason.CYCLE_LATE and np.isnan(late.least_clearance)
+    assert late.reason is Reason.CYCLE_LATE and np.isnan(late.least_headroom)
 
 
-def event_at(level, reason, clearance):
+def event_at(level, reason, headroom):
     """An event of one cycle."""
-    return Event(0, 0, 0.0, 0.0, level, reason, "a", "b", clearance, 0.0, 0, 0.0, "")
+    return Event(0, 0, 0.0, 0.0, level, reason, "a", "b", headroom, 0.0, 0, 0.0, "")

@@ -54,7 +54,7 @@ def test_within_the_margin_is_caution_and_within_the_buffer_a_stop():
         assert (verdict.level, verdict.reason) == (level, reason), gap
         if verdict.nearest is not None:
             assert verdict.nearest.distance == pytest.approx(gap, abs=1e-12)
-            assert verdict.nearest.clearance == pytest.approx(gap - 0.03048, abs=1e-12)
+            assert verdict.nearest.headroom == pytest.approx(gap - 0.03048, abs=1e-12)
 
 
 def test_a_wider_margin_tells_pairs_that_are_farther_apart():
@@ -93,9 +93,9 @@ def test_a_buffer_of_its_own_and_a_pair_rule():
     scene.set_buffer("arm", "other", 0.005)
     near = {pair.b: pair for pair in Guard(scene).step(np.zeros(1)).near}
     assert near["ball"].buffer == 0.02
-    assert near["ball"].clearance == pytest.approx(-0.005)
+    assert near["ball"].headroom == pytest.approx(-0.005)
     assert near["other"].buffer == 0.005
-    assert near["other"].clearance == pytest.approx(0.01)
+    assert near["other"].headroom == pytest.approx(0.01)
 
 
 def test_an_allowed_pair_is_not_checked():

@@ -52,7 +52,7 @@ def test_of_a_person_the_six_terms_sum_to_what_the_guard_keeps(person):
 def test_the_guard_keeps_it(person):
     verdict = moving(person, 0.3, 1.0)
     kept, pair = verdict.protective_distance, verdict.nearest
-    assert pair.clearance == pytest.approx(pair.distance - kept.total, abs=1e-12)
+    assert pair.headroom == pytest.approx(pair.distance - kept.total, abs=1e-12)
 
 
 def test_the_persons_way_grows_with_the_time_since_it_was_seen(person):

@@ -132,7 +132,7 @@ def test_a_stop_is_planned_from_the_refused_cycle_on_and_not_a_period_short():
     )
     assert verdict.reason is Reason.STOPPING
     need = verdict.nearest
-    assert need is None or need.clearance > 0.0
+    assert need is None or need.headroom > 0.0
 
 
 def test_a_time_far_ahead_does_not_hold_the_cycles_after_it():

@@ -136,7 +136,7 @@ def test_time_left_and_scale_fall_on_the_way(wall_guard):
     assert len(scales) > 20
     assert ((scales > 0.0) & (scales <= 1.0)).all()
     assert (np.diff(scales[-20:]) < 0.0).all()
-    assert told[-1].slack.s < 0.005
+    assert told[-1].headroom.s < 0.005
 
 
 def test_a_stop_slower_than_declared_is_answered_by_the_brake(wall_guard):
@@ -393,7 +393,7 @@ def test_what_is_proven_keeps_its_distance_whatever_happens():
         guard._watch.phase[:] = RUNNING
         verdict = guard.step(q, 1.0, velocity=v, now=1.0)
         kept = {
-            (p.primitive_a, p.primitive_b): p for p in verdict.near if p.clearance >= 0
+            (p.primitive_a, p.primitive_b): p for p in verdict.near if p.headroom >= 0
         }
         if verdict.reason >= Reason.NOT_FINITE:
             continue
@@ -404,7 +404,7 @@ def test_what_is_proven_keeps_its_distance_whatever_happens():
                     known = kept.get((p.primitive_a, p.primitive_b))
                     if known is not None:
                         proven += 1
-                        spare = p.primitive_distance - known.buffer - known.clearance
+                        spare = p.primitive_distance - known.buffer - known.headroom
                         least = min(least, spare)
     assert proven > 1000
     assert least >= -1e-9

@@ -53,7 +53,7 @@ def test_the_exact_shapes_let_pass_what_primitives_would_stop(guard):
     assert verdict.level is Level.CAUTION
     assert near.primitive_distance < near.buffer < near.exact_distance
     assert near.distance == near.exact_distance
-    assert near.clearance == near.distance - near.buffer
+    assert near.headroom == near.distance - near.buffer
     assert 0.0 < near.model_error < 1e-3  # the panda's meshes are nearly convex
     assert "hulls of the second stage" in near.explain()
     assert verdict.counts.pairs_refined >= 1
@@ -257,7 +257,7 @@ def test_of_what_lacks_the_exact_shapes_lack_no_more_than_they_do(pointed):
     for spare in (-1e-4, 1e-4):
         verdict = measured(pointed, need + spare)
         assert (verdict.reason is Reason.RESTING) == (spare < 0.0)
-        assert verdict.nearest.clearance == pytest.approx(spare, abs=1e-6)
+        assert verdict.nearest.headroom == pytest.approx(spare, abs=1e-6)
 
 
 def test_two_bodies_are_as_far_apart_as_their_exact_shapes(pointed):

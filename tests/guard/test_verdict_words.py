@@ -75,7 +75,7 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
         }
         opened += terms.get("path", 0.0) < 0.0
         nearest = verdict.nearest
-        assert nearest.clearance == pytest.approx(
+        assert nearest.headroom == pytest.approx(
             nearest.distance - verdict.budget.needed, abs=1e-12
         )
         json.dumps(verdict.to_dict(), allow_nan=False)
@@ -89,7 +89,7 @@ def test_a_scale_lies_in_0_to_1_and_falls_with_the_time_that_is_left():
     for k in range(1, 2000):
         q += speed * PERIOD
         verdict = guard.step([q], k * PERIOD, velocity=[speed])
-        seen.append((verdict.slack.s, verdict.speed_scale["arm"]))
+        seen.append((verdict.headroom.s, verdict.speed_scale["arm"]))
         if verdict.level >= Level.STOP:
             break
     assert verdict.level is Level.STOP
@@ -157,7 +157,7 @@ def test_a_parked_arm_never_stops_for_one_that_comes(met):
 
 def test_the_one_that_comes_loses_no_speed_until_its_own_stop_is_near(met):
     for verdict in met:
-        if verdict.slack.s >= 0.1 and verdict.levels["left"] < Level.STOP:
+        if verdict.headroom.s >= 0.1 and verdict.levels["left"] < Level.STOP:
             assert verdict.speed_scale["left"] == 1.0
     first = next(k for k, v in enumerate(met) if v.speed_scale["left"] < 1.0)
     alone = passing("post")

@@ -110,7 +110,7 @@ def left_of(kinds, need, mode):
     velocity = d * (np.sqrt(PERIOD**2 + 2.0 * WAYS[:n] / d) - PERIOD)
     pair = guard.step(Q[:n], 5.0, velocity=velocity, now=5.0).nearest
     assert pair.distance == pytest.approx(need + LEFT, abs=1e-12)
-    return pair.clearance
+    return pair.headroom
 
 
 @pytest.mark.parametrize("kinds", CHAINS)

@@ -143,7 +143,7 @@ def test_what_an_arm_can_touch_while_it_stops_is_a_stop(kinds, speed):
             verdict = guard.step(q, now, velocity=v, now=now)
             stopped = verdict.level is Level.STOP
             assert stopped == (beyond < 0.0), (q, v, direction)
-            assert verdict.nearest.clearance <= beyond + GRAIN
+            assert verdict.nearest.headroom <= beyond + GRAIN
 
 
 def rim(radius, z):
@@ -261,7 +261,7 @@ def touch_by_a_hair(scene, surface, left, speed=0.0):
             verdict = guard.step(q, now, velocity=v, now=now)
             stopped = verdict.level is Level.STOP
             assert stopped == (beyond < 0.0), (q, v, direction)
-            assert verdict.nearest.clearance <= beyond + GRAIN
+            assert verdict.nearest.headroom <= beyond + GRAIN
 
 
 @pytest.mark.parametrize("kinds", ARMS[:2])
@@ -292,4 +292,4 @@ def test_what_two_arms_can_touch_of_each_other_is_a_stop(kinds):
             verdict = guard.step(both, 5.0, velocity=both_v, now=5.0)
             stopped = verdict.level is Level.STOP
             assert stopped == (beyond < 0.0), (both, both_v, direction)
-            assert verdict.nearest.clearance <= beyond + GRAIN
+            assert verdict.nearest.headroom <= beyond + GRAIN

@@ -201,7 +201,7 @@ def test_a_stop_goes_with_a_smaller_buffer_and_others_come_with_a_larger_one(dri
     assert less.new == []
     assert less.first_difference is not None
     assert less.first_difference["cycle"] <= tape.stops[0]
-    assert less.changed.least_clearance > less.recorded.least_clearance
+    assert less.changed.least_headroom > less.recorded.least_headroom
     more = compare(open_recording(folder), {"scene.buffer": "0.2"})
     assert more.new
     assert (

@@ -102,7 +102,9 @@ def test_near_misses_hold_every_stop_and_every_pair_too_near(
     near = [
         (t, verdict)
         for t, verdict in zip(evening.times, evening.verdicts, strict=True)
-        if verdict.level >= Level.STOP or verdict.slack.m < 0.0 or verdict.slack.s < 0.0
+        if verdict.level >= Level.STOP
+        or verdict.headroom.m < 0.0
+        or verdict.headroom.s < 0.0
     ]
     spans: list[list[float]] = []
     for t, _ in near:
@@ -113,8 +115,8 @@ def test_near_misses_hold_every_stop_and_every_pair_too_near(
     assert [[m.began, m.ended] for m in findings.near_misses] == spans
     assert len(spans) >= 2
     for miss in findings.near_misses:
-        own = [v.slack.m for t, v in near if miss.began <= t - BEGIN <= miss.ended]
-        assert miss.least_clearance == pytest.approx(min(own), abs=1e-12)
+        own = [v.headroom.m for t, v in near if miss.began <= t - BEGIN <= miss.ended]
+        assert miss.least_headroom == pytest.approx(min(own), abs=1e-12)
     first = next(v for _, v in near if v.level >= Level.STOP)
     told = findings.near_misses[0].told
     assert told.why == first.why
@@ -129,16 +131,16 @@ def test_what_counts_as_a_near_miss_may_be_chosen(evening: Evening, names):
         verdict
         for verdict in evening.verdicts
         if verdict.level >= Level.STOP
-        or verdict.slack.m < 0.02
-        or verdict.slack.s < 0.05
+        or verdict.headroom.m < 0.02
+        or verdict.headroom.s < 0.05
     ]
     times = np.array(evening.times) - BEGIN
     inside = sum(
         int(((times >= m.began) & (times <= m.ended)).sum()) for m in strict.near_misses
     )
     assert inside >= len(near)
-    every = [v.slack.m for v in evening.verdicts if v.nearest is not None]
-    assert min(m.least_clearance for m in strict.near_misses) == pytest.approx(
+    every = [v.headroom.m for v in evening.verdicts if v.nearest is not None]
+    assert min(m.least_headroom for m in strict.near_misses) == pytest.approx(
         min(every)
     )
 
@@ -169,9 +171,9 @@ def test_the_file_tells_the_same_pairs_as_far_as_it_holds_them(whole, filed):
     for pair in filed.closest:
         other = pairs[pair.a, pair.b]
         assert pair.distance >= other.distance
-        assert pair.clearance >= other.clearance
-    least = min(p.clearance for p in whole.closest)
-    assert min(p.clearance for p in filed.closest) == least
+        assert pair.headroom >= other.headroom
+    least = min(p.headroom for p in whole.closest)
+    assert min(p.headroom for p in filed.closest) == least
 
 
 def test_gaps_are_told_and_count_for_no_level(findings):
@@ -232,10 +234,10 @@ def test_a_time_line_loses_no_peak(findings):
     for buckets in (1, 7, 400, 100_000):
         line = timeline(series, buckets)
         assert len(line.t) <= buckets
-        finite = series.clearance[np.isfinite(series.clearance)]
-        assert np.nanmin(line.clearance) == finite.min()
+        finite = series.headroom[np.isfinite(series.headroom)]
+        assert np.nanmin(line.headroom) == finite.min()
         assert np.nanmax(line.cycle_time) == series.cycle_time.max()
-        assert np.nanmin(line.slack) == series.slack.min()
+        assert np.nanmin(line.time_left) == series.time_left.min()
         assert np.nanmax(line.levels) == series.level.max()
     assert np.isnan(timeline(series, 1000).levels).any()
 

@@ -310,7 +310,7 @@ def test_nothing_is_proven_for_an_arm_that_leaves_what_comes_by_itself():
     assert out.action is Action.FOLLOW and out.velocity[0] < 0.0
     assert out.verdict.level is Level.RECOVER
     assert out.verdict.reason is Reason.UNPROVEN
-    assert pair.unproven and pair.clearance < -0.05
+    assert pair.unproven and pair.headroom < -0.05
     assert "nothing is proven" in pair.why and "ball" in pair.why
     assert out.verdict.why == "left/ball 30 mm from ball: leaving, nothing is proven"
     assert "nothing is proven: left/ball leaves ball" in out.verdict.explain()

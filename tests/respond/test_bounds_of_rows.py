@@ -74,7 +74,7 @@ def test_a_slide_keeps_what_its_drive_may_miss_until_a_command_matters(missed):
         before, gain = v, figures["acceleration"] * PERIOD
         v += float(np.clip(target - v, -gain, gain))
         x += 0.5 * (before + v) * PERIOD
-        least = min(least, command.verdict.nearest.clearance)
+        least = min(least, command.verdict.nearest.headroom)
     assert least >= missed * (figures["command"] + PERIOD)
     assert abs(v) < 1e-3
 

@@ -438,12 +438,12 @@ def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
     assert command.verdict.level is Level.STOP
     # The cart is near, and comes.
     assert guard._escape.counts[APPROACHING_COUNT] == 1
-    (clearance,) = (
-        pair.clearance
+    (headroom,) = (
+        pair.headroom
         for pair in command.verdict.near
         if (pair.a, pair.b) == ("arm/link2", "cart")
     )
-    assert (clearance < 0.0) == beset
+    assert (headroom < 0.0) == beset
     assert (command.blocked["arm"] is Blocked.EVADING) == beset
 
 

@@ -44,5 +44,5 @@ def test_it_slides_along_a_wall_without_a_stop(delay, miss):
     # It goes on along the wall, as the other joints give way.
     swept = loop.q[0] - START[0]
     assert swept > 0.15
-    clearance = guard.judge_at_rest(loop.q).nearest.clearance
-    assert 0.0 < clearance < 0.05
+    headroom = guard.judge_at_rest(loop.q).nearest.headroom
+    assert 0.0 < headroom < 0.05

@@ -8,8 +8,8 @@ from armguard.scene import bay_scene
 from ways_out_campaign import (
     SPEED,
     Count,
-    clearances,
     commanded,
+    headroom,
     judge,
     leads_out,
     run,
@@ -51,7 +51,7 @@ def test_a_sample_of_states_of_the_bay():
 @pytest.mark.parametrize("hard", HARD)
 def test_the_cue_leads_out_where_that_is_hard(hard):
     guard, q = Guard(bay_scene("path"), self_test=False), np.array(HARD[hard])
-    assert min(clearances(guard, q).values()) < 1e-3
+    assert min(headroom(guard, q).values()) < 1e-3
     found = Count()
     judge(guard, q, found)
     assert found.out_by_cue == 1

@@ -276,7 +276,7 @@ def told(command, guard, k, start, form):
     numbers = verdict.numbers
     bodies = list(dict.fromkeys(guard.tables.body_names))
     head = struct.pack(
-        "<QQQqqdd", k, ME, k + 1, start - 9, start + 5, start * 1e-9, verdict.slack.m
+        "<QQQqqdd", k, ME, k + 1, start - 9, start + 5, start * 1e-9, verdict.headroom.m
     )
     head += struct.pack("<d", numbers[18])
     if verdict.nearest is None:
@@ -289,7 +289,7 @@ def told(command, guard, k, start, form):
             bodies.index(pair.a),
             bodies.index(pair.b),
             pair.distance,
-            pair.clearance,
+            pair.headroom,
             *numbers[row + 10 : row + 16],
         )
     levels = verdict.levels

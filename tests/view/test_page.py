@@ -44,7 +44,7 @@ def test_it_loads_from_this_machine_alone_and_without_a_complaint(station):
     assert station.errors == []
     assert station.page.get_by_text("Share").count() == 0
     assert station.page.locator("#why").inner_text() != ""
-    assert "written" in station.page.locator("#slack").inner_text()
+    assert "written" in station.page.locator("#headroom").inner_text()
 
 
 def test_the_picture_is_as_high_as_the_page_below_the_header(station):

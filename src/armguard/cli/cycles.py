@@ -67,7 +67,7 @@ def resting(scene: Scene, verdict: Verdict) -> Iterator[Finding]:
     """Arms that a guard stops at home, as nothing limits their next commands."""
     sentence = (
         "at home, at rest, Guard.step orders a stop: it allows for any command that "
-        f"may follow, and headroom is {-verdict.slack.m * 1e3:.0f} mm short of that"
+        f"may follow, and headroom is {-verdict.headroom.m * 1e3:.0f} mm short of that"
     )
     remedy = "call Guard.filter, which limits the commands"
     found = slower(scene)

@@ -123,7 +123,7 @@ def print_comparison(answer: dict[str, Any]) -> None:
             table.add_row(f"at {level}", *(f"{s:.3f} s" for s in seconds))
     table.add_row("stops", *(str(len(side["stops"])) for side in sides))
     table.add_row("slowed", *(str(side["slows"]) for side in sides))
-    for name in ("least_clearance", "least_distance"):
+    for name in ("least_headroom", "least_distance"):
         lengths = (millimetres(side[name]) for side in sides)
         table.add_row(name.replace("_", " "), *lengths)
     out.print(table)

@@ -18,10 +18,10 @@ def report(
         Path | None,
         Option("--out", help="HTML file to write; beside the recording if left out."),
     ] = None,
-    clearance: Annotated[
+    headroom: Annotated[
         float, Option(help="A pair with less headroom is a near miss [m].")
     ] = 0.0,
-    slack: Annotated[
+    time_left: Annotated[
         float, Option(help="Less time until a stop must be ordered is a near miss [s].")
     ] = 0.0,
     prove_seconds: Annotated[
@@ -49,7 +49,7 @@ def report(
     with progress_bar("reading", int(found.info.get("cycles", 0))) as advance:
         findings = findings_of(
             found,
-            closeness=Closeness(clearance, slack),
+            closeness=Closeness(headroom, time_left),
             prove_seconds=prove_seconds,
             progress=advance,
         )

@@ -292,7 +292,7 @@ def summary(
         "cycles": len(durations),
         "levels": {level.name: n for level, n in log.levels.items()},
         "faults": log.faults,
-        "least_clearance": log.least_clearance,
+        "least_headroom": log.least_headroom,
         "exit_code": exit_code(log.levels, log.faults),
         "cycle_time_us": cycle_times(durations),
         "pairs_tested": {"mean": float(np.mean(tested)), "max": max(tested)},
@@ -324,8 +324,8 @@ def print_summary(answer: dict[str, Any], log: EventLog) -> None:
     out.print(f"{answer['cycles']} cycles: {levels}; {log.faults} faults")
     if log.levels[Level.CLEAR] == answer["cycles"]:
         out.print("nothing came within the margin")
-    elif isfinite(answer["least_clearance"]):
-        out.print(f"least clearance {answer['least_clearance'] * 1e3:.1f} mm")
+    elif isfinite(answer["least_headroom"]):
+        out.print(f"least headroom {answer['least_headroom'] * 1e3:.1f} mm")
     times, tested = answer["cycle_time_us"], answer["pairs_tested"]["mean"]
     out.print(
         f"{cycle_time_sentence(times)}; {tested:.1f} of {answer['pairs_checkable']} "

@@ -37,7 +37,7 @@ class NearNumbers(NamedTuple):
 
     first: float
     second: float
-    clearance: float
+    headroom: float
     buffer: float
     outer: float
     exact: float
@@ -226,7 +226,7 @@ class Answer:
             primitive_distance=n.outer,
             exact_distance=None if n.exact == np.inf else n.exact,
             buffer=n.buffer,
-            clearance=n.clearance,
+            headroom=n.headroom,
             envelope=n.envelope,
             time_left=n.time_left,
             time_to_contact=n.time_to_contact,

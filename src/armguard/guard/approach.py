@@ -1,4 +1,4 @@
-"""Test motions: one joint moves from home towards the limit of its clearance."""
+"""Test motions: one joint moves from home towards the limit of its headroom."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -145,7 +145,7 @@ def is_clear(guard: Loop, joint: int, position: float) -> bool:
     q = guard.home
     q[joint] = position
     nearest = guard.judge_at_rest(q).nearest
-    return (inf if nearest is None else nearest.clearance) >= 0.0
+    return (inf if nearest is None else nearest.headroom) >= 0.0
 
 
 def has_stops(tables: SceneTables) -> bool:

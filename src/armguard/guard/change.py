@@ -3,7 +3,7 @@
 A cycle proves its pairs for the pending commands, and then for the desired ones, which
 differ little. If no joint can at any time get farther than δ beyond where it could get
 before, no two points can approach by more than the sum of δ times levers. A pair with
-more clearance than that is proven by this sum; all others are judged again.
+more headroom than that is proven by this sum; all others are judged again.
 
 The additional travel of a joint is greatest at the end: a command of greater velocity
 leaves the joint faster at every time, as long as the stop takes effect at the same
@@ -14,7 +14,7 @@ from math import inf
 
 from armguard.guard.demands import judge_motion
 from armguard.guard.layout import (
-    CLEARANCE,
+    HEADROOM,
     NEAR_COUNT,
     NEAREST,
     PROOF,
@@ -77,7 +77,7 @@ def begin_notes(v: Watch, m: Motion) -> None:
 
 @kernel
 def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> None:
-    """Record the clearance of a judged pair."""
+    """Record the headroom of a judged pair."""
     k = v.judged_count[0]
     if k == TOO_MANY:
         return
@@ -87,7 +87,7 @@ def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> N
     m = w.motion
     plain = w.out[place + PROOF] == PROVEN and m.effort[LOOKED] == 0
     v.judged_pairs[k, 0], v.judged_pairs[k, 1], v.judged_pairs[k, 2] = i, j, row
-    v.judged_left[k] = w.out[place + CLEARANCE] if plain else -inf
+    v.judged_left[k] = w.out[place + HEADROOM] if plain else -inf
     v.judged_count[0] = k + 1
 
 
@@ -185,7 +185,7 @@ def renew(w: Workspace) -> bool:
         if left >= 0.0:
             if row != NO_ROW:
                 place = row_place(row, w)
-                w.out[place + CLEARANCE], w.out[place + PROOF] = left, PROVEN
+                w.out[place + HEADROOM], w.out[place + PROOF] = left, PROVEN
         elif row == NO_ROW:
             return False
         else:

@@ -110,7 +110,7 @@ def check_path(
             verdict = judge_line(one, other)
             lines += 1
             worst = verdict.nearest
-            if worst is None or worst.clearance >= 0.0:
+            if worst is None or worst.headroom >= 0.0:
                 continue
             if not float(np.abs(other - one).max()) <= resolution:
                 middle = 0.5 * (low + high)
@@ -120,9 +120,9 @@ def check_path(
                 p
                 for q in (one, other)
                 for p in judge_point(q).near
-                if not p.clearance >= 0.0
+                if not p.headroom >= 0.0
             ]
-            pair = min(there, key=lambda p: p.clearance) if there else worst
+            pair = min(there, key=lambda p: p.headroom) if there else worst
             found = Breach(segment, low, one, pair, certain=bool(there))
             return PathCheck(False, found, lines)
     return PathCheck(True, None, lines)

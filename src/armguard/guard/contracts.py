@@ -77,7 +77,7 @@ from armguard.motion.state import (
 Floats = NDArray[np.float64]
 
 
-# Clearance from which on a coarse bound suffices [m].
+# Headroom from which on a coarse bound suffices [m].
 PLENTY = 0.02
 
 # Round-off of a speed [m/s].
@@ -109,7 +109,7 @@ def prove_with_contract(
         w: The workspace.
 
     Returns:
-        How the proof ended, and the clearance, negative for a deficit [m].
+        How the proof ended, and the headroom, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
     h = w.grips

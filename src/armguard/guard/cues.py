@@ -10,9 +10,9 @@ from math import sqrt
 
 from armguard.geometry.vec3 import Vec3, cross, sub
 from armguard.guard.layout import (
-    CLEARANCE,
     FIRST,
     HEADER,
+    HEADROOM,
     NEAR_COUNT,
     PROOF,
     ROBOT_FORCE,
@@ -40,7 +40,7 @@ from armguard.robot.kinematics import FIXED as NO_JOINT
 
 STOP = int(Level.STOP)
 
-# Force of a pair without clearance [N].
+# Force of a pair without headroom [N].
 MOST_FORCE = 10.0
 
 # Least length of a direction before it is normalised [-].
@@ -79,7 +79,7 @@ def add_cue(place: int, look: float, w: Workspace, v: Watch, m: Motion) -> None:
         return
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    near = 1.0 - out[place + CLEARANCE] / NEAR_CUE
+    near = 1.0 - out[place + HEADROOM] / NEAR_CUE
     soon = 1.0 - out[place + TIME_LEFT] / look
     weight = min(max(near, soon, 0.0), 1.0)
     escape = HEADER + v.phase.shape[0] * ROBOT_WIDTH

@@ -1,4 +1,4 @@
-"""One cycle: joint angles -> poses -> index -> near pairs -> clearances -> verdict."""
+"""One cycle: joint angles -> poses -> index -> near pairs -> headroom -> verdict."""
 
 from math import isfinite
 

@@ -8,7 +8,7 @@ it suffices that one of two robots stops now, the other may go on.
 from math import inf
 
 from armguard.guard.contracts import prove
-from armguard.guard.layout import BUFFER, CLEARANCE, ENVELOPE, PROOF, TIME_LEFT, WITNESS
+from armguard.guard.layout import BUFFER, ENVELOPE, HEADROOM, PROOF, TIME_LEFT, WITNESS
 from armguard.guard.levels import Reason
 from armguard.guard.needs import closing_speed, rate_along_normal, robot_of
 from armguard.guard.proofs import OF_WITNESS, coarse
@@ -37,7 +37,7 @@ OWN_SHARE = 0.25
 
 @kernel(separate=True)
 def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
-    """Write clearance and time left of a measured pair; demand stops without a proof.
+    """Write headroom and time left of a measured pair; demand stops without a proof.
 
     Args:
         i: Lower primitive.
@@ -53,7 +53,7 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
     out[place + ENVELOPE] = OF_WITNESS
     proof, spare = prove(i, j, plan_i, plan_j, place, w)
     judged = out[place + ENVELOPE]
-    out[place + CLEARANCE] = spare
+    out[place + HEADROOM] = spare
     out[place + PROOF] = proof
     if proof == ALLOWED:
         return

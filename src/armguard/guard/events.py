@@ -31,10 +31,10 @@ class Event:
         reason: Reason of that level; of a stop, the reason of its order.
         a: Body A of the worst pair, or the subject of a fault, or "".
         b: Body B, or "".
-        least_clearance: Least clearance of that pair at that level [m]; NaN for a
+        least_headroom: Least headroom of that pair at that level [m]; NaN for a
             fault, or where the pair is beyond the margin.
-        distance: Signed distance in the cycle of the least clearance [m], or NaN.
-        at: The cycle of the least clearance.
+        distance: Signed distance in the cycle of the least headroom [m], or NaN.
+        at: The cycle of the least headroom.
         stamp: Stamp of that cycle [s], or None.
         why: Sentence of the verdict of the worst cycle; of a stop, of its order.
     """
@@ -47,7 +47,7 @@ class Event:
     reason: Reason
     a: str
     b: str
-    least_clearance: float
+    least_headroom: float
     distance: float
     at: int
     stamp: float | None
@@ -70,21 +70,17 @@ class Event:
         worse = severity(other.level) > severity(self.level) or (
             self.reason in AFTERWARDS and not follows and other.rank == self.rank
         )
-        beyond = self.reason in ABOUT_PAIRS and not isfinite(self.least_clearance)
+        beyond = self.reason in ABOUT_PAIRS and not isfinite(self.least_headroom)
         nearer = other.level == self.level and (
-            other.least_clearance < self.least_clearance
-            or (beyond and isfinite(other.least_clearance))
+            other.least_headroom < self.least_headroom
+            or (beyond and isfinite(other.least_headroom))
         )
         if follows and (other.a, other.b) != (self.a, self.b):
             return
         if worse:
             self.level = other.level
-        if (
-            worse
-            or nearer
-            or (follows and other.least_clearance < self.least_clearance)
-        ):
-            self.least_clearance, self.distance = other.least_clearance, other.distance
+        if worse or nearer or (follows and other.least_headroom < self.least_headroom):
+            self.least_headroom, self.distance = other.least_headroom, other.distance
             self.at, self.stamp = other.at, other.stamp
             if not follows:
                 self.reason, self.why = other.reason, other.why
@@ -116,7 +112,7 @@ class EventLog:
         open: Event that has not ended; None if there is none.
         levels: Count of cycles at each level.
         faults: Count of cycles whose input could not be judged.
-        least_clearance: Least clearance of all cycles [m]; inf if no pair was near.
+        least_headroom: Least headroom of all cycles [m]; inf if no pair was near.
         start: Stamp of the first cycle [s]; NaN if it has none.
 
     Args:
@@ -128,7 +124,7 @@ class EventLog:
         self.open: Event | None = None
         self.levels = dict.fromkeys(Level, 0)
         self.faults = 0
-        self.least_clearance = float("inf")
+        self.least_headroom = float("inf")
         self.start = nan
         self._least = least
         self._cycle = -1
@@ -186,15 +182,15 @@ class EventLog:
         return before
 
     def _event_of(self, verdict: Verdict, stamp: float) -> Event:
-        """A cycle above `Level.CLEAR` as an event; counts its fault or clearance."""
+        """A cycle above `Level.CLEAR` as an event; counts its fault or headroom."""
         reason, nearest = verdict.reason, verdict.nearest
         self.faults += reason >= Reason.NOT_FINITE
         a, b = verdict.subject, ""
-        clearance = distance = nan
+        headroom = distance = nan
         if reason in ABOUT_PAIRS and nearest is not None:
             a, b = nearest.a, nearest.b
-            clearance, distance = nearest.clearance, nearest.distance
-            self.least_clearance = min(self.least_clearance, clearance)
+            headroom, distance = nearest.headroom, nearest.distance
+            self.least_headroom = min(self.least_headroom, headroom)
         return Event(
             first=self._cycle,
             last=self._cycle,
@@ -204,7 +200,7 @@ class EventLog:
             reason=reason,
             a=a,
             b=b,
-            least_clearance=clearance,
+            least_headroom=headroom,
             distance=distance,
             at=self._cycle,
             stamp=verdict.stamp,

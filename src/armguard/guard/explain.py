@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from armguard.geometry.vec3 import Vec3, dot, scaled
 from armguard.guard.layout import (
     BUFFER,
-    CLEARANCE,
     ENVELOPE,
     EXACT,
     FIRST,
+    HEADROOM,
     NEAR_COUNT,
     NEAREST,
     OUTER,
@@ -54,7 +54,7 @@ def write_envelopes(w: Workspace) -> None:
 
     The reported distance is that of the shapes which are farther apart. A pair that was
     proven by exact shapes is measured by these, so its distance, its need and its
-    clearance are of the same shapes. Where the primitives were judged, the need
+    headroom are of the same shapes. Where the primitives were judged, the need
     contains their overreach beyond the exact shapes. Rows with a term are left alone.
 
     Args:
@@ -110,7 +110,7 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
     n = scaled(-1.0, n)
     add_side(body_j, first, point, n, TERM_REACTION_B, TERM_STOPPING_B, terms, m)
     terms[TERM_ENVELOPE] = out[place + ENVELOPE]
-    terms[TERM_NEEDED] = out[place + WITNESS] - out[place + CLEARANCE]
+    terms[TERM_NEEDED] = out[place + WITNESS] - out[place + HEADROOM]
     total = 0.0
     for k in range(TERM_PATH):
         total += terms[k]

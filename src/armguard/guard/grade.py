@@ -8,6 +8,7 @@ from math import inf
 
 from armguard.guard.layout import (
     HEADER,
+    LEAST_TIME_LEFT,
     NEAR_COUNT,
     PROOF,
     REASON,
@@ -19,7 +20,6 @@ from armguard.guard.layout import (
     ROBOT_PHASE,
     ROBOT_SCALE,
     ROBOT_WIDTH,
-    SLACK_TIME,
 )
 from armguard.guard.levels import Level, Reason
 from armguard.guard.near_pairs import row_place
@@ -86,7 +86,7 @@ def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
         out[place + ROBOT_DELAY] = v.delays[r]
         if level > worst:
             worst, which = level, r
-    out[SLACK_TIME] = min(least, LOOK_AHEAD * slow_time)
+    out[LEAST_TIME_LEFT] = min(least, LOOK_AHEAD * slow_time)
     out[REASON] = common_reason(worst, w, v)
     if worst >= STOP and out[ROBOT] < 0.0:
         out[ROBOT] = which

@@ -18,7 +18,7 @@ REASON = 0  # Reason as a number
 JOINT = 1  # index in q of the joint of a fault, -1 if none
 VALUE = 2  # position of that joint [rad or m]
 NEAR_COUNT = 3  # near pairs that follow
-NEAREST = 4  # which near pair has the least clearance, -1 if none
+NEAREST = 4  # which near pair has the least headroom, -1 if none
 PAIRS_TESTED = 5  # exact distances computed in this cycle
 PAIRS_KEPT = 6  # near pairs whose row was copied because neither side moved
 PAIRS_FILTERED = 7  # pairs sharing a leaf whose bounding boxes are beyond the margin
@@ -32,7 +32,9 @@ MERGES = 14
 PAIRS_REFINED = 15  # pairs of links whose exact shapes were measured
 PAIRS_APART = 16  # pairs that a stored plane proves to be beyond the margin
 ROBOT = 17  # index of the robot of a fault, -1 if none
-SLACK_TIME = 18  # least time until a stop must be ordered, up to the look-ahead [s]
+LEAST_TIME_LEFT = (
+    18  # least time until a stop must be ordered, up to the look-ahead [s]
+)
 SPANS_TESTED = 19  # spans of time that were tested to prove pairs
 TERMS = 20  # required separation of the nearest pair, the fields of `Budget` [m]
 TERM_NAMES = tuple(field.name for field in fields(Budget))
@@ -59,7 +61,7 @@ ROBOT_WIDTH = 17
 # Indices in the row of a near pair.
 FIRST = 0  # primitive index of A
 SECOND = 1  # primitive index of B
-CLEARANCE = 2  # distance minus required separation [m]
+HEADROOM = 2  # distance minus required separation [m]
 BUFFER = 3  # distance to keep at all times [m]
 OUTER = 4  # signed distance of the two primitives [m]
 EXACT = 5  # signed distance of the exact shapes [m]; infinite where not measured

@@ -6,7 +6,7 @@ from armguard.geometry.pairs import measure
 from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.demands import judge_motion
 from armguard.guard.layout import (
-    CLEARANCE,
+    HEADROOM,
     NEAR_COUNT,
     NEAR_WIDTH,
     PAIRS_APART,
@@ -182,7 +182,7 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
     judge_motion(i, j, place, w)
     if (
         distance > w.margin[0]
-        and out[place + CLEARANCE] >= hidden_by_error(i, j, w, v)
+        and out[place + HEADROOM] >= hidden_by_error(i, j, w, v)
         and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
     ):
         note_pair(i, j, NO_ROW, place, w, v)
@@ -193,7 +193,7 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
 
 @kernel
 def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
-    """Greatest measured clearance, due to position errors, of a pair without any [m].
+    """Greatest measured headroom, due to position errors, of a pair without any [m].
 
     Where commands go through the guard, such a pair is reported in every cycle, not
     only in those that measure it nearer: the response needs it to choose a command.

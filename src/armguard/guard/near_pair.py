@@ -15,7 +15,7 @@ WORTH_A_CLAUSE = 5e-4
 # Fields of a pair in JSON, in that order.
 IN_WORDS = (
     "a b primitive_a primitive_b distance primitive_distance exact_distance buffer "
-    "clearance needed envelope time_left time_to_contact point_a point_b normal "
+    "headroom needed envelope time_left time_to_contact point_a point_b normal "
     "model_error contract unproven"
 ).split()
 
@@ -43,7 +43,7 @@ class NearPair:
             objects; None where the primitives keep their buffer and the exact shapes
             were not measured [m].
         buffer: Distance the pair must keep [m].
-        clearance: Headroom: distance minus required separation. Required is the buffer
+        headroom: Headroom: distance minus required separation. Required is the buffer
             alone in mode "fixed", else the buffer plus the distance that the two sides
             can still close until both rest; negative: a stop is due [m].
         envelope: By how much the judged shapes are nearer than those whose distance is
@@ -73,7 +73,7 @@ class NearPair:
     primitive_distance: float
     exact_distance: float | None
     buffer: float
-    clearance: float
+    headroom: float
     envelope: float
     time_left: float
     time_to_contact: float
@@ -87,7 +87,7 @@ class NearPair:
     @property
     def needed(self) -> float:
         """Required separation of the pair, the envelope included [m]."""
-        return self.distance - self.clearance
+        return self.distance - self.headroom
 
     @property
     def kept(self) -> float:
@@ -97,7 +97,7 @@ class NearPair:
     @property
     def opens(self) -> bool:
         """Whether the pair is nearer than its buffer and may be, because it opens."""
-        return self.clearance >= 0.0 and self.distance < self.buffer
+        return self.headroom >= 0.0 and self.distance < self.buffer
 
     @property
     def distance_sentence(self) -> str:
@@ -108,10 +108,10 @@ class NearPair:
     def demand(self) -> str:
         """What the pair must keep, or its headroom, in words and millimetres."""
         if self.contract:
-            return f"contact allowed, headroom {self.clearance * 1e3:z.1f} mm"
+            return f"contact allowed, headroom {self.headroom * 1e3:z.1f} mm"
         if self.opens:
             return "too close, but opening"
-        if self.clearance < 0.0:
+        if self.headroom < 0.0:
             return f"must keep {self.kept * 1e3:.{self._digits}f} mm"
         return f"headroom {(self.distance - self.kept) * 1e3:z.0f} mm"
 
@@ -165,11 +165,11 @@ class NearPair:
     def short_by(self) -> float:
         """Length by which the pair is too near for its `time_left` to suffice [m]."""
         if not 0.0 < self.time_left < SLOW_TIME_DEFAULT * HYSTERESIS:
-            return -self.clearance
+            return -self.headroom
         limit = SLOW_TIME_DEFAULT
         if self.time_left >= limit:
             limit *= HYSTERESIS
-        return self.clearance * (limit / self.time_left - 1.0)
+        return self.headroom * (limit / self.time_left - 1.0)
 
     def to_dict(self) -> dict[str, object]:
         """The pair as plain numbers, lists and strings."""

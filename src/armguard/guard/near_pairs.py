@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from armguard.geometry.pairs import measure
 from armguard.guard.layout import (
     BUFFER,
-    CLEARANCE,
     ENVELOPE,
     EXACT,
     FIRST,
+    HEADROOM,
     NEAR_COUNT,
     NEAR_WIDTH,
     NEAREST,
@@ -118,8 +118,8 @@ def judge_pairs(w: Workspace) -> None:
             required = out[place + BUFFER]
             if not witness[0] - required >= 0.0:
                 refine_pair(i, j, place, w)
-            out[place + CLEARANCE] = witness[0] - required
-            if not out[place + CLEARANCE] >= 0.0:
+            out[place + HEADROOM] = witness[0] - required
+            if not out[place + HEADROOM] >= 0.0:
                 out[place + PROOF] = NEEDED
             count += 1
         count, next_kept = take_kept(
@@ -258,22 +258,22 @@ def boxes_apart(boxes: Floats, i: int, j: int, margin: float) -> bool:
 
 @kernel
 def decide(count: int, w: Workspace) -> None:
-    """Find the pair with the least clearance, and write the reason that follows."""
+    """Find the pair with the least headroom, and write the reason that follows."""
     out = w.out
     nearest = -1
     least = np.inf
     reason = NEAR if count > 0 else OK
     for k in range(count):
         place = row_place(k, w)
-        clearance = out[place + CLEARANCE]
-        if clearance != clearance:
+        headroom = out[place + HEADROOM]
+        if headroom != headroom:
             reason = NO_DISTANCE
             nearest = k
             break
-        if clearance < least:
-            least = clearance
+        if headroom < least:
+            least = headroom
             nearest = k
-            if not clearance >= 0.0:
+            if not headroom >= 0.0:
                 reason = reason_of(int(out[place + PROOF]))
     out[NEAREST] = nearest
     if out[REASON] == OK:

@@ -1,6 +1,6 @@
 """Causes of slowing and stopping, and the remedy that would have avoided it.
 
-A pair that slows or stops a robot has a negative clearance: the *deficit*. Each cause
+A pair that slows or stops a robot has a negative headroom: the *deficit*. Each cause
 is a length too, and explains the stop if it is at least the deficit. If several do, the
 first of this order is named, since it needs the smallest remedy:
 
@@ -103,7 +103,7 @@ class Lack:
     """Deficit of the deciding pair, and the part of each cause in it.
 
     Attributes:
-        deficit: Negative clearance of the pair, or length its time is short by [m].
+        deficit: Negative headroom of the pair, or length its time is short by [m].
         envelope: How much farther apart the real surfaces may be than was judged [m].
         delays: Travel of its sides due to delays; empty if unknown.
     """
@@ -209,7 +209,7 @@ def lack_of(reason: Reason, answer: Answer) -> Lack | None:
     if k < 0:
         return None
     pair = answer.pair(k)
-    deficit = -pair.clearance
+    deficit = -pair.headroom
     if reason is Reason.SHORT_TIME:
         deficit = pair.short_by
     if not deficit > 0.0:

@@ -1,4 +1,4 @@
-"""Proof that a pair keeps its buffer until its robots rest, and its clearance."""
+"""Proof that a pair keeps its buffer until its robots rest, and its headroom."""
 
 from math import inf
 
@@ -62,13 +62,13 @@ from armguard.motion.state import (
 Floats = NDArray[np.float64]
 
 
-# Clearance below which a pair contributes to cues and is proven in full [m].
+# Headroom below which a pair contributes to cues and is proven in full [m].
 NEAR_CUE = 0.02
 
-# Clearance of the primitives below which the exact shapes of a pair are tested [m].
+# Headroom of the primitives below which the exact shapes of a pair are tested [m].
 PLENTY = 5e-3
 
-# Shapes that a pair's clearance was computed with. The column ENVELOPE of its row holds
+# Shapes that a pair's headroom was computed with. The column ENVELOPE of its row holds
 # this until the cycle concludes.
 OF_WITNESS = 0.0
 OF_PRIMITIVES = 1.0
@@ -86,7 +86,7 @@ def prove_pair(
     object was seen: such a pair is `UNPROVEN`.
 
     Returns:
-        How the proof ended, and the clearance, negative for a deficit [m].
+        How the proof ended, and the headroom, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
     distance = w.out[place + WITNESS]
@@ -135,7 +135,7 @@ def prove_need(
         w: The workspace.
 
     Returns:
-        How the proof ended, and the clearance, negative for a deficit [m].
+        How the proof ended, and the headroom, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
     out = w.out
@@ -222,7 +222,7 @@ def is_evaded(i: int, j: int, v: Watch) -> bool:
 def is_plenty(
     spare: float, i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
 ) -> bool:
-    """Whether a pair's clearance is so large that a coarse bound suffices."""
+    """Whether a pair's headroom is so large that a coarse bound suffices."""
     time = LOOK_AHEAD * v.pace[SLOW_TIME]
     if spare >= time * closing_speed(i, j, w, v, m):
         return True
@@ -258,7 +258,7 @@ def describe_pair(
 
 @kernel(separate=True)
 def look_at_exact(i: int, j: int, w: Workspace, p: Pair) -> float:
-    """Lower bound of the clearance of the exact shapes of both sides, by one test [m].
+    """Lower bound of the headroom of the exact shapes of both sides, by one test [m].
 
     Args:
         i: Lower primitive.

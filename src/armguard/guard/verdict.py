@@ -20,8 +20,8 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Slack:
-    """Slack of a verdict: length and time until a stop must be ordered.
+class Headroom:
+    """Headroom of a verdict: length and time until a stop must be ordered.
 
     Attributes:
         m: Headroom of the nearest pair [m]; infinite if none is near.
@@ -164,12 +164,12 @@ class Verdict:
         return dict(zip(self._names.robots, causes, strict=True))
 
     @property
-    def slack(self) -> Slack:
+    def headroom(self) -> Headroom:
         """Length and time that are left until a stop must be ordered."""
         nearest = self.nearest
-        return Slack(
-            inf if nearest is None else nearest.clearance,
-            float(self._data[layout.SLACK_TIME]) if self._names.robots else inf,
+        return Headroom(
+            inf if nearest is None else nearest.headroom,
+            float(self._data[layout.LEAST_TIME_LEFT]) if self._names.robots else inf,
         )
 
     @property
@@ -309,7 +309,7 @@ class Verdict:
             "joint": self.joint,
             "levels": {name: level.name for name, level in self.levels.items()},
             "speed_scale": self.speed_scale,
-            "slack": {"m": self.slack.m, "s": self.slack.s},
+            "headroom": {"m": self.headroom.m, "s": self.headroom.s},
             "budget": self.budget and asdict(self.budget),
             "ages": self.ages,
             "drive_delays": self.drive_delays,
@@ -352,7 +352,7 @@ class Verdict:
         pair = self.nearest
         if pair is None:
             return shown
-        lengths = (pair.distance, pair.needed, pair.clearance)
+        lengths = (pair.distance, pair.needed, pair.headroom)
         row = (f"{pair.a} to {pair.b}", *(f"{m * 1e3:.1f} mm" for m in lengths))
         head = ("nearest pair", "distance", "required", "headroom")
         return shown + html_table("", head, [row])

@@ -70,7 +70,7 @@ FEW = 128
 # Commands stored beyond the pending ones: cycles may be early.
 SPARE_COMMANDS = 8
 
-# Greatest count of pairs recorded in a cycle for a second proof by their clearance.
+# Greatest count of pairs recorded in a cycle for a second proof by their headroom.
 JUDGED_ROOM = 4096
 
 # Columns of `Watch.stuck`.
@@ -174,7 +174,7 @@ class Watch(NamedTuple):
         evaded: Bit set of the robots that evade each primitive, shape (p,) or (0,).
         judged_pairs: Pairs judged in this cycle: two primitives, and the pair's row in
             the answer or -1, shape (k, 3).
-        judged_left: Clearance of each of these pairs; -inf if it cannot be re-used,
+        judged_left: Headroom of each of these pairs; -inf if it cannot be re-used,
             shape (k,) [m].
         judged_count: Count of these pairs; -1 if there were too many, shape (1,).
         judged_ways: Stop of each joint that they were judged for, in its positive and

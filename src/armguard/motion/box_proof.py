@@ -63,7 +63,7 @@ def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, f
         m: The prediction.
 
     Returns:
-        PROVEN, NEEDED, UNSURE or SPENT, and the clearance or deficit [m].
+        PROVEN, NEEDED, UNSURE or SPENT, and the headroom or deficit [m].
     """
     m.box_line[0, 0], m.box_line[0, 1] = 0.0, 1.0
     for b in range(m.parent.shape[0]):

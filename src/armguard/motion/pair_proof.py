@@ -42,7 +42,7 @@ from armguard.motion.stop_path import make_node, span_of
 
 Floats = NDArray[np.float64]
 
-# An arm may use up the clearance that a proof returns. So an interval with less than
+# An arm may use up the headroom that a proof returns. So an interval with less than
 # LITTLE is bisected, down to a sixteenth of the path, if it may gain GAIN [m].
 LITTLE = 2e-3
 GAIN = 2e-4
@@ -84,15 +84,15 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
     """Prove that a pair keeps a distance on the stop path, interval by interval.
 
     Args:
-        known: Clearance that is proven already; minus infinity for none [m].
+        known: Headroom that is proven already; minus infinity for none [m].
         p: The pair.
         m: The prediction.
 
     Returns:
         PROVEN, NEEDED, UNSURE or SPENT, and the least of distance minus requirement:
-        a lower bound of the clearance if proven, else an estimate of the deficit [m].
+        a lower bound of the headroom if proven, else an estimate of the deficit [m].
     """
-    # Intervals that wait, one on each level and one more, and their proven clearances.
+    # Intervals that wait, one on each level and one more, and their proven headroom.
     waiting = numba.carray(stack(16), (8, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
     left = 1
@@ -110,7 +110,7 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         wanted = p.need + p.drift * end
         distance, second_order, bend = span_gap(node, p, m)
         spare = second_order - bend - wanted
-        # The clearance of the whole interval holds for its halves.
+        # The headroom of the whole interval holds for its halves.
         spare = before if before > spare else spare
         if spare >= 0.0 and not (
             spare < LITTLE

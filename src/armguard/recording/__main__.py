@@ -34,7 +34,7 @@ def size(text: str) -> int:
 OPTIONS: dict[str, Callable[[str], Any]] = {
     **{"keep_near": int, "keep_near_size": size, "file_size": size},
     **dict.fromkeys(("file_time", "before", "after"), float),
-    **dict.fromkeys(("near_clearance", "near_slack"), float),
+    **dict.fromkeys(("near_headroom", "near_time_left"), float),
 }
 
 

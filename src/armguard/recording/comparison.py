@@ -66,9 +66,9 @@ class Side:
     )
     stops: list[Stop] = field(default_factory=list)
     slows: int = 0  # beginnings of a level of SLOW
-    least_clearance: float = np.inf  # of a nearest pair [m]
+    least_headroom: float = np.inf  # of a nearest pair [m]
     least_distance: float = np.inf  # likewise [m]
-    nearest: str = ""  # the pair of the least clearance in words; "" for none
+    nearest: str = ""  # the pair of the least headroom in words; "" for none
     nearest_at: float | None = None  # when, since the recording's first frame [s]
 
     def __post_init__(self) -> None:
@@ -112,8 +112,8 @@ class Side:
         if (pair := verdict.nearest) is None:
             return
         self.least_distance = min(self.least_distance, pair.distance)
-        if pair.clearance < self.least_clearance:
-            self.least_clearance = pair.clearance
+        if pair.headroom < self.least_headroom:
+            self.least_headroom = pair.headroom
             self.nearest, self.nearest_at = pair.why, time
 
 

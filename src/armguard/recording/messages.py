@@ -34,7 +34,7 @@ CLEAR, SHORT, OVER = (
     tuple(part / 255.0 for part in colour) for colour in (SKY, ORANGE, PURPLE)
 )
 
-# A pair with less clearance than this is drawn as one that is short [m].
+# A pair with less headroom than this is drawn as one that is short [m].
 LITTLE = 0.01
 
 
@@ -43,12 +43,12 @@ class Summary:
 
     Attributes:
         level: Highest level of all robots.
-        clearance: Of the nearest pair; infinite if none is near [m].
-        slack: Time until a stop must be ordered, as far as it was predicted [s].
+        headroom: Of the nearest pair; infinite if none is near [m].
+        time_left: Time until a stop must be ordered, as far as it was predicted [s].
         levels: Level of each robot; of the scene where no stops are predicted.
     """
 
-    __slots__ = ("clearance", "level", "levels", "slack")
+    __slots__ = ("headroom", "level", "levels", "time_left")
 
     def __init__(self, row: Floats, first_row: int) -> None:
         *_, verdict, poses, _ = sections(row)
@@ -59,12 +59,12 @@ class Summary:
         own = numbers[layout.HEADER : ends : layout.ROBOT_WIDTH]
         self.levels = tuple(int(x) for x in own) or (int(reason.level),)
         self.level = max(int(reason.level), *self.levels)
-        self.slack = float(numbers[layout.SLACK_TIME]) if guarded else np.inf
+        self.time_left = float(numbers[layout.LEAST_TIME_LEFT]) if guarded else np.inf
         nearest = int(numbers[layout.NEAREST])
-        self.clearance = np.inf
+        self.headroom = np.inf
         if nearest >= 0:
-            at = first_row + nearest * layout.NEAR_WIDTH + layout.CLEARANCE
-            self.clearance = float(numbers[at])
+            at = first_row + nearest * layout.NEAR_WIDTH + layout.HEADROOM
+            self.headroom = float(numbers[at])
 
 
 class MessageMaker:
@@ -98,8 +98,8 @@ class MessageMaker:
         if now - self._numbers_at >= NUMBERS_EVERY:
             self._numbers_at = now
             yield ros.message(ros.LEVEL, time, summary.level)
-            yield ros.message(ros.CLEARANCE, time, summary.clearance)
-            yield ros.message(ros.TIME_LEFT, time, summary.slack)
+            yield ros.message(ros.HEADROOM, time, summary.headroom)
+            yield ros.message(ros.TIME_LEFT, time, summary.time_left)
         if now - self._lines_at >= LINES_EVERY:
             self._lines_at = now
             yield self._lines(row, time)
@@ -124,9 +124,9 @@ class MessageMaker:
         pairs = row[verdict + self.first_row : poses]
         pairs = pairs[: len(pairs) // layout.NEAR_WIDTH * layout.NEAR_WIDTH]
         table = pairs.reshape(-1, layout.NEAR_WIDTH)
-        order = np.argsort(table[:, layout.CLEARANCE], kind="stable")[:MOST_LINES]
+        order = np.argsort(table[:, layout.HEADROOM], kind="stable")[:MOST_LINES]
         rows = table[order, layout.WITNESS : layout.WITNESS + 7]
-        colours = [colour_of(left) for left in table[order, layout.CLEARANCE].tolist()]
+        colours = [colour_of(left) for left in table[order, layout.HEADROOM].tolist()]
         label = f"{rows[0, 0] * 1e3:.0f} mm" if len(rows) else ""
         return ros.markers(time, rows[:, 1:].reshape(-1, 2, 3), colours, label)
 
@@ -146,11 +146,11 @@ class MessageMaker:
         return ros.log(time, level, sentence)
 
 
-def colour_of(clearance: float) -> Sequence[float]:
-    """Colour of a near pair by its clearance [m]."""
-    if not clearance >= 0.0:
+def colour_of(headroom: float) -> Sequence[float]:
+    """Colour of a near pair by its headroom [m]."""
+    if not headroom >= 0.0:
         return OVER
-    return SHORT if clearance < LITTLE else CLEAR
+    return SHORT if headroom < LITTLE else CLEAR
 
 
 def maker_of(about: Mapping[str, Any], archive: bytes) -> MessageMaker | None:

@@ -15,7 +15,7 @@ MOST_KEPT = 256 << 20
 # A near miss has to be over for so long before it can begin again [s].
 OVER = 1.0
 
-# Kinds of near misses: a level, a clearance [mm], a time [ms].
+# Kinds of near misses: a level, a headroom [mm], a time [ms].
 SENTENCES = (
     "a stop: {0}",
     "the nearest pair had {1:.1f} mm beyond what it needs",
@@ -61,8 +61,8 @@ class Before:
 class Trigger:
     """Detects the beginning of a near miss, which gets a file of its own."""
 
-    clearance: float  # of a nearest pair: less than this is a near miss [m]
-    slack: float  # time until a stop must be ordered: likewise [s]
+    headroom: float  # of a nearest pair: less than this is a near miss [m]
+    time_left: float  # time until a stop must be ordered: likewise [s]
     _active: tuple[bool, ...] = ()
     _ended: list[float] = field(default_factory=lambda: [-OVER] * 3)
 
@@ -70,8 +70,8 @@ class Trigger:
         """The near miss that begins with a cycle, in words; empty if none does."""
         found = (
             cycle.level >= Level.STOP,
-            cycle.clearance < self.clearance,
-            cycle.slack < self.slack,
+            cycle.headroom < self.headroom,
+            cycle.time_left < self.time_left,
         )
         began = ""
         for k, (was, holds) in enumerate(zip(self._active, found, strict=False)):
@@ -80,7 +80,7 @@ class Trigger:
             # A stop is one however soon it follows another.
             fresh = k == 0 or now - self._ended[k] >= OVER
             if holds and not was and fresh and not began:
-                name, left = Level(cycle.level).name, cycle.clearance * 1e3
-                began = SENTENCES[k].format(name, left, cycle.slack * 1e3)
+                name, left = Level(cycle.level).name, cycle.headroom * 1e3
+                began = SENTENCES[k].format(name, left, cycle.time_left * 1e3)
         self._active = found
         return began

@@ -80,8 +80,8 @@ class RecorderSettings:
     before: float = 30.0  # time that is kept before a near miss [s]
     after: float = 5.0  # and after it [s]
     longest: float = 120.0  # after which a file of near misses ends in any case [s]
-    clearance: float = 0.0  # see `Trigger` [m]
-    slack: float = 0.0  # see `Trigger` [s]
+    headroom: float = 0.0  # see `Trigger` [m]
+    time_left: float = 0.0  # see `Trigger` [s]
 
 
 class Writing(McapFile):
@@ -150,7 +150,7 @@ class Recorder:
         # Until when everything is in a file of near misses.
         self._apart_to = -np.inf
         self._before = Before(settings.before)
-        self._trigger = Trigger(settings.clearance, settings.slack)
+        self._trigger = Trigger(settings.headroom, settings.time_left)
         self._rows: list[Floats] = []
         self._checkpoint = False
         self._levels: tuple[int, ...] = ()

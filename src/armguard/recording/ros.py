@@ -32,10 +32,10 @@ COMMANDS = Topic(3, "/armguard/commands", "sensor_msgs/msg/JointState")
 WORDS = Topic(4, "/armguard/log", "rcl_interfaces/msg/Log")
 NEAR = Topic(5, "/armguard/near", "visualization_msgs/msg/MarkerArray")
 LEVEL = Topic(6, "/armguard/level", "std_msgs/msg/UInt8")
-CLEARANCE = Topic(7, "/armguard/clearance", "std_msgs/msg/Float64")
+HEADROOM = Topic(7, "/armguard/headroom", "std_msgs/msg/Float64")
 TIME_LEFT = Topic(8, "/armguard/time_left", "std_msgs/msg/Float64")
 TOPICS = (
-    FRAMES, JOINT_STATES, COMMANDS, WORDS, NEAR, LEVEL, CLEARANCE, TIME_LEFT,
+    FRAMES, JOINT_STATES, COMMANDS, WORDS, NEAR, LEVEL, HEADROOM, TIME_LEFT,
 )  # fmt: skip
 
 # Red, green and blue in [0, 1].

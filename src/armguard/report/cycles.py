@@ -61,8 +61,8 @@ def row_type(robot_count: int, real: str = "f4") -> np.dtype[np.void]:
     `t` is the time since the first verdict [s]; `cycle` its number; `cycle_time` [s];
     `answer` the time from the message's receipt to the verdict, NaN if unknown [s];
     `levels` and `ages` [s] of each robot; `whole` whether all near pairs are recorded.
-    Of type `real` are `slack`, the time until a stop is ordered, infinite if no pair is
-    near [s]; `clearance` and `distance` of the pair with the least clearance [m],
+    Of type `real` are `time_left`, the time until a stop is ordered, infinite if no
+    pair is near [s]; `headroom` and `distance` of the pair with the least headroom [m],
     infinite if no pair is near, NaN if it is not recorded.
     """
     robots = (robot_count,)
@@ -71,7 +71,7 @@ def row_type(robot_count: int, real: str = "f4") -> np.dtype[np.void]:
             *[("t", "f8"), ("cycle", "i8"), ("cycle_time", "f4"), ("answer", "f4")],
             *[("reason", "i1"), ("level", "i1"), ("levels", "i1", robots)],
             *[("ages", "f4", robots), ("whole", "?")],
-            *[("slack", real), ("clearance", real), ("distance", real)],
+            *[("time_left", real), ("headroom", real), ("distance", real)],
         ]
     )
 
@@ -106,8 +106,8 @@ def block_of(frames: list[Frame], names: Names, begin: float) -> Block:
     rows.levels = own[:, :, layout.ROBOT_LEVEL]
     rows.level = np.maximum(LEVEL_OF[rows.reason], rows.levels.max(axis=1, initial=0))
     rows.ages = own[:, :, layout.ROBOT_AGE]
-    rows.slack = head[:, layout.SLACK_TIME] if robots else np.inf
-    rows.clearance = rows.distance = np.inf
+    rows.time_left = head[:, layout.LEAST_TIME_LEFT] if robots else np.inf
+    rows.headroom = rows.distance = np.inf
     rows.whole = [len(frame.poses) > 0 for frame in frames]
     near, sizes = [np.zeros((0, layout.NEAR_WIDTH))], np.zeros(count, dtype=np.int64)
     for k in np.flatnonzero(head[:, layout.NEAR_COUNT] >= 1.0).tolist():
@@ -118,7 +118,7 @@ def block_of(frames: list[Frame], names: Names, begin: float) -> Block:
         rows.whole[k] &= held == wanted
         if nearest >= 0:
             pair = near[-1][nearest if nearest < held else 0] if held else None
-            rows.clearance[k] = np.nan if pair is None else pair[layout.CLEARANCE]
+            rows.headroom[k] = np.nan if pair is None else pair[layout.HEADROOM]
             rows.distance[k] = np.nan if pair is None else pair[layout.WITNESS]
     return Block(frames, rows, np.concatenate(near), np.repeat(np.arange(count), sizes))
 
@@ -207,8 +207,8 @@ class Timeline:
 
     edges: Floats  # of the buckets, shape (b + 1,) [s]
     levels: Floats  # highest one of each robot, or of all, shape (r, b)
-    clearance: Floats  # least one, shape (b,) [m]
-    slack: Floats  # least time until a stop is ordered, shape (b,) [s]
+    headroom: Floats  # least one, shape (b,) [m]
+    time_left: Floats  # least time until a stop is ordered, shape (b,) [s]
     cycle_time: Floats  # longest one, shape (b,) [s]
 
     @property
@@ -234,8 +234,8 @@ def timeline(series: Series, buckets: int = BUCKETS) -> Timeline:
     return Timeline(
         edges=np.linspace(0.0, length, size + 1),
         levels=np.array([worst(np.maximum, own, -np.inf) for own in levels.T]),
-        clearance=worst(np.fmin, series.clearance, np.inf),
-        slack=worst(np.fmin, series.slack, np.inf),
+        headroom=worst(np.fmin, series.headroom, np.inf),
+        time_left=worst(np.fmin, series.time_left, np.inf),
         cycle_time=worst(np.fmax, series.cycle_time, -np.inf),
     )
 

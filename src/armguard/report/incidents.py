@@ -9,8 +9,8 @@ import numpy as np
 
 from armguard.guard.answer import Names
 from armguard.guard.layout import (
-    CLEARANCE,
     FIRST,
+    HEADROOM,
     NEAR_COUNT,
     NEAR_WIDTH,
     PROOF,
@@ -79,7 +79,7 @@ class VerdictText:
     why: str  # the verdict's sentence
     distance: float | None = None  # signed distance of the pair; None without one [m]
     needed: float | None = None  # separation the pair had to keep, likewise [m]
-    clearance: float | None = None  # distance beyond that, likewise [m]
+    headroom: float | None = None  # distance beyond that, likewise [m]
     budget: str = ""  # terms of the needed separation; "" if they are not known
     cause: Cause | None = None  # None if there is none, or it is not recorded
     deficit: float | None = None  # what the pair lacked [m]
@@ -99,7 +99,7 @@ def text_of(frame: Frame, names: Names) -> VerdictText:
     text = VerdictText(level, reason, verdict.subject, verdict.why)
     pair, nuisance = verdict.nearest, verdict.nuisance
     if pair is not None and reason in ABOUT_PAIRS and not fault:
-        own = {key: getattr(pair, key) for key in ("distance", "needed", "clearance")}
+        own = {key: getattr(pair, key) for key in ("distance", "needed", "headroom")}
         budget = "" if verdict.budget is None else verdict.budget.sentence
         text = replace(text, subject=f"{pair.a} – {pair.b}", budget=budget, **own)
     if nuisance is None:
@@ -182,15 +182,15 @@ def by_cause(halts: list[Halt]) -> list[CauseCount]:
 class Closeness:
     """Limits below which a cycle belongs to a near miss; every stop does."""
 
-    clearance: float = 0.0  # [m]
-    slack: float = 0.0  # time until a stop is ordered [s]
+    headroom: float = 0.0  # [m]
+    time_left: float = 0.0  # time until a stop is ordered [s]
 
 
 @dataclass(frozen=True, slots=True)
 class NearMiss:
     """Successive cycles that are stops, or nearer than the limits allow.
 
-    Its main cycle is the first stop, else the one with the least clearance. Times are
+    Its main cycle is the first stop, else the one with the least headroom. Times are
     since the first cycle of the recording.
     """
 
@@ -200,20 +200,20 @@ class NearMiss:
     cycle: int  # its main cycle
     t: float  # time of that cycle [s]
     told: VerdictText  # verdict of that cycle
-    least_clearance: float  # infinite if no pair is near [m]
+    least_headroom: float  # infinite if no pair is near [m]
     nearest_t: float  # its time [s]
     nearest: VerdictText  # verdict of that cycle
 
     def joined(self, later: "NearMiss") -> "NearMiss":
         """This near miss and a later one as one."""
-        near = later if later.least_clearance < self.least_clearance else self
+        near = later if later.least_headroom < self.least_headroom else self
         stops = (miss for miss in (self, later) if miss.highest_level >= Level.STOP)
         return replace(
             next(stops, near),
             began=self.began,
             ended=later.ended,
             highest_level=max(self.highest_level, later.highest_level),
-            least_clearance=near.least_clearance,
+            least_headroom=near.least_headroom,
             nearest_t=near.nearest_t,
             nearest=near.nearest,
         )
@@ -229,8 +229,8 @@ class NearMisses:
     def add(self, block: Block) -> None:
         """Take in a block."""
         rows, limits = block.rows, self._closeness
-        near = (rows.level >= Level.STOP) | (rows.clearance < limits.clearance)
-        near |= rows.slack < limits.slack
+        near = (rows.level >= Level.STOP) | (rows.headroom < limits.headroom)
+        near |= rows.time_left < limits.time_left
         cycles = np.flatnonzero(near)
         apart = np.flatnonzero(np.diff(rows.t[cycles]) > TOGETHER) + 1
         for own in np.split(cycles, apart) if len(cycles) else ():
@@ -243,12 +243,12 @@ class NearMisses:
 
 def near_miss(frames: list[Frame], rows: Rows, names: Names) -> NearMiss:
     """Cycles as a near miss; a frame would keep its part of the file in memory."""
-    clearance = np.where(np.isnan(rows.clearance), np.inf, rows.clearance)
-    least, stops = int(clearance.argmin()), np.flatnonzero(rows.level >= Level.STOP)
+    headroom = np.where(np.isnan(rows.headroom), np.inf, rows.headroom)
+    least, stops = int(headroom.argmin()), np.flatnonzero(rows.level >= Level.STOP)
     main, t = stops[0] if len(stops) else least, rows.t.tolist()
     of_main, of_least = (text_of(frames[k], names) for k in (main, least))
     span = t[0], t[-1], Level(int(rows.level.max()))
-    nearest = float(clearance[least]), t[least], of_least
+    nearest = float(headroom[least]), t[least], of_least
     return NearMiss(*span, int(rows.cycle[main]), t[main], of_main, *nearest)
 
 
@@ -264,7 +264,7 @@ class Closest:
     distance: float  # least signed distance of their primitives [m]
     at: float  # its time since the first cycle [s]
     cycle: int  # its cycle
-    clearance: float  # least one of all cycles [m]
+    headroom: float  # least one of all cycles [m]
     cycles: int  # recorded cycles in which they were within the margin
     contract: bool  # whether a contract was in force
     unproven: int  # in how many of the cycles nothing was proven for the two
@@ -289,8 +289,8 @@ class ClosestPairs:
         key = 2 * (np.minimum(a, b) * count + np.maximum(a, b)) + contract
         pairs, of_pair = np.unique(key, return_inverse=True)
         nearest = least_in_each(near[:, WITNESS], of_pair)
-        clearance = np.full(len(pairs), np.inf)
-        np.minimum.at(clearance, of_pair, near[:, CLEARANCE])
+        headroom = np.full(len(pairs), np.inf)
+        np.minimum.at(headroom, of_pair, near[:, HEADROOM])
         # A cycle counts once for two bodies, however many of their primitives are near.
         seen = np.unique(of_pair * len(rows) + block.owner) // len(rows)
         cycles = np.bincount(seen, minlength=len(pairs))
@@ -301,13 +301,13 @@ class ClosestPairs:
             row = rows[block.owner[k]]
             new = Closest(
                 *(self._bodies[a[k]], self._bodies[b[k]], float(near[k, WITNESS])),
-                *(float(row.t), int(row.cycle), float(clearance[n])),
+                *(float(row.t), int(row.cycle), float(headroom[n])),
                 *(int(cycles[n]), bool(contract[k]), int(unproven[n])),
             )
             if old := self._found.get(pair):
                 new = replace(
                     min(old, new, key=lambda pair: pair.distance),
-                    clearance=min(old.clearance, new.clearance),
+                    headroom=min(old.headroom, new.headroom),
                     cycles=old.cycles + new.cycles,
                     unproven=old.unproven + new.unproven,
                 )

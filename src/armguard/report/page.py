@@ -36,7 +36,7 @@ PLACES = (
     ("near", "Near misses"),
     ("stops", "Stops"),
     ("closest", "Closest pairs"),
-    ("slack", "Slack"),
+    ("headroom", "Headroom"),
     ("times", "Cycle times"),
     ("ages", "Ages"),
     ("contracts", "Contracts"),
@@ -78,8 +78,8 @@ def page(findings: Findings) -> str:
         figures_json=to_json_plotly(figures),
         plotlyjs=get_plotlyjs(),
         moving=series.held[series.level < Level.STOP].sum(),
-        far=series.held[~(series.slack < plots.LOOKED)].sum(),
-        alone=series.held[np.isinf(series.clearance)].sum(),
+        far=series.held[~(series.time_left < plots.LOOKED)].sum(),
+        alone=series.held[np.isinf(series.headroom)].sum(),
         older=[int((age > late * (1.0 + 1e-6)).sum()) for age, late in ages],
     )
 

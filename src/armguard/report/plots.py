@@ -48,10 +48,10 @@ PATTERNS = dict(zip(Level, ("", ".", "/", "", "\\", "x", "+"), strict=True))
 
 WORDS = {level: level.name.lower().replace("_", " ") for level in Level}
 
-# Greatest clearance in plots [mm].
+# Greatest headroom in plots [mm].
 FARTHEST = 120.0
 
-# The guard's prediction horizon: its slack is never greater [s].
+# The guard's prediction horizon: its time left is never greater [s].
 LOOKED = LOOK_AHEAD * SLOW_TIME_DEFAULT * (1.0 - 1e-6)
 
 # Bins of a histogram of times for each power of ten; spans of shares of levels.
@@ -79,7 +79,7 @@ def plots(findings: Findings, drawn: Sequence[NearMiss]) -> dict[str, go.Figure]
     if unit_of(findings.series.duration)[1] > 1.0:
         found["plot-history"] = levels_over_time(findings.series)
     found["plot-timeline"] = time_line(findings)
-    found["plot-slack"] = slack_histogram(findings.series)
+    found["plot-headroom"] = headroom_histogram(findings.series)
     found["plot-times"] = time_histogram(findings)
     for k, miss in enumerate(drawn, start=1):
         found[f"plot-near-{k}"] = near_miss(findings.series, miss)
@@ -161,7 +161,7 @@ def levels_over_time(series: Series) -> go.Figure:
 
 
 def time_line(findings: Findings) -> go.Figure:
-    """Levels, clearance, slack and cycle time over the whole recording."""
+    """Levels, headroom, time left and cycle time over the whole recording."""
     line, robots = timeline(findings.series), findings.robots or ("all",)
     unit, size = unit_of(findings.series.duration)
     heights = [0.10 + 0.05 * len(robots), 0.35, 0.22, 0.22]
@@ -170,12 +170,12 @@ def time_line(findings: Findings) -> go.Figure:
     )
     for name, levels in zip(robots, line.levels, strict=True):
         figure.add_trace(level_runs(plot_text(name), levels, line.edges / size), 1, 1)
-    clearance, slack = line.clearance * 1e3, line.slack * 1e3
-    clearance[clearance > FARTHEST] = slack[line.slack >= LOOKED] = np.nan
+    headroom, time_left = line.headroom * 1e3, line.time_left * 1e3
+    headroom[headroom > FARTHEST] = time_left[line.time_left >= LOOKED] = np.nan
     times = [clock(t) for t in line.t.tolist()]
     for row, values, colour, text in (
-        (2, clearance, BLUE, "%{y:.1f} mm headroom"),
-        (3, slack, GREEN, "%{y:.0f} ms until a stop"),
+        (2, headroom, BLUE, "%{y:.1f} mm headroom"),
+        (3, time_left, GREEN, "%{y:.0f} ms until a stop"),
         (4, line.cycle_time * 1e6, FAINT, "longest cycle %{y:.0f} µs"),
     ):
         curve = lines(line.t / size, values, f"%{{text}}: {text}", text=times)
@@ -202,7 +202,7 @@ def time_line(findings: Findings) -> go.Figure:
     )
     figure.update_yaxes(title_text="level", autorange="reversed", row=1)
     figure.update_yaxes(title_text="headroom [mm]", row=2)
-    figure.update_yaxes(title_text="slack [ms]", row=3)
+    figure.update_yaxes(title_text="time left [ms]", row=3)
     figure.update_yaxes(title_text="cycle [µs]", type="log", dtick=1, row=4)
     figure.update_xaxes(range=[0.0, findings.series.duration / size])
     figure.update_xaxes(title_text=time_title(unit), row=4)
@@ -249,7 +249,7 @@ def near_miss(series: Series, miss: NearMiss) -> go.Figure:
     """Distance of the nearest pair and needed separation around a near miss."""
     first, last = np.searchsorted(series.t, [miss.t - BEFORE, miss.t + AFTER])
     times = series.t[first:last] - miss.t
-    left, distance = series.clearance[first:last], series.distance[first:last]
+    left, distance = series.headroom[first:last], series.distance[first:last]
     seen = np.isfinite(distance) & np.isfinite(left)
     distance = np.where(seen, distance * 1e3, np.nan)
     needed = distance - np.where(seen, left * 1e3, np.nan)
@@ -288,12 +288,12 @@ def near_miss(series: Series, miss: NearMiss) -> go.Figure:
     return styled(figure, 200, margin=margin, **look)
 
 
-def slack_histogram(series: Series) -> go.Figure:
-    """Time at each slack and at each clearance."""
+def headroom_histogram(series: Series) -> go.Figure:
+    """Time spent at each time left and at each headroom."""
     figure = make_subplots(cols=2, horizontal_spacing=0.1)
     for col, values, most, least, title, colour in (
-        (1, series.slack, LOOKED * 1e3, 0.0, "time until a stop [ms]", GREEN),
-        (2, series.clearance, FARTHEST, -20.0, "headroom [mm]", BLUE),
+        (1, series.time_left, LOOKED * 1e3, 0.0, "time until a stop [ms]", GREEN),
+        (2, series.headroom, FARTHEST, -20.0, "headroom [mm]", BLUE),
     ):
         known = values * 1e3 < most
         number, weights = np.maximum(values[known] * 1e3, least), series.held[known]

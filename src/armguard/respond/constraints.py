@@ -31,10 +31,10 @@ from armguard.respond.straight import (
 
 Floats = NDArray[np.float64]
 
-# Time constant at which an approach row lets the clearance of a pair decrease [s].
+# Time constant at which an approach row lets the headroom of a pair decrease [s].
 APPROACH_TIME = 0.06
 
-# Time constant at which a holding row lets the clearance decrease: it must be long
+# Time constant at which a holding row lets the headroom decrease: it must be long
 # enough for a smooth approach [s].
 HOLDING_TIME = 0.008
 
@@ -77,7 +77,7 @@ def surely_opens_by(r: int, raw: Floats, a: Response, m: Motion) -> bool:
 
 @kernel
 def part_of(r: int, other: int, own: float, its: float, a: Response) -> float:
-    """Share of one robot in the clearance of its pair with another robot, in [0, 1].
+    """Share of one robot in the headroom of its pair with another robot, in [0, 1].
 
     No robot gets credit for the other one that opens the pair: that one may stop.
     """
@@ -117,12 +117,12 @@ def add_opening(r: int, a: Response, m: Motion) -> None:
 def add_approach(
     r: int, left: float, opens: bool, a: Response, v: Watch, m: Motion
 ) -> None:
-    """Add the approach row: it bounds the loss of clearance, or requires opening.
+    """Add the approach row: it bounds the loss of headroom, or requires opening.
 
     Args:
         r: The robot.
-        left: Its share of the clearance of the pair [m].
-        opens: Whether the robot moves to open a pair with too little clearance.
+        left: Its share of the headroom of the pair [m].
+        opens: Whether the robot moves to open a pair with too little headroom.
         a: Responses; `raw` holds the distance gradient of the pair.
         v: Watch.
         m: Motion.
@@ -148,13 +148,13 @@ def add_holding(
     """Add the holding row: it keeps a pair provable, whichever joint stops first.
 
     A joint that closes the pair gets no credit for one that opens it: that one may stop
-    sooner. A robot that opens the pair may use all of its clearance at once, for it has
+    sooner. A robot that opens the pair may use all of its headroom at once, for it has
     more in the next cycle. A robot that closes it may use only a share.
 
     Args:
         r: The robot.
-        left: Its share of the clearance of the pair [m].
-        opens: Whether the robot moves to open a pair with too little clearance.
+        left: Its share of the headroom of the pair [m].
+        opens: Whether the robot moves to open a pair with too little headroom.
         a: Responses; `raw` holds the distance gradient of the pair.
         v: Watch.
         m: Motion.
@@ -177,7 +177,7 @@ def add_holding(
 
 @kernel
 def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
-    """Clearance a robot may use up before a command of this cycle takes effect [m].
+    """Headroom a robot may use up before a command of this cycle takes effect [m].
 
     The last command moves it, and all its joints may have their tracking errors.
 

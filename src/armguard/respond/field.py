@@ -2,10 +2,10 @@
 
 The goal, joint positions or a pose of the tool, attracts at a bounded speed, so a far
 goal attracts no more than a near one. A near pair reduces the closing part of this
-velocity, the more the smaller its clearance (velocity scaling). It also repels its
+velocity, the more the smaller its headroom (velocity scaling). It also repels its
 robot: the force of Khatib's artificial potential acts as a velocity along the pair's
 distance gradient. Potential and force are one function, `field_at`: the force is minus
-the gradient of the potential over the clearance. Both fade near the goal, or a goal
+the gradient of the potential over the headroom. Both fade near the goal, or a goal
 beside a wall could not be reached.
 
 The sum may vanish where there is no goal. That is a local minimum: a robot that gets no
@@ -196,7 +196,7 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
 
     Args:
         r: The robot.
-        part: Clearance of the pair as a share of the range of its influence [-].
+        part: Headroom of the pair as a share of the range of its influence [-].
         a: Responses; `raw` holds the distance gradient of the pair.
         s: Lead.
         m: Motion.
@@ -220,13 +220,13 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
 def field_at(part: float, near: float) -> tuple[float, float]:
     """Repulsive potential of a pair, and its force: minus the derivative.
 
-    A quarter of Khatib's potential ½ (1/x - 1)², x being the clearance as a share of
+    A quarter of Khatib's potential ½ (1/x - 1)², x being the headroom as a share of
     the range of influence; so the force is 1 at x = ½. Both are 0 from x = 1 on. Below
     `STEEPEST` the force goes on along its tangent, and the potential is a parabola.
     Near the goal both fade with the square of the way to it.
 
     Args:
-        part: Clearance of the pair as a share of the range of its influence [-].
+        part: Headroom of the pair as a share of the range of its influence [-].
         near: Way to the goal as a share of where the field is full, in [0, 1] [-].
 
     Returns:

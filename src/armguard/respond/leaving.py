@@ -51,7 +51,7 @@ STRAIGHT = 0.5
 def spare_at_rest(
     i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
 ) -> float:
-    """Clearance that a near pair would have if its robots were at rest now [m]."""
+    """Headroom that a near pair would have if its robots were at rest now [m]."""
     spare = w.out[place + WITNESS] - static_need(i, j, w, v, m) - m.blur[i]
     if robot_of(j, v) >= 0:
         return float(spare - m.blur[j])

@@ -1,6 +1,6 @@
 """Quadratic program for the safe velocity nearest to the target, and its rows.
 
-For each near pair the guard has measured the clearance h that is left if the pending
+For each near pair the guard has measured the headroom h that is left if the pending
 commands go on. Closing the pair faster by Δv costs
 
     Δv · (T + t)
@@ -15,7 +15,7 @@ itself from becoming negative: a joint that closes the pair gets no credit for o
 opens it, since that one may stop sooner. So a robot that slides along a surface keeps
 the separation that its speed requires.
 
-The rows are linear in u. A pair with too little clearance, which tracking errors can
+The rows are linear in u. A pair with too little headroom, which tracking errors can
 cause, is opened again. If the rows of all pairs cannot be satisfied at once, their
 bounds are relaxed so that the declared stop satisfies all of them.
 
@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from armguard.guard.commands import time_passed
 from armguard.guard.contracts import contract_of
 from armguard.guard.layout import (
-    CLEARANCE,
     FIRST,
+    HEADROOM,
     NEAR_COUNT,
     PROOF,
     SECOND,
@@ -102,7 +102,7 @@ BY_ROWS = int(Changed.ROWS)
 BY_BLOCKED = int(Changed.BLOCKED)
 
 
-# Clearance that an approach row leaves to the proof, and clearance that a holding row
+# Headroom that an approach row leaves to the proof, and headroom that a holding row
 # never uses up in one cycle [m].
 SPARE = 6e-4
 LEAST_SPARE = 2e-4
@@ -314,9 +314,9 @@ def add_pair(
     i, j = int(out[place + FIRST]), int(out[place + SECOND])
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     pair_row(i, j, place, raw, w, m)
-    left = out[place + CLEARANCE]
+    left = out[place + HEADROOM]
     if out[place + PROOF] != UNPROVEN:
-        # The deficit of an unproven pair does not predict its clearance.
+        # The deficit of an unproven pair does not predict its headroom.
         left = steady_spare(i, j, left, a, v)
     resting = spare_at_rest(i, j, place, w, v, m)
     closing_i = closing_of(robot_i, raw, target, m)

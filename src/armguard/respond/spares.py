@@ -1,6 +1,6 @@
-"""Steady clearance of near pairs: filtered against errors of measurement.
+"""Steady headroom of near pairs: filtered against errors of measurement.
 
-The clearance of a pair varies from cycle to cycle with the errors of positions and
+The headroom of a pair varies from cycle to cycle with the errors of positions and
 velocities, and with the depth of its proof. A response that uses the larger values
 closes the pair in every second cycle, until a smaller value ends in a stop. So the
 least recent value counts: a smaller value applies at once and is forgotten slowly.
@@ -16,7 +16,7 @@ from armguard.respond.state import MET, PAIR_KEY, REMEMBERED, Response
 # Time constant at which a smaller value is forgotten [s].
 FORGETTING_TIME = 0.03
 
-# Places at which a pair is looked for. Without a free one its clearance is unfiltered.
+# Places at which a pair is looked for. Without a free one its headroom is unfiltered.
 PROBES = 8
 
 # Cycles for which a pair is remembered while it is not near: it may be far by error.
@@ -28,12 +28,12 @@ STRIDE = 31
 
 @kernel
 def steady_spare(i: int, j: int, left: float, a: Response, v: Watch) -> float:
-    """Clearance of a near pair, not much above its recent minimum [m].
+    """Headroom of a near pair, not much above its recent minimum [m].
 
     Args:
         i: First primitive.
         j: Second primitive.
-        left: Clearance in this cycle [m].
+        left: Headroom in this cycle [m].
         a: Responses; `spares` and `spare_of` are written.
         v: Watch.
     """

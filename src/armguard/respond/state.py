@@ -21,7 +21,7 @@ Longs = NDArray[np.int64]
 # admissible velocity can violate are left out; these are most of them.
 ROWS = 96
 
-# How two robots share the clearance of their pair, by number.
+# How two robots share the headroom of their pair, by number.
 BY_CONTRIBUTION, EQUALLY, BY_PRIORITY = (
     CHOICES["sharing"].index(name) for name in ("contribution", "equal", "priority")
 )
@@ -105,7 +105,7 @@ NOTES = 14
 # opens all pairs that are too near, 0 if the joint moves none of them.
 EITHER_WAY = 2  # each sign opens one pair and closes another
 
-# Pairs whose clearance is remembered, and places in the row of a pair.
+# Pairs whose headroom is remembered, and places in the row of a pair.
 REMEMBERED = 2048
 PAIR_KEY = 0  # its two primitives
 MET = 1  # number of the last cycle in which it was near, NEVER if none
@@ -129,10 +129,10 @@ TOOL_POINT = 2  # origin of the tool in its body, 3 numbers [m]
 TOOL_TWIST = 5  # requested twist, 6 numbers [m/s], [rad/s]
 TWIST_ROW = 11
 
-# Greatest loss of clearance of a pair in a cycle, in `pace`.
+# Greatest loss of headroom of a pair in a cycle, in `pace`.
 STEP = 0  # time since the last commands [s]
-NEARER = 1  # share of the clearance, in an approach row [-]
-LESS = 2  # share of the clearance, in a holding row [-]
+NEARER = 1  # share of the headroom, in an approach row [-]
+LESS = 2  # share of the headroom, in a holding row [-]
 PACE = 3
 
 
@@ -166,7 +166,7 @@ class Response(NamedTuple):
         away: Joint motion that leads away from approaching obstacles, shape (n,).
         ways_out: Escape direction of each joint in a recovery, see EITHER_WAY, (n,).
         speed: Share of its top speeds that each robot may use, shape (r,) [-].
-        pace: Loss of clearance in a cycle, see STEP, shape (PACE,).
+        pace: Loss of headroom in a cycle, see STEP, shape (PACE,).
         closing_time: Time until rest for which a velocity of each joint counts that
             closes a pair, shape (n,) [s].
         opening_time: Time until rest for which a velocity of each joint counts that
@@ -176,7 +176,7 @@ class Response(NamedTuple):
         commanded: Numbers of the command, see `Command`, shape (4 n + 4 r,).
         lead: Guidance of robots by the guard.
         escape: Evasion of approaching obstacles.
-        spares: Clearance of remembered pairs, see `spares`, shape (REMEMBERED,) [m].
+        spares: Headroom of remembered pairs, see `spares`, shape (REMEMBERED,) [m].
         spare_of: Key of each remembered pair and cycle in which it was near last, shape
             (REMEMBERED, 2).
         missed: Lasting tracking error of each joint, shape (n,) [rad/s or m/s].

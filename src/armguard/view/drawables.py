@@ -297,6 +297,6 @@ def pair_look(pair: NearPair) -> tuple[Rgb, str]:
     if pair.contract:
         return GREEN, "allowed"
     level = Level.SLOW if pair.time_left < SLOW_TIME_DEFAULT else Level.CAUTION
-    if not pair.clearance >= 0.0:
+    if not pair.headroom >= 0.0:
         level = Level.STOP
     return LEVEL_COLOURS[level], LEVEL_WORDS[level]

@@ -103,7 +103,7 @@ class SignalPlot(Drawable):
             return float(cycle.frame.q[self.tables.q_names.index(name)])
         pairs = cycle.pairs if name == NEAREST else [pair_named(cycle, name)]
         pair = pairs[0] if pairs else None
-        return np.nan if pair is None else pair.clearance * 1e3
+        return np.nan if pair is None else pair.headroom * 1e3
 
     def _draw(self, cycle: Cycle) -> None:
         now, name = time.monotonic(), self._choice.value
@@ -166,7 +166,7 @@ class NearList(Drawable):
     def _draw(self, cycle: Cycle) -> None:
         lines = [
             f"| {inert(pair_name(pair))} | {pair.distance * 1e3:.0f} mm "
-            f"| {pair.clearance * 1e3:.0f} mm |"
+            f"| {pair.headroom * 1e3:.0f} mm |"
             for pair in cycle.pairs[:LISTED]
         ]
         text = "No pair is within the margin."

@@ -91,8 +91,8 @@ class Cycle:
 
     @cached_property
     def pairs(self) -> list[NearPair]:
-        """Its near pairs, the one with the least clearance first."""
-        return sorted(self.verdict.near, key=lambda pair: pair.clearance)
+        """Its near pairs, the one with the least headroom first."""
+        return sorted(self.verdict.near, key=lambda pair: pair.headroom)
 
 
 def levels_of(frame: Frame, robots: int) -> tuple[int, ...]:

@@ -171,8 +171,8 @@ def test_the_newest_cycle_is_told(station, scraped):
         found = frame_of(row)
         frame = found if found.kind == Kind.CYCLE else frame
     assert scraped[("armguard_last_cycle",)] == frame.cycle
-    assert scraped[("armguard_slack_seconds",)] == pytest.approx(
-        frame.verdict[layout.SLACK_TIME]
+    assert scraped[("armguard_time_left_seconds",)] == pytest.approx(
+        frame.verdict[layout.LEAST_TIME_LEFT]
     )
     for r, robot in enumerate(("left", "right")):
         row = frame.verdict[layout.HEADER + r * layout.ROBOT_WIDTH :]
@@ -183,7 +183,7 @@ def test_the_newest_cycle_is_told(station, scraped):
         ):
             assert scraped[(f"armguard_{name}", ("robot", robot))] == row[place]
     # At home nothing is near.
-    assert scraped[("armguard_nearest_clearance_metres",)] > 0.0
+    assert scraped[("armguard_nearest_headroom_metres",)] > 0.0
     about = [key for key in scraped if key[0] == "armguard_scene_info"]
     assert len(about) == 1 and ("version" in dict(about[0][1:]))
 

@@ -89,7 +89,7 @@ def test_a_stop_of_robots_nobody_has_seen_is_json():
     assert command["positions"] == [None, None]
     assert command["velocities"] == [0.0, 0.0] and command["stop"]
     verdict = json.loads(json.dumps(verdict_of(stop), allow_nan=False))
-    assert verdict["slack"] is None and verdict["ages"] == {"a": None}
+    assert verdict["headroom"] is None and verdict["ages"] == {"a": None}
 
 
 def test_only_the_commander_commands():

@@ -93,11 +93,11 @@ def test_an_answer_says_what_its_message_did_whatever_comes_after_it(far, client
     assert answer.began == (client.sender, 1)
     assert answer.velocity.tolist() == [0.0, 1.0, 2.0]
     assert answer.position.tolist() == [3.0, 4.0, 5.0]
-    assert (answer.slack, answer.slack_time, answer.time) == (0.0, 0.7, 1.5)
+    assert (answer.headroom, answer.time_left, answer.time) == (0.0, 0.7, 1.5)
     assert answer.inside == pytest.approx(1e-8)
     near = answer.nearest
     assert (near.a, near.b) == ("left/hand", "bench")
-    assert (near.distance, near.clearance) == (0.3, 0.2)
+    assert (near.distance, near.headroom) == (0.3, 0.2)
     assert [*near.point_a, *near.point_b] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     assert answer.cause is Cause.NONE
     assert answer.missed and not answer.stops

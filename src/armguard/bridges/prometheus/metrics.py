@@ -163,8 +163,8 @@ OF_CYCLE = {
     "last_cycle": "Number of the newest cycle",
     "last_cycle_age_seconds": "Time since the newest cycle was written; it grows while "
     "the loop is silent",
-    "slack_seconds": "Least time until a stop must be ordered",
-    "nearest_clearance_metres": "What the nearest pair has left beyond what it needs; "
+    "time_left_seconds": "Least time until a stop must be ordered",
+    "nearest_headroom_metres": "What the nearest pair has left beyond what it needs; "
     "infinite if nothing is near",
     "nearest_distance_metres": "Signed distance of the nearest pair; infinite if "
     "nothing is near",
@@ -231,7 +231,7 @@ class ServiceCollector:
         values = (
             frame.cycle,
             time.monotonic() - frame.monotonic,
-            float(numbers[layout.SLACK_TIME]),
+            float(numbers[layout.LEAST_TIME_LEFT]),
             *nearest(frame),
             float(numbers[layout.NEAR_COUNT]),
         )
@@ -240,13 +240,13 @@ class ServiceCollector:
 
 
 def nearest(frame: Frame) -> tuple[float, float]:
-    """Clearance and distance of the nearest pair of a cycle [m]."""
+    """Headroom and distance of the nearest pair of a cycle [m]."""
     row = int(frame.verdict[layout.NEAREST])
     if row < 0:
         return float("inf"), float("inf")
     first = layout.HEADER + len(frame.stamps) * layout.ROBOT_WIDTH + len(frame.q)
     pair = frame.verdict[first + row * layout.NEAR_WIDTH :]
-    return float(pair[layout.CLEARANCE]), float(pair[layout.WITNESS])
+    return float(pair[layout.HEADROOM]), float(pair[layout.WITNESS])
 
 
 def registry_of(

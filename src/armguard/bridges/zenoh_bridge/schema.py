@@ -154,8 +154,8 @@ def number_of(field: str, value: Any) -> float:
 
 # Fields of a verdict: attributes of an answer.
 VERDICT = (
-    *("cycle", "time", "level", "levels", "cause", "reason", "sentence", "slack"),
-    *("slack_time", "nearest", "urgency", "speed_scale", "blocked", "stopped_by"),
+    *("cycle", "time", "level", "levels", "cause", "reason", "sentence", "headroom"),
+    *("time_left", "nearest", "urgency", "speed_scale", "blocked", "stopped_by"),
     *("held", "ages"),
 )
 

@@ -65,12 +65,12 @@ def words() -> Words:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nearest:
-    """The pair with the least clearance."""
+    """The pair with the least headroom."""
 
     a: str  # body of A: 'robot/link', or an object's name
     b: str
     distance: float  # signed distance of their surfaces [m]
-    clearance: float  # distance beyond what the pair needs [m]
+    headroom: float  # distance beyond what the pair needs [m]
     point_a: Floats  # witness point on A, world, shape (3,) [m]
     point_b: Floats
 
@@ -144,18 +144,18 @@ class Answer:
         return self._command.time
 
     @property
-    def slack(self) -> float:
+    def headroom(self) -> float:
         """Distance of the nearest pair beyond what it needs [m]."""
-        return self._command.slack
+        return self._command.headroom
 
     @property
-    def slack_time(self) -> float:
+    def time_left(self) -> float:
         """Least time until a stop must be ordered [s]."""
-        return self._command.slack_time
+        return self._command.time_left
 
     @property
     def nearest(self) -> Nearest | None:
-        """The pair with the least clearance; None if none is near."""
+        """The pair with the least headroom; None if none is near."""
         found, bodies = self._command, self.welcome.bodies
         if found.body_a == NO_BODY:
             return None
@@ -163,7 +163,7 @@ class Answer:
             a=bodies[found.body_a],
             b=bodies[found.body_b],
             distance=found.distance,
-            clearance=found.clearance,
+            headroom=found.pair_headroom,
             point_a=frombuffer(found.point_a).copy(),
             point_b=frombuffer(found.point_b).copy(),
         )
@@ -272,7 +272,7 @@ class Answer:
         sentence, near = welcome.reasons[self.reason_number][1], self.nearest
         if near is not None and self.level_number:
             away = f"{near.a} {near.distance * 1e3:.0f} mm from {near.b}"
-            room = near.clearance * 1e3
+            room = near.headroom * 1e3
             sentence = f"{sentence} ({away}, headroom {room:.0f} mm)"
         return f"{sentence}; {cause.sentence}" if cause else sentence
 

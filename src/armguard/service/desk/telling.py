@@ -4,8 +4,9 @@ from math import inf
 from typing import Any
 
 from armguard.guard.layout import (
-    CLEARANCE,
     FIRST,
+    HEADROOM,
+    LEAST_TIME_LEFT,
     NEAR_WIDTH,
     NEAREST,
     ROBOT_AGE,
@@ -15,7 +16,6 @@ from armguard.guard.layout import (
     ROBOT_URGENCY,
     ROBOT_WIDTH,
     SECOND,
-    SLACK_TIME,
     WITNESS,
 )
 from armguard.guard.layout import HEADER as ROBOTS_IN_NUMBERS
@@ -143,12 +143,12 @@ def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
 
 @kernel
 def write_nearest(d: Desk, command: Any) -> None:
-    """Write the slack and the nearest pair."""
+    """Write the headroom and the nearest pair."""
     numbers = d.numbers
     near = int(numbers[NEAREST])
-    command["slack_time"] = numbers[SLACK_TIME]
+    command["time_left"] = numbers[LEAST_TIME_LEFT]
     if near < 0:
-        command["slack"] = command["distance"] = command["clearance"] = inf
+        command["headroom"] = command["distance"] = command["pair_headroom"] = inf
         command["body_a"] = command["body_b"] = NO_BODY
         for k in range(3):
             command["point_a"][k] = command["point_b"][k] = 0.0
@@ -156,7 +156,7 @@ def write_nearest(d: Desk, command: Any) -> None:
     row = d.first_row[0] + near * NEAR_WIDTH
     command["body_a"] = d.body_of[int(numbers[row + FIRST])]
     command["body_b"] = d.body_of[int(numbers[row + SECOND])]
-    command["slack"] = command["clearance"] = numbers[row + CLEARANCE]
+    command["headroom"] = command["pair_headroom"] = numbers[row + HEADROOM]
     command["distance"] = numbers[row + WITNESS]
     for k in range(3):
         command["point_a"][k] = numbers[row + WITNESS + 1 + k]

@@ -218,12 +218,12 @@ class Command(NamedTuple):
     received: I64  # when it came in, on the service's monotonic clock [ns]
     ended: I64  # when it had been judged [ns]
     time: F64  # time of the cycle [s]
-    slack: F64  # slack: clearance of the nearest pair [m]
-    slack_time: F64  # slack: least time until a stop must be ordered [s]
+    headroom: F64  # headroom of the nearest pair [m]
+    time_left: F64  # least time until a stop must be ordered [s]
     body_a: U32  # body A of the nearest pair, index into `bodies`; 0xFFFFFFFF for none
     body_b: U32  # body B
     distance: F64  # their signed distance [m]
-    clearance: F64  # their clearance: distance beyond what the pair needs [m]
+    pair_headroom: F64  # their headroom: distance beyond what the pair needs [m]
     point_a: Point  # witness point on A, world [m]
     point_b: Point  # witness point on B [m]
     reason: U16  # reason, see `reasons` of the WELCOME and
@@ -334,12 +334,12 @@ STOP_LEVEL, STOP_ACTION, HOLD_ACTION = 30, 10, 5
 
 # The COMMAND of a stop where no cycle was judged, and its row of each robot.
 STOPPED = COMMAND.unpack_from(bytes(COMMAND.size))._replace(
-    slack=nan,
-    slack_time=nan,
+    headroom=nan,
+    time_left=nan,
     body_a=NO_BODY,
     body_b=NO_BODY,
     distance=inf,
-    clearance=nan,
+    pair_headroom=nan,
     level=STOP_LEVEL,
     action=STOP_ACTION,
 )

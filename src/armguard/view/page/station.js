@@ -21,7 +21,7 @@
   word.textContent = "WAITING";
   const words = make("div", "words", bar);
   const why = make("div", "why", words);
-  const slack = make("div", "slack", words);
+  const headroom = make("div", "headroom", words);
   const role = make("div", "role", words);
   const recorder = make("div", "recorder", words);
   const robots = make("div", "robots", bar);
@@ -107,8 +107,8 @@
     else veil.textContent = state.grey;
     if (state !== null) {
       const written = state.recorded ? state.recorded : `written ${(1000 * age).toFixed(0)} ms ago`;
-      slack.textContent =
-        `≥ ${number(state.slack_ms, 0, "ms")} to a stop · headroom ${number(state.slack_mm, 1, "mm")}` +
+      headroom.textContent =
+        `≥ ${number(state.time_left_ms, 0, "ms")} to a stop · headroom ${number(state.headroom_mm, 1, "mm")}` +
         ` · cycle ${state.cycle} · ${written}`;
     }
   };
