@@ -69,7 +69,7 @@ def check(verdict):
     """Words against level, headroom and the need of one verdict."""
     why, level = verdict.why, verdict.level
     assert "\n" not in why
-    assert "headroom" not in why
+    assert "clearance" not in why
     assert not re.search(r"(keep|needs|headroom) -", why), why
     found = {n for n, words in WORDS.items() if any(word in why for word in words)}
     if "hardware stop" in why:
