@@ -3,7 +3,7 @@
 import pytest
 
 from armguard.errors import ModelError
-from armguard.robot import load_urdf, xacro_source
+from armguard.robot import child, load_urdf
 from armguard.robot.xacro_source import expand_xacro
 from armguard.scene import load_scene
 
@@ -77,7 +77,7 @@ def test_syntax_errors_and_endless_expressions_are_refused(tmp_path):
 
 def test_without_the_extra_the_install_line_is_named(tmp_path, monkeypatch):
     path, _ = arm(tmp_path)
-    monkeypatch.setattr(xacro_source, "find_spec", lambda _: None)
+    monkeypatch.setattr(child, "find_spec", lambda _: None)
     with pytest.raises(ModelError, match=r'pip install "armguard\[xacro\]"'):
         load_urdf(path)
 

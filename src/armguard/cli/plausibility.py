@@ -159,11 +159,10 @@ def speed_findings(scene: Scene, robot: SceneRobot, reach: float) -> Iterator[Fi
     ]
     if fast and figures.sources.get("velocity") == DEFAULTS["velocity"]:
         worst = max(fast, key=tops.__getitem__)
-        file = model.path.name if model.path else model.name
         yield Finding(
             "plausibility",
             "WARN",
-            f"the speed limit of joint '{worst}' is {tops[worst]:g} rad/s in {file} "
+            f"the speed limit of joint '{worst}' is {tops[worst]:g} rad/s in {model.file} "
             f"line {model.joints[worst].line}, and {len(fast)} joints exceed "
             f"{FAST:g} rad/s",
             "declare the top speed that your drives hold",
