@@ -181,7 +181,7 @@ def test_a_name_of_a_mesh_alone_is_no_tail(tmp_path):
         load(tmp_path, text, packages={"p": tmp_path / "d"})
 
 
-def test_xacro_and_mjcf_are_named_with_the_way_out(tmp_path):
+def test_xacro_is_named_with_the_way_out(tmp_path):
     spaced = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
     text = f'<robot name="r" {spaced}><xacro:include filename="a"/></robot>'
     with pytest.raises(ModelError, match=r"is a xacro file; .*mv r.urdf r.urdf.xacro"):
@@ -189,8 +189,8 @@ def test_xacro_and_mjcf_are_named_with_the_way_out(tmp_path):
     # What xacro has expanded still declares its namespace.
     expanded = robot(joint()).replace("<robot", f"<robot {spaced}", 1)
     assert load(tmp_path, expanded).root == "a"
-    with pytest.raises(ModelError, match=r"starts with <mujoco>.*MJCF is not read"):
-        load(tmp_path, "<mujoco/>")
+    with pytest.raises(ModelError, match=r"<sdf>; it must be <robot> or <mujoco>"):
+        load(tmp_path, "<sdf/>")
 
 
 def test_shapes_axes_and_limits_are_read(tmp_path):

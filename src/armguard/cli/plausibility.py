@@ -162,9 +162,9 @@ def speed_findings(scene: Scene, robot: SceneRobot, reach: float) -> Iterator[Fi
         yield Finding(
             "plausibility",
             "WARN",
-            f"the speed limit of joint '{worst}' is {tops[worst]:g} rad/s in {model.file} "
-            f"line {model.joints[worst].line}, and {len(fast)} joints exceed "
-            f"{FAST:g} rad/s",
+            f"the speed limit of joint '{worst}' is {tops[worst]:g} rad/s in "
+            f"{model.file} line {model.joints[worst].line}, and {len(fast)} joints "
+            f"exceed {FAST:g} rad/s",
             "declare the top speed that your drives hold",
             keys,
             f"stopping: {in_yaml({'velocity': capped(tops, fast, FAST)})}",

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 REFUSED = "refused: "
 
 ADVICE = {
-    "FREE": "remove it, and place the robot with `base` in the scene; a body that moves "
-    "freely is an object of the scene",
+    "FREE": "remove it, and place the robot with `base` in the scene; a body that "
+    "moves freely is an object of the scene",
     "BALL": "write it as three hinge joints",
     "PLANE": "remove it, or name the robot's own file, and add the plane to the scene: "
     "`objects: {floor: {half_space: {}}}`",
@@ -147,7 +147,7 @@ class MujocoRobot:
         import mujoco
 
         model, found = self.model, dict[int, tuple[int, float, float]]()
-        for k in np.flatnonzero(model.eq_active0):
+        for k in np.flatnonzero(model.eq_active0).tolist():
             follower, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
             constant, factor, *others = model.eq_data[k, :5].tolist()
             kind = mujoco.mjtEq(model.eq_type[k]).name.removeprefix("mjEQ_").lower()
@@ -278,7 +278,8 @@ class MujocoRobot:
             if not last:
                 etree.SubElement(root, "link", name=child)
             self.add_joint(root, k, kind, (parent, child), T @ anchor @ back)
-            parent, T = child, np.linalg.inv(anchor)
+            parent, anchor[:3, 3] = child, -anchor[:3, 3]
+            T = anchor
         if parent != own:
             fixed = add_joint(root, f"{own}.fixed", "fixed", (parent, own))
             add_origin(fixed, T)

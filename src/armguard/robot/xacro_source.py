@@ -50,7 +50,7 @@ def expand_xacro(
 
 
 def refusal(file: str, message: str) -> str:
-    """One sentence from the message of xacro."""
+    """One sentence from the message of the child."""
     if MISSING in message:
         name = (message.split(MISSING, 1)[1].split() or ["NAME"])[0].strip("'\":;")
         return (
