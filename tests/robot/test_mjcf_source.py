@@ -13,7 +13,7 @@ from armguard.robot.kinematics import forward_kinematics, kinematic_table
 from armguard.robot.limits import home_configuration
 from armguard.robot.mjcf_source import expand_mjcf
 from armguard.robot.model import JointKind, MeshFile
-from armguard.scene import load_scene
+from armguard.scene import Scene, load_scene
 from armguard.view.meshes import visuals_of
 
 mujoco = pytest.importorskip("mujoco")
@@ -45,7 +45,7 @@ ARM = """<mujoco model="arm">
         <body name="hand" pos="0 0 0.3">
           <geom type="box" size="0.02 0.03 0.04" contype="0" conaffinity="2"/>
           <body name="finger" pos="0 0 0.05">
-            <joint name="grip" type="slide" axis="0 1 0" range="-1 1"/>
+            <joint name="grip" type="slide" axis="0 1 0" range="-1 1" ref="0.1"/>
             <geom size="0.01"/>
           </body>
         </body>
@@ -354,8 +354,17 @@ def test_a_scene_file_names_an_mjcf_file(tmp_path):
     write(tmp_path, ARM.replace('<geom type="mesh" mesh="part"', "<geom size='.1'"))
     scene = tmp_path / "scene.yaml"
     scene.write_text("robots:\n  r:\n    urdf: arm.xml\n    mode: fixed\n")
-    robot = load_scene(scene).robots["r"]
-    assert robot.home == {"turn": 1.0, "slide": 0.03, "spin": -2.0}
+    by_python = Scene(mode="fixed").add_robot(tmp_path / "arm.xml", "r")
+    for robot in (load_scene(scene).robots["r"], by_python):
+        assert robot.home == {"turn": 1.0, "slide": 0.03, "spin": -2.0}
+        assert robot.fits.keys() == {"world", "lower", "upper", "hand", "finger"}
     scene.write_text("robots:\n  r:\n    urdf: arm.xml\n")
     with pytest.raises(Exception, match="has no stopping figures"):
         load_scene(scene)
+
+
+def test_a_warning_of_mujoco_is_a_note_and_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    model = load_urdf(write(tmp_path, world('<geom size="1" rgba="nan 0 0 1"/>')))
+    assert "'arm.xml': MuJoCo warns: XML contains a 'NaN'" in model.notes[0]
+    assert {path.name for path in tmp_path.iterdir()} == {"arm.xml", "meshes"}

@@ -100,7 +100,7 @@ REFUSED = {
     ),
     "no collision": (
         robot(joint(), shape=""),
-        "no <collision> geometry on any of its 2",
+        "no collision geometry on any of its 2",
     ),
     "radius no number": (
         robot(joint(), shape=SHAPE.replace("0.1", "abc")),
@@ -113,7 +113,8 @@ REFUSED = {
     "radius zero": (robot(joint(), shape=SHAPE.replace("0.1", "0")), "it must be > 0"),
     "unknown shape": (
         robot(joint(), shape="<collision><geometry><cone/></geometry></collision>"),
-        "<cone> is no shape of a URDF; there are box, capsule, cylinder, mesh, sphere",
+        "<cone> is no shape of a URDF; there are box, capsule, cylinder, ellipsoid, "
+        "mesh, sphere",
     ),
     "two shapes": (
         robot(joint(), shape=SHAPE.replace("</geom", '<sphere radius="1"/></geom')),

@@ -8,6 +8,7 @@ from armguard.errors import ArmguardError, ModelError
 from armguard.robot import child, load_urdf
 from armguard.robot.known_arms import known_arms, known_data
 from armguard.robot.xacro_source import expand_xacro
+from armguard.robot.xml_source import MOST_XML_BYTES
 from armguard.scene import load_scene
 
 ARM = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -182,3 +183,11 @@ def test_a_scene_file_gives_the_arguments(tmp_path):
         "    mode: fixed\n    xacro_args: {size: 0.2, name: b}\n"
     )
     assert load_scene(scene).robots["r"].model.links.keys() == {"base", "b"}
+
+
+def test_a_large_expansion_is_refused_by_its_size(tmp_path):
+    pytest.importorskip("xacro")
+    path = write(tmp_path, body("""<link name="${'a' * 5 * 10**6}"/>"""))
+    with pytest.raises(ModelError, match="has more than 4 MB after its expansion"):
+        load_urdf(path)
+    assert len(expand_xacro(path)) == MOST_XML_BYTES + 1

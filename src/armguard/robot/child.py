@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from armguard.errors import ModelError
+from armguard.robot.xml_source import MOST_XML_BYTES
 
 # Longest conversion [s].
 MOST_SECONDS = 30.0
@@ -37,12 +38,12 @@ def convert(
     Args:
         module: Name of the module; its `main` runs in the child process.
         path: The file.
-        order: What `order_of_parent` returns there, beside the path.
+        order: Values that `given` returns there, beside the path.
         seconds: Longest conversion [s].
         kind: Name of the format; in lower case, of the extra.
-        package: The library it needs.
-        endless: What to look for if it takes longer.
-        refusal: One sentence from the name of the file and the child's message.
+        package: The library that reads it.
+        endless: Likely causes of a longer conversion.
+        refusal: Makes one sentence of the name of the file and the child's message.
 
     Raises:
         ModelError: The library is not installed, refuses the file, or takes too long.
@@ -71,7 +72,12 @@ def convert(
     return ended.stdout
 
 
-def order_of_parent() -> Any:
+def answer(urdf: bytes) -> None:
+    """In the child: hand the URDF over; what is too large is cut, and refused there."""
+    sys.stdout.buffer.write(urdf[: MOST_XML_BYTES + 1])
+
+
+def given() -> Any:
     """In the child: limit its memory, and read its order."""
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     return json.load(sys.stdin)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import ModelError
 from armguard.geometry.pose import Pose
-from armguard.robot.child import MOST_MESSAGE, MOST_SECONDS, convert, order_of_parent
+from armguard.robot.child import MOST_MESSAGE, MOST_SECONDS, answer, convert, given
 
 Element = Any  # an lxml element; its stubs call it private
 Floats = NDArray[np.float64]
@@ -68,13 +68,16 @@ def refusal(file: str, message: str) -> str:
 
 def main() -> None:
     """Convert the file that standard input names; the URDF goes to standard output."""
-    path = Path(order_of_parent()["path"])
+    path = Path(given()["path"])
     import mujoco
 
+    warnings: list[str] = []
+    mujoco.set_mju_user_warning(warnings.append)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         robot = MujocoRobot(path, spec, spec.compile())
-        sys.stdout.buffer.write(etree.tostring(robot.urdf(), pretty_print=True))
+        robot.notes += [f"'{path.name}': MuJoCo warns: {text}" for text in warnings]
+        answer(etree.tostring(robot.urdf(), pretty_print=True))
     except ModelError as error:
         sys.exit(f"{REFUSED}{error}")
     except Exception as error:  # MuJoCo has its own errors, and those of its parsers
@@ -249,7 +252,9 @@ class MujocoRobot:
                 f"mesh '{name}' has a refpos or refquat; remove them, and set `pos` "
                 "and `quat` of its geoms",
             )
+        # Whole in MuJoCo 4; before, as it is written.
         file = bytes(model.paths)[start:].split(b"\0", 1)[0].decode()
+        file = str(self.path.parent / self.spec.meshdir / file)
         scale = text(model.mesh_scale[number])
         return etree.Element("mesh", filename=file, scale=scale)
 

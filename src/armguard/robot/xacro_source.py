@@ -7,7 +7,7 @@ from types import ModuleType
 
 from armguard.bounded import is_file, shown
 from armguard.errors import ModelError
-from armguard.robot.child import MOST_MESSAGE, MOST_SECONDS, convert, order_of_parent
+from armguard.robot.child import MOST_MESSAGE, MOST_SECONDS, answer, convert, given
 from armguard.robot.packages import candidates, package_name
 
 # How xacro's message of a missing argument begins.
@@ -86,7 +86,7 @@ def find_package(name: str, path: Path, packages: Mapping[str, Path]) -> Path:
 
 def main() -> None:
     """Expand the file that standard input names; the URDF goes to standard output."""
-    order = order_of_parent()
+    order = given()
     path = Path(order["path"])
     packages = {name: Path(at) for name, at in order["packages"].items()}
     # xacro imports this module of ROS for `$(find NAME)`.
@@ -105,4 +105,4 @@ def main() -> None:
         print(f"{error or type(error).__name__}", file=sys.stderr)
         xacro.print_location()
         sys.exit(1)
-    sys.stdout.write(text)
+    answer(text.encode())

@@ -48,8 +48,8 @@ def parse_xml(path: Path, source: bytes, *root_tags: str) -> Element:
     """
     if len(source) > MOST_XML_BYTES:
         raise ModelError(
-            f"'{path.name}' has {len(source) / 1e6:.1f} MB after its expansion; the "
-            f"limit is {MOST_XML_BYTES / 1e6:g} MB"
+            f"'{path.name}' has more than {MOST_XML_BYTES / 1e6:g} MB after its "
+            "expansion, which is the limit"
         )
     if b"<!DOCTYPE" in source or b"<!ENTITY" in source:
         raise ModelError(f"'{path.name}' has a DTD or entities; a robot needs none")
