@@ -129,6 +129,46 @@ def test_init_of_a_urdf_is_ready_and_never_overwrites(tmp_path):
     assert path.read_text() == before
 
 
+ARM_IN_MJCF = """<mujoco><worldbody><body name="base">
+ <geom type="cylinder" size="0.1 0.1" pos="0 0 0.1"/><body pos="0 0 0.3">
+ <joint name="pan" axis="0 0 1" range="-90 90"/><geom size="0.05"/><body pos="0 0 0.1">
+ <joint name="lift" axis="0 1 0" range="-90 90"/>
+ <geom type="capsule" fromto="0 0 0.05 0 0 0.4" size="0.04"/></body></body></body>
+ </worldbody><keyframe><key name="home" qpos="0.1 -0.2"/></keyframe></mujoco>"""
+
+
+def test_init_of_mjcf_and_of_xacro_with_its_arguments_is_ready(tmp_path):
+    pytest.importorskip("mujoco")
+    pytest.importorskip("xacro")
+    (tmp_path / "arm.xml").write_text(ARM_IN_MJCF)
+    part = gripper_arm().replace('name="small"', 'name="$(arg name)"')
+    scheme = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "arm.xacro").write_text(
+        part.replace("<robot", f"<robot {scheme}")
+    )
+    (tmp_path / "r.xacro").write_text(
+        f'<robot {scheme} name="r"><xacro:include filename="$(find parts)/arm.xacro"/>'
+        "</robot>"
+    )
+    path = tmp_path / "scenes" / "scene.yaml"
+    path.parent.mkdir()
+    given = ["--package", f"parts={tmp_path / 'parts'}", "--xacro-arg", "name=2"]
+    wrong = run("init", tmp_path / "r.xacro", "-o", path, "--xacro-arg", "name")
+    assert "write --xacro-arg NAME=VALUE" in str(wrong.exception)
+    made = run("init", tmp_path / "arm.xml", tmp_path / "r.xacro", "-o", path, *given)
+    assert made.exit_code == 0, made.output
+    values = YAML(typ="safe").load(path.read_text())
+    assert values["packages"] == {"parts": "../parts"}
+    left, right = values["robots"]["left"], values["robots"]["right"]
+    assert left["urdf"] == "../arm.xml"
+    assert "xacro_args" not in left
+    assert right["xacro_args"] == {"name": "2"}
+    result = run("check", path)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1].startswith("READY")
+
+
 def test_closed_fingers_are_a_warning_with_the_line_that_allows_them(tmp_path):
     scene = f"robots: {{a: {{urdf: r.urdf, {STOPPING}}}}}\n"
     result = check(tmp_path, scene)

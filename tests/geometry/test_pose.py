@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from armguard import Box, Pose, PoseError, Region, ShapeError, distance, distances
 from armguard.geometry.pose import LOOKS_LIKE_DEGREES, rotation_from_rpy
@@ -103,3 +104,12 @@ def test_more_shapes_than_are_kept_prepared():
         other = Box(size=(0.1 + 1e-4 * k, 1, 1))
         gap = distance(ball, Pose(), other, far).distance
         assert gap == pytest.approx(2.5 - other.size[0] / 2)
+
+
+def test_a_matrix_keeps_its_rotation_near_a_pitch_of_90_degrees():
+    """Quaternions of seven digits leave the horizontal part of an axis at 1e-8."""
+    for angle in 10.0 ** np.arange(-16.0, -1.0):
+        for roll, yaw in ((0.3, -2.0), (3.0, 1.0), (-1.0, 0.0)):
+            T, rpy = np.eye(4), (roll, np.pi / 2 - angle, yaw)
+            T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+            assert np.abs(Pose.from_matrix(T).matrix() - T).max() < 2e-12

@@ -100,7 +100,7 @@ REFUSED = {
     ),
     "no collision": (
         robot(joint(), shape=""),
-        "no <collision> geometry on any of its 2",
+        "no collision geometry on any of its 2",
     ),
     "radius no number": (
         robot(joint(), shape=SHAPE.replace("0.1", "abc")),
@@ -113,7 +113,8 @@ REFUSED = {
     "radius zero": (robot(joint(), shape=SHAPE.replace("0.1", "0")), "it must be > 0"),
     "unknown shape": (
         robot(joint(), shape="<collision><geometry><cone/></geometry></collision>"),
-        "<cone> is no shape of a URDF; there are box, capsule, cylinder, mesh, sphere",
+        "<cone> is no shape of a URDF; there are box, capsule, cylinder, ellipsoid, "
+        "mesh, sphere",
     ),
     "two shapes": (
         robot(joint(), shape=SHAPE.replace("</geom", '<sphere radius="1"/></geom')),
@@ -181,7 +182,7 @@ def test_a_name_of_a_mesh_alone_is_no_tail(tmp_path):
         load(tmp_path, text, packages={"p": tmp_path / "d"})
 
 
-def test_xacro_and_mjcf_are_named_with_the_way_out(tmp_path):
+def test_xacro_is_named_with_the_way_out(tmp_path):
     spaced = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
     text = f'<robot name="r" {spaced}><xacro:include filename="a"/></robot>'
     with pytest.raises(ModelError, match=r"is a xacro file; .*mv r.urdf r.urdf.xacro"):
@@ -189,8 +190,8 @@ def test_xacro_and_mjcf_are_named_with_the_way_out(tmp_path):
     # What xacro has expanded still declares its namespace.
     expanded = robot(joint()).replace("<robot", f"<robot {spaced}", 1)
     assert load(tmp_path, expanded).root == "a"
-    with pytest.raises(ModelError, match=r"starts with <mujoco>.*MJCF is not read"):
-        load(tmp_path, "<mujoco/>")
+    with pytest.raises(ModelError, match=r"<sdf>; it must be <robot> or <mujoco>"):
+        load(tmp_path, "<sdf/>")
 
 
 def test_shapes_axes_and_limits_are_read(tmp_path):

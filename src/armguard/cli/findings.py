@@ -173,7 +173,8 @@ def note_remedy(model: RobotModel, note: str) -> str:
     file = model.path.name if model.path else f"the model '{model.name}'"
     for link in model.links.values():
         if link.has_visual and not link.collisions and f"'{link.name}'" in note:
-            return f"add a <collision> to line {link.line} of {file}"
+            if model.expanded is None:
+                return f"add a <collision> to line {link.line} of {file}"
     return f"change {file} or its SRDF; see docs/robots.md"
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
@@ -16,6 +17,7 @@ from armguard.cli.home import is_free, verified_homes
 from armguard.cli.plausibility import FAST, reaches, same
 from armguard.errors import SceneError
 from armguard.geometry import Box, Pose
+from armguard.robot import load_urdf
 from armguard.robot.model import JointKind, RobotModel
 from armguard.robot.stopping import ASSUMPTION
 from armguard.robot.stopping.figures import FIGURES
@@ -55,7 +57,9 @@ class Draft:
         name: Its name in the scene.
         source: Its entry `urdf` in the file.
         model: The robot.
+        is_named: Whether the source is a robot's name.
         srdf: Its entry `srdf`, None if it has none.
+        xacro_args: Its entry `xacro_args`.
         stopping: Assumed figures; empty for a robot that brings its own.
         base: Its base.
         home: Positions that were searched; empty if its own home is free.
@@ -64,7 +68,9 @@ class Draft:
     name: str
     source: str
     model: RobotModel
+    is_named: bool = False
     srdf: str | None = None
+    xacro_args: dict[str, str] = field(default_factory=dict)
     stopping: dict[str, Any] = field(default_factory=dict)
     base: Pose = field(default_factory=Pose)
     home: dict[str, float] = field(default_factory=dict)
@@ -83,7 +89,7 @@ class Draft:
 def init(
     robot: Annotated[
         list[str],
-        typer.Argument(help="One or two robots: names, or URDF files."),
+        typer.Argument(help="One or two robots: names, or URDF, xacro or MJCF files."),
     ],
     output: Annotated[
         Path, Option("--output", "-o", help="The scene file to write.")
@@ -91,6 +97,12 @@ def init(
     rate: Annotated[
         float, Option(min=1.0, max=10_000.0, help="Cycles a second of your loop [Hz].")
     ] = 50.0,
+    package: Annotated[
+        list[str] | None, Option(help="Folder of `package://` names, as NAME=FOLDER.")
+    ] = None,
+    xacro_arg: Annotated[
+        list[str] | None, Option(help="Argument of the xacro files, as NAME=VALUE.")
+    ] = None,
     force: Annotated[bool, Option(help="Replace files that exist.")] = False,
 ) -> None:
     """Write a commented scene file of one or two robots, and its JSON Schema."""
@@ -108,12 +120,15 @@ def init(
             )
     if not output.parent.is_dir():
         raise SceneError(f"folder '{output.parent}' does not exist; create it first")
+    packages = {name: Path(at) for name, at in by_name("--package", package).items()}
+    xacro_args = by_name("--xacro-arg", xacro_arg)
     drafts = [
-        draft_of(name, source, output.parent)
+        draft_of(name, source, output.parent, packages, xacro_args)
         for name, source in zip(NAMES[len(robot)], robot, strict=True)
     ]
     scene = arranged(drafts, 1.0 / rate)
-    write(output, scene_text(scene, drafts, output.name))
+    folders = {name: relative(at, output.parent) for name, at in packages.items()}
+    write(output, scene_text(scene, drafts, output.name, folders))
     schema.write_text(grammar, encoding="utf-8")
     out.print(f"wrote {output} and {schema}", markup=False, soft_wrap=True)
     out.print(
@@ -124,14 +139,50 @@ def init(
     )
 
 
-def draft_of(name: str, source: str, folder: Path) -> Draft:
-    """A robot by name or by file, with assumed figures where it brings none."""
+def by_name(option: str, given: list[str] | None) -> dict[str, str]:
+    """Values of an option by name.
+
+    Raises:
+        SceneError: One has no name or no value.
+    """
+    found = {}
+    for pair in given or []:
+        name, _, value = pair.partition("=")
+        if not name or not value:
+            raise SceneError(f"{option} is '{pair}'; write {option} NAME=VALUE")
+        found[name] = value
+    return found
+
+
+def draft_of(
+    name: str,
+    source: str,
+    folder: Path,
+    packages: Mapping[str, Path],
+    xacro_args: dict[str, str],
+) -> Draft:
+    """A robot by name or by file, with assumed figures where it brings none.
+
+    Args:
+        name: Its name in the scene.
+        source: Its name, or its file.
+        folder: The scene file's folder.
+        packages: Folders of packages by name.
+        xacro_args: Arguments of a xacro file.
+    """
     path = Path(source)
+    is_file = path.is_file()
     beside = path.with_suffix(".srdf")
-    srdf = beside if path.is_file() and beside.is_file() else None
-    model, _, figures = load_robot(source, srdf, None)
-    draft = Draft(name, source, model)
-    if path.is_file():
+    srdf = beside if is_file and beside.is_file() else None
+    own = xacro_args if path.suffix == ".xacro" else {}
+    robot: str | RobotModel = source
+    if is_file:
+        robot = load_urdf(
+            path, srdf=srdf, packages=packages, folder=folder, xacro_args=own
+        )
+    model, _, figures = load_robot(robot, srdf, packages)
+    draft = Draft(name, source, model, is_named=not is_file, xacro_args=own)
+    if is_file:
         draft.source = relative(path, folder)
         draft.srdf = relative(srdf, folder) if srdf else None
     if figures is None:
@@ -185,7 +236,7 @@ def arranged(drafts: list[Draft], period: float) -> Scene:
             gap = max(round(reach, 1), 0.1)
             draft.base = Pose(xyz=(gap, 0.0, 0.0), rpy=(0.0, 0.0, round(pi, 4)))
         scene.add_robot(
-            draft.model if draft.stopping else draft.source,
+            draft.source if draft.is_named else draft.model,
             name=draft.name,
             base=draft.base,
             stopping=draft.stopping or None,
@@ -236,7 +287,9 @@ def write(path: Path, text: str) -> None:
         trial.unlink(missing_ok=True)
 
 
-def scene_text(scene: Scene, drafts: list[Draft], file: str) -> str:
+def scene_text(
+    scene: Scene, drafts: list[Draft], file: str, packages: Mapping[str, str]
+) -> str:
     """The commented scene file."""
     period, late = f"{scene.period:g}", f"{scene.late:g}"
     lines = [
@@ -251,6 +304,7 @@ def scene_text(scene: Scene, drafts: list[Draft], file: str) -> str:
         "  # How much later than that a call may come [s]. ASSUMED: a tenth.",
         f"  late: {late}",
         "",
+        *([f"packages: {in_yaml(dict(packages))}", ""] if packages else []),
         "robots:",
     ]
     for draft in drafts:
@@ -276,12 +330,13 @@ def scene_text(scene: Scene, drafts: list[Draft], file: str) -> str:
 def robot_lines(draft: Draft) -> list[str]:
     """The entry of a robot."""
     base = {"xyz": rounded(draft.base.xyz)}
+    given = {"srdf": draft.srdf, "xacro_args": draft.xacro_args}
     if any(draft.base.rpy):
         base["rpy"] = rounded(draft.base.rpy)
     lines = [
         f"  {draft.name}:",
         f"    urdf: {in_yaml(draft.source)}",
-        *([f"    srdf: {in_yaml(draft.srdf)}"] if draft.srdf else []),
+        *(f"    {key}: {in_yaml(value)}" for key, value in given.items() if value),
         "    # Frame of its root link in the world. ASSUMED.",
         f"    base: {in_yaml(base)}",
     ]

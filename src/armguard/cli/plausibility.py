@@ -159,13 +159,12 @@ def speed_findings(scene: Scene, robot: SceneRobot, reach: float) -> Iterator[Fi
     ]
     if fast and figures.sources.get("velocity") == DEFAULTS["velocity"]:
         worst = max(fast, key=tops.__getitem__)
-        file = model.path.name if model.path else model.name
         yield Finding(
             "plausibility",
             "WARN",
-            f"the speed limit of joint '{worst}' is {tops[worst]:g} rad/s in {file} "
-            f"line {model.joints[worst].line}, and {len(fast)} joints exceed "
-            f"{FAST:g} rad/s",
+            f"the speed limit of joint '{worst}' is {tops[worst]:g} rad/s in "
+            f"{model.file} line {model.joints[worst].line}, and {len(fast)} joints "
+            f"exceed {FAST:g} rad/s",
             "declare the top speed that your drives hold",
             keys,
             f"stopping: {in_yaml({'velocity': capped(tops, fast, FAST)})}",

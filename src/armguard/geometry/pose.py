@@ -174,9 +174,13 @@ def rpy_from_rotation(R: NDArray[np.float64]) -> tuple[float, float, float]:
     """Roll, pitch, yaw of a rotation [rad]; yaw is 0 where pitch is ±90°."""
     horizontal = sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)
     pitch = atan2(-R[2, 0], horizontal)
-    if horizontal > 1e-9:
-        return atan2(R[2, 1], R[2, 2]), pitch, atan2(R[1, 0], R[0, 0])
-    return atan2(-R[1, 2], R[1, 1]), pitch, 0.0
+    yaw = atan2(R[1, 0], R[0, 0]) if horizontal > 1e-12 else 0.0
+    if horizontal > 1e-3:
+        return atan2(R[2, 1], R[2, 2]), pitch, yaw
+    # Near ±90° the roll is that of Rz(-yaw) R: rounding of both must cancel.
+    c, s = cos(yaw), sin(yaw)
+    roll = atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    return roll, pitch, yaw
 
 
 def check_transform(name: str, T: ArrayLike) -> NDArray[np.float64]:

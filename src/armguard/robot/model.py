@@ -154,7 +154,8 @@ class RobotModel:
         group_states: Named configurations from the SRDF: state name to joint
             positions by joint name [rad or m].
         notes: What a reader of the files should know, one sentence each.
-        expanded: The URDF that a xacro file was expanded to, None for a URDF file.
+        expanded: The URDF that a xacro or MJCF file was expanded to, None for a URDF
+            file.
     """
 
     name: str
@@ -173,6 +174,11 @@ class RobotModel:
         return f"<RobotModel {self.name}: {counts}>"
 
     @property
+    def file(self) -> str:
+        """What messages call the text that lines are counted in."""
+        return self.name if self.path is None else file_of(self.path, self.expanded)
+
+    @property
     def q_names(self) -> tuple[str, ...]:
         """Joints that need a position, in the order of the file: not fixed, no mimic.
 
@@ -183,6 +189,11 @@ class RobotModel:
             for joint in self.joints.values()
             if joint.kind is not JointKind.FIXED and joint.mimic is None
         )
+
+
+def file_of(path: Path, expanded: bytes | None) -> str:
+    """Name of a robot's file; it says so if lines are those of its expansion."""
+    return path.name if expanded is None else f"{path.name} (expanded to URDF)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from armguard.robot.model import DisabledPair, JointKind, RobotModel
-from armguard.robot.xml_source import Reader, read_xml
+from armguard.robot.xml_source import Element, Reader, read_xml
 
 # How alike a wrong name must be to a right one to count as misspelt [-].
 MISSPELT = 0.9
@@ -24,8 +24,11 @@ def load_srdf(path: Path, model: RobotModel) -> RobotModel:
     Raises:
         ModelError: The file is not an SRDF, or a name is misspelt.
     """
-    root = read_xml(path, "robot")
-    reader = Reader(path.name)
+    return with_srdf(Reader(path.name), read_xml(path, "robot"), model)
+
+
+def with_srdf(reader: Reader, root: Element, model: RobotModel) -> RobotModel:
+    """The model with what a parsed SRDF says; see `load_srdf`."""
     pairs: list[DisabledPair] = []
     foreign: list[str] = []
     for element in root.iterchildren("disable_collisions"):
@@ -49,7 +52,7 @@ def load_srdf(path: Path, model: RobotModel) -> RobotModel:
                 )
             continue
         reason = element.get("reason", "no reason given")
-        pairs.append(DisabledPair(names[0], names[1], f"{path.name}: {reason}"))
+        pairs.append(DisabledPair(names[0], names[1], f"{reader.file}: {reason}"))
     states: dict[str, dict[str, float]] = {}
     for group in root.iterchildren("group_state"):
         positions = states.setdefault(reader.attribute(group, "name"), {})
@@ -64,7 +67,7 @@ def load_srdf(path: Path, model: RobotModel) -> RobotModel:
     if foreign:
         listed = ", ".join(f"'{name}'" for name in sorted(set(foreign))[:6])
         notes.append(
-            f"'{path.name}' speaks of {len(set(foreign))} names this robot does not "
+            f"'{reader.file}' speaks of {len(set(foreign))} names this robot does not "
             f"have ({listed}{', …' if len(set(foreign)) > 6 else ''}); those rows are "
             "left out"
         )

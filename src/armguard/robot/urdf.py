@@ -1,4 +1,4 @@
-"""URDF to `RobotModel`: every oddity is an error with file and line."""
+"""URDF, xacro and MJCF to `RobotModel`: every oddity is an error with its place."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from armguard.bounded import is_file
 from armguard.errors import MeshError, ModelError, did_you_mean
+from armguard.robot.mjcf_source import expand_mjcf
 from armguard.robot.model import (
     Joint,
     JointKind,
@@ -18,9 +19,10 @@ from armguard.robot.model import (
     MeshFile,
     Mimic,
     RobotModel,
+    file_of,
 )
 from armguard.robot.packages import find_file
-from armguard.robot.srdf import load_srdf
+from armguard.robot.srdf import load_srdf, with_srdf
 from armguard.robot.urdf_geometry import MeshFinder, read_collisions
 from armguard.robot.xacro_source import Argument, expand_xacro
 from armguard.robot.xml_source import Element, Reader, parse_xml, read_xml
@@ -31,7 +33,7 @@ Part = TypeVar("Part", Link, Joint)
 LEAST_AXIS = 1e-9
 
 # Most elements of a robot; the largest of example-robot-data has 220 joints.
-MOST_OF = {"link": 500, "joint": 500, "collision": 2_000}
+MOST_OF = {"link": 500, "joint": 500, "link/collision": 2_000}
 
 # Largest sum of the files of its collision meshes, each as often as it is named [byte].
 MOST_MESH_BYTES_OF_ROBOT = 100_000_000
@@ -48,8 +50,9 @@ def load_urdf(
     """Read a robot.
 
     Args:
-        source: The URDF file, or a xacro file with the ending .xacro.
-        srdf: Its SRDF file: disabled pairs and named configurations.
+        source: The URDF file, a xacro file with the ending .xacro, or an MJCF file.
+        srdf: Its SRDF file: disabled pairs and named configurations. Without one, an
+            MJCF file has its `<exclude>` and its home keyframe.
         packages: Folders of `package://` names.
         folder: The scene file's folder, if a scene file names the URDF.
         xacro_args: Values of the arguments of a xacro file, by name.
@@ -60,30 +63,25 @@ def load_urdf(
             may be read: the URDF's, the scene's, and those of its packages.
     """
     path = Path(source)
-    expanded = None
-    if path.suffix == ".xacro" and is_file(path):
-        expanded = expand_xacro(path, packages, xacro_args)
-        root = parse_xml(path, expanded, "robot")
-    elif xacro_args:
-        raise ModelError(f"'{path.name}' is no xacro file; remove `xacro_args`")
-    else:
-        root = read_xml(path, "robot")
-    reader = Reader(path.name)
+    root, expanded, is_mjcf = read_robot(path, packages, xacro_args)
+    file = file_of(path, expanded)
+    reader = Reader(file)
     check_counts(path.name, root)
     files = partial(find_file, urdf=path, packages=packages, folder=folder)
     links = by_name(reader, root, "link", partial(read_link, files=files))
     joints = by_name(reader, root, "joint", partial(read_joint, links=links))
     check_mesh_bytes(path.name, links)
-    root_link = check_tree(path.name, links, joints)
-    check_mimics(path.name, joints)
+    root_link = check_tree(file, links, joints)
+    check_mimics(file, joints)
     if not any(link.collisions for link in links.values()):
         raise ModelError(
-            f"'{path.name}' has no <collision> geometry on any of its "
-            f"{len(links)} links; there is nothing to guard"
+            f"'{path.name}' has no collision geometry on any of its {len(links)} "
+            "links; there is nothing to guard"
         )
+    missing = "a geom that collides" if is_mjcf else "a <collision>"
     notes = [
         f"link '{link.name}' has visual but no collision geometry; it is not guarded: "
-        "add a <collision> to the URDF"
+        f"add {missing} to '{path.name}'"
         for link in links.values()
         if link.has_visual and not link.collisions
     ]
@@ -93,10 +91,30 @@ def load_urdf(
         links=links,
         joints=joints,
         root=root_link,
-        notes=tuple(notes),
+        notes=(*(note.text for note in root.iterchildren("note") if is_mjcf), *notes),
         expanded=expanded,
     )
-    return model if srdf is None else load_srdf(Path(srdf), model)
+    if srdf is not None:
+        return load_srdf(Path(srdf), model)
+    return with_srdf(Reader(path.name), root, model) if is_mjcf else model
+
+
+def read_robot(
+    path: Path,
+    packages: Mapping[str, Path] | None = None,
+    xacro_args: Mapping[str, Argument] | None = None,
+) -> tuple[Element, bytes | None, bool]:
+    """Root element of a robot's URDF, its text if expanded, and whether from MJCF."""
+    if path.suffix == ".xacro" and is_file(path):
+        expanded = expand_xacro(path, packages, xacro_args)
+    elif xacro_args:
+        raise ModelError(f"'{path.name}' is no xacro file; remove `xacro_args`")
+    else:
+        root = read_xml(path, "robot", "mujoco")
+        if root.tag == "robot":
+            return root, None, False
+        expanded = expand_mjcf(path)
+    return parse_xml(path, expanded, "robot"), expanded, path.suffix != ".xacro"
 
 
 def by_name(
@@ -123,8 +141,8 @@ def check_counts(file: str, root: Element) -> None:
     Raises:
         ModelError: It has too many.
     """
-    for tag, most in MOST_OF.items():
-        count = sum(1 for _ in root.iter(tag))
+    for tags, most in MOST_OF.items():
+        count, tag = len(root.findall(tags)), tags.split("/")[-1]
         if count > most:
             raise ModelError(f"'{file}' has {count:,} <{tag}>; the limit is {most:,}")
 

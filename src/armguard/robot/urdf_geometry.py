@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.shapes import Box, Capsule, Shape, Sphere
+from armguard.geometry.shapes import Box, Capsule, Ellipsoid, Shape, Sphere
 from armguard.robot.model import CollisionElement, Cylinder, MeshFile
 from armguard.robot.xml_source import Element, Reader
 
@@ -17,7 +17,7 @@ CAP_TOLERANCE = 1e-6
 # Where the mesh of a name is.
 MeshFinder = Callable[[str], Path]
 
-GEOMETRIES = ("box", "capsule", "cylinder", "mesh", "sphere")
+GEOMETRIES = ("box", "capsule", "cylinder", "ellipsoid", "mesh", "sphere")
 
 
 def read_collisions(
@@ -46,7 +46,7 @@ def read_geometry(
     """The one shape of a <collision>'s <geometry>.
 
     `<capsule radius length>` is read as the newer URDF versions have it: the length is
-    that of the cylinder between the caps.
+    that of the cylinder between the caps. `<ellipsoid radii>` is that of SDF.
     """
     geometry = collision.find("geometry")
     children = [] if geometry is None else list(geometry.iterchildren("*"))
@@ -61,6 +61,9 @@ def read_geometry(
     if shape.tag == "box":
         x, y, z = reader.size(shape, "size", 3)
         return Box(size=(x, y, z))
+    if shape.tag == "ellipsoid":
+        x, y, z = reader.size(shape, "radii", 3)
+        return Ellipsoid(semi_axes=(x, y, z))
     if shape.tag in ("cylinder", "capsule"):
         (radius,), (length,) = (reader.size(shape, n) for n in ("radius", "length"))
         return (Cylinder if shape.tag == "cylinder" else capsule)(radius, length)

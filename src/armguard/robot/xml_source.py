@@ -21,7 +21,7 @@ MOST_TEXT = 255
 Element = Any  # an lxml element; its stubs call it private
 
 
-def read_xml(path: Path, root_tag: str) -> Element:
+def read_xml(path: Path, *root_tags: str) -> Element:
     """Root element of an XML file.
 
     A description that has to be repaired is not one to guard by, so nothing is
@@ -35,21 +35,21 @@ def read_xml(path: Path, root_tag: str) -> Element:
         source = read_bytes(path, MOST_XML_BYTES)
     except OSError as error:
         raise ModelError(f"'{path}' cannot be read: {error.strerror}") from None
-    return parse_xml(path, source, root_tag)
+    return parse_xml(path, source, *root_tags)
 
 
-def parse_xml(path: Path, source: bytes, root_tag: str) -> Element:
+def parse_xml(path: Path, source: bytes, *root_tags: str) -> Element:
     """Root element of a text; see `read_xml`.
 
     Args:
         path: The file messages name.
-        source: Its text, or the text xacro made of it.
-        root_tag: Tag the root must have.
+        source: Its text, or the URDF it was expanded to.
+        root_tags: Tags the root may have.
     """
     if len(source) > MOST_XML_BYTES:
         raise ModelError(
-            f"'{path.name}' has {len(source) / 1e6:.1f} MB after its expansion; the "
-            f"limit is {MOST_XML_BYTES / 1e6:g} MB"
+            f"'{path.name}' has more than {MOST_XML_BYTES / 1e6:g} MB after its "
+            "expansion, which is the limit"
         )
     if b"<!DOCTYPE" in source or b"<!ENTITY" in source:
         raise ModelError(f"'{path.name}' has a DTD or entities; a robot needs none")
@@ -67,13 +67,10 @@ def parse_xml(path: Path, source: bytes, root_tag: str) -> Element:
             f"'{path.name}' is a xacro file; name it with the ending .xacro: "
             f"`mv {path.name} {path.name}.xacro`"
         )
-    if root.tag != root_tag:
-        hint = ""
-        if root.tag == "mujoco":
-            hint = "; MJCF is not read, name the URDF of this robot"
+    if root.tag not in root_tags:
         raise ModelError(
             f"'{path.name}' starts with <{shown(str(root.tag))}>; it must be "
-            f"<{root_tag}>{hint}"
+            f"{' or '.join(f'<{tag}>' for tag in root_tags)}"
         )
     return root
 

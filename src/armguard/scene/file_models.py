@@ -149,7 +149,7 @@ class RobotEntry(RobotSettings):
     """A robot of the scene.
 
     Attributes:
-        urdf: A URDF file, a xacro file, or a robot's name.
+        urdf: A URDF, xacro or MJCF file, or a robot's name.
         srdf: Its SRDF file.
         base: A pose.
         stopping: Its stopping figures, see docs/stopping.md.

@@ -175,7 +175,9 @@ def check_figures(robots: Iterable[SceneRobot]) -> None:
     lacking: dict[object, list[SceneRobot]] = {}
     for robot in robots:
         if lacks_figures(robot):
-            lacking.setdefault((robot.model.path, robot.mode), []).append(robot)
+            model = robot.model
+            key = model.path, model.expanded, robot.mode
+            lacking.setdefault(key, []).append(robot)
     if lacking:
         raise SceneError("\n".join(map(without_figures, lacking.values())))
 
@@ -223,7 +225,7 @@ def fast_joints(robot: SceneRobot) -> list[str]:
         return []
     first, more = fast[0], f" and {len(fast) - 1} more" if len(fast) > 1 else ""
     return [
-        f"'{model.path.name}' line {first.line}: joint '{first.name}'{more} has the "
+        f"'{model.file}' line {first.line}: joint '{first.name}'{more} has the "
         f"speed limit {first.velocity:g}, more than arms reach; if the drives are "
         "slower, set `stopping: {velocity: 5}` [rad/s or m/s]"
     ]

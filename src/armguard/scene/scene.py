@@ -150,8 +150,8 @@ class Scene(Contents):
         """Add a robot.
 
         Args:
-            urdf: A URDF file, a model, or the name of a robot such as "panda", which
-                brings its SRDF and its stopping figures.
+            urdf: A URDF, xacro or MJCF file, a model, or the name of a robot such as
+                "panda", which brings its SRDF and its stopping figures.
             name: Its name in the scene.
             base: Its root frame in the world.
             srdf: Its SRDF file.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.shapes import Box, Capsule, PlacedShape, Sphere
+from armguard.geometry.shapes import Box, Capsule, Ellipsoid, PlacedShape, Sphere
 
 Floats = NDArray[np.float64]
 
@@ -72,6 +72,8 @@ def inside(placed: PlacedShape, points: Floats) -> NDArray[np.bool_]:
         radius = shape.radius + shape.rounding
     elif isinstance(shape, Sphere):
         excess, radius = local, shape.core_radius
+    elif isinstance(shape, Ellipsoid) and shape.rounding == 0.0:
+        excess, radius = local / shape.semi_axes, 1.0
     else:
         raise TypeError(f"links are not fitted with a {type(shape).__name__}")
     return np.asarray((excess**2).sum(axis=1) <= radius**2)

@@ -19,6 +19,7 @@ KINDS = {
     "capsule": Capsule,
     "box": Box,
     "cylinder": convex.Cylinder,
+    "ellipsoid": convex.Ellipsoid,
     "hull": Hull,
 }
 
@@ -87,7 +88,7 @@ def as_dict(placed: PlacedShape) -> dict[str, Any]:
     shape = placed.shape
     sizes = {
         name: getattr(shape, name)
-        for name in ("radius", "rounding", "start", "end", "size", "height")
+        for name in "radius rounding start end size height semi_axes".split()
         if hasattr(shape, name)
     }
     if isinstance(shape, Hull):
