@@ -2,6 +2,9 @@
 
 from math import inf
 
+import numpy as np
+from numpy.typing import NDArray
+
 from armguard.geometry.pairs import measure
 from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.demands import judge_motion
@@ -30,21 +33,25 @@ from armguard.guard.needs import (
     LOOK_AHEAD,
     look_distance,
     object_speed,
+    robot_of,
     static_need,
     time_since,
 )
 from armguard.guard.planes import is_apart, remember_plane
+from armguard.guard.proofs import coarse
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import (
     COMMANDED,
     FEW,
     HYSTERESIS,
+    RECOVERING,
     SLOW_TIME,
     Watch,
 )
 from armguard.guard.workspace import (
     BRUTE_FORCE,
+    CONTRACTS,
     INDEX_KIND,
     MOVING_COUNT,
     Workspace,
@@ -56,7 +63,17 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.state import SEGMENT, SETTLED, Motion
+from armguard.motion.pair_proof import shared_joints
+from armguard.motion.state import NEXT, SEGMENT, SETTLED, Motion
+from armguard.motion.twist_bound import (
+    SPEED,
+    TRAVEL,
+    bound_twists,
+    own_bound,
+    relative_bound,
+)
+
+Floats = NDArray[np.float64]
 
 # Search distance beyond the travel of the pending commands, for desired ones [m].
 LOOK_MORE = 5e-3
@@ -101,10 +118,20 @@ def go_through_pairs(w: Workspace) -> int:
     for j in range(moving_count, v.look.shape[0]):
         v.look[j] = way_of_object(j, v, m)
     count = filtered = 0
+    contracts = w.settings[CONTRACTS] != 0
     for k in range(v.pairs.shape[0]):
         i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
-        look = max(margin, v.pair_need[k] + v.look[i] + v.look[j])
-        if boxes_apart(boxes, i, j, look):
+        need = v.pair_need[k]
+        look = need + v.look[i] + v.look[j]
+        if contracts and w.grips.may[w.groups[i], w.groups[j]] != 0:
+            look = need + lever_look(i, v, m) + lever_look(j, v, m)
+        elif boxes_apart(boxes, i, j, max(margin, look)):
+            filtered += 1
+            continue
+        else:
+            look = closer_look(i, j, need, look, w)
+        look = max(margin, look)
+        if farther(boxes, i, j, look):
             filtered += 1
         elif (
             w.octree.residency[j, STATUS] != ABSENT
@@ -139,7 +166,7 @@ def look_for_pairs(w: Workspace) -> int:
         for c in range(wanted):
             j = candidates[c]
             look = max(w.margin[0], pair_look(i, j, w, v, m))
-            if boxes_apart(boxes, i, j, look):
+            if farther(boxes, i, j, look):
                 w.out[PAIRS_FILTERED] += 1.0
             else:
                 count = judge_pair(i, j, look, count, w)
@@ -198,13 +225,17 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
     Where commands go through the guard, such a pair is reported in every cycle, not
     only in those that measure it nearer: the response needs it to choose a command.
     """
-    if v.given[COMMANDED] == 0.0:
-        return 0.0
     m = w.motion
-    blur = m.blur[i]
+    found = hidden(i, v, m)
     if j < w.settings[MOVING_COUNT]:
-        blur += m.blur[j]
-    return float(2.0 * blur)
+        found += hidden(j, v, m)
+    return float(found)
+
+
+@kernel
+def hidden(i: int, v: Watch, m: Motion) -> float:
+    """A primitive's part of that headroom [m]."""
+    return 2.0 * m.blur[i] if v.given[COMMANDED] != 0.0 else 0.0
 
 
 @kernel
@@ -213,20 +244,100 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
 
     Where commands go through the guard, it covers new commands of this cycle as well.
     """
-    more = LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
+    if m.span[SEGMENT] == 0.0:
+        bound_twists(w.world.boxes, w.bodies, m)
+    time = LOOK_AHEAD * v.pace[SLOW_TIME]
     for i in range(w.settings[MOVING_COUNT]):
-        v.look[i] = look_distance(i, v, m) + more
+        v.tight[i] = follows_twists(i, v, m)
+        if v.tight[i] == 0:
+            v.ahead[i] = new_commands(v) + time * m.rate[i]
+            v.look[i] = lever_look(i, v, m)
+            continue
+        v.ahead[i] = new_commands(v)
+        body = w.bodies[i]
+        travel = min(m.reach[NEXT, i], own_bound(TRAVEL, i, body, m))
+        speed = min(m.rate[i], own_bound(SPEED, i, body, m))
+        v.look[i] = travel + max(time * speed, hidden(i, v, m)) + v.ahead[i]
+
+
+@kernel
+def follows_twists(i: int, v: Watch, m: Motion) -> int:
+    """1 if a primitive's search distance follows from twists, 0 if from levers.
+
+    The proofs of a robot in mode "speed" or with a brake rest on levers. A recovering
+    robot is relieved of pairs that levers do not prove.
+    """
+    if m.span[SEGMENT] != 0.0 or coarse(i, v, m):
+        return 0
+    r = robot_of(i, v)
+    return 0 if r >= 0 and v.phase[r] == RECOVERING else 1
+
+
+@kernel
+def new_commands(v: Watch) -> float:
+    """Search distance that covers new commands of this cycle [m]."""
+    return LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
+
+
+@kernel
+def lever_look(i: int, v: Watch, m: Motion) -> float:
+    """Search distance of a primitive by levers; for an object, the written one [m]."""
+    if i >= m.rate.shape[0]:
+        return float(v.look[i])
+    return float(look_distance(i, v, m) + new_commands(v))
+
+
+@kernel
+def closer_look(i: int, j: int, need: float, look: float, w: Workspace) -> float:
+    """Search distance of a pair by the relative motion of its sides [m].
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        need: Static need of the pair [m].
+        look: The sum of that and the search distances of both sides [m].
+        w: The workspace.
+    """
+    v, m = w.watch, w.motion
+    if j >= m.rate.shape[0] or v.tight[i] == 0 or v.tight[j] == 0:
+        return look
+    body_i, body_j = w.bodies[i], w.bodies[j]
+    shared = shared_joints(body_i, body_j, m)
+    travel = relative_bound(TRAVEL, i, j, body_i, body_j, shared, m)
+    speed = relative_bound(SPEED, i, j, body_i, body_j, shared, m)
+    more = max(
+        LOOK_AHEAD * v.pace[SLOW_TIME] * speed, hidden(i, v, m) + hidden(j, v, m)
+    )
+    return float(min(look, need + travel + more + v.ahead[i] + v.ahead[j]))
+
+
+@kernel
+def farther(boxes: Floats, i: int, j: int, distance: float) -> bool:
+    """Whether two bounding boxes are farther apart than a distance.
+
+    A NaN compares false, so that the pair is measured and the NaN is seen.
+    """
+    square = 0.0
+    for k in range(3):
+        gap = max(boxes[i, k] - boxes[j, k + 3], boxes[j, k] - boxes[i, k + 3])
+        square += gap * gap if gap > 0.0 else 0.0
+    return bool(square > distance * distance)
 
 
 @kernel
 def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
     """Distance beyond which a pair cannot matter to this cycle's proof [m]."""
-    look = static_need(i, j, w, v, m) + v.look[i]
+    need = static_need(i, j, w, v, m)
     if j < w.settings[MOVING_COUNT]:
-        return float(look + v.look[j])
+        if w.settings[CONTRACTS] != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
+            return float(need + lever_look(i, v, m) + lever_look(j, v, m))
+        return closer_look(i, j, need, need + v.look[i] + v.look[j], w)
+    own = v.look[i]
+    if w.settings[CONTRACTS] != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
+        own = lever_look(i, v, m)
     if m.span[SEGMENT] != 0.0:
-        return float(look)
-    return float(look + object_speed(j, v) * time_ahead(v, m))
+        return float(need + own)
+    return float(need + own + object_speed(j, v) * time_ahead(v, m))
 
 
 @kernel
