@@ -78,6 +78,10 @@ Floats = NDArray[np.float64]
 # Search distance beyond the travel of the pending commands, for desired ones [m].
 LOOK_MORE = 5e-3
 
+# Time for which a primitive's present motion is searched beyond that: the faster it
+# moves, the more a new command changes its stop [s].
+AHEAD_TIME = 1.5e-2
+
 
 @kernel
 def asks_index(w: Workspace) -> int:
@@ -253,7 +257,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
             v.ahead[i] = new_commands(v) + time * m.rate[i]
             v.look[i] = lever_look(i, v, m)
             continue
-        v.ahead[i] = new_commands(v)
+        v.ahead[i] = new_commands(v) * (1.0 + AHEAD_TIME / LOOK_MORE * m.rate[i])
         body = w.bodies[i]
         travel = min(m.reach[NEXT, i], own_bound(TRAVEL, i, body, m))
         speed = min(m.rate[i], own_bound(SPEED, i, body, m))
