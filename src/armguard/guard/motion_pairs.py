@@ -68,6 +68,7 @@ from armguard.motion.state import NEXT, SEGMENT, SETTLED, Motion
 from armguard.motion.twist_bound import (
     SPEED,
     TRAVEL,
+    bound_along,
     bound_twists,
     own_bound,
     relative_bound,
@@ -125,10 +126,14 @@ def go_through_pairs(w: Workspace) -> int:
     contracts = w.settings[CONTRACTS] != 0
     for k in range(v.pairs.shape[0]):
         i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
-        need = v.pair_need[k]
-        look = need + v.look[i] + v.look[j]
+        need, look = v.pair_need[k], v.look[i] + v.look[j]
+        if j >= moving_count:
+            need, look = need + v.look[j], v.look[i]
+        look += need
         if contracts and w.grips.may[w.groups[i], w.groups[j]] != 0:
-            look = need + lever_look(i, v, m) + lever_look(j, v, m)
+            look = need + lever_look(i, v, m)
+            look += lever_look(j, v, m) if j < moving_count else 0.0
+            need = inf
         elif boxes_apart(boxes, i, j, max(margin, look)):
             filtered += 1
             continue
@@ -141,7 +146,7 @@ def go_through_pairs(w: Workspace) -> int:
             w.octree.residency[j, STATUS] != ABSENT
             and w.octree.residency[i, STATUS] != ABSENT
         ):
-            count = judge_pair(i, j, look, count, w)
+            count = judge_pair(i, j, need, look, count, w)
     w.out[PAIRS_FILTERED] += filtered
     return count
 
@@ -169,21 +174,25 @@ def look_for_pairs(w: Workspace) -> int:
         sort_ids(candidates, wanted)
         for c in range(wanted):
             j = candidates[c]
-            look = max(w.margin[0], pair_look(i, j, w, v, m))
+            need, look = pair_look(i, j, w, v, m)
+            look = max(w.margin[0], look)
             if farther(boxes, i, j, look):
                 w.out[PAIRS_FILTERED] += 1.0
             else:
-                count = judge_pair(i, j, look, count, w)
+                count = judge_pair(i, j, need, look, count, w)
     return count
 
 
 @kernel(separate=True)
-def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
+def judge_pair(
+    i: int, j: int, need: float, look: float, count: int, w: Workspace
+) -> int:
     """Measure a pair and prove it, if it may matter; write its row, if it is near.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
+        need: Static need of the pair, inf if it has to be proven in full [m].
         look: Distance beyond which the pair does not matter [m].
         count: Count of rows of the answer.
         w: The workspace.
@@ -205,8 +214,10 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
     if witness[0] > look:
         remember_plane(i, j, w, witness)
         return count
-    open_row(i, j, place, w)
     distance = witness[0]
+    if distance > w.margin[0] and is_far_along(i, j, need, place, w):
+        return count
+    open_row(i, j, place, w)
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
         # Links may be farther apart than the primitives that enclose them.
         refine_pair(i, j, place, w)
@@ -220,6 +231,33 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
         return count
     note_pair(i, j, count, place, w, v)
     return count + 1
+
+
+@kernel
+def is_far_along(i: int, j: int, need: float, place: int, w: Workspace) -> bool:
+    """Whether a measured pair cannot matter by its motion along the normal.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        need: Static need of the pair, inf if it has to be proven in full [m].
+        place: Where the pair's row starts; its witness is written already.
+        w: The workspace.
+    """
+    v, m, at = w.watch, w.motion, place + WITNESS
+    spare = w.out[at] - need - v.ahead[i]
+    body_i, body_j = w.bodies[i], -1
+    if j < m.rate.shape[0]:
+        body_j = w.bodies[j]
+        spare -= v.ahead[j]
+    if not spare > 0.0 or v.tight[i] == 0 or (body_j >= 0 and v.tight[j] == 0):
+        return False
+    n = (w.out[at + 7], w.out[at + 8], w.out[at + 9])
+    shared = shared_joints(body_i, body_j, m)
+    spare -= bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
+    speed = bound_along(SPEED, n, i, j, body_i, body_j, shared, m)
+    time = LOOK_AHEAD * v.pace[SLOW_TIME]
+    return bool(spare >= max(time * speed, hidden_by_error(i, j, w, v)))
 
 
 @kernel
@@ -274,7 +312,9 @@ def follows_twists(i: int, v: Watch, m: Motion) -> int:
     if m.span[SEGMENT] != 0.0 or coarse(i, v, m):
         return 0
     r = robot_of(i, v)
-    return 0 if r >= 0 and v.phase[r] == RECOVERING else 1
+    if r < 0:
+        return 1 if object_speed(i, v) == 0.0 else 0
+    return 0 if v.phase[r] == RECOVERING else 1
 
 
 @kernel
@@ -285,9 +325,7 @@ def new_commands(v: Watch) -> float:
 
 @kernel
 def lever_look(i: int, v: Watch, m: Motion) -> float:
-    """Search distance of a primitive by levers; for an object, the written one [m]."""
-    if i >= m.rate.shape[0]:
-        return float(v.look[i])
+    """Search distance of a moving primitive by levers [m]."""
     return float(look_distance(i, v, m) + new_commands(v))
 
 
@@ -329,19 +367,22 @@ def farther(boxes: Floats, i: int, j: int, distance: float) -> bool:
 
 
 @kernel
-def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Distance beyond which a pair cannot matter to this cycle's proof [m]."""
+def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float, float]:
+    """Static need of a pair, and the distance beyond which it cannot matter [m].
+
+    The need is inf where the pair has to be proven in full.
+    """
     need = static_need(i, j, w, v, m)
-    if j < w.settings[MOVING_COUNT]:
-        if w.settings[CONTRACTS] != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
-            return float(need + lever_look(i, v, m) + lever_look(j, v, m))
-        return closer_look(i, j, need, need + v.look[i] + v.look[j], w)
-    own = v.look[i]
+    moving = w.settings[MOVING_COUNT]
+    if j >= moving and m.span[SEGMENT] == 0.0:
+        need += object_speed(j, v) * time_ahead(v, m)
     if w.settings[CONTRACTS] != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
-        own = lever_look(i, v, m)
-    if m.span[SEGMENT] != 0.0:
-        return float(need + own)
-    return float(need + own + object_speed(j, v) * time_ahead(v, m))
+        look = need + lever_look(i, v, m)
+        return (inf, look + lever_look(j, v, m) if j < moving else look)
+    look = need + v.look[i]
+    if j >= moving:
+        return (need, look)
+    return (need, closer_look(i, j, need, look + v.look[j], w))
 
 
 @kernel

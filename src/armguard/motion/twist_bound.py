@@ -19,7 +19,7 @@ bodies the difference of their twists counts, so motion common to both is left o
 
 from math import sqrt
 
-from armguard.geometry.vec3 import Vec3, add, cross, norm, sub
+from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, sub
 from armguard.kernel import kernel
 from armguard.motion.state import BALL_RADIUS, NEXT, Motion
 from armguard.robot.kinematics import FIXED as NO_JOINT
@@ -167,6 +167,45 @@ def relative_bound(
         + m.loose[block, i]
         + m.loose[block, j]
     )
+
+
+@kernel
+def bound_along(
+    block: int,
+    n: Vec3,
+    i: int,
+    j: int,
+    body_i: int,
+    body_j: int,
+    shared: int,
+    m: Motion,
+) -> float:
+    """Bound of how far or fast two primitives approach along a direction [m or m/s].
+
+    Args:
+        block: TRAVEL or SPEED.
+        n: Unit direction, from i to j.
+        i: A moving primitive.
+        j: Another primitive, which may be static.
+        body_i: Body of the first.
+        body_j: Body of the second, -1 if it is static.
+        shared: Number of joints that move both alike.
+        m: The prediction.
+    """
+    turn_i, shift_i = twist_at(block, i, body_i, m)
+    if shared > 0:
+        turn, shift = twist_at(block, i, m.joints[body_i, shared - 1], m)
+        turn_i, shift_i = sub(turn_i, turn), sub(shift_i, shift)
+    found = dot(n, shift_i) + m.loose[block, i]
+    found += m.balls[i, BALL_RADIUS] * norm(cross(n, turn_i))
+    if j >= m.loose.shape[1]:
+        return found
+    turn_j, shift_j = twist_at(block, j, body_j, m)
+    if shared > 0:
+        turn, shift = twist_at(block, j, m.joints[body_j, shared - 1], m)
+        turn_j, shift_j = sub(turn_j, turn), sub(shift_j, shift)
+    found += m.balls[j, BALL_RADIUS] * norm(cross(n, turn_j))
+    return float(found - dot(n, shift_j) + m.loose[block, j])
 
 
 @kernel
