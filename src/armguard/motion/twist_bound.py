@@ -199,7 +199,7 @@ def bound_along(
     found = dot(n, shift_i) + m.loose[block, i]
     found += m.balls[i, BALL_RADIUS] * norm(cross(n, turn_i))
     if j >= m.loose.shape[1]:
-        return found
+        return float(found)
     turn_j, shift_j = twist_at(block, j, body_j, m)
     if shared > 0:
         turn, shift = twist_at(block, j, m.joints[body_j, shared - 1], m)
