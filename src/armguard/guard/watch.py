@@ -423,4 +423,4 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
     pairs = np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)
     behind = tables.robot_of_primitive[pairs[:, 0]] < 0
     pairs[behind] = pairs[behind, ::-1]
-    return pairs
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
