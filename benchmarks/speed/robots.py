@@ -29,7 +29,7 @@ AMPLITUDE, RANGE = 0.35, 0.4
 PASSES = 3
 
 # Robots of example-robot-data, and half the distance of their bases [m].
-ARMS = {"panda": 0.55, "ur5": 1.0, "xarm7": 0.5, "so101": 0.4}
+ARMS = {"panda": 0.55, "ur5": 1.0, "xarm7": 0.5}
 
 
 def scenes() -> dict[str, Any]:

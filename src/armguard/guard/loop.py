@@ -360,7 +360,7 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
 
 
 def index_kind(tables: SceneTables) -> int:
-    """How pairs are searched without a prediction of stops: OCTREE, LISTED, …"""
+    """How pairs are searched without a prediction of stops: by an index or in turn."""
     if tables.index.kind == "brute_force":
         return BRUTE_FORCE
     few = tables.index.kind == "auto" and len(tables.kinds) <= FEW
