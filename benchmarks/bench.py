@@ -22,7 +22,17 @@ from speed.service_figures import print_service
 from timing import describe_machine
 
 # Each is a module of `speed` with a function `bench` and a count `CYCLES`.
-NAMES = ("cycle", "stop", "filter", "gripping", "index", "memory", "distance", "scale")
+NAMES = (
+    "cycle",
+    "robots",
+    "stop",
+    "filter",
+    "gripping",
+    "index",
+    "memory",
+    "distance",
+    "scale",
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,9 @@ class Peer(Protocol):
 
     name: str
 
+    def positions(self, q: Floats) -> Floats:
+        """Configurations as `step` takes them, of rows of `q`, shape (k, n)."""
+
     def step(self, q: Floats) -> object:
         """Judge one configuration; this is what is timed."""
 

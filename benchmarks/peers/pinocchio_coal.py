@@ -74,11 +74,19 @@ class PinocchioPeer:
 
     def __init__(self, tables: SceneTables) -> None:
         self.margin = tables.margin
+        joints = np.flatnonzero(tables.joint_kind != 0)
+        self.source, self.gain = tables.q_index[joints], tables.gain[joints]
         self.model, self.geometry = build_models(tables)
         self.data = self.model.createData()
         self.results = pin.GeometryData(self.geometry)
         for request in self.results.collisionRequests:
             request.security_margin = tables.margin
+
+    def positions(self, q: Floats) -> Floats:
+        """Positions of all joints, also of those that follow another one."""
+        return np.ascontiguousarray(
+            q[:, self.source] * self.gain[:, 0] + self.gain[:, 1]
+        )
 
     def step(self, q: Floats) -> object:
         """Every pair, each only as far as "within the margin or not" needs."""

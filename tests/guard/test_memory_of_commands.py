@@ -386,7 +386,7 @@ def changed(rng):
     v = record(
         judged_ways=ways,
         judged_clock=clock.copy(),
-        look=np.full(1, 0.5),
+        ahead=np.full(1, 5.0),
         grown=np.zeros(1),
     )
     m = record(
@@ -454,6 +454,8 @@ def test_what_may_turn_round_or_has_other_clocks_is_judged_anew():
 def test_what_gets_beyond_what_was_looked_for_is_looked_for_anew():
     v, m, _ = changed(np.random.default_rng(11))
     w = record(bodies=np.array([2], dtype=np.int32))
-    for reach, known in ((0.5, True), (0.501, False), (np.nan, False)):
-        m.reach[NEXT] = reach
+    assert grow(w, v, m)
+    grown = v.grown[0]
+    for ahead, known in ((grown, True), (0.999 * grown, False), (np.nan, False)):
+        v.ahead[0] = ahead
         assert grow(w, v, m) == known

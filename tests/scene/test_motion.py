@@ -1,5 +1,6 @@
 """Trajectories and the public planning scenes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +129,8 @@ def test_public_scenes_load_and_their_motions_run(folder):
     assert len(scenes) == 10
     for path in scenes:
         scene = load_scene(path)
+        # The audit at the end is of a tree that follows the arm.
+        scene.index = replace(scene.index, kind="octree")
         guard = Guard(scene)
         assert guard.home_verdict.level < Level.STOP, path
         fill = dict(zip(scene.q_names, scene.home, strict=True))

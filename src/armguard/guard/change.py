@@ -38,7 +38,6 @@ from armguard.motion.pair_state import PROVEN
 from armguard.motion.state import (
     CLOCK,
     LOOKED,
-    NEXT,
     PLANS,
     SETTLED,
     Motion,
@@ -118,7 +117,7 @@ def bound_growth(w: Workspace, v: Watch, m: Motion) -> bool:
     """Bound the additional travel of each primitive since the pairs were judged.
 
     Returns:
-        Whether each primitive stays within the distance that was searched then.
+        Whether no primitive gets farther than the search allowed for.
     """
     moving = m.rate.shape[0]
     for b in range(m.parent.shape[0]):
@@ -127,14 +126,14 @@ def bound_growth(w: Workspace, v: Watch, m: Motion) -> bool:
             q = m.q_index[b]
             m.sizes[b] = abs(m.gain[b, 0]) * joint_growth(q, v, m)
     for i in range(moving):
-        if not m.reach[NEXT, i] <= v.look[i]:
-            return False
         body = w.bodies[i]
         grown = 0.0
         for k in range(m.length[body]):
             size = m.sizes[m.joints[body, k]]
             if size != 0.0:
                 grown += size * m.levers[i, k]
+        if not grown <= v.ahead[i]:
+            return False
         v.grown[i] = grown
     return True
 

@@ -25,6 +25,8 @@ from armguard.guard.near_pairs import judge_pairs
 from armguard.guard.reindex import update_index
 from armguard.guard.workspace import (
     FIRST_ROW,
+    INDEX_KIND,
+    LISTED,
     MOVING_COUNT,
     Workspace,
     open_workspace,
@@ -61,7 +63,7 @@ def run_cycle(q: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     if not positions_are_finite(q, w.lower, out):
         return rows
-    rebuild_world(q, 1, w)
+    rebuild_world(q, w.settings[INDEX_KIND] != LISTED, w)
     judge_pairs(w)
     report_limits(q, w.lower, w.upper, out)
     return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH

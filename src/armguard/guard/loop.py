@@ -34,6 +34,7 @@ from armguard.guard.saving import Saving
 from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import (
+    FEW,
     Watch,
     all_pairs,
     watch_of,
@@ -44,6 +45,7 @@ from armguard.guard.workspace import (
     FIRST_ROW,
     INDEX_KIND,
     INTENTS,
+    LISTED,
     MOVING_COUNT,
     OCTREE,
     SETTINGS,
@@ -136,8 +138,7 @@ class Loop:
         self._grippers.show_detailed()
         self._expect_contracts()
         settings[MOVING_COUNT] = tables.moving_count
-        brute_force = tables.index.kind == "brute_force"
-        settings[INDEX_KIND] = BRUTE_FORCE if brute_force else OCTREE
+        settings[INDEX_KIND] = index_kind(tables)
         workspace = Workspace(
             **scratch_of(tables, capacity),
             settings=settings,
@@ -356,6 +357,14 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
         "normals": np.zeros((PLANE_COUNT, 3)),
         "look_box": np.zeros(6),
     }
+
+
+def index_kind(tables: SceneTables) -> int:
+    """How pairs are searched without a prediction of stops: by an index or in turn."""
+    if tables.index.kind == "brute_force":
+        return BRUTE_FORCE
+    few = tables.index.kind == "auto" and len(tables.kinds) <= FEW
+    return LISTED if few else OCTREE
 
 
 def largest_static_need(tables: SceneTables, watch: Watch) -> float:

@@ -2,6 +2,9 @@
 
 from math import inf
 
+import numpy as np
+from numpy.typing import NDArray
+
 from armguard.geometry.pairs import measure
 from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.demands import judge_motion
@@ -30,21 +33,25 @@ from armguard.guard.needs import (
     LOOK_AHEAD,
     look_distance,
     object_speed,
+    robot_of,
     static_need,
     time_since,
 )
 from armguard.guard.planes import is_apart, remember_plane
+from armguard.guard.proofs import coarse
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import (
     COMMANDED,
     FEW,
     HYSTERESIS,
+    RECOVERING,
     SLOW_TIME,
     Watch,
 )
 from armguard.guard.workspace import (
     BRUTE_FORCE,
+    CONTRACTS,
     INDEX_KIND,
     MOVING_COUNT,
     Workspace,
@@ -56,10 +63,25 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
-from armguard.motion.state import SEGMENT, SETTLED, Motion
+from armguard.motion.pair_proof import shared_joints
+from armguard.motion.state import NEXT, SEGMENT, SETTLED, Motion
+from armguard.motion.twist_bound import (
+    SPEED,
+    TRAVEL,
+    bound_along,
+    bound_twists,
+    own_bound,
+    relative_bound,
+)
+
+Floats = NDArray[np.float64]
 
 # Search distance beyond the travel of the pending commands, for desired ones [m].
 LOOK_MORE = 5e-3
+
+# Time for which a primitive's present motion is searched beyond that: the faster it
+# moves, the more a new command changes its stop [s].
+AHEAD_TIME = 1.5e-2
 
 
 @kernel
@@ -101,16 +123,30 @@ def go_through_pairs(w: Workspace) -> int:
     for j in range(moving_count, v.look.shape[0]):
         v.look[j] = way_of_object(j, v, m)
     count = filtered = 0
+    contracts = w.settings[CONTRACTS] != 0
     for k in range(v.pairs.shape[0]):
         i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
-        look = max(margin, v.pair_need[k] + v.look[i] + v.look[j])
-        if boxes_apart(boxes, i, j, look):
+        need, look = v.pair_need[k], v.look[i] + v.look[j]
+        if j >= moving_count:
+            need, look = need + v.look[j], v.look[i]
+        look += need
+        if contracts and w.grips.may[w.groups[i], w.groups[j]] != 0:
+            look = need + lever_look(i, v, m)
+            look += lever_look(j, v, m) if j < moving_count else 0.0
+            need = inf
+        elif boxes_apart(boxes, i, j, max(margin, look)):
+            filtered += 1
+            continue
+        else:
+            look = closer_look(i, j, need, look, w)
+        look = max(margin, look)
+        if farther(boxes, i, j, look):
             filtered += 1
         elif (
             w.octree.residency[j, STATUS] != ABSENT
             and w.octree.residency[i, STATUS] != ABSENT
         ):
-            count = judge_pair(i, j, look, count, w)
+            count = judge_pair(i, j, need, look, count, w)
     w.out[PAIRS_FILTERED] += filtered
     return count
 
@@ -138,21 +174,25 @@ def look_for_pairs(w: Workspace) -> int:
         sort_ids(candidates, wanted)
         for c in range(wanted):
             j = candidates[c]
-            look = max(w.margin[0], pair_look(i, j, w, v, m))
-            if boxes_apart(boxes, i, j, look):
+            need, look = pair_look(i, j, w, v, m)
+            look = max(w.margin[0], look)
+            if farther(boxes, i, j, look):
                 w.out[PAIRS_FILTERED] += 1.0
             else:
-                count = judge_pair(i, j, look, count, w)
+                count = judge_pair(i, j, need, look, count, w)
     return count
 
 
 @kernel(separate=True)
-def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
+def judge_pair(
+    i: int, j: int, need: float, look: float, count: int, w: Workspace
+) -> int:
     """Measure a pair and prove it, if it may matter; write its row, if it is near.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
+        need: Static need of the pair, inf if it has to be proven in full [m].
         look: Distance beyond which the pair does not matter [m].
         count: Count of rows of the answer.
         w: The workspace.
@@ -174,8 +214,10 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
     if witness[0] > look:
         remember_plane(i, j, w, witness)
         return count
-    open_row(i, j, place, w)
     distance = witness[0]
+    if distance > w.margin[0] and is_far_along(i, j, need, place, w):
+        return count
+    open_row(i, j, place, w)
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
         # Links may be farther apart than the primitives that enclose them.
         refine_pair(i, j, place, w)
@@ -192,19 +234,50 @@ def judge_pair(i: int, j: int, look: float, count: int, w: Workspace) -> int:
 
 
 @kernel
+def is_far_along(i: int, j: int, need: float, place: int, w: Workspace) -> bool:
+    """Whether a measured pair cannot matter by its motion along the normal.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        need: Static need of the pair, inf if it has to be proven in full [m].
+        place: Where the pair's row starts; its witness is written already.
+        w: The workspace.
+    """
+    v, m, at = w.watch, w.motion, place + WITNESS
+    spare = w.out[at] - need - v.ahead[i]
+    body_i, body_j = w.bodies[i], -1
+    if j < m.rate.shape[0]:
+        body_j = w.bodies[j]
+        spare -= v.ahead[j]
+    if not spare > 0.0 or v.tight[i] == 0 or (body_j >= 0 and v.tight[j] == 0):
+        return False
+    n = (w.out[at + 7], w.out[at + 8], w.out[at + 9])
+    shared = shared_joints(body_i, body_j, m)
+    spare -= bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
+    speed = bound_along(SPEED, n, i, j, body_i, body_j, shared, m)
+    time = LOOK_AHEAD * v.pace[SLOW_TIME]
+    return bool(spare >= max(time * speed, hidden_by_error(i, j, w, v)))
+
+
+@kernel
 def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
     """Greatest measured headroom, due to position errors, of a pair without any [m].
 
     Where commands go through the guard, such a pair is reported in every cycle, not
     only in those that measure it nearer: the response needs it to choose a command.
     """
-    if v.given[COMMANDED] == 0.0:
-        return 0.0
     m = w.motion
-    blur = m.blur[i]
+    found = hidden(i, v, m)
     if j < w.settings[MOVING_COUNT]:
-        blur += m.blur[j]
-    return float(2.0 * blur)
+        found += hidden(j, v, m)
+    return float(found)
+
+
+@kernel
+def hidden(i: int, v: Watch, m: Motion) -> float:
+    """A primitive's part of that headroom [m]."""
+    return 2.0 * m.blur[i] if v.given[COMMANDED] != 0.0 else 0.0
 
 
 @kernel
@@ -213,20 +286,103 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
 
     Where commands go through the guard, it covers new commands of this cycle as well.
     """
-    more = LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
+    if m.span[SEGMENT] == 0.0:
+        bound_twists(w.world.boxes, w.bodies, m)
+    time = LOOK_AHEAD * v.pace[SLOW_TIME]
     for i in range(w.settings[MOVING_COUNT]):
-        v.look[i] = look_distance(i, v, m) + more
+        v.tight[i] = follows_twists(i, v, m)
+        if v.tight[i] == 0:
+            v.ahead[i] = new_commands(v) + time * m.rate[i]
+            v.look[i] = lever_look(i, v, m)
+            continue
+        v.ahead[i] = new_commands(v) * (1.0 + AHEAD_TIME / LOOK_MORE * m.rate[i])
+        body = w.bodies[i]
+        travel = min(m.reach[NEXT, i], own_bound(TRAVEL, i, body, m))
+        speed = min(m.rate[i], own_bound(SPEED, i, body, m))
+        v.look[i] = travel + max(time * speed, hidden(i, v, m)) + v.ahead[i]
 
 
 @kernel
-def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Distance beyond which a pair cannot matter to this cycle's proof [m]."""
-    look = static_need(i, j, w, v, m) + v.look[i]
-    if j < w.settings[MOVING_COUNT]:
-        return float(look + v.look[j])
-    if m.span[SEGMENT] != 0.0:
-        return float(look)
-    return float(look + object_speed(j, v) * time_ahead(v, m))
+def follows_twists(i: int, v: Watch, m: Motion) -> int:
+    """1 if a primitive's search distance follows from twists, 0 if from levers.
+
+    The proofs of a robot in mode "speed" or with a brake rest on levers. A recovering
+    robot is relieved of pairs that levers do not prove.
+    """
+    if m.span[SEGMENT] != 0.0 or coarse(i, v, m):
+        return 0
+    r = robot_of(i, v)
+    if r < 0:
+        return 1 if object_speed(i, v) == 0.0 else 0
+    return 0 if v.phase[r] == RECOVERING else 1
+
+
+@kernel
+def new_commands(v: Watch) -> float:
+    """Search distance that covers new commands of this cycle [m]."""
+    return LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
+
+
+@kernel
+def lever_look(i: int, v: Watch, m: Motion) -> float:
+    """Search distance of a moving primitive by levers [m]."""
+    return float(look_distance(i, v, m) + new_commands(v))
+
+
+@kernel
+def closer_look(i: int, j: int, need: float, look: float, w: Workspace) -> float:
+    """Search distance of a pair by the relative motion of its sides [m].
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        need: Static need of the pair [m].
+        look: The sum of that and the search distances of both sides [m].
+        w: The workspace.
+    """
+    v, m = w.watch, w.motion
+    if j >= m.rate.shape[0] or v.tight[i] == 0 or v.tight[j] == 0:
+        return look
+    body_i, body_j = w.bodies[i], w.bodies[j]
+    shared = shared_joints(body_i, body_j, m)
+    travel = relative_bound(TRAVEL, i, j, body_i, body_j, shared, m)
+    speed = relative_bound(SPEED, i, j, body_i, body_j, shared, m)
+    more = max(
+        LOOK_AHEAD * v.pace[SLOW_TIME] * speed, hidden(i, v, m) + hidden(j, v, m)
+    )
+    return float(min(look, need + travel + more + v.ahead[i] + v.ahead[j]))
+
+
+@kernel
+def farther(boxes: Floats, i: int, j: int, distance: float) -> bool:
+    """Whether two bounding boxes are farther apart than a distance.
+
+    A NaN compares false, so that the pair is measured and the NaN is seen.
+    """
+    square = 0.0
+    for k in range(3):
+        gap = max(boxes[i, k] - boxes[j, k + 3], boxes[j, k] - boxes[i, k + 3])
+        square += gap * gap if gap > 0.0 else 0.0
+    return bool(square > distance * distance)
+
+
+@kernel
+def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float, float]:
+    """Static need of a pair, and the distance beyond which it cannot matter [m].
+
+    The need is inf where the pair has to be proven in full.
+    """
+    need = static_need(i, j, w, v, m)
+    moving = w.settings[MOVING_COUNT]
+    if j >= moving and m.span[SEGMENT] == 0.0:
+        need += object_speed(j, v) * time_ahead(v, m)
+    if w.settings[CONTRACTS] != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
+        look = need + lever_look(i, v, m)
+        return (inf, look + lever_look(j, v, m) if j < moving else look)
+    look = need + v.look[i]
+    if j >= moving:
+        return (need, look)
+    return (need, closer_look(i, j, need, look + v.look[j], w))
 
 
 @kernel

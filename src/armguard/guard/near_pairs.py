@@ -34,6 +34,7 @@ from armguard.guard.workspace import (
     BRUTE_FORCE,
     FIRST_ROW,
     INDEX_KIND,
+    LISTED,
     MOVING_COUNT,
     Workspace,
 )
@@ -76,17 +77,58 @@ def judge_pairs(w: Workspace) -> None:
     primitives have the lowest ids. So each pair is judged once, and the order of the
     answer does not depend on the order of lists in the index.
     """
-    out, kept, memory, candidates = w.out, w.kept, w.memory, w.candidates
-    kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
-    margin = w.margin[0]
-    moved, moving_count = w.moved, w.settings[MOVING_COUNT]
-    everything = w.groups.shape[0]
+    w.memory[CYCLE] += 1
+    count = judge_listed(w) if w.settings[INDEX_KIND] == LISTED else judge_found(w)
+    w.out[NEAR_COUNT] = count
+    decide(count, w)
+    remember(count, w.kept, w.memory, w)
+
+
+@kernel
+def judge_listed(w: Workspace) -> int:
+    """Judge every pair of a small scene, without the index.
+
+    Returns:
+        Count of rows of the answer.
+    """
+    kept, moved, pairs = w.kept, w.moved, w.watch.pairs
+    residency, everything = w.octree.residency, w.groups.shape[0]
+    kept_count = w.memory[KEPT_COUNT]
+    next_kept = count = 0
+    last = -1
+    for k in range(pairs.shape[0]):
+        i, j = int(pairs[k, 0]), int(pairs[k, 1])
+        if i != last:
+            count, next_kept = take_kept(
+                last, everything, next_kept, kept_count, count, moved, kept, w
+            )
+            last = i
+        if not (moved[i] or moved[j]):
+            continue
+        if residency[i, STATUS] == ABSENT or residency[j, STATUS] == ABSENT:
+            continue
+        if boxes_apart(w.world.boxes, i, j, w.margin[0]):
+            w.out[PAIRS_FILTERED] += 1.0
+            continue
+        count, next_kept = take_kept(i, j, next_kept, kept_count, count, moved, kept, w)
+        count = judge_candidate(i, j, count, w)
+    count, _ = take_kept(last, everything, next_kept, kept_count, count, moved, kept, w)
+    return int(count)
+
+
+@kernel
+def judge_found(w: Workspace) -> int:
+    """Judge the pairs that the index finds.
+
+    Returns:
+        Count of rows of the answer.
+    """
+    kept, memory, candidates = w.kept, w.memory, w.candidates
+    moved, everything = w.moved, w.groups.shape[0]
     robots = w.watch.robot_of
-    memory[CYCLE] += 1
     kept_count = memory[KEPT_COUNT]
-    next_kept = 0
-    count = 0
-    for i in range(moving_count):
+    next_kept = count = 0
+    for i in range(w.settings[MOVING_COUNT]):
         if is_idle(i, robots, w):
             continue
         memory[TOKEN] += 1
@@ -98,36 +140,45 @@ def judge_pairs(w: Workspace) -> None:
             count, next_kept = take_kept(
                 i, j, next_kept, kept_count, count, moved, kept, w
             )
-            if boxes_apart(boxes, i, j, margin):
-                out[PAIRS_FILTERED] += 1.0
-                continue
-            if is_apart(i, j, margin, w):
-                out[PAIRS_APART] += 1.0
-                continue
-            out[PAIRS_TESTED] += 1.0
-            if count == kept.shape[0]:
-                out[REASON] = CAPACITY
-                continue
-            place = row_place(count, w)
-            witness = out[place + WITNESS : place + NEAR_WIDTH]
-            measure(kinds[i], rows[i], kinds[j], rows[j], witness)
-            if witness[0] > margin:
-                remember_plane(i, j, w, witness)
-                continue
-            open_row(i, j, place, w)
-            required = out[place + BUFFER]
-            if not witness[0] - required >= 0.0:
-                refine_pair(i, j, place, w)
-            out[place + HEADROOM] = witness[0] - required
-            if not out[place + HEADROOM] >= 0.0:
-                out[place + PROOF] = NEEDED
-            count += 1
+            if boxes_apart(w.world.boxes, i, j, w.margin[0]):
+                w.out[PAIRS_FILTERED] += 1.0
+            else:
+                count = judge_candidate(i, j, count, w)
         count, next_kept = take_kept(
             i, everything, next_kept, kept_count, count, moved, kept, w
         )
-    out[NEAR_COUNT] = count
-    decide(count, w)
-    remember(count, kept, memory, w)
+    return count
+
+
+@kernel
+def judge_candidate(i: int, j: int, count: int, w: Workspace) -> int:
+    """Measure a pair, and write its row if it is within the margin.
+
+    Returns:
+        New count of rows.
+    """
+    out, kinds, rows, margin = w.out, w.world.kinds, w.world.rows, w.margin[0]
+    if is_apart(i, j, margin, w):
+        out[PAIRS_APART] += 1.0
+        return count
+    out[PAIRS_TESTED] += 1.0
+    if count == w.kept.shape[0]:
+        out[REASON] = CAPACITY
+        return count
+    place = row_place(count, w)
+    witness = out[place + WITNESS : place + NEAR_WIDTH]
+    measure(kinds[i], rows[i], kinds[j], rows[j], witness)
+    if witness[0] > margin:
+        remember_plane(i, j, w, witness)
+        return count
+    open_row(i, j, place, w)
+    required = out[place + BUFFER]
+    if not witness[0] - required >= 0.0:
+        refine_pair(i, j, place, w)
+    out[place + HEADROOM] = witness[0] - required
+    if not out[place + HEADROOM] >= 0.0:
+        out[place + PROOF] = NEEDED
+    return count + 1
 
 
 @kernel

@@ -147,6 +147,8 @@ class Watch(NamedTuple):
         pair_need: Static need of each of these pairs, without the travel of an object
             since it was seen, shape (c,) [m].
         look: Scratch for the search distance of each primitive, shape (p,) [m].
+        ahead: Scratch for the part of it that covers new commands, shape (m,) [m].
+        tight: Scratch, 1 where it follows from twists and not from levers, (m,).
         wanted: Desired velocities of this cycle, and then the sent ones, shape (n,).
         sent: Ring of sent commands, shape (c, n).
         sent_at: Time of each sent command, shape (c,) [s].
@@ -236,6 +238,8 @@ class Watch(NamedTuple):
     pairs: IntMatrix
     pair_need: Vector
     look: Vector
+    ahead: Vector
+    tight: LongVector
     wanted: Vector
     sent: Matrix
     sent_at: Vector
@@ -322,6 +326,8 @@ def watch_of(tables: SceneTables) -> Watch:
             pairs, errors["link_error"], errors["robot_error"], tables
         ),
         look=np.zeros(p),
+        ahead=np.zeros(tables.moving_count),
+        tight=np.zeros(tables.moving_count, dtype=np.int64),
         wanted=np.zeros(n),
         sent=np.zeros((commands := commands_under_way(tables), n)),
         sent_at=np.full(commands, -np.inf),
@@ -417,4 +423,4 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
     pairs = np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)
     behind = tables.robot_of_primitive[pairs[:, 0]] < 0
     pairs[behind] = pairs[behind, ::-1]
-    return pairs
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]

@@ -128,6 +128,7 @@ SETTINGS = 5
 # Kinds of index.
 OCTREE = 0
 BRUTE_FORCE = 1
+LISTED = 2  # none: all checked pairs are tested in turn
 
 
 open_workspace = opener(Workspace)

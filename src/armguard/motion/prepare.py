@@ -18,6 +18,7 @@ from armguard.motion.joint_stop import JointStop
 from armguard.motion.nearest import COLUMN
 from armguard.motion.outermost import led_beyond, true_limits
 from armguard.motion.state import (
+    BALL,
     BOX_LEVELS,
     BUDGET,
     CLOCK,
@@ -89,6 +90,9 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         rate=np.zeros(m),
         blur=by_levers("position_error", tables, found),
         push=by_levers("acceleration", tables, found),
+        balls=np.zeros((m, BALL)),
+        twists=np.zeros((2 * b, 6)),
+        loose=np.zeros((2, m)),
         node_stamp=np.zeros(PLANS * NODES, dtype=np.int64),
         node_q=np.zeros((PLANS * NODES, n)),
         node_T=np.zeros((PLANS * NODES * b, 12)),

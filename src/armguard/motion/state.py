@@ -49,6 +49,10 @@ LOWEST = 1  # least position that the stop may reach, as measured without error
 HIGHEST = 2  # greatest position that the stop may reach, as measured without error
 SWINGS_WIDTH = 3
 
+# Place of the radius in a row of `Motion.balls`, behind the centre.
+BALL_RADIUS = 3
+BALL = 4
+
 # Places in `Motion.effort`.
 TESTS = 0  # intervals tested for pairs in this cycle
 BUDGET = 1  # greatest number of intervals in a cycle
@@ -109,6 +113,11 @@ class Motion(NamedTuple):
         rate: Bound on the measured speed of each primitive's points, (m,) [m/s].
         blur: Displacement bound of each primitive for position errors, shape (m,) [m].
         push: Bound on the acceleration of each primitive's points, shape (m,) [m/s²].
+        balls: Ball round each primitive as measured: centre, radius, (m, BALL) [m].
+        twists: Twist of each body, rotation then motion of the world's origin, for the
+            middles of the joints' ranges; see `twist_bound`, shape (2 · b, 6).
+        loose: What may add to a primitive's motion by these twists, shape (2, m)
+            [m or m/s].
         node_stamp: Cycle in which a node was computed, shape (PLANS · NODES,).
         node_q: Joint positions in the middle of a node, shape (PLANS · NODES, n).
         node_T: Poses in the middle of a node, shape (PLANS · NODES · b, 12).
@@ -170,6 +179,9 @@ class Motion(NamedTuple):
     rate: Vector
     blur: Vector
     push: Vector
+    balls: Matrix
+    twists: Matrix
+    loose: Matrix
     node_stamp: LongVector
     node_q: Matrix
     node_T: Matrix

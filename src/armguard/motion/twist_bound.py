@@ -1,0 +1,217 @@
+"""Bounds of the displacement and speed of primitives, by the twists of their bodies.
+
+The levers of `Chains` hold in every configuration, and their sum leaves out that joints
+may work against one another. About the measured configuration a tighter bound follows
+from a twist. Let Δ_k = μ_k ± w_k be the displacement of joint k. A point p of a body
+moves by
+
+    Σ Δ_k u_k(p) + terms of higher order,    u_k = axis_k x (p - origin_k),
+
+and Σ μ_k u_k(p) = t + φ x p is the motion of one rigid body: its twist (φ, t). Over a
+ball with centre c and radius r round the primitive the motion is thus at most
+
+    |t + φ x c| + r |φ| + Σ w_k min(lever_k, |u_k(c)| + r) + higher order.
+
+The derivatives of a point by several joints are no longer than the lever about the
+outermost of them (see `gap_bound`), which bounds the terms of higher order. Of two
+bodies the difference of their twists counts, so motion common to both is left out.
+"""
+
+from math import sqrt
+
+from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, sub
+from armguard.kernel import kernel
+from armguard.motion.state import BALL_RADIUS, NEXT, Motion
+from armguard.robot.kinematics import FIXED as NO_JOINT
+from armguard.robot.kinematics import REVOLUTE
+from armguard.table import IntVector, Matrix
+
+# Blocks of `Motion.twists` and rows of `Motion.loose`.
+TRAVEL = 0  # on the path of the plan NEXT
+SPEED = 1  # now
+
+
+@kernel(separate=True)
+def bound_twists(boxes: Matrix, bodies: IntVector, m: Motion) -> None:
+    """Write the twist of each body, and the ball and bounds of each primitive.
+
+    Args:
+        boxes: Bounding boxes of the primitives, shape (p, 6) [m].
+        bodies: Body of each primitive, shape (p,); the moving ones are first.
+        m: The prediction; its axes and plans are written already.
+    """
+    for b in range(m.parent.shape[0]):
+        write_twists(b, m)
+    for i in range(m.reach.shape[1]):
+        ball = m.balls[i]
+        square = 0.0
+        for k in range(3):
+            half = 0.5 * (boxes[i, k + 3] - boxes[i, k])
+            ball[k] = boxes[i, k] + half
+            square += half * half
+        ball[BALL_RADIUS] = sqrt(square)
+        write_loose(i, bodies[i], m)
+
+
+@kernel
+def write_twists(b: int, m: Motion) -> None:
+    """Write the twists of a body at the middles of its joints' ranges."""
+    bodies, above = m.parent.shape[0], m.parent[b]
+    for block in range(2):
+        row = m.twists[block * bodies + b]
+        for k in range(6):
+            row[k] = 0.0 if above < 0 else m.twists[block * bodies + above, k]
+    if m.joint_kind[b] == NO_JOINT:
+        return
+    axis, origin = m.axes[b, 0:3], m.axes[b, 3:6]
+    d = (axis[0], axis[1], axis[2])
+    arm = cross((origin[0], origin[1], origin[2]), d)
+    for block in range(2):
+        middle, _ = joint_range(block, b, m)
+        row = m.twists[block * bodies + b]
+        for k in range(3):
+            if m.joint_kind[b] == REVOLUTE:
+                row[k] += middle * d[k]
+                row[k + 3] += middle * arm[k]
+            else:
+                row[k + 3] += middle * d[k]
+
+
+@kernel
+def joint_range(block: int, b: int, m: Motion) -> tuple[float, float]:
+    """Middle of the range of a body's joint, and its greatest deviation from it.
+
+    Args:
+        block: TRAVEL or SPEED.
+        b: The body.
+        m: The prediction.
+    """
+    if block == TRAVEL:
+        return (m.middle[NEXT, b], m.width[NEXT, b])
+    if m.speed[b] == 0.0:
+        return (0.0, 0.0)
+    j, gain = m.q_index[b], m.gain[b, 0]
+    low, high = m.v_low[j], m.v_high[j]
+    return (0.5 * gain * (low + high), 0.5 * abs(gain) * (high - low))
+
+
+@kernel
+def write_loose(i: int, body: int, m: Motion) -> None:
+    """Write what may add to the twists of a primitive: deviations, higher orders."""
+    ball = m.balls[i]
+    radius = ball[BALL_RADIUS]
+    travel = speed = turned = 0.0
+    for k in range(m.length[body]):
+        b = m.joints[body, k]
+        lever = m.levers[i, k]
+        size = m.spread[NEXT, b]
+        near = lever
+        if m.joint_kind[b] == REVOLUTE:
+            arm = (
+                ball[0] - m.axes[b, 3], ball[1] - m.axes[b, 4], ball[2] - m.axes[b, 5]
+            )  # fmt: skip
+            u = cross((m.axes[b, 0], m.axes[b, 1], m.axes[b, 2]), arm)
+            near = min(lever, norm(u) + radius)
+            more = turned + size
+            travel += 0.5 * (more * more - turned * turned) * lever
+            travel += (more * more * more - turned * turned * turned) * lever / 6.0
+            turned = more
+        else:
+            travel += size * turned * (1.0 + 0.5 * turned)
+        travel += joint_range(TRAVEL, b, m)[1] * near
+        speed += joint_range(SPEED, b, m)[1] * near
+    m.loose[TRAVEL, i], m.loose[SPEED, i] = travel, speed
+
+
+@kernel
+def own_bound(block: int, i: int, body: int, m: Motion) -> float:
+    """Bound of the displacement or speed of a primitive's points [m or m/s].
+
+    Args:
+        block: TRAVEL or SPEED.
+        i: The primitive.
+        body: Its body.
+        m: The prediction.
+    """
+    turn, shift = twist_at(block, i, body, m)
+    return float(norm(shift) + m.balls[i, BALL_RADIUS] * norm(turn) + m.loose[block, i])
+
+
+@kernel
+def relative_bound(
+    block: int, i: int, j: int, body_i: int, body_j: int, shared: int, m: Motion
+) -> float:
+    """Bound of the relative displacement or speed of two primitives [m or m/s].
+
+    Args:
+        block: TRAVEL or SPEED.
+        i: First primitive.
+        j: Second primitive.
+        body_i: Body of the first.
+        body_j: Body of the second.
+        shared: Number of joints that move both alike.
+        m: The prediction.
+    """
+    turn_i, shift_i = twist_at(block, i, body_i, m)
+    turn_j, shift_j = twist_at(block, j, body_j, m)
+    if shared > 0:
+        common = m.joints[body_i, shared - 1]
+        turn, shift = twist_at(block, i, common, m)
+        turn_i, shift_i = sub(turn_i, turn), sub(shift_i, shift)
+        turn, shift = twist_at(block, j, common, m)
+        turn_j, shift_j = sub(turn_j, turn), sub(shift_j, shift)
+    return float(
+        norm(sub(shift_i, shift_j))
+        + m.balls[i, BALL_RADIUS] * norm(turn_i)
+        + m.balls[j, BALL_RADIUS] * norm(turn_j)
+        + m.loose[block, i]
+        + m.loose[block, j]
+    )
+
+
+@kernel
+def bound_along(
+    block: int,
+    n: Vec3,
+    i: int,
+    j: int,
+    body_i: int,
+    body_j: int,
+    shared: int,
+    m: Motion,
+) -> float:
+    """Bound of how far or fast two primitives approach along a direction [m or m/s].
+
+    Args:
+        block: TRAVEL or SPEED.
+        n: Unit direction, from i to j.
+        i: A moving primitive.
+        j: Another primitive, which may be static.
+        body_i: Body of the first.
+        body_j: Body of the second, -1 if it is static.
+        shared: Number of joints that move both alike.
+        m: The prediction.
+    """
+    turn_i, shift_i = twist_at(block, i, body_i, m)
+    if shared > 0:
+        turn, shift = twist_at(block, i, m.joints[body_i, shared - 1], m)
+        turn_i, shift_i = sub(turn_i, turn), sub(shift_i, shift)
+    found = dot(n, shift_i) + m.loose[block, i]
+    found += m.balls[i, BALL_RADIUS] * norm(cross(n, turn_i))
+    if j >= m.loose.shape[1]:
+        return float(found)
+    turn_j, shift_j = twist_at(block, j, body_j, m)
+    if shared > 0:
+        turn, shift = twist_at(block, j, m.joints[body_j, shared - 1], m)
+        turn_j, shift_j = sub(turn_j, turn), sub(shift_j, shift)
+    found += m.balls[j, BALL_RADIUS] * norm(cross(n, turn_j))
+    return float(found - dot(n, shift_j) + m.loose[block, j])
+
+
+@kernel
+def twist_at(block: int, i: int, body: int, m: Motion) -> tuple[Vec3, Vec3]:
+    """Twist of a body: its rotation, and the motion of the centre of a ball."""
+    row, ball = m.twists[block * m.parent.shape[0] + body], m.balls[i]
+    turn = (row[0], row[1], row[2])
+    swing = cross(turn, (ball[0], ball[1], ball[2]))
+    return (turn, add((row[3], row[4], row[5]), swing))
