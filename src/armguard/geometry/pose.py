@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import atan2, cos, isfinite, pi, sin, sqrt
+from math import atan2, cos, isfinite, pi, radians, sin, sqrt
 from typing import Self
 
 import numpy as np
@@ -68,8 +68,12 @@ class Pose:
         if len(given) > 1:
             raise PoseError(f"{' and '.join(given)} are given; give one orientation")
         angles = (0.0, 0.0, 0.0) if rpy is None else finite_numbers("rpy", rpy, 3)
-        if max(map(abs, angles)) > LOOKS_LIKE_DEGREES:
-            raise PoseError(f"rpy {list(angles)} looks like degrees; give radians")
+        for k, angle in enumerate(angles):
+            if abs(angle) > LOOKS_LIKE_DEGREES:
+                raise PoseError(
+                    f"rpy[{k}] is {angle:g} rad, which looks like degrees; give "
+                    f"radians: {radians(angle):.4f}"
+                )
         if quat_wxyz is not None:
             angles = rpy_from_quaternion("quat_wxyz", quat_wxyz, scalar=0)
         if quat_xyzw is not None:
