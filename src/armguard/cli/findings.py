@@ -16,6 +16,7 @@ from armguard.cli.home import (
     finger_finding,
     roomier,
 )
+from armguard.cli.stopping import lacking_figures_finding
 from armguard.errors import ArmguardError, HomeContactError, SelfTestError
 from armguard.geometry.shapes import shape_row
 from armguard.guard import Level, self_test
@@ -25,7 +26,7 @@ from armguard.robot.model import FittedLink, RobotModel
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.blocks import extent
 from armguard.scene.scene import Scene, SceneRobot
-from armguard.scene.yaml_source import SceneFileError
+from armguard.scene.yaml_source import Problem, SceneFileError
 
 # A link may be grown by this share of its thickness [-].
 OVERREACH_SHARE = 0.5
@@ -45,17 +46,18 @@ def file_findings(error: ArmguardError, file: str) -> list[Finding]:
     """Each problem of a scene file that cannot be loaded."""
     if not isinstance(error, SceneFileError):
         return [Finding("scene", "FAIL", str(error), f"change {file}")]
-    return [
-        Finding(
-            "scene",
-            "FAIL",
-            str(problem),
-            f"fix line {problem.line} of {problem.file}"
-            if problem.line
-            else f"fix {problem.file}",
-        )
-        for problem in error.problems
-    ]
+    return [found for problem in error.problems for found in problem_findings(problem)]
+
+
+def problem_findings(problem: Problem) -> list[Finding]:
+    """A problem of a scene file; one finding a robot if each lacks a line."""
+    if problem.robots:
+        return [
+            lacking_figures_finding(("robots", name), problem.paste)
+            for name in problem.robots
+        ]
+    place = f"line {problem.line} of " if problem.line else ""
+    return [Finding("scene", "FAIL", str(problem), f"fix {place}{problem.file}")]
 
 
 def exact_overreach(fit: FittedLink) -> float:

@@ -131,6 +131,7 @@ def overlap(
     listed = [
         " and ".join(sorted(body.removeprefix(f"{name}/") for body in pair))
         + f" by {depth * 1e3:.1f} mm"
+        + doubt(scene, pair, depth)
         for pair, depth in sorted(contacts.items(), key=lambda item: -item[1])[:LISTED]
     ]
     more = len(contacts) - len(listed)
@@ -156,6 +157,24 @@ def overlap(
         f"contact with `allow: [{in_yaml({'a': a, 'b': b, 'reason': 'WHY'})}]`",
         ("robots", name),
     )
+
+
+def doubt(scene: Scene, pair: Pair, depth: float) -> str:
+    """That bodies may be apart, if their shapes overestimate them more than this."""
+    excess = sum(overestimate(scene, body) for body in pair)
+    if excess < depth or excess == 0.0:
+        return ""
+    beyond = f"their shapes reach up to {excess * 1e3:.0f} mm beyond them"
+    return f" ({beyond}: they may be apart)"
+
+
+def overestimate(scene: Scene, body: str) -> float:
+    """How far the closest shapes of a link or object reach beyond its geometry [m]."""
+    robot, _, link = body.partition("/")
+    if not link:
+        return max(s.model_error for s in scene.objects[body].shapes)
+    fit = scene.robots[robot].fits[link]
+    return max(s.model_error for s in fit.exact or fit.shapes)
 
 
 def close_findings(scene: Scene, verdict: Verdict) -> Iterator[Finding]:

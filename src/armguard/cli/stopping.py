@@ -6,6 +6,7 @@ from dataclasses import fields
 from armguard.cli.console import out
 from armguard.cli.finding import Finding, in_yaml
 from armguard.robot.stopping import ASSUMPTION, StoppingFigures, stop_distances
+from armguard.scene.robots import stopping_line
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.schema import meanings
 
@@ -123,14 +124,7 @@ def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
             f"mode: path\n{STOPPING}",
         )
     if figures is None:
-        return Finding(
-            "stopping",
-            "FAIL",
-            f"{mode}: it has no stopping figures",
-            "declare the least deceleration of a controlled stop [rad/s² or m/s²]",
-            keys,
-            STOPPING,
-        )
+        return lacking_figures_finding(keys, stopping_line(robot.model))
     sources = {name: source_of(figures, name) for name in names_of_figures()}
     assumed = [name for name, source in sources.items() if ASSUMPTION.strip() in source]
     if not assumed:
@@ -146,6 +140,19 @@ def stopping_finding(robot: SceneRobot, scene: Scene) -> Finding:
         "declare the figures of your robot, see docs/stopping.md, first this one",
         keys,
         f"stopping: {in_yaml({'deceleration': value})}",
+    )
+
+
+def lacking_figures_finding(keys: tuple[str, ...], paste: str) -> Finding:
+    """A robot without stopping figures, and the line that declares them."""
+    return Finding(
+        "stopping",
+        "FAIL",
+        "no stopping figures; every mode but fixed needs them",
+        "declare the least deceleration of a controlled stop [rad/s² or m/s²]; this "
+        "value is a guess, measure it",
+        keys,
+        paste,
     )
 
 

@@ -24,7 +24,12 @@ from armguard.scene.file_models import (
 from armguard.scene.file_shapes import Place
 from armguard.scene.meshes import Progress, Surface
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
-from armguard.scene.robots import SceneRobot, check_figures, lacks_figures
+from armguard.scene.robots import (
+    SceneRobot,
+    lacking_figures,
+    stopping_line,
+    without_figures,
+)
 from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
 from armguard.scene.settings import ObjectSettings, RobotSettings
@@ -103,10 +108,11 @@ class Problems:
         """How many there are."""
         return len(self._found)
 
-    def add(self, keys: Keys, sentence: str) -> None:
-        """Add one, unless there are enough."""
+    def add(self, keys: Keys, sentence: str, **remedy: Any) -> None:
+        """Add one, with the fields of its remedy, unless there are enough."""
         if len(self) < MOST_PROBLEMS:
-            self._found.append(self.source.found(keys, sentence))
+            found = self.source.found(keys, sentence)
+            self._found.append(replace(found, **remedy))
 
     @contextmanager
     def at(self, *keys: str | int) -> Iterator[None]:
@@ -221,10 +227,13 @@ def fill(
         for k, pair in enumerate(model.buffers):
             with problems.at("buffers", k):
                 scene.set_buffer(pair.a, pair.b, pair.buffer)
-    lacking = [r for r in scene.robots.values() if lacks_figures(r)]
-    if lacking:
-        with problems.at("robots", lacking[0].name):
-            check_figures(lacking)
+    for group in lacking_figures(scene.robots.values()):
+        problems.add(
+            ("robots", group[0].name),
+            without_figures(group),
+            robots=tuple(robot.name for robot in group),
+            paste=stopping_line(group[0].model),
+        )
     if not problems:
         with problems.at("margin"):
             scene.validate()

@@ -172,19 +172,18 @@ def check_figures(robots: Iterable[SceneRobot]) -> None:
     Raises:
         SceneError: Some do not; robots of one file share one sentence.
     """
+    if lacking := lacking_figures(robots):
+        raise SceneError("\n".join(map(without_figures, lacking)))
+
+
+def lacking_figures(robots: Iterable[SceneRobot]) -> list[list[SceneRobot]]:
+    """Robots without the stopping figures that their modes need, by file and mode."""
     lacking: dict[object, list[SceneRobot]] = {}
     for robot in robots:
-        if lacks_figures(robot):
-            model = robot.model
-            key = model.path, model.expanded, robot.mode
+        if robot.mode != "fixed" and robot.stopping is None:
+            key = robot.model.path, robot.model.expanded, robot.mode
             lacking.setdefault(key, []).append(robot)
-    if lacking:
-        raise SceneError("\n".join(map(without_figures, lacking.values())))
-
-
-def lacks_figures(robot: SceneRobot) -> bool:
-    """Whether a robot has no stopping figures and its mode needs them."""
-    return robot.mode != "fixed" and robot.stopping is None
+    return list(lacking.values())
 
 
 def without_figures(robots: Sequence[SceneRobot]) -> str:
@@ -196,9 +195,13 @@ def without_figures(robots: Sequence[SceneRobot]) -> str:
         f"'{first.mode}' and {'has' if one else 'have'} no stopping figures; give "
         f"{'it' if one else 'each'} the least deceleration of a controlled stop "
         "[rad/s² or m/s²], see docs/stopping.md, or set `mode: fixed`:\n"
-        f"  stopping: {{deceleration: {first_guess(first.model):g}}}  "
-        "# assumed: measure it"
+        f"  {stopping_line(first.model)}  # assumed: measure it"
     )
+
+
+def stopping_line(model: RobotModel) -> str:
+    """The line of a scene file that declares how a robot stops, with a first guess."""
+    return f"stopping: {{deceleration: {first_guess(model):g}}}"
 
 
 def first_guess(model: RobotModel) -> float:

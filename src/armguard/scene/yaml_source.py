@@ -40,12 +40,16 @@ class Problem:
         line: Line, 0 if it is about no line.
         path: Keys that lead to it, with dots.
         sentence: What is wrong, and what to do.
+        robots: Names of the robots that lack a line.
+        paste: That line; "" if none is known.
     """
 
     file: str
     line: int
     path: str
     sentence: str
+    robots: tuple[str, ...] = ()
+    paste: str = ""
 
     def __str__(self) -> str:
         """`scene.yaml:14: robots.left.base.rpy: expected 3 numbers, got 2`."""
