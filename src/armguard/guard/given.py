@@ -161,8 +161,7 @@ def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
         The words, "" if there is no such evidence; and whether positions are so far
         off that no other order of the joints explains them.
     """
-    turning = np.zeros(len(q), dtype=bool)
-    turning[tables.q_index[tables.joint_kind == REVOLUTE]] = True
+    turning = turning_joints(tables)
     if np.abs(q[turning]).max(initial=0.0) > LOOKS_LIKE_DEGREES:
         in_degrees = within(np.radians(q), tables, turning)
         return "the positions look like degrees; give radians" * in_degrees, True
@@ -172,6 +171,23 @@ def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
         words = "the sliding joints look like millimetres; give metres"
         return words * in_millimetres, True
     return "", False
+
+
+def turning_joints(tables: SceneTables) -> NDArray[np.bool_]:
+    """Whether each joint turns rather than slides, shape (n,)."""
+    turning = np.zeros(len(tables.q_names), dtype=bool)
+    turning[tables.q_index[tables.joint_kind == REVOLUTE]] = True
+    return turning
+
+
+def top_speeds(tables: SceneTables) -> Floats:
+    """Declared top speed of each joint, infinite if none is, (n,) [rad/s or m/s]."""
+    tops = np.full(len(tables.q_names), np.inf)
+    for part in tables.robots:
+        if part.stopping is not None:
+            own = slice(part.first_joint, part.first_joint + part.joint_count)
+            tops[own] = part.stopping.velocity
+    return tops
 
 
 def described(value: object) -> str:

@@ -1,7 +1,9 @@
 """Robots of a scene: a model with its fits, its place and its settings."""
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,11 @@ from armguard.scene.settings import (
 
 # Largest deceleration that is proposed unmeasured [rad/s² or m/s²].
 MOST_GUESSED = 5.0
+
+log = logging.getLogger("armguard")
+
+# Few arms brake a joint harder in every stop [rad/s²].
+MOST_DECELERATION = 40.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -116,6 +123,7 @@ def scene_robot(
     elif not isinstance(stopping, StoppingFigures):
         check_mapping(f"{who}: stopping", stopping, "{'deceleration': 5.0}")
         stopping = declared_figures(model, stopping, own)
+        warn_of_deceleration(who, model, stopping)
     if settings.gripper is not None:
         check_links(name, model, settings.gripper)
     return SceneRobot(
@@ -127,6 +135,19 @@ def scene_robot(
         stopping=stopping,
         **part_of(settings, RobotSettings),
     )
+
+
+def warn_of_deceleration(who: str, model: RobotModel, figures: StoppingFigures) -> None:
+    """Write to the log that a deceleration looks like degrees, if it does."""
+    for name, figure in zip(figures.joints, figures.deceleration, strict=True):
+        turns = model.joints[name].kind is JointKind.REVOLUTE
+        if turns and figure > MOST_DECELERATION:
+            log.warning(
+                "%s: deceleration of joint '%s' is %g rad/s², and few arms brake so "
+                "hard; if these are degrees, give radians: %.3g",
+                *(who, name, figure, radians(figure)),
+            )
+            return
 
 
 def check_mapping(what: str, value: object, example: str) -> None:
