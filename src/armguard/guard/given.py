@@ -141,9 +141,9 @@ def likely_mistake(q: Floats, tables: SceneTables) -> str:
 
 
 def within(q: Floats, tables: SceneTables, of: Any = slice(None)) -> bool:
-    """Whether positions are within the limits of their joints."""
-    inside = (q >= tables.lower) & (q <= tables.upper)
-    return bool(inside[of].all())
+    """Whether positions are within the limits of their joints; NaN counts as within."""
+    outside = (q < tables.lower) | (q > tables.upper)
+    return not outside[of].any()
 
 
 def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
@@ -154,7 +154,7 @@ def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
     would be within them in millimetres.
 
     Args:
-        q: Positions, shape (n,) [rad or m].
+        q: Positions, shape (n,), NaN for joints without one [rad or m].
         tables: The scene.
 
     Returns:
@@ -162,7 +162,7 @@ def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
         off that no other order of the joints explains them.
     """
     turning = turning_joints(tables)
-    if np.abs(q[turning]).max(initial=0.0) > LOOKS_LIKE_DEGREES:
+    if (np.abs(q[turning]) > LOOKS_LIKE_DEGREES).any():
         in_degrees = within(np.radians(q), tables, turning)
         return "the positions look like degrees; give radians" * in_degrees, True
     most = FAR_BEYOND_LIMITS * np.maximum(tables.upper, -tables.lower)

@@ -56,7 +56,7 @@ TOLERANCE = 1e-9
 # Remedies of faults of a joint that the sentence of their reason does not hold.
 REMEDIES = {
     Reason.NOT_FINITE: "check the sensor",
-    Reason.STATE_JUMPED: "check the joint order, and that stamps are in seconds",
+    Reason.STATE_JUMPED: "check units, joint order and stamps",
     Reason.TOO_FAST: "check its unit, rad/s or m/s",
     Reason.NOT_FOLLOWED: "send the robot each command, and nothing else",
     Reason.STATE_FROZEN: "check that each cycle has a new measurement",

@@ -359,7 +359,7 @@ def positions_of(part: RobotPart, q: ArrayLike, tables: SceneTables) -> Floats:
         part.joints, found, tables.lower[own], tables.upper[own], strict=True
     ):
         if not lower <= place <= upper:
-            goal = tables.home.copy()
+            goal = np.full(len(tables.q_names), np.nan)
             goal[own] = found
             hint = other_unit(goal, tables)[0]
             raise GoalError(

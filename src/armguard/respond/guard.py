@@ -300,7 +300,7 @@ class Guard(Monitor):
         try:
             data, fault = self._filtered(response, given, form, requested)
             numbers = response.commanded.copy()
-            self._units.note(form, requested, numbers)
+            self._units.note(form, requested)
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9

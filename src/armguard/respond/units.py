@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.given import other_unit, top_speeds, turning_joints, within
-from armguard.respond.command import Changed
 from armguard.respond.state import (
     POSITIONS,
+    STANDSTILL,
     TOOL_TWIST,
     TWIST_ROW,
     TWISTS,
@@ -27,11 +27,11 @@ FAR_TOO_FAST = 20.0
 # No tool is led at this speed [m/s], or turned so fast [rad/s].
 MOST_TOOL_SPEED, MOST_TOOL_TURN = 10.0, 20.0
 
-# Time for which a speed is far too high before it counts, and the fewest cycles of it:
-# a controller that corrects a large error requests as much for a moment [s].
-SUSTAINED, FEWEST = 0.5, 20
+# Time from one look to the next. A speed counts if two looks in a row find it: a
+# controller that corrects a large error requests as much for a moment [s].
+SUSTAINED = 0.5
 
-SLOWED = int(Changed.SPEED)
+FORMS = 1 + max(VELOCITIES, POSITIONS, TWISTS, STANDSTILL)
 
 
 class DesiredUnits:
@@ -49,40 +49,26 @@ class DesiredUnits:
         self._tops = top_speeds(tables)
         self._turning = turning_joints(tables)
         self._factors = np.where(self._turning, radians(1.0), 1e-3)
-        n, r = len(tables.q_names), len(tables.robots)
-        # Where a command has the reasons of each robot's change.
-        self._reasons = range(4 * n + 3 * r, 4 * n + 4 * r)
-        self._needed = max(FEWEST, ceil(SUSTAINED / tables.period))
-        self._slowed, self._suspected = 0, False
+        # Cycles from one look to the next, and those that are left, by form.
+        self._every, self._left = ceil(SUSTAINED / tables.period), [1] * FORMS
+        self._suspected = False
         self._said: set[int] = set()
 
-    def note(self, form: int, desired: Floats | None, commanded: Floats) -> None:
-        """Note what was desired in a cycle, and log it if it looks like another unit.
-
-        Velocities and twists are only looked at where the kernels have slowed a robot
-        to its top speeds: twice while they do so in each cycle.
+    def note(self, form: int, desired: Floats | None) -> None:
+        """Note what was desired in a cycle: looked at in the first, then now and then.
 
         Args:
             form: Form of the motion.
             desired: Desired motion in that form; None if it was refused.
-            commanded: Numbers of the command.
         """
-        if form == POSITIONS and desired is not None:
-            if form not in self._said and (hint := self._hint_of_positions(desired)):
-                self._say(form, hint)
+        self._left[form] -= 1
+        if self._left[form]:
             return
-        for k in self._reasons:
-            if int(commanded.item(k)) & SLOWED:
-                break
-        else:
-            self._slowed, self._suspected = 0, False
-            return
-        self._slowed += 1
-        if self._slowed % self._needed or form in self._said or desired is None:
-            return
-        hint = self.hint(form, desired)
-        if hint and self._suspected:
-            self._say(form, hint)
+        self._left[form] = self._every
+        hint = "" if desired is None else self.hint(form, desired)
+        if hint and form not in self._said and (self._suspected or form == POSITIONS):
+            self._said.add(form)
+            log.warning("%s", hint)
         self._suspected = bool(hint)
 
     def hint(self, form: int, desired: Floats) -> str:
@@ -97,10 +83,6 @@ class DesiredUnits:
         if form == TWISTS:
             return self._hint_of_twists(desired.reshape(-1, TWIST_ROW))
         return self._hint_of_velocities(desired) if form == VELOCITIES else ""
-
-    def _say(self, form: int, hint: str) -> None:
-        self._said.add(form)
-        log.warning("%s", hint)
 
     def _hint_of_positions(self, q: Floats) -> str:
         """A position outside its limits, if that looks like another unit."""

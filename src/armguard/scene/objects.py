@@ -145,6 +145,11 @@ def longest_number(shape: Shape) -> float:
     return float(max(np.abs(size).max(initial=0.0) for size in sizes))
 
 
+def farthest_point(placed: PlacedShape) -> float:
+    """Greatest size of a placed shape, or distance of its frame from the origin [m]."""
+    return max(longest_number(placed.shape), *map(abs, placed.pose.xyz))
+
+
 def longest_side(surface: Surface) -> float:
     """Greatest side of the bounding box of a surface [m]."""
     corners = surface.rows[:, CORNERS]
