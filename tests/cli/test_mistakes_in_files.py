@@ -11,7 +11,9 @@ from typer.testing import CliRunner
 from armguard import ArmguardError, Scene
 from armguard.cli.app import app
 from arms import TURN_AND_LIFT
-from mistakes import MOTION_FILE, ROBOT_FILE, SCENE_FILE, scene_text
+from mistakes.motion_file import MOTION_FILE
+from mistakes.robot_file import ROBOT_FILE
+from mistakes.scene_file import SCENE_FILE, scene_text
 from motion_files import HEADER, times
 
 HOME = [0.5, 0.1, 0.5, 0.1]

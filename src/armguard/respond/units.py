@@ -24,6 +24,9 @@ log = logging.getLogger("armguard")
 # Desired speeds so many times the top speed of a joint are in another unit [-].
 FAR_TOO_FAST = 20.0
 
+# In their own unit they are at most so many times that speed [-].
+LIKELY = 2.0
+
 # No tool is led at this speed [m/s], or turned so fast [rad/s].
 MOST_TOOL_SPEED, MOST_TOOL_TURN = 10.0, 20.0
 
@@ -100,7 +103,8 @@ class DesiredUnits:
         """A velocity far beyond its top speed, if all such fit in another unit."""
         speed = np.abs(v)
         far = speed > FAR_TOO_FAST * self._tops
-        if not far.any() or (speed * self._factors > self._tops)[far].any():
+        likely = speed * self._factors <= LIKELY * self._tops
+        if not far.any() or not likely[far].all():
             return ""
         k = int((speed / self._tops).argmax())
         seems, unit = (
