@@ -62,8 +62,9 @@ class Cycles:
         self._force = Cause.NONE
         given = context.judge.desk.given.data
         self._given, self._given_u = given, given.cast("B").cast("Q")
-        # Since when the desired motion looks like another unit; 0 if it does not [ns].
-        self._strange_since, self._named = 0, False
+        # The commander whose desired motion looks like another unit, 0 if it does not;
+        # since when it does [ns], and whether it was named.
+        self._strange_by, self._strange_since, self._named = 0, 0, False
         self._events = EventLog(Level.SLOW)
         # Level of the last cycle that the log of events has, and when it was [ns].
         self._seen, self._looked = Level.CLEAR, 0
@@ -161,16 +162,15 @@ class Cycles:
         """
         context = self._context
         says = context.judge.unit_of_wish()
-        if not says:
-            self._strange_since = 0
-        elif not self._strange_since:
-            self._strange_since, self._named = now, False
+        commander = context.command.sender if says else 0
+        if commander != self._strange_by:
+            self._strange_by, self._strange_since, self._named = commander, now, False
         if says and not self._named and now - self._strange_since >= SUSTAINED * NANO:
             self._named = True
             context.log.report("unit", says, now)
-            commander = context.peers.find(context.command.sender)
-            if commander is not None:
-                context.refuse(commander, "unit", says, now)
+            peer = context.peers.find(commander)
+            if peer is not None:
+                context.refuse(peer, "unit", says, now)
 
     def _log_event(self) -> None:
         """Log an event that ends, and a stop that begins."""
