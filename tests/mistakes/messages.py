@@ -115,7 +115,11 @@ MESSAGES = {
         measured(lambda now: np.nan),
     ),
     "too few numbers in Python": Mistake(
-        *("shape (13,)", "the wish", "one for each joint, in the order of Welcome.n"),
+        *(
+            "shape (13,)",
+            "the desired motion",
+            "one for each joint, in the order of Welcome.n",
+        ),
         lambda client, arms: client.send_positions(np.zeros(13)),
     ),
     "text for positions": Mistake(

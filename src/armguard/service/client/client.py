@@ -391,6 +391,6 @@ class Client(Exchange):
     def _send_desired(self, form: Form, values: ArrayLike) -> None:
         """Send a WISH of that form."""
         count = None if form is Form.TWISTS else len(self.welcome.names)
-        row = numbers_of(values, "the wish", count).reshape(-1)
+        row = numbers_of(values, "the desired motion", count).reshape(-1)
         head = WISH.pack(self._token, form, len(row))
         self._connection.say(Kind.WISH, head, row.tobytes())

@@ -339,7 +339,7 @@ class StateMessage:
             if velocity is not None:
                 self._convert(self._velocity, velocity, "velocity")
             if desired is not None:
-                self._convert(self._desired, desired, "the wish")
+                self._convert(self._desired, desired, "the desired motion")
         self._seal.put(self._message)
         return self._message
 
