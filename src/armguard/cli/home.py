@@ -1,10 +1,8 @@
 """The home of robots in `armguard check`: contacts there, and a free home to paste."""
 
 from collections.abc import Iterator, Mapping, Sequence, Set
-from itertools import combinations, islice
+from itertools import islice
 from typing import Any
-
-import numpy as np
 
 from armguard.cli.finding import Finding, in_yaml
 from armguard.errors import HomeContactError
@@ -12,7 +10,12 @@ from armguard.guard import Level
 from armguard.guard.verdict import Verdict
 from armguard.respond import Guard
 from armguard.scene import compile_scene
-from armguard.scene.posture import free_homes, robot_of, touching_fingers
+from armguard.scene.posture import (
+    coinciding,
+    free_homes,
+    robot_of,
+    touching_fingers,
+)
 from armguard.scene.scene import Scene
 
 # Free configurations that are tried with a guard.
@@ -20,9 +23,6 @@ TRIES = 3
 
 # Contacts that are listed.
 LISTED = 3
-
-# Bases nearer than this stand at one place [m].
-ONE_PLACE = 0.01
 
 Pair = frozenset[str]
 
@@ -67,17 +67,6 @@ def depths(contacts: Sequence[Any]) -> dict[Pair, float]:
         pair = frozenset((contact.a, contact.b))
         found[pair] = max(found.get(pair, 0.0), -contact.distance)
     return found
-
-
-def coinciding(scene: Scene, contacts: Mapping[Pair, float]) -> list[tuple[str, str]]:
-    """Robots in contact whose bases stand at one place."""
-    touching = [{robot_of(body) for body in pair} for pair in contacts]
-    return [
-        (first.name, second.name)
-        for first, second in combinations(scene.robots.values(), 2)
-        if {first.name, second.name} in touching
-        and np.linalg.norm(np.subtract(first.base.xyz, second.base.xyz)) < ONE_PLACE
-    ]
 
 
 def coincidence(scene: Scene, first: str, second: str) -> Finding:

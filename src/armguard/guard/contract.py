@@ -13,6 +13,7 @@ from armguard.guard import grips as at
 from armguard.guard.grippers import Grippers
 from armguard.guard.watch import LAST_NOW, Watch
 from armguard.scene.gripping import Grasp
+from armguard.scene.schema import MOST_CREEP, MOST_OVERLAP, in_other_units
 
 Floats = NDArray[np.float64]
 
@@ -163,6 +164,14 @@ class ContractTable:
                 f"'{a}' may touch '{b}': speed is {speed} m/s; it must be finite and "
                 "> 0"
             )
+        for what, value, greatest, unit in (
+            ("depth", depth, MOST_OVERLAP, "m"),
+            ("speed", speed, MOST_CREEP, "m/s"),
+        ):
+            if value > greatest:
+                raise GraspError(
+                    f"'{a}' may touch '{b}': {what} {in_other_units(value, unit)}"
+                )
         now = float(self.watch.last[LAST_NOW])
         until = now + GRASP.expiry if until is None else until
         if not (np.isfinite(until) and until > now):

@@ -141,9 +141,9 @@ def likely_mistake(q: Floats, tables: SceneTables) -> str:
 
 
 def within(q: Floats, tables: SceneTables, of: Any = slice(None)) -> bool:
-    """Whether positions are within the limits of their joints."""
-    inside = (q >= tables.lower) & (q <= tables.upper)
-    return bool(inside[of].all())
+    """Whether positions are within the limits of their joints; NaN counts as within."""
+    outside = (q < tables.lower) | (q > tables.upper)
+    return not outside[of].any()
 
 
 def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
@@ -154,16 +154,15 @@ def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
     would be within them in millimetres.
 
     Args:
-        q: Positions, shape (n,) [rad or m].
+        q: Positions, shape (n,), NaN for joints without one [rad or m].
         tables: The scene.
 
     Returns:
         The words, "" if there is no such evidence; and whether positions are so far
         off that no other order of the joints explains them.
     """
-    turning = np.zeros(len(q), dtype=bool)
-    turning[tables.q_index[tables.joint_kind == REVOLUTE]] = True
-    if np.abs(q[turning]).max(initial=0.0) > LOOKS_LIKE_DEGREES:
+    turning = turning_joints(tables)
+    if (np.abs(q[turning]) > LOOKS_LIKE_DEGREES).any():
         in_degrees = within(np.radians(q), tables, turning)
         return "the positions look like degrees; give radians" * in_degrees, True
     most = FAR_BEYOND_LIMITS * np.maximum(tables.upper, -tables.lower)
@@ -172,6 +171,23 @@ def other_unit(q: Floats, tables: SceneTables) -> tuple[str, bool]:
         words = "the sliding joints look like millimetres; give metres"
         return words * in_millimetres, True
     return "", False
+
+
+def turning_joints(tables: SceneTables) -> NDArray[np.bool_]:
+    """Whether each joint turns rather than slides, shape (n,)."""
+    turning = np.zeros(len(tables.q_names), dtype=bool)
+    turning[tables.q_index[tables.joint_kind == REVOLUTE]] = True
+    return turning
+
+
+def top_speeds(tables: SceneTables) -> Floats:
+    """Declared top speed of each joint, infinite if none is, (n,) [rad/s or m/s]."""
+    tops = np.full(len(tables.q_names), np.inf)
+    for part in tables.robots:
+        if part.stopping is not None:
+            own = slice(part.first_joint, part.first_joint + part.joint_count)
+            tops[own] = part.stopping.velocity
+    return tops
 
 
 def described(value: object) -> str:

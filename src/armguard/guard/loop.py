@@ -259,6 +259,8 @@ class Loop:
             with self._grippers.detailed():
                 used = run_cycle(array, self._lines)
                 data = self._out[:used].copy()
+            if data.item(layout.REASON) == OUT_OF_LIMITS:
+                fault = likely_mistake(array, self.tables)
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
     def _answer(

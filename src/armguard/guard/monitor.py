@@ -85,7 +85,7 @@ class Monitor(Loop):
             run_guarded_cycle(NO_POSITIONS, self._lines)
         load_kernels()
         self.home_verdict = self.judge_at_rest(self.tables.home)
-        check_home(self.home_verdict)
+        check_home(self.home_verdict, scene)
         self.reset()
         self.self_test = run_self_test(self) if self_test else NOT_TESTED
 

@@ -73,6 +73,7 @@ class Objects:
         world_changed: Callback; the loop measures every pair again.
         standing: The objects with their present shapes, by name.
         changed: Names of objects that were placed or removed since the start.
+        far: Names of objects whose pose the log has named as far away.
     """
 
     tables: SceneTables
@@ -82,6 +83,7 @@ class Objects:
     world_changed: Callable[[], None]
     standing: dict[str, Standing]
     changed: set[str] = field(default_factory=set)
+    far: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         for item in self.standing.values():
@@ -140,14 +142,14 @@ class Objects:
         speeds = self.watch.top_speed
         moves = len(speeds) > 0 and speeds[item.first] > 0.0
         if not moves and velocity is not None:
-            raise SceneError(
-                f"object '{name}' has no top_speed; one that moves needs it"
-            )
+            raise SceneError(f"object '{name}' has a velocity; give it a top_speed")
         if moves:
             T = self._take_sighting(name, item, pose, stamp, velocity)
         else:
             T = transform_of(pose)
-            warn_of_length(f"object '{name}': pose", float(np.abs(T[:3, 3]).max()))
+        far = float(np.abs(T[:3, 3]).max())
+        if name not in self.far and warn_of_length(f"object '{name}': pose", far):
+            self.far.add(name)
         if item.body >= 0:
             self.holding.check_free(name)
             self.holding.put(name, T)

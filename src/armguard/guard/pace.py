@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.layout import REASON, VALUE
 from armguard.guard.levels import Reason
+from armguard.scene.schema import LEAST_UNLIKELY
 
 log = logging.getLogger("armguard")
 
@@ -18,9 +19,6 @@ IN_A_ROW = 20
 
 # Greatest ratio of the cycle times of a regular loop [-].
 REGULAR = 1.5
-
-# No control loop is this slow: stamps this far apart are in another unit [s].
-LEAST_UNLIKELY = 0.9
 
 
 class Pace:

@@ -21,6 +21,8 @@ from armguard.guard.verdict import Verdict
 from armguard.guard.walk import Walk, late_cycle
 from armguard.guard.watch import SLOW_TIME_DEFAULT, Watch
 from armguard.guard.workspace import INTENTS
+from armguard.scene import Scene
+from armguard.scene.posture import coinciding
 
 # Count of approaches tried until one reaches its speed before it must stop.
 TRIES = 6
@@ -56,11 +58,12 @@ class SelfTestReport:
 NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
 
 
-def check_home(verdict: Verdict) -> None:
+def check_home(verdict: Verdict, scene: Scene) -> None:
     """Refuse a home configuration at which checked bodies overlap.
 
     Args:
         verdict: Verdict of the home configuration.
+        scene: The scene.
 
     Raises:
         HomeContactError: Some of them overlap.
@@ -71,8 +74,13 @@ def check_home(verdict: Verdict) -> None:
             f"{c.a} and {c.b} by {-c.distance * 1e3:.1f} mm" for c in contacts[:8]
         )
         more = f" and {len(contacts) - 8} more" if len(contacts) > 8 else ""
+        bases = "".join(
+            f"bases of '{a}' and '{b}' coincide, give one a `base`; "
+            for a, b in coinciding(scene, [(c.a, c.b) for c in contacts])
+        )
         raise HomeContactError(
-            f"at the home configuration these overlap: {pairs}{more}; give another "
+            f"{bases}at the home configuration these overlap: {pairs}{more}; give "
+            "another "
             "`home`, fit the links more closely (fit_target), or allow the pair with a "
             "reason",
             contacts,

@@ -7,6 +7,7 @@ import numpy as np
 
 from armguard.guard import layout
 from armguard.guard.answer import Answer
+from armguard.guard.given import top_speeds
 from armguard.guard.levels import OF_OBJECTS, ORDERED, Level, Reason
 from armguard.guard.near_pair import NearPair
 from armguard.guard.pace import clock_sentence, late_sentence
@@ -51,6 +52,17 @@ NAMED = 8
 
 # Greatest rounding error of a sum of terms [m].
 TOLERANCE = 1e-9
+
+# Remedies of faults of a joint that the sentence of their reason does not hold.
+REMEDIES = {
+    Reason.NOT_FINITE: "check the sensor",
+    Reason.STATE_JUMPED: "check units, joint order and stamps",
+    Reason.TOO_FAST: "check its unit, rad/s or m/s",
+    Reason.NOT_FOLLOWED: "send the robot each command, and nothing else",
+    Reason.STATE_FROZEN: "check that each cycle has a new measurement",
+    Reason.STATE_DISAGREES: "check the unit of `velocity`, rad/s or m/s, or omit it",
+    Reason.STAMP_REPEATED: "stamp each measurement when it is taken",
+}
 
 # Reasons explained by a joint that has not stopped as declared.
 LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
@@ -141,6 +153,10 @@ def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> 
         sentence = late_sentence(value, tables.period, tables.late)
     if reason in IN_MILLISECONDS:
         sentence = f"{sentence} ({value * 1e3:.1f} ms){clock_sentence(value)}"
+    if reason is Reason.TIME_BACKWARDS and value < 0.0:
+        sentence = f"{sentence} (by {value * -1e3:.1f} ms)"
+    if reason is Reason.TIME_STILL:
+        sentence = f"{sentence} ({value:.6f} s)"
     said_already = sentence.startswith((doing, "still "))
     if subject:
         return f"'{subject}': {sentence if said_already else f'{doing}, {sentence}'}"
@@ -154,6 +170,8 @@ def joint_sentence(doing: str, reason: Reason, answer: Answer, advice: str) -> s
     at, sentence = "", reason.sentence
     if reason in AT_SPEED:
         at = f" at {value:.2f} a second"
+        if reason is Reason.TOO_FAST:
+            sentence = f"{sentence}, {top_speeds(names.tables)[k]:g}"
     elif reason is Reason.DRIVE_LAGS:
         sentence = f"{sentence}, by at least {value * 1e3:.1f} ms"
     elif reason is Reason.STATE_FROZEN:
@@ -166,6 +184,8 @@ def joint_sentence(doing: str, reason: Reason, answer: Answer, advice: str) -> s
         lower, upper = names.tables.lower[k], names.tables.upper[k]
         at = f" is at {value:.4f}"
         sentence = f"its limits are [{lower:.4f}, {upper:.4f}]; {advice}"
+    if reason in REMEDIES:
+        sentence = f"{sentence}; {REMEDIES[reason]}"
     return f"joint '{names.tables.q_names[k]}'{at}: {doing}, {sentence}"
 
 

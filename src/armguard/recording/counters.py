@@ -27,27 +27,36 @@ DROPS = {
     "length": "states another length than it has",
     "seal": "sealed with another key, or changed on its way",
     "kind": "a kind that clients do not send",
-    "session": "of another session of the service",
-    "scene": "made for another scene",
-    "unknown_sender": "from a client that never said hello, or long ago",
+    "session": "of another session of the service: connect again",
+    "scene": "made for another scene: connect again",
+    "unknown_sender": "from a client that never said hello, or long ago: connect again",
     "address": "from another address than the sender's",
     "replayed": "with a sequence number that was there already",
     "out_of_order": "with a lower sequence number than the last one",
     "payload": "a payload its kind cannot have",
-    "robots": "a state of robots that do not exist",
-    "joints": "another number of joints or tools than the scene has",
-    "second_controller": "a state of a robot that another controller has",
-    "not_commander": "a desired motion of a client that does not command",
-    "wish_not_finite": "a desired motion that holds NaN or infinity",
-    "too_many_senders": "a hello when there was no room for another client",
-    "call_unreadable": "a call that is no JSON of ours",
-    "role": "a kind of message that the sender's key does not allow",
+    "robots": "a state of robots that do not exist: "
+    "set a bit for each robot of the scene",
+    "joints": "another number of joints or tools than the scene has: "
+    "send a number for each of `names`",
+    "second_controller": "a state of a robot that another controller has: "
+    "stop that one first",
+    "not_commander": "a desired motion of a client that does not command: "
+    "claim the command",
+    "wish_not_finite": "a desired motion that holds NaN or infinity: "
+    "send finite numbers",
+    "too_many_senders": "a hello when there was no room for another client: close one",
+    "call_unreadable": "a call that is no JSON of ours: "
+    "send an id, a call and its arguments",
+    "role": "a kind of message that the sender's key does not allow: use another key",
     "challenge": "a hello whose cookie this service did not give out, or took already",
-    "wish_late": "a desired motion that was sent longer ago than its watchdog allows",
+    "wish_late": "a desired motion that was sent longer ago than its watchdog allows: "
+    "check clock and network",
     "call_late": "a call or claim that was sent longer ago than the commander may be "
-    "silent",
-    "ahead": "a desired motion, call or claim whose stamp is in the future",
-    "busy": "one hello or call more than are answered between two heartbeats",
+    "silent: check clock and network",
+    "ahead": "a desired motion, call or claim whose stamp is in the future: "
+    "check the clock",
+    "busy": "one hello or call more than are answered between two heartbeats: "
+    "send fewer",
 }
 
 COUNTERS: tuple[str, ...] = (

@@ -16,6 +16,7 @@ from armguard.errors import (
 )
 from armguard.geometry.pose import Pose, check_transform
 from armguard.guard.continuous import PathCheck
+from armguard.guard.given import other_unit
 from armguard.guard.levels import Reason
 from armguard.guard.watch import Watch
 from armguard.respond.engagement import Standing
@@ -350,7 +351,7 @@ def positions_of(part: RobotPart, q: ArrayLike, tables: SceneTables) -> Floats:
     Raises:
         GoalError: They are no vector of finite numbers, or outside the limits.
     """
-    found, fault = as_vector(f"robot '{part.name}': q", q, part.joint_count)
+    found, fault = as_vector(f"robot '{part.name}': q", q, part.joints)
     if found is None:
         raise GoalError(fault)
     own = slice(part.first_joint, part.first_joint + part.joint_count)
@@ -358,9 +359,12 @@ def positions_of(part: RobotPart, q: ArrayLike, tables: SceneTables) -> Floats:
         part.joints, found, tables.lower[own], tables.upper[own], strict=True
     ):
         if not lower <= place <= upper:
+            goal = np.full(len(tables.q_names), np.nan)
+            goal[own] = found
+            hint = other_unit(goal, tables)[0]
             raise GoalError(
                 f"joint '{part.name}/{name}' is to go to {place:.4f}; its limits are "
-                f"[{lower:.4f}, {upper:.4f}]"
+                f"[{lower:.4f}, {upper:.4f}]" + (hint and f"; {hint}")
             )
     return found
 

@@ -25,7 +25,7 @@ from armguard.respond.lead_state import lead_of
 from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
 from armguard.respond.remembered import more_of
 from armguard.respond.requested import (
-    DesiredPositions,
+    positions_in,
     reason_of_stop,
     twists_in,
     velocities_in,
@@ -45,6 +45,7 @@ from armguard.respond.state import (
     response_of,
 )
 from armguard.respond.tool import Tools
+from armguard.respond.units import DesiredUnits
 from armguard.respond.whole_cycle import (
     begin_filtered_cycle,
     end_filtered_cycle,
@@ -108,7 +109,7 @@ class Guard(Monitor):
             scene, budget=budget, self_test=self_test, progress=progress, clock=clock
         )
         tables = self.tables
-        self._tools, self._positions = Tools(tables), DesiredPositions(tables)
+        self._tools, self._units = Tools(tables), DesiredUnits(tables)
         self._guidance = Guidance(tables, self._watch, self._tools, self.check_path)
         if not compiling and all(part.mode != "fixed" for part in tables.robots):
             # Compiles or loads the kernels of a filtered cycle before the loop.
@@ -199,7 +200,7 @@ class Guard(Monitor):
         Raises:
             SceneError: See `filter`.
         """
-        goal = self._positions(q_desired)
+        goal = positions_in(q_desired, self.tables)
         return self._filter((q, stamp, velocity, now), POSITIONS, *goal)
 
     def filter_twists(
@@ -299,6 +300,7 @@ class Guard(Monitor):
         try:
             data, fault = self._filtered(response, given, form, requested)
             numbers = response.commanded.copy()
+            self._units.note(form, requested)
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
@@ -373,11 +375,7 @@ class Guard(Monitor):
         return unsolved
 
     def _prepare_filter(self) -> Response:
-        """Allocate the responses, which only filtered cycles need.
-
-        Raises:
-            SceneError: A robot's mode is "fixed".
-        """
+        """Allocate the responses; a mode "fixed" raises `SceneError`."""
         check_modes(self.tables)
         self._lead = lead_of(self.tables)
         self._escape = escape_of(self.tables)

@@ -1,7 +1,6 @@
 """Requests of operators: converted to arrays, or refused with a reason in words."""
 
-import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +13,7 @@ from armguard.guard.given import (
     is_mapping,
     joined,
     kind_of,
-    other_unit,
     real_array,
-    within,
 )
 from armguard.guard.levels import ORDERED, Reason
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
@@ -25,57 +22,40 @@ from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
-log = logging.getLogger("armguard")
+# Numbers of a twist.
+TWIST_PARTS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
-def as_vector(what: str, value: object, count: int) -> tuple[Floats | None, str]:
-    """A vector of `count` finite numbers, or None and the reason in words."""
+def as_vector(
+    what: str, value: object, names: Sequence[str]
+) -> tuple[Floats | None, str]:
+    """A vector of finite numbers, or None and the reason in words.
+
+    Args:
+        what: Name of the vector.
+        value: The vector.
+        names: Names of its numbers.
+    """
+    count = len(names)
+    order = "vx, vy, vz, wx, wy, wz" if names is TWIST_PARTS else "guard.q_names"
+    wanted = f"it must be {count} numbers in the order of {order}"
     try:
         array = real_array(value)
     except Exception:  # whatever a stranger's object raises, the loop goes on
-        return None, f"{what} is a {kind_of(value)}; it must be {count} numbers"
+        return None, f"{what} is a {kind_of(value)}; {wanted}"
     if array.shape != (count,):
-        return None, f"{what} has shape {array.shape}; it must be {count} numbers"
+        return None, f"{what} has shape {array.shape}; {wanted}"
     if not np.isfinite(array).all():
-        return None, f"{what} holds {array[~np.isfinite(array)][0]}; it must be finite"
+        k = int((~np.isfinite(array)).argmax())
+        return None, f"{what} of '{names[k]}' is {array[k]}; it must be finite"
     return array, ""
 
 
-class DesiredPositions:
-    """Desired joint positions as a kernel takes them.
-
-    Positions that look like degrees or millimetres are a warning in the log, the first
-    time: they are followed as far as the limits of the joints.
-
-    Args:
-        tables: The scene.
-    """
-
-    def __init__(self, tables: SceneTables) -> None:
-        self.tables = tables
-        self._warned = False
-
-    def __call__(self, value: JointVector) -> tuple[Floats | None, str]:
-        """The positions, or None and the reason in words."""
-        if is_mapping(value):
-            vector, fault = robot_vectors("q_desired", value, self.tables)
-        else:
-            vector, fault = as_vector("q_desired", value, len(self.tables.q_names))
-        if vector is not None and not self._warned:
-            self._warned = self._warn(vector)
-        return vector, fault
-
-    def _warn(self, q: Floats) -> bool:
-        """Whether positions look like another unit; then it is written to the log."""
-        tables = self.tables
-        hint = "" if within(q, tables) else other_unit(q, tables)[0]
-        if hint:
-            k = int(np.minimum(q - tables.lower, tables.upper - q).argmin())
-            log.warning(
-                "q_desired of joint '%s' is %g, its limits are [%g, %g]; %s",
-                *(tables.q_names[k], q[k], tables.lower[k], tables.upper[k], hint),
-            )
-        return bool(hint)
+def positions_in(value: JointVector, tables: SceneTables) -> tuple[Floats | None, str]:
+    """Desired joint positions as a kernel takes them, or None and the reason."""
+    if is_mapping(value):
+        return robot_vectors("q_desired", value, tables)
+    return as_vector("q_desired", value, tables.q_names)
 
 
 def robot_vectors(
@@ -89,7 +69,7 @@ def robot_vectors(
     vector, fault = joined(what, value, tables.robots, partial=partial)
     if fault:
         return None, fault
-    return as_vector(what, vector, len(tables.q_names))
+    return as_vector(what, vector, tables.q_names)
 
 
 def velocities_in(
@@ -107,7 +87,7 @@ def velocities_in(
         return value, ""
     if is_mapping(value):
         return named_velocities(value, tables)
-    return as_vector("v_desired", value, shape[0])
+    return as_vector("v_desired", value, tables.q_names)
 
 
 def named_velocities(
@@ -126,7 +106,7 @@ def named_velocities(
         numbers = [value.get(name, 0.0) for name in names]
     except Exception:  # as above
         return None, f"{what} is a {kind_of(value)}; it must be numbers by joint name"
-    return as_vector(what, numbers, len(names))
+    return as_vector(what, numbers, names)
 
 
 def reason_of_stop(reason: object) -> Reason:
@@ -157,7 +137,7 @@ def read_twists(
     fault = ""
     for row, (name, twist) in zip(rows, twists.items(), strict=True):
         tool = tools.named(name)
-        vector, wrong = as_vector(f"the twist of '{name}'", twist, 6)
+        vector, wrong = as_vector(f"the twist of '{name}'", twist, TWIST_PARTS)
         if tool is None:
             wrong = f"there is a twist for '{name}', no tool; {tools.near(name)}"
         elif vector is not None:

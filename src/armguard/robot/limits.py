@@ -14,7 +14,7 @@ from armguard.robot.model import Joint, JointKind, RobotModel
 FAR_BEYOND_LIMITS = 10.0
 
 # Nothing near an arm is so far away or so long in metres [m].
-LOOKS_LIKE_MILLIMETRES = 100.0
+LOOKS_LIKE_MILLIMETRES = 20.0
 
 # Names of SRDF group states that say where a robot is at home, the first found wins;
 # if there is none of these, the file's first state does.

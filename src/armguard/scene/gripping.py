@@ -8,7 +8,17 @@ from pydantic import AfterValidator, Field, model_validator
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.robot.model import RobotModel
 from armguard.robot.tree import joints_above, rigid_groups
-from armguard.scene.schema import CLOSED, METRES, SPEED, NotNegative, Positive
+from armguard.scene.schema import (
+    CLOSED,
+    METRES,
+    MOST_CREEP,
+    MOST_OVERLAP,
+    NotNegative,
+    Positive,
+    at_most,
+)
+
+CREEP, OVERLAP = at_most(MOST_CREEP, "m/s"), at_most(MOST_OVERLAP, "m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,12 +44,12 @@ class Grasp:
     __pydantic_config__ = CLOSED
 
     near: Annotated[Positive, METRES] = 0.1
-    intent_speed: Annotated[Positive, SPEED] = 0.1
-    creep: Annotated[Positive, SPEED] = 0.02
-    depth: Annotated[NotNegative, METRES] = 0.002
-    aim: Annotated[NotNegative, METRES] = 0.01
-    touch: Annotated[NotNegative, METRES] = 0.005
-    lift: Annotated[NotNegative, METRES] = 0.010
+    intent_speed: Annotated[Positive, CREEP] = 0.1
+    creep: Annotated[Positive, CREEP] = 0.02
+    depth: Annotated[NotNegative, OVERLAP] = 0.002
+    aim: Annotated[NotNegative, OVERLAP] = 0.01
+    touch: Annotated[NotNegative, OVERLAP] = 0.005
+    lift: Annotated[NotNegative, OVERLAP] = 0.010
     expiry: Positive = 30.0
 
     @model_validator(mode="after")

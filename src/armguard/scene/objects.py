@@ -13,7 +13,8 @@ from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import HalfSpace, PlacedShape, Shape, Triangle
 from armguard.robot.limits import LOOKS_LIKE_MILLIMETRES
 from armguard.scene.meshes import Surface
-from armguard.scene.schema import BRIEF
+from armguard.scene.meshes.surface import CORNERS
+from armguard.scene.schema import BRIEF, TURN
 from armguard.scene.settings import ObjectSettings
 
 log = logging.getLogger("armguard")
@@ -21,6 +22,9 @@ log = logging.getLogger("armguard")
 Part = Shape | PlacedShape | Surface
 
 ORIGIN = Pose()
+
+# Objects are seldom faster than this [m/s].
+FAST_OBJECT = 15.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -77,8 +81,15 @@ def scene_object(
         pose=checked_pose(f"object '{name}': pose", pose),
         **vars(settings),
     )
-    for placed in made.shapes:
-        warn_of_length(f"object '{name}'", longest_number(placed.shape))
+    lengths = [longest_number(placed.shape) for placed in made.shapes]
+    lengths += [longest_side(surface) for surface in made.surfaces]
+    warn_of_length(f"object '{name}'", max(lengths))
+    if made.top_speed > FAST_OBJECT:
+        log.warning(
+            "object '%s': top_speed is %g m/s; if these are millimetres a second, "
+            "give %g",
+            *(name, made.top_speed, made.top_speed * 1e-3),
+        )
     wrong = contradiction(made)
     if wrong is not None:
         raise SceneError(f"object '{name}' {wrong}")
@@ -102,30 +113,49 @@ def checked_pose(what: str, pose: object) -> Pose:
             f"{what} is {BRIEF.repr(pose)}; give a Pose, such as "
             "Pose(xyz=(0, 0, 0), rpy=(0, 0, 0))"
         )
+    if max(map(abs, pose.rpy)) > TURN:
+        raise SceneError(
+            f"{what}: rpy {list(pose.rpy)} looks like degrees; give radians"
+        )
     warn_of_length(what, max(map(abs, pose.xyz)))
     return pose
 
 
-def warn_of_length(what: str, length: float) -> None:
-    """Write to the log that a length looks like millimetres, if it does.
+def warn_of_length(what: str, length: float) -> bool:
+    """Write to the log that a length looks like millimetres; whether it does.
 
     Args:
         what: What is so long or so far away.
         length: The length [m].
     """
-    if LOOKS_LIKE_MILLIMETRES < length < inf:
+    strange = LOOKS_LIKE_MILLIMETRES < length < inf
+    if strange:
         log.warning(
             "%s: %g m look like millimetres; give metres: %g",
             what,
             length,
             length * 1e-3,
         )
+    return strange
 
 
 def longest_number(shape: Shape) -> float:
     """Greatest of the sizes of a shape [m]."""
     sizes = [getattr(shape, part.name) for part in fields(shape) if part.init]
     return float(max(np.abs(size).max(initial=0.0) for size in sizes))
+
+
+def farthest_point(placed: PlacedShape) -> float:
+    """Greatest size of a placed shape, or distance of its frame from the origin [m]."""
+    return max(longest_number(placed.shape), *map(abs, placed.pose.xyz))
+
+
+def longest_side(surface: Surface) -> float:
+    """Greatest side of the bounding box of a surface [m]."""
+    corners = surface.rows[:, CORNERS]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    sides = high.reshape(3, 3).max(axis=0) - low.reshape(3, 3).min(axis=0)
+    return float(sides.max())
 
 
 def shapes_in_words(item: SceneObject) -> str:

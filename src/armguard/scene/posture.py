@@ -1,7 +1,8 @@
 """Free configurations near the middle of the joint limits, and closed fingers."""
 
-from collections.abc import Iterator, Set
+from collections.abc import Collection, Iterable, Iterator, Set
 from dataclasses import dataclass
+from itertools import combinations
 from math import inf
 
 import numpy as np
@@ -22,6 +23,9 @@ SAMPLES = 300
 
 # A configuration with this much room beyond every buffer ends the search [m].
 ROOM = 0.05
+
+# Bases nearer than this stand at one place [m].
+ONE_PLACE = 0.01
 
 # Nearness to the middle counts more than room beyond this share of the most found [-].
 ENOUGH = 0.5
@@ -159,6 +163,24 @@ def free_homes(
 def robot_of(body: str) -> str:
     """The robot of a link, or the object itself."""
     return body.partition("/")[0]
+
+
+def coinciding(
+    scene: Scene, contacts: Iterable[Collection[str]]
+) -> list[tuple[str, str]]:
+    """Robots in contact whose bases stand at one place.
+
+    Args:
+        scene: The scene.
+        contacts: Pairs of bodies in contact.
+    """
+    touching = [{robot_of(body) for body in pair} for pair in contacts]
+    return [
+        (first.name, second.name)
+        for first, second in combinations(scene.robots.values(), 2)
+        if {first.name, second.name} in touching
+        and np.linalg.norm(np.subtract(first.base.xyz, second.base.xyz)) < ONE_PLACE
+    ]
 
 
 def candidates(

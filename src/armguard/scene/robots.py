@@ -1,12 +1,14 @@
 """Robots of a scene: a model with its fits, its place and its settings."""
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import radians
 from pathlib import Path
 from typing import Any
 
 from armguard.errors import SceneError
-from armguard.geometry.pose import Pose
+from armguard.geometry.pose import LOOKS_LIKE_DEGREES, Pose
 from armguard.robot.fitting import fit_robot
 from armguard.robot.known_arms import known_home
 from armguard.robot.limits import home_configuration
@@ -23,7 +25,7 @@ from armguard.robot.stopping.figures import FIGURES
 from armguard.robot.urdf import load_urdf
 from armguard.scene.gripping import check_links
 from armguard.scene.meshes import Progress
-from armguard.scene.objects import checked_pose
+from armguard.scene.objects import checked_pose, farthest_point, warn_of_length
 from armguard.scene.schema import BRIEF, checked, part_of
 from armguard.scene.settings import (
     MODES,
@@ -35,6 +37,14 @@ from armguard.scene.settings import (
 
 # Largest deceleration that is proposed unmeasured [rad/s² or m/s²].
 MOST_GUESSED = 5.0
+
+log = logging.getLogger("armguard")
+
+# Few arms brake a joint harder in every stop [rad/s²].
+MOST_DECELERATION = 40.0
+
+# Limits beyond this, such as 1e16, say that a joint has none [rad].
+MOST_DEGREES = 720.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -108,6 +118,7 @@ def scene_robot(
         FiguresError: A figure cannot be true.
     """
     model, own_home, own = loaded
+    warn_of_limits(f"robot '{name}'", model)
     who, joint = f"robot '{name}'", model.q_names[0] if model.q_names else "joint"
     base = checked_pose(f"{who}: base", base)
     check_mapping(f"{who}: home", home, f"{{'{joint}': 0.1}}")
@@ -116,6 +127,7 @@ def scene_robot(
     elif not isinstance(stopping, StoppingFigures):
         check_mapping(f"{who}: stopping", stopping, "{'deceleration': 5.0}")
         stopping = declared_figures(model, stopping, own)
+        warn_of_deceleration(who, model, stopping)
     if settings.gripper is not None:
         check_links(name, model, settings.gripper)
     return SceneRobot(
@@ -127,6 +139,34 @@ def scene_robot(
         stopping=stopping,
         **part_of(settings, RobotSettings),
     )
+
+
+def warn_of_limits(who: str, model: RobotModel) -> None:
+    """Write to the log that joint limits look like degrees, if they do."""
+    for joint in model.joints.values():
+        most = max(abs(joint.lower), abs(joint.upper))
+        turns = joint.kind is JointKind.REVOLUTE
+        if turns and LOOKS_LIKE_DEGREES < most <= MOST_DEGREES:
+            log.warning(
+                "%s: the limits of joint '%s' in line %d are [%g, %g] rad, more than "
+                "two turns; if these are degrees, give radians: [%.4g, %.4g]",
+                *(who, joint.name, joint.line, joint.lower, joint.upper),
+                *(radians(joint.lower), radians(joint.upper)),
+            )
+            return
+
+
+def warn_of_deceleration(who: str, model: RobotModel, figures: StoppingFigures) -> None:
+    """Write to the log that a deceleration looks like degrees, if it does."""
+    for name, figure in zip(figures.joints, figures.deceleration, strict=True):
+        turns = model.joints[name].kind is JointKind.REVOLUTE
+        if turns and figure > MOST_DECELERATION:
+            log.warning(
+                "%s: deceleration of joint '%s' is %g rad/s², and few arms brake so "
+                "hard; if these are degrees, give radians: %.3g",
+                *(who, name, figure, radians(figure)),
+            )
+            return
 
 
 def check_mapping(what: str, value: object, example: str) -> None:
@@ -158,6 +198,10 @@ def fitted(robot: SceneRobot, progress: Progress | None) -> SceneRobot:
         max_primitives=robot.max_primitives,
         progress=progress and fitting(progress),
     )
+    for link, fit in fits.items():
+        far = max((farthest_point(placed) for placed in fit.shapes), default=0.0)
+        if warn_of_length(f"robot '{robot.name}': link '{link}'", far):
+            break
     return replace(robot, fits=fits)
 
 

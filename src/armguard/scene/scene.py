@@ -1,5 +1,6 @@
 """A scene: robots, objects, what may touch, what distance is to be kept."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -37,7 +38,7 @@ from armguard.scene.robots import (
     response_settings,
     scene_robot,
 )
-from armguard.scene.schema import checked
+from armguard.scene.schema import LEAST_UNLIKELY, checked
 from armguard.scene.settings import (
     DEFAULT_MODE,
     CycleSettings,
@@ -55,6 +56,8 @@ __all__ = ["Scene", "SceneRobot", "response_settings"]
 
 # An object of which nothing is said.
 PLAIN = ObjectSettings()
+
+log = logging.getLogger("armguard")
 
 
 class Scene(Contents):
@@ -105,6 +108,13 @@ class Scene(Contents):
         if period == 0.0:
             raise SceneError("period is 0 s; it must be > 0")
         self.late = check_amount("late", late, "s")
+        for what, value in (("period", self.period), ("late", self.late)):
+            if value >= LEAST_UNLIKELY:
+                log.warning(
+                    "%s is %g s, and no control loop is so slow; if these are "
+                    "milliseconds, give seconds: %g",
+                    *(what, value, value * 1e-3),
+                )
         self.index = IndexSettings() if index is None else index
         self.notes: list[str] = []
 

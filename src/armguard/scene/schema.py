@@ -50,6 +50,12 @@ Name = Annotated[str, Field(min_length=1)]
 MOST_SECONDS, MOST_METRES, MOST_MARGIN = 2.0, 2.0, 10.0
 MOST_SPEED, TURN = 100.0, 6.2832
 
+# A period or a delay of a cycle as long as this is probably in milliseconds [s].
+LEAST_UNLIKELY = 0.9
+
+# Greatest overlap of a contact [m] and closing speed at it [m/s].
+MOST_OVERLAP, MOST_CREEP = 0.2, 2.0
+
 # Of a mapping without unknown keys. Instances are validated too: making one is not.
 CLOSED = ConfigDict(extra="forbid", frozen=True, revalidate_instances="always")
 

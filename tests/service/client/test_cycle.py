@@ -93,8 +93,8 @@ def test_numbers_are_taken_in_any_form(far, client, form):
     ("given", "sentence"),
     [
         ((Q[:2], WANTED, V), r"q has shape \(2,\); it must be \(3,\)"),
-        ((Q, WANTED[:1], V), r"the wish has shape \(1,\); it must be"),
-        ((Q, 0.0, V), r"the wish has shape \(\); it must be"),
+        ((Q, WANTED[:1], V), r"the desired motion has shape \(1,\); it must be"),
+        ((Q, 0.0, V), r"the desired motion has shape \(\); it must be"),
         ((Q, WANTED, np.zeros((3, 1))), r"velocity has shape \(3, 1\); it must"),
         ((["a", "b", "c"], WANTED, V), r"q is \['a', 'b', 'c'\]; it must be real numb"),
         ((["1", "2", "3"], WANTED, V), r"q is \['1', '2', '3'\]; it must be real numb"),
@@ -117,8 +117,8 @@ def test_what_is_no_vector_of_the_joints_is_refused_and_not_sent(
 @pytest.mark.parametrize(
     ("wish", "sentence"),
     [
-        (Q[:2], r"the wish has shape \(2,\); it must be \(3,\)"),
-        (["a", "b", "c"], "the wish is .*; it must be real numbers"),
+        (Q[:2], r"the desired motion has shape \(2,\); it must be \(3,\)"),
+        (["a", "b", "c"], "the desired motion is .*; it must be real numbers"),
     ],
 )
 def test_a_wish_that_is_no_vector_of_the_joints_is_refused(client, wish, sentence):

@@ -1,49 +1,17 @@
 """What is not let in: one message of each kind of wrong, counted by its cause."""
 
 import socket
-import time
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from armguard import Action, Client, Reason
-from armguard.service.wire import Form, Kind, Outbox, Role
+from armguard.service.wire import Kind, Role
 from armguard.service.wire.keys import new_keys, write_keys
-from armguard.service.wire.layout import HEADER, MOST, SEAL, STATE, WISH
+from armguard.service.wire.layout import HEADER, MOST, SEAL
+from messages import JOINTS, Forger
 from service_arms import Arms, wait_for
-
-JOINTS = 14
-
-
-class Forger:
-    """A sender that knows everything a client knows, and what to get wrong."""
-
-    def __init__(self, client: Client) -> None:
-        # Its socket, address and numbers are those of a client that said hello.
-        self.client = client
-        self.outbox: Outbox = client._connection.outbox
-        self.socket: socket.socket = client._connection.socket
-        self.address = client._connection.address
-        self.seal = client._connection.seal
-
-    def send(self, message: bytes) -> None:
-        self.socket.sendto(message, self.address)
-
-    def state(self, joints: int = JOINTS, bits: int = 3, flags: int = 0) -> bytearray:
-        q = np.zeros(joints) if joints != JOINTS else self.client.welcome.home
-        payload = STATE.pack(bits, flags, time.monotonic()) + q.tobytes()
-        return bytearray(self.outbox.message(Kind.STATE, payload))
-
-    def wish(self, values: np.ndarray, form: int = Form.VELOCITIES) -> bytearray:
-        token = self.client._token
-        payload = WISH.pack(token, form, len(values)) + values.tobytes()
-        return bytearray(self.outbox.message(Kind.WISH, payload))
-
-    def again(self, message: bytearray) -> bytearray:
-        """Sealed anew after something was changed."""
-        self.seal.put(memoryview(message))
-        return message
 
 
 def changed(message: bytearray, at: int, by: int = 1) -> bytearray:

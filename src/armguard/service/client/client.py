@@ -7,7 +7,7 @@ from typing import Any, Self
 
 from numpy.typing import ArrayLike
 
-from armguard.errors import NoServiceError, RefusedError
+from armguard.errors import NoServiceError, RefusedError, known_names
 from armguard.service.client.answer import NANO, Answer, words
 from armguard.service.client.connection import numbers_of
 from armguard.service.client.exchange import Exchange, request_of
@@ -255,8 +255,10 @@ class Client(Exchange):
         tools, rows = self.welcome.tools, []
         for name, twist in twists.items():
             if name not in tools:
-                raise RefusedError(f"the scene has no tool '{name}'")
-            six = numbers_of(twist, f"the twist of '{name}'", TWIST - 1)
+                known = known_names(tools, 12)
+                raise RefusedError(f"the scene has no tool '{name}'; {known}")
+            what, parts = f"the twist of '{name}'", "of vx, vy, vz, wx, wy, wz"
+            six = numbers_of(twist, what, TWIST - 1, parts)
             rows.append([tools.index(name), *six])
         self._send_desired(Form.TWISTS, rows)
 
@@ -389,6 +391,6 @@ class Client(Exchange):
     def _send_desired(self, form: Form, values: ArrayLike) -> None:
         """Send a WISH of that form."""
         count = None if form is Form.TWISTS else len(self.welcome.names)
-        row = numbers_of(values, "the wish", count).reshape(-1)
+        row = numbers_of(values, "the desired motion", count).reshape(-1)
         head = WISH.pack(self._token, form, len(row))
         self._connection.say(Kind.WISH, head, row.tobytes())

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import NoServiceError, RefusedError
+from armguard.errors import NoServiceError, RefusedError, known_names
 from armguard.service.client.answer import CAUSES, NANO, Answer
 from armguard.service.client.welcome import NOTHING, Welcome
 from armguard.service.wire import Form, Kind, Outbox, Seal
@@ -257,7 +257,9 @@ class StateMessage:
         names = (named,) if isinstance(named, str) else named
         for name in names:
             if name not in welcome.robots:
-                raise RefusedError(f"the scene has no robot '{name}'")
+                raise RefusedError(
+                    f"the scene has no robot '{name}'; {known_names(welcome.robots)}"
+                )
         own = {welcome.robots.index(name) for name in names}
         self.bits = sum(1 << k for k in own)
         self._joints = joints = sum(welcome.parts[k].count for k in own)
@@ -337,7 +339,7 @@ class StateMessage:
             if velocity is not None:
                 self._convert(self._velocity, velocity, "velocity")
             if desired is not None:
-                self._convert(self._desired, desired, "the wish")
+                self._convert(self._desired, desired, "the desired motion")
         self._seal.put(self._message)
         return self._message
 
@@ -346,13 +348,19 @@ class StateMessage:
         row[:] = numbers_of(values, name, self._joints)
 
 
-def numbers_of(values: ArrayLike, name: str, count: int | None = None) -> Floats:
+def numbers_of(
+    values: ArrayLike,
+    name: str,
+    count: int | None = None,
+    parts: str = "joint, in the order of Welcome.names",
+) -> Floats:
     """An array of real numbers.
 
     Args:
         values: The array, in any form.
         name: What it is, for messages.
         count: How many numbers it must have; any if None.
+        parts: What each number is for, for messages.
 
     Raises:
         RefusedError: It holds other values, or has another shape.
@@ -366,5 +374,8 @@ def numbers_of(values: ArrayLike, name: str, count: int | None = None) -> Floats
         said = f"{name} is {brief(values)}; it must be real numbers"
         raise RefusedError(said) from None
     if count is not None and numbers.shape != (count,):
-        raise RefusedError(f"{name} has shape {numbers.shape}; it must be ({count},)")
+        raise RefusedError(
+            f"{name} has shape {numbers.shape}; it must be ({count},), one for "
+            f"each {parts}"
+        )
     return numbers

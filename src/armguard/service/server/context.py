@@ -4,7 +4,7 @@ import logging
 import secrets
 from dataclasses import dataclass
 
-from armguard.recording.counters import DROPS, Counters
+from armguard.recording.counters import Counters
 from armguard.service.server.answers import Answers
 from armguard.service.server.authenticator import Authenticator
 from armguard.service.server.judge import Judge
@@ -80,19 +80,20 @@ class Context:
         for peer in self.peers.here:
             self.send(message, peer)
 
-    def refuse(self, peer: Peer, cause: str, now: int) -> None:
-        """Inform a client, at most ten times a second, that its message was dropped.
+    def refuse(self, peer: Peer, cause: str, sentence: str, now: int) -> None:
+        """Inform a client, at most ten times a second, what is wrong with its messages.
 
         Args:
             peer: The client.
-            cause: The cause, see `DROPS`.
+            cause: The cause, see `DROPS`, or "unit".
+            sentence: The same in words.
             now: Monotonic clock [ns].
         """
         if now - peer.refused.get(cause, -REFUSE_AGAIN) < REFUSE_AGAIN:
             return
         peer.refused[cause] = now
         head = REFUSAL.pack(self.authenticator.head.sequence)
-        text = f"{cause}:{DROPS[cause]}".encode()
+        text = f"{cause}:{sentence}".encode()
         self.send(self.outbox.message(Kind.REFUSAL, head, text), peer)
 
     def order_stop(self, name: str) -> None:

@@ -6,6 +6,7 @@ import time
 from armguard.guard.events import EventLog
 from armguard.guard.levels import Level
 from armguard.recording.counters import FIRST_CAUSE
+from armguard.respond.units import SUSTAINED
 from armguard.service.desk.desk import (
     BEGAN_AT,
     BEGAN_BY,
@@ -61,6 +62,9 @@ class Cycles:
         self._force = Cause.NONE
         given = context.judge.desk.given.data
         self._given, self._given_u = given, given.cast("B").cast("Q")
+        # The commander whose desired motion looks like another unit, 0 if it does not;
+        # since when it does [ns], and whether it was named.
+        self._strange_by, self._strange_since, self._named = 0, 0, False
         self._events = EventLog(Level.SLOW)
         # Level of the last cycle that the log of events has, and when it was [ns].
         self._seen, self._looked = Level.CLEAR, 0
@@ -149,6 +153,24 @@ class Cycles:
         ):
             self._looked = ended
             self._log_event()
+
+    def look_at_unit(self, now: int) -> None:
+        """Name a desired motion that looks like another unit, once while it lasts.
+
+        Args:
+            now: Monotonic clock [ns].
+        """
+        context = self._context
+        says = context.judge.unit_of_wish()
+        commander = context.command.sender if says else 0
+        if commander != self._strange_by:
+            self._strange_by, self._strange_since, self._named = commander, now, False
+        if says and not self._named and now - self._strange_since >= SUSTAINED * NANO:
+            self._named = True
+            context.log.report("unit", says, now)
+            peer = context.peers.find(commander)
+            if peer is not None:
+                context.refuse(peer, "unit", says, now)
 
     def _log_event(self) -> None:
         """Log an event that ends, and a stop that begins."""

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import RefusedError, SceneError
+from armguard.guard import layout
+from armguard.guard.given import likely_mistake
 from armguard.guard.levels import Reason
 from armguard.guard.verdict import Verdict
 from armguard.recording.calls import GuardCall, Place, Release, Remove
@@ -13,6 +15,9 @@ from armguard.recording.frames import HEADER, Kind, text_of
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.ring import RingWriter
 from armguard.respond import Command, Guard
+from armguard.respond.state import POSITIONS, TWIST_ROW, VELOCITIES
+from armguard.respond.state import TWISTS as BY_TWISTS
+from armguard.respond.units import DesiredUnits
 from armguard.respond.whole_cycle import NOT_JUDGED
 from armguard.scene import Scene
 from armguard.scene.tables import SceneTables
@@ -59,6 +64,13 @@ ASK_OF: dict[Cause, int] = {
     Cause.SHUTDOWN: Reason.SHUTDOWN,
 }
 
+# Forms of messages as the guard names them.
+FORMS = {
+    Form.VELOCITIES: VELOCITIES,
+    Form.POSITIONS: POSITIONS,
+    Form.TWISTS: BY_TWISTS,
+}
+
 # A joint that is slower than that rests [rad/s or m/s].
 RESTS = 0.01
 
@@ -102,7 +114,7 @@ class Judge:
         self._moved: dict[str, Place | Remove] = {}
         self.guard, self.hash = self._build(settings.self_test)
         tables = self.guard.guard.tables
-        self._tools = tools_of(tables)
+        self._tools, self._units = tools_of(tables), DesiredUnits(tables)
         self.desk = desk_of(tables, self._tools, message, answer)
         self._ledger = Ledger(self.desk)
         self.address: int = self._ledger.lines.ctypes.data
@@ -129,8 +141,20 @@ class Judge:
         data = desk.numbers[: self._given[USED]].copy()
         now = self._given[START] * 1e-9
         took = (self._given[ENDED] - self._given[START]) * 1e-9
-        verdict = Verdict(data, self.guard.guard.names, now, took, "")
+        fault = ""
+        if data[layout.REASON] == Reason.OUT_OF_LIMITS:
+            fault = likely_mistake(desk.q, tables)
+        verdict = Verdict(data, self.guard.guard.names, now, took, fault)
         return Command(desk.told.copy(), tables.robots, verdict)
+
+    def unit_of_wish(self) -> str:
+        """In words, that the judged desired motion looks like another unit, or ""."""
+        given, desk = self._given, self.desk
+        if not self._judged or given[ASK] != AS_WISHED:
+            return ""
+        form = Form(given[ASKED_FORM])
+        rows = desk.rows[: given[ASKED_COUNT] // 6 * TWIST_ROW]
+        return self._units.hint(FORMS[form], rows if form is Form.TWISTS else desk.wish)
 
     def ask(self, cause: Cause) -> None:
         """One cycle, and its answer on the desk; `write_down` writes it down.
@@ -220,6 +244,7 @@ class Judge:
         verdict = last.verdict
         return {
             "why": last.why,
+            "remark": self.unit_of_wish(),
             "explanation": last.explain()[:EXPLAINED],
             "cycle": self.guard.cycle - 1,
             "level": verdict.level.name,

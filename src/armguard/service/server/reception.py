@@ -25,6 +25,7 @@ from armguard.service.desk.making import bodies_of
 from armguard.service.desk.taking import take_state, take_wish
 from armguard.service.server.context import Context
 from armguard.service.server.cycles import NANO, Cycles
+from armguard.service.server.dropped import sentence_of_drop
 from armguard.service.server.judge import tools_of
 from armguard.service.server.peers import Address, Peer
 from armguard.service.server.rpc import AHEAD, Calls, read_call, refusal
@@ -123,9 +124,11 @@ class Reception:
             log.report("message", f"{type(error).__name__}: {error}", now)
         if drop:
             count(f"dropped_{drop}")
-            log.report(drop, f"{DROPS[drop]}, from {address}", now)
+            tables = context.judge.guard.guard.tables
+            says = sentence_of_drop(drop, check.head.kind, message, tables)
+            log.report(drop, f"{says}, from {address}", now)
             if peer is not None:
-                context.refuse(peer, drop, now)
+                context.refuse(peer, drop, says, now)
         else:
             count("accepted")
         return True
@@ -160,7 +163,8 @@ class Reception:
             if not check.cookies.take(hello.cookie, new.sender, address):
                 return "challenge"
             if peers.full(role):
-                context.refuse(new, "too_many_senders", now)
+                full = "too_many_senders"
+                context.refuse(new, full, DROPS[full], now)
                 return "too_many_senders"
             peer = new
             peers.greet(peer)

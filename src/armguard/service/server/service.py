@@ -207,6 +207,7 @@ class Service:
             silent.controls = False
             context.sockets.close_own(silent.address)
         self._reception.renew()
+        self._cycles.look_at_unit(now)
         holder = context.peers.find(context.command.sender)
         if holder is not None:
             if now - holder.heard > self._settings.commander_watchdog * NANO:
