@@ -18,7 +18,10 @@ from armguard.motion.twist_bound import (
     TRAVEL,
     bound_along,
     bound_twists,
+    deviation,
+    middle_gap,
     own_bound,
+    place_at_middle,
     relative_bound,
 )
 from armguard.respond import Guard
@@ -37,6 +40,7 @@ RADIUS = 1e-3
 def write(lines):
     w = open_workspace(lines)
     bound_twists(w.world.boxes, w.bodies, w.motion)
+    place_at_middle(w.bodies, w.T_world, w.motion)
 
 
 @numba.njit
@@ -57,6 +61,19 @@ def along(block, n, i, j, lines):
     w = open_workspace(lines)
     m, a, b = w.motion, w.bodies[i], w.bodies[j]
     return bound_along(block, n, i, j, a, b, m.shared[a, b], m)
+
+
+@numba.njit
+def kept_apart(i, j, lines):
+    w = open_workspace(lines)
+    m, a, b = w.motion, w.bodies[i], w.bodies[j]
+    return middle_gap(i, j, a, b, m.shared[a, b], w.world.boxes, m)
+
+
+@numba.njit
+def reach_of(i, n, lines):
+    w = open_workspace(lines)
+    return deviation(i, n, 0, w.bodies[i], w.motion)
 
 
 class Ranges:
@@ -161,6 +178,55 @@ def test_a_joint_that_slides_on_one_that_turns_is_counted():
 @pytest.fixture(scope="module")
 def pandas():
     return Ranges(two_pandas_scene())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pairs_of_two_pandas_stay_as_far_apart_as_their_balls(pandas, seed):
+    rng, tables = np.random.default_rng(seed), pandas.tables
+    n, moving = len(tables.home), tables.moving_count
+    nearest = np.inf
+    for k in range(200):
+        i = rng.choice(np.flatnonzero(tables.robot_of_primitive[:moving] >= 0))
+        j = rng.integers(len(tables.kinds))
+        if i == j or tables.kinds[j] == ShapeKind.HALF_SPACE:
+            continue
+        size = 10.0 ** rng.uniform(-2.0, -0.3)
+        middle, width = size * rng.uniform(-1, 1, n), size * rng.uniform(0, 0.5, n)
+        if k % 2:
+            width *= rng.permutation(n) < 2
+        pandas.set(middle, width)
+        bound = kept_apart(i, j, pandas.lines)
+        a, b = pandas.surface(i, rng), pandas.surface(j, rng)
+        for _ in range(20):
+            delta = middle + width * rng.choice((-1.0, 0.0, 1.0), n)
+            one = pandas.moved(i, a, delta)
+            other = pandas.moved(j, b, delta) if j < moving else b
+            gap = np.linalg.norm(one[:, None] - other[None], axis=2).min()
+            assert gap >= bound - 1e-12
+            if bound > 0.05:
+                nearest = min(nearest, gap / bound)
+    assert nearest < 1.2
+
+
+@pytest.mark.parametrize("kinds", CHAINS)
+def test_a_ball_reaches_its_least_distance_from_a_wall(kinds):
+    """A chain whose tip moves about the middle of its ranges, and a plane beside it."""
+    rng, ranges, n = np.random.default_rng(3), chain_of(kinds), len(kinds)
+    m = ranges.motion
+    for _ in range(100):
+        size = 10.0 ** rng.uniform(-3.0, -0.5)
+        middle, width = size * rng.uniform(-1, 1, n), size * rng.uniform(0, 1, n)
+        ranges.set(middle, width)
+        centre = place(kinds, middle)
+        assert m.middle_balls[0, :2] == pytest.approx(centre, abs=1e-12)
+        way = rng.normal(size=2)
+        way /= np.linalg.norm(way)
+        bound = reach_of(0, (*way, 0.0), ranges.lines)
+        ends = np.array(list(product((-1.0, 0.0, 1.0), repeat=n)))
+        reached = ((place(kinds, middle + width * ends) - centre) @ way).max()
+        assert reached <= bound + 1e-12
+        if size < 3e-3:
+            assert reached > 0.97 * bound - 1e-5
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -64,13 +64,15 @@ from armguard.index.octree_query import (
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import NEXT, SEGMENT, SETTLED, Motion
+from armguard.motion.state import AT_MIDDLE, NEXT, SEGMENT, SETTLED, Motion
 from armguard.motion.twist_bound import (
     SPEED,
     TRAVEL,
     bound_along,
     bound_twists,
+    middle_gap,
     own_bound,
+    place_at_middle,
     relative_bound,
 )
 
@@ -245,19 +247,24 @@ def is_far_along(i: int, j: int, need: float, place: int, w: Workspace) -> bool:
         w: The workspace.
     """
     v, m, at = w.watch, w.motion, place + WITNESS
-    spare = w.out[at] - need - v.ahead[i]
+    kept = need + v.ahead[i]
     body_i, body_j = w.bodies[i], -1
     if j < m.rate.shape[0]:
         body_j = w.bodies[j]
-        spare -= v.ahead[j]
-    if not spare > 0.0 or v.tight[i] == 0 or (body_j >= 0 and v.tight[j] == 0):
+        kept += v.ahead[j]
+    if not w.out[at] > kept or v.tight[i] == 0 or (body_j >= 0 and v.tight[j] == 0):
         return False
     n = (w.out[at + 7], w.out[at + 8], w.out[at + 9])
     shared = shared_joints(body_i, body_j, m)
-    spare -= bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
     speed = bound_along(SPEED, n, i, j, body_i, body_j, shared, m)
-    time = LOOK_AHEAD * v.pace[SLOW_TIME]
-    return bool(spare >= max(time * speed, hidden_by_error(i, j, w, v)))
+    kept += max(LOOK_AHEAD * v.pace[SLOW_TIME] * speed, hidden_by_error(i, j, w, v))
+    travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
+    if w.out[at] - travel >= kept:
+        return True
+    if m.effort[AT_MIDDLE] == 0:
+        place_at_middle(w.bodies, w.T_world, m)
+    boxes = w.world.boxes
+    return bool(middle_gap(i, j, body_i, body_j, shared, boxes, m) >= kept)
 
 
 @kernel

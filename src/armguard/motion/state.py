@@ -58,7 +58,8 @@ TESTS = 0  # intervals tested for pairs in this cycle
 BUDGET = 1  # greatest number of intervals in a cycle
 STAMP = 2  # stamp of the nodes of this cycle
 LOOKED = 3  # 1 if a pair's result rests on exact shapes, a relief or a contract
-EFFORT = 4
+AT_MIDDLE = 4  # 1 if `middle_balls` are those of this cycle
+EFFORT = 5
 
 # Greatest number of boxes of joint positions that wait while one is divided, and place
 # of the box that is a whole interval.
@@ -118,6 +119,9 @@ class Motion(NamedTuple):
             middles of the joints' ranges; see `twist_bound`, shape (2 · b, 6).
         loose: What may add to a primitive's motion by these twists, shape (2, m)
             [m or m/s].
+        middle_T: Poses at the middles of the joints' ranges of the plan NEXT, (b, 12).
+        middle_axes: Axes there, see `axes`, shape (b, 6).
+        middle_balls: Centres of the balls there, shape (m, 3) [m].
         node_stamp: Cycle in which a node was computed, shape (PLANS · NODES,).
         node_q: Joint positions in the middle of a node, shape (PLANS · NODES, n).
         node_T: Poses in the middle of a node, shape (PLANS · NODES · b, 12).
@@ -182,6 +186,9 @@ class Motion(NamedTuple):
     balls: Matrix
     twists: Matrix
     loose: Matrix
+    middle_T: Matrix
+    middle_axes: Matrix
+    middle_balls: Matrix
     node_stamp: LongVector
     node_q: Matrix
     node_T: Matrix

@@ -15,16 +15,24 @@ ball with centre c and radius r round the primitive the motion is thus at most
 The derivatives of a point by several joints are no longer than the lever about the
 outermost of them (see `gap_bound`), which bounds the terms of higher order. Of two
 bodies the difference of their twists counts, so motion common to both is left out.
+
+For long motions a third bound is tighter: about the middles of the joints' ranges,
+where displacements are ± w_k and half as large. A ball moves as its centre does,
+whatever its rotation. So two balls that are a gap apart there, in a direction n, stay
+apart by
+
+    gap - Σ w_k |n · u_k| + higher order, of both sides.
 """
 
 from math import sqrt
 
-from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, sub
+from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, scaled, sub
 from armguard.kernel import kernel
-from armguard.motion.state import BALL_RADIUS, NEXT, Motion
+from armguard.motion.state import AT_MIDDLE, BALL_RADIUS, NEXT, Motion
+from armguard.motion.stop_path import write_axis
 from armguard.robot.kinematics import FIXED as NO_JOINT
-from armguard.robot.kinematics import REVOLUTE
-from armguard.table import IntVector, Matrix
+from armguard.robot.kinematics import REVOLUTE, forward_kinematics
+from armguard.table import IntVector, Matrix, Vector
 
 # Blocks of `Motion.twists` and rows of `Motion.loose`.
 TRAVEL = 0  # on the path of the plan NEXT
@@ -40,6 +48,7 @@ def bound_twists(boxes: Matrix, bodies: IntVector, m: Motion) -> None:
         bodies: Body of each primitive, shape (p,); the moving ones are first.
         m: The prediction; its axes and plans are written already.
     """
+    m.effort[AT_MIDDLE] = 0
     for b in range(m.parent.shape[0]):
         write_twists(b, m)
     for i in range(m.reach.shape[1]):
@@ -51,6 +60,142 @@ def bound_twists(boxes: Matrix, bodies: IntVector, m: Motion) -> None:
             square += half * half
         ball[BALL_RADIUS] = sqrt(square)
         write_loose(i, bodies[i], m)
+
+
+@kernel(separate=True)
+def place_at_middle(bodies: IntVector, T_world: Matrix, m: Motion) -> None:
+    """Place axes and balls at the middles of the joints' ranges of the plan NEXT.
+
+    Args:
+        bodies: Body of each primitive, shape (p,); the moving ones are first.
+        T_world: Measured poses of the bodies, shape (b, 12).
+        m: The prediction; its balls are written already.
+    """
+    m.effort[AT_MIDDLE] = 1
+    for j in range(m.q.shape[0]):
+        m.q_node[j] = m.q[j]
+    for b in range(m.parent.shape[0]):
+        if m.joint_kind[b] != NO_JOINT and m.gain[b, 0] != 0.0:
+            j = m.q_index[b]
+            m.q_node[j] = m.q[j] + m.middle[NEXT, b] / m.gain[b, 0]
+    forward_kinematics(
+        m.q_node,
+        m.parent,
+        m.joint_kind,
+        m.q_index,
+        m.gain,
+        m.T_parent_joint,
+        m.axis,
+        m.middle_T,
+    )
+    for b in range(m.parent.shape[0]):
+        write_axis(m.middle_T[b], m.axis[b], m.middle_axes[b])
+    for i in range(m.reach.shape[1]):
+        b = bodies[i]
+        carry(m.balls[i], T_world[b], m.middle_T[b], m.middle_balls[i])
+
+
+@kernel
+def carry(p: Vector, before: Vector, after: Vector, out: Vector) -> None:
+    """Carry a point along with a body from one pose to another, shape (3,) [m]."""
+    x, y, z = p[0] - before[3], p[1] - before[7], p[2] - before[11]
+    a = before[0] * x + before[4] * y + before[8] * z
+    b = before[1] * x + before[5] * y + before[9] * z
+    c = before[2] * x + before[6] * y + before[10] * z
+    for k in range(3):
+        row = 4 * k
+        out[k] = (
+            after[row] * a + after[row + 1] * b + after[row + 2] * c + after[row + 3]
+        )
+
+
+@kernel
+def middle_gap(
+    i: int,
+    j: int,
+    body_i: int,
+    body_j: int,
+    shared: int,
+    boxes: Matrix,
+    m: Motion,
+) -> float:
+    """Lower bound of a pair's distance on the path of NEXT, about its middle [m].
+
+    Args:
+        i: A moving primitive.
+        j: Another primitive, which may be static.
+        body_i: Body of the first.
+        body_j: Body of the second, -1 if it is static.
+        shared: Number of joints that move both alike.
+        boxes: Bounding boxes of the primitives, shape (p, 6) [m].
+        m: The prediction.
+
+    Returns:
+        The bound; not positive where balls do not tell.
+    """
+    c = m.middle_balls[i]
+    p = (c[0], c[1], c[2])
+    moves = j < m.loose.shape[1]
+    if moves:
+        c = m.middle_balls[j]
+        way = sub((c[0], c[1], c[2]), p)
+    else:
+        box = boxes[j]
+        way = (
+            min(max(p[0], box[0]), box[3]) - p[0],
+            min(max(p[1], box[1]), box[4]) - p[1],
+            min(max(p[2], box[2]), box[5]) - p[2],
+        )
+    distance = norm(way)
+    if not distance > 0.0:
+        return 0.0
+    n = scaled(1.0 / distance, way)
+    gap = distance - m.balls[i, BALL_RADIUS] - deviation(i, n, shared, body_i, m)
+    if moves:
+        gap -= m.balls[j, BALL_RADIUS] + deviation(j, n, shared, body_j, m)
+    return float(gap)
+
+
+@kernel
+def deviation(i: int, n: Vec3, first: int, body: int, m: Motion) -> float:
+    """Greatest way of a ball's centre along a direction from the middles [m].
+
+    Args:
+        i: The primitive in the ball.
+        n: Unit direction, or its opposite.
+        first: First joint that counts.
+        body: Body of the primitive.
+        m: The prediction.
+    """
+    c = m.middle_balls[i]
+    way = turned = 0.0
+    for k in range(first, m.length[body]):
+        b = m.joints[body, k]
+        size, row = m.width[NEXT, b], m.middle_axes[b]
+        u = (row[0], row[1], row[2])
+        if m.joint_kind[b] == REVOLUTE:
+            u = cross(u, (c[0] - row[3], c[1] - row[4], c[2] - row[5]))
+            more = turned + size
+            way += higher_orders(turned, more, m.levers[i, k])
+            turned = more
+        else:
+            way += size * turned * (1.0 + 0.5 * turned)
+        way += size * abs(dot(n, u))
+    return way
+
+
+@kernel
+def higher_orders(before: float, after: float, lever: float) -> float:
+    """Bound of the terms of second and third order whose outermost joint turns [m].
+
+    Args:
+        before: Sum of the angles of the joints before it [rad].
+        after: That sum and its own angle [rad].
+        lever: Its lever [m].
+    """
+    second = 0.5 * (after * after - before * before)
+    third = (after * after * after - before * before * before) / 6.0
+    return lever * (second + third)
 
 
 @kernel
@@ -113,8 +258,7 @@ def write_loose(i: int, body: int, m: Motion) -> None:
             u = cross((m.axes[b, 0], m.axes[b, 1], m.axes[b, 2]), arm)
             near = min(lever, norm(u) + radius)
             more = turned + size
-            travel += 0.5 * (more * more - turned * turned) * lever
-            travel += (more * more * more - turned * turned * turned) * lever / 6.0
+            travel += higher_orders(turned, more, lever)
             turned = more
         else:
             travel += size * turned * (1.0 + 0.5 * turned)
