@@ -61,12 +61,4 @@ ROBOT_FILE = {
         *("is not XML", "'r.urdf'", "Premature end of data in tag robot"),
         urdf("</robot>", ""),
     ),
-    "MJCF": Mistake(
-        *(
-            "<mujoco>",
-            "'r.urdf'",
-            "it must be <robot>; MJCF is not read, name the URDF",
-        ),
-        "<mujoco/>",
-    ),
 }

@@ -142,7 +142,7 @@ class Objects:
         speeds = self.watch.top_speed
         moves = len(speeds) > 0 and speeds[item.first] > 0.0
         if not moves and velocity is not None:
-            raise SceneError(f"object '{name}' has a velocity; give it a top_speed")
+            raise SceneError(f"object '{name}' moves and has no top_speed; give one")
         if moves:
             T = self._take_sighting(name, item, pose, stamp, velocity)
         else:
