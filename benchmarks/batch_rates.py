@@ -1,6 +1,6 @@
 """Rates of the checker beside Pinocchio with Coal, on a Panda of spheres.
 
-    python benchmarks/batch_rates.py panda_59_spheres.json
+    python benchmarks/batch_rates.py panda_59_spheres.json [--alone]
 
 The file names links with spheres (x, y, z, radius) and joints with their frames.
 """

@@ -6,9 +6,11 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.batch.check import SETTINGS, Scratch, check_rows
+from armguard.batch.check import check_rows
 from armguard.batch.lanes import WIDTH
 from armguard.batch.plan import plan_of
+from armguard.batch.pose import Place
+from armguard.batch.search import ROOM, SETTINGS, Scratch
 from armguard.errors import SceneError
 from armguard.geometry.shapes import ROW_WIDTH
 from armguard.kernel import check_cache
@@ -71,7 +73,7 @@ class Checker:
         self._plan = Ledger(plan := plan_of(self._tables))
         self.q_names = self._tables.q_names
         self.labels = self._tables.labels
-        self._sizes = len(plan.parent), len(plan.kinds)
+        self._sizes = len(plan.parent), len(plan.kinds), len(plan.pair_at)
         factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
         self._limit = (LARGEST_ANGLE - offset) / factor
 
@@ -124,21 +126,42 @@ class Checker:
         if given.dtype.kind not in "fiu":
             raise SceneError(f"q holds {given.dtype}; it must hold numbers")
         rows = np.ascontiguousarray(given, dtype=np.float64)
-        bodies, shapes = self._sizes
         settings = np.array([margin, strict, drop, self._limit])
         assert len(settings) == SETTINGS
         scratch = Ledger(
             Scratch(
                 settings=settings,
-                q=np.zeros(WIDTH * joints),
-                T=np.zeros(WIDTH * 12 * bodies),
-                rows=np.zeros(WIDTH * ROW_WIDTH * shapes),
-                best=np.zeros(WIDTH),
-                who=np.zeros(WIDTH),
-                bound=np.zeros(WIDTH),
+                count=np.zeros(WIDTH, dtype=np.int64),
+                pairs=np.zeros((WIDTH * ROOM, 2), dtype=np.int32),
+                low=np.zeros((WIDTH * ROOM, 2)),
                 single=np.zeros((3, ROW_WIDTH)),
             )
         )
         found = np.zeros((len(rows), 3))
-        check_rows(rows, self._plan.lines, scratch.lines, found)
+        spans, places = self._place(exact=0), self._place(exact=1)
+        check_rows(
+            rows, self._plan.lines, spans.lines, places.lines, scratch.lines, found
+        )
         return found
+
+    def _place(self, exact: int) -> Ledger:
+        """Room for eight configurations."""
+        bodies, shapes, moving = self._sizes
+        slots = moving * (1 + bodies)
+        return Ledger(
+            Place(
+                exact=np.array([exact]),
+                q=np.zeros(WIDTH * len(self.q_names)),
+                half=np.zeros(WIDTH * len(self.q_names)),
+                T=np.zeros(WIDTH * 12 * bodies),
+                rows=np.zeros(WIDTH * ROW_WIDTH * shapes),
+                stamp=np.zeros(shapes, dtype=np.int64),
+                turn=np.zeros(1, dtype=np.int64),
+                shift=np.zeros(WIDTH * slots),
+                swing=np.zeros(WIDTH * slots),
+                best=np.zeros(WIDTH),
+                who=np.zeros(WIDTH),
+                lead=np.full(WIDTH, -1.0),
+                bound=np.zeros(WIDTH),
+            )
+        )
