@@ -5,14 +5,15 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.batch.lanes import WIDTH, load, some, splat, store
+from armguard.batch.lanes import WIDTH, least, load, most, size, some, splat, store
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, spread, widen
 from armguard.batch.search import (
-    DROP,
+    CODE,
     LIMIT,
     MARGIN,
     ROOM,
+    SHIFT,
     Scratch,
     search,
     settle,
@@ -54,33 +55,47 @@ def check_rows(
     spread(p, above)
     spread(p, w)
     for start in range(0, q.shape[0], SPAN * WIDTH):
-        search_spans(q, start, p, s, above)
+        take_block(q, start, s)
+        search_spans(q.shape[1], p, s, above)
         for lane in range(WIDTH):
             first = start + lane * SPAN
             if first >= q.shape[0]:
                 break
-            take_rows(q, first, s, w)
-            if s.count[lane] < 0:
+            if s.kept[lane] == 0 or (s.kept[lane] > 0 and above.best[lane] == -inf):
+                store(w.best, 0, splat(above.best[lane]))
+                store(w.who, 0, splat(-1.0))
+            else:
+                take_rows(q.shape[1], lane, s, w)
                 move_bodies(p, w)
-                search(p, s, w)
-            elif above.best[lane] == -inf:
-                store(w.best, 0, splat(-inf))
-            elif s.count[lane] > 0:
-                move_bodies(p, w)
-                settle_kept(lane, p, s, w)
-            write_rows(first, p, w, found)
+                if s.kept[lane] < 0:
+                    search(p, s, w)
+                else:
+                    settle_kept(lane, p, s, w)
+            write_rows(first, w, found)
 
 
 @kernel
-def search_spans(q: Floats, start: int, p: Plan, s: Scratch, w: Place) -> None:
+def take_block(q: Floats, start: int, s: Scratch) -> None:
+    """Copy 64 rows; the last one again where there are fewer."""
+    joints = q.shape[1]
+    count = min(SPAN * WIDTH, q.shape[0] - start)
+    for row in range(count):
+        for k in range(joints):
+            s.block[row * joints + k] = q[start + row, k]
+    for at in range(count * joints, SPAN * WIDTH * joints):
+        s.block[at] = s.block[at - joints]
+
+
+@kernel
+def search_spans(joints: int, p: Plan, s: Scratch, w: Place) -> None:
     """Keep the pairs that may matter in eight spans."""
     narrow = False
     for lane in range(WIDTH):
-        total = take_span(q, start + lane * SPAN, lane, s, w)
-        s.count[lane] = 0 if total <= WIDE else -1
-        w.best[lane] = s.settings[MARGIN] if total <= WIDE else -inf
+        good = take_span(joints, lane, s, w) <= WIDE
+        s.kept[lane] = 0 if good else -1
+        w.best[lane] = s.settings[MARGIN] if good else -inf
         w.who[lane] = -1.0
-        narrow = narrow or total <= WIDE
+        narrow = narrow or good
     if narrow:
         move_bodies(p, w)
         widen(p, w)
@@ -89,46 +104,54 @@ def search_spans(q: Floats, start: int, p: Plan, s: Scratch, w: Place) -> None:
 
 
 @kernel
-def take_span(q: Floats, first: int, lane: int, s: Scratch, w: Place) -> float:
+def take_span(joints: int, lane: int, s: Scratch, w: Place) -> float:
     """Middle and half widths of a span; returns their sum, infinite for a bad one."""
-    total = 0.0
-    limit, joints = s.settings[LIMIT], q.shape[1]
-    end = min(first + SPAN, q.shape[0])
-    for k in range(joints):
-        low, high, good = inf, -inf, end > first
-        for row in range(first, end):
-            value = q[row, k]
-            good = good and abs(value) <= limit
-            low, high = min(low, value), max(high, value)
-        middle = 0.5 * (low + high) if good else 0.0
-        half = max(high - middle, middle - low) if good else inf
-        total += half
-        w.q[k * WIDTH + lane] = middle
-        w.half[k * WIDTH + lane] = half if good else 0.0
+    total, begin = 0.0, lane * SPAN * joints
+    for first in range(0, joints, WIDTH):
+        low = high = load(s.block, begin + first)
+        farthest = size(low)
+        for row in range(1, SPAN):
+            value = load(s.block, begin + row * joints + first)
+            low, high = least(low, value), most(high, value)
+            farthest = farthest + size(value)
+        middle = 0.5 * (low + high)
+        store(s.sides, 0, middle)
+        store(s.sides, WIDTH, most(high - middle, middle - low))
+        store(s.sides, 2 * WIDTH, farthest)
+        for k in range(first, min(first + WIDTH, joints)):
+            good = s.sides[2 * WIDTH + k - first] <= s.settings[LIMIT]
+            w.q[k * WIDTH + lane] = s.sides[k - first] if good else 0.0
+            half = s.sides[WIDTH + k - first] if good else inf
+            w.half[k * WIDTH + lane] = half if good else 0.0
+            total += half
     return total
 
 
 @kernel
-def take_rows(q: Floats, first: int, s: Scratch, w: Place) -> None:
-    """Turn eight configurations to lanes; one that cannot be judged is left at 0."""
-    limit = s.settings[LIMIT]
-    for lane in range(WIDTH):
-        row = first + lane
-        good = row < q.shape[0]
-        if good:
-            for k in range(q.shape[1]):
-                good = good and abs(q[row, k]) <= limit
-        for k in range(q.shape[1]):
-            w.q[k * WIDTH + lane] = q[row, k] if good else 0.0
-        w.best[lane] = s.settings[MARGIN] if good else -inf
-        w.who[lane] = -1.0 if good else -2.0
+def take_rows(joints: int, lane: int, s: Scratch, w: Place) -> None:
+    """Turn a span's rows to lanes; one that cannot be judged is left at 0."""
+    begin = lane * SPAN * joints
+    for k in range(joints):
+        for row in range(SPAN):
+            w.q[k * WIDTH + row] = s.block[begin + row * joints + k]
+    store(w.best, 0, splat(s.settings[MARGIN]))
+    store(w.who, 0, splat(-1.0))
+    if s.kept[lane] < 0:
+        for row in range(SPAN):
+            good = True
+            for k in range(joints):
+                good = good and abs(w.q[k * WIDTH + row]) <= s.settings[LIMIT]
+            if not good:
+                w.best[row], w.who[row] = -inf, -2.0
+                for k in range(joints):
+                    w.q[k * WIDTH + row] = 0.0
 
 
 @kernel
 def settle_kept(lane: int, p: Plan, s: Scratch, w: Place) -> None:
     """Settle the pairs that a span has kept, in its rows."""
     growth = splat(0.0)
-    for at in range(lane * ROOM, lane * ROOM + s.count[lane]):
+    for at in range(lane * ROOM, lane * ROOM + s.kept[lane]):
         if some(splat(s.low[at, 0]) < load(w.best, 0)):
             settle(s.pairs[at, 0], s.pairs[at, 1], s.low[at, 1], growth, 0, p, s, w)
 
@@ -142,14 +165,12 @@ def keep_leads(w: Place) -> None:
 
 
 @kernel
-def write_rows(first: int, p: Plan, w: Place, found: Floats) -> None:
+def write_rows(first: int, w: Place, found: Floats) -> None:
     """Write what eight rows have found."""
     keep_leads(w)
-    count = p.kinds.shape[0]
     for lane in range(min(WIDTH, found.shape[0] - first)):
-        out = found[first + lane]
-        out[0], who = w.best[lane], w.who[lane]
-        if who == -2.0:
-            out[0] = nan
-        out[1] = who // count if who >= 0.0 else -1.0
-        out[2] = who - out[1] * count if who >= 0.0 else -1.0
+        who = int(w.who[lane])
+        row = first + lane
+        found[row, 0] = nan if who == -2 else w.best[lane]
+        found[row, 1] = float(who >> SHIFT) if who >= 0 else -1.0
+        found[row, 2] = float(who & (CODE - 1)) if who >= 0 else -1.0

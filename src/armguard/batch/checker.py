@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.batch.check import check_rows
+from armguard.batch.check import SPAN, check_rows
 from armguard.batch.lanes import WIDTH
 from armguard.batch.plan import plan_of
 from armguard.batch.pose import Place
@@ -131,7 +131,9 @@ class Checker:
         scratch = Ledger(
             Scratch(
                 settings=settings,
-                count=np.zeros(WIDTH, dtype=np.int64),
+                block=np.zeros(WIDTH * SPAN * joints + WIDTH),
+                sides=np.zeros(3 * WIDTH),
+                kept=np.zeros(WIDTH, dtype=np.int64),
                 pairs=np.zeros((WIDTH * ROOM, 2), dtype=np.int32),
                 low=np.zeros((WIDTH * ROOM, 2)),
                 single=np.zeros((3, ROW_WIDTH)),

@@ -15,6 +15,9 @@ Ints = NDArray[np.int32]
 # Kinds that have a formula in lanes against a sphere.
 SIMPLE = (ShapeKind.SPHERE, ShapeKind.CAPSULE, ShapeKind.BOX, ShapeKind.HALF_SPACE)
 
+# Into how many groups the parts of a ball are divided.
+GROUPS = 4
+
 # Kinds whose rows hold points or directions, and no frame.
 CORNERS = (
     ShapeKind.SPHERE,
@@ -49,7 +52,13 @@ class Plan(NamedTuple):
             first, shape (t, 4).
         pairs: Two parts that are checked, the first of which moves, and one more than
             the last body that carries both, 0 for the world, shape (c, 3).
-        first: First pair of each moving part, and the end, shape (m + 1,).
+        own: First pair and end of each moving part's with moving ones, shape (m, 2).
+        loose: Largest buffer of each moving part beside what does not move, minus
+            infinity if it is not checked there, shape (m,) [m].
+        nodes: Centre and radius of balls, each round some that follow it, shape
+            (n, 4) [m].
+        links: Node that follows those in a node, and the part that a node is, -1 for
+            none, shape (n, 2).
         pair_at: Pair of a moving part and another, -1 for none, shape (m, t).
         buffers: Distance that each pair must keep, shape (c,) [m].
     """
@@ -68,7 +77,10 @@ class Plan(NamedTuple):
     part: IntVector
     parts: IntMatrix
     pairs: IntMatrix
-    first: IntVector
+    own: IntMatrix
+    loose: Vector
+    nodes: Matrix
+    links: IntMatrix
     pair_at: IntMatrix
     buffers: Vector
 
@@ -107,7 +119,7 @@ def turn_to(axis: Floats) -> Floats:
     """A rotation that turns z to a unit vector, shape (3, 3)."""
     x, y, z = axis
     if z < 0.0:
-        return turn_to(-axis) * np.array([1.0, -1.0, -1.0])
+        return np.asarray(turn_to(-axis) * np.array([1.0, -1.0, -1.0]))
     v = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
     return np.asarray(np.eye(3) + v + v @ v / (1.0 + z))
 
@@ -209,6 +221,47 @@ def checked_pairs(
     ]
 
 
+def tree_of(
+    balls: Floats, members: list[int], largest: float
+) -> list[tuple[Floats, int, int]]:
+    """Balls round groups of parts that do not move, each before those in it.
+
+    Args:
+        balls: Balls of all parts, shape (t, 4) [m].
+        members: Parts to group.
+        largest: Members of a group that gets a ball.
+
+    Returns:
+        Ball, nodes in it with itself, and part or -1, of each node.
+    """
+    if len(members) == 1:
+        return [(balls[members[0]], 1, members[0])]
+    centres = balls[members, :3]
+    order = np.argsort(centres[:, np.ptp(centres, axis=0).argmax()], kind="stable")
+    named = len(members) <= largest
+    halves = np.array_split(np.array(members)[order], 2)
+    below = len(members) / GROUPS if named else largest
+    nodes = [node for half in halves for node in tree_of(balls, half.tolist(), below)]
+    if not named:
+        return nodes
+    return [(ball_around(balls[members]), len(nodes) + 1, -1), *nodes]
+
+
+def trees(
+    balls: Floats, members: list[int]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """`Plan.nodes` and `Plan.links`."""
+    finite = [k for k in members if np.isfinite(balls[k, 3])]
+    nodes = [(balls[k], 1, k) for k in members if not np.isfinite(balls[k, 3])]
+    if finite:
+        nodes += tree_of(balls, finite, len(finite) / GROUPS)
+    links = [(at + inside, part) for at, (_, inside, part) in enumerate(nodes)]
+    return (
+        np.array([ball for ball, _, _ in nodes]).reshape(-1, 4),
+        np.array(links, dtype=np.int32).reshape(-1, 2),
+    )
+
+
 def aligned_frames(tables: SceneTables, turns: Floats) -> Floats:
     """Joint frames between bodies whose frames are turned, shape (b, 12)."""
     frames = tables.T_parent_joint.reshape(-1, 3, 4).copy()
@@ -236,6 +289,14 @@ def plan_of(tables: SceneTables) -> Plan:
     pair_at = np.full((moving, len(parts)), -1, dtype=np.int32)
     pair_at[pairs[:, 0], pairs[:, 1]] = np.arange(len(pairs))
     group = np.array([tables.groups[first] for first, _ in spans], dtype=int)
+    buffers = tables.buffers[group[pairs[:, 0]], group[pairs[:, 1]]]
+    loose = np.full(moving, -np.inf)
+    stands = pairs[:, 1] >= moving
+    np.maximum.at(loose, pairs[stands, 0], buffers[stands])
+    begin = np.searchsorted(pairs[:, 0], np.arange(moving))
+    within = np.bincount(pairs[~stands, 0], minlength=moving)
+    balls = np.array([[*rows.rows[k][1:4], rows.rows[k][0]] for _, _, k, _ in parts])
+    nodes, links = trees(balls, list(range(moving, len(parts))))
     return Plan(
         parent=tables.parent,
         joint_kind=tables.joint_kind,
@@ -251,7 +312,10 @@ def plan_of(tables: SceneTables) -> Plan:
         part=part.astype(np.int32),
         parts=np.array(parts, dtype=np.int32).reshape(-1, 4),
         pairs=pairs,
-        first=np.searchsorted(pairs[:, 0], np.arange(moving + 1)).astype(np.int32),
+        own=np.column_stack((begin, begin + within)).astype(np.int32),
+        loose=loose,
+        nodes=nodes,
+        links=links,
         pair_at=pair_at,
-        buffers=tables.buffers[group[pairs[:, 0]], group[pairs[:, 1]]],
+        buffers=buffers,
     )

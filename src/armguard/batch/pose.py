@@ -36,7 +36,7 @@ class Place(NamedTuple):
         swing: Sum of the angles by which joints between may turn it, of that shape
             [rad].
         best: Least distance so far; of a span, a number that no row's exceeds, (8,).
-        who: Its pair, i · k + j; -1 for none, shape (8,).
+        who: Its pair, i · CODE + j; -1 for none, shape (8,).
         lead: The last such pair of each lane, shape (8,).
         bound: Lower bounds of a pair, shape (8,) [m].
     """
@@ -154,7 +154,7 @@ def widen(p: Plan, w: Place) -> None:
     it no farther than that distance times the angle.
     """
     slots = p.parent.shape[0] + 1
-    for part in range(p.first.shape[0] - 1):
+    for part in range(p.own.shape[0]):
         ball = p.parts[part, 2]
         place(ball, p, w)
         at = ball * ROW_WIDTH * WIDTH

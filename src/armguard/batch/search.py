@@ -37,6 +37,10 @@ SLACK = 1e-9
 # Pairs that are kept of one span; a span with more is searched row by row.
 ROOM = 512
 
+# A pair of primitives i < j is the number CODE · i + j, which a double holds.
+SHIFT = 25
+CODE = 1 << SHIFT
+
 # Places in `Scratch.settings`.
 MARGIN = 0  # distances from this on are left out [m]
 STRICT = 1  # 1: distances count above the pair's buffer
@@ -51,14 +55,18 @@ class Scratch(NamedTuple):
 
     Attributes:
         settings: See MARGIN, shape (SETTINGS,).
-        count: Pairs that are kept of each span; -1: search its rows, shape (8,).
+        block: Joint positions of 64 rows, and eight numbers more, (64 · n + 8,).
+        sides: Middle, half width and sum of magnitudes, of eight joints, (24,).
+        kept: Pairs that are kept of each span; -1: search its rows, shape (8,).
         pairs: Primitives of those pairs, shape (8 · ROOM, 2).
         low: Least distance they may have in a row, and their buffer, (8 · ROOM, 2) [m].
         single: Rows of a pair in one configuration, and its witness, shape (3, 16).
     """
 
     settings: Vector
-    count: LongVector
+    block: Vector
+    sides: Vector
+    kept: LongVector
     pairs: IntMatrix
     low: Matrix
     single: Matrix
@@ -68,33 +76,53 @@ class Scratch(NamedTuple):
 def search(p: Plan, s: Scratch, w: Place) -> None:
     """Settle every pair that may matter: balls of parts, then their primitives."""
     try_leads(p, s, w)
-    slots, strict = p.parent.shape[0] + 1, s.settings[STRICT]
-    moving = p.first.shape[0] - 1
-    for a in range(moving):
-        if p.first[a] == p.first[a + 1]:
-            continue
+    for a in range(p.own.shape[0]):
         if not some(load(w.best, 0) > -inf):
             return
-        ball = p.parts[a, 2]
-        place(ball, p, w)
-        x, y = number(w.rows, ball, 1), number(w.rows, ball, 2)
-        z, radius = number(w.rows, ball, 3), p.rows[ball, 0] + SLACK
-        for k in range(p.first[a], p.first[a + 1]):
-            b = p.pairs[k, 1]
-            other = p.parts[b, 2]
-            reach = radius + p.rows[other, 0] + p.buffers[k] * strict
-            reach = load(w.shift, (a * slots + p.pairs[k, 2]) * WIDTH) + reach
-            if b >= moving:
-                u, v = x - p.rows[other, 1], y - p.rows[other, 2]
-                t = z - p.rows[other, 3]
-            else:
-                place(other, p, w)
-                reach = reach + load(w.shift, (b * slots + p.pairs[k, 2]) * WIDTH)
-                u, v = x - number(w.rows, other, 1), y - number(w.rows, other, 2)
-                t = z - number(w.rows, other, 3)
-            reach = reach + load(w.best, 0)
-            if some(reach * size(reach) > u * u + v * v + t * t):
-                compare_parts(k, p, s, w)
+        place(p.parts[a, 2], p, w)
+        search_own(a, p, s, w)
+        search_standing(a, p, s, w)
+
+
+@kernel
+def search_own(a: int, p: Plan, s: Scratch, w: Place) -> None:
+    """Settle the pairs of a part with others that move."""
+    slots, strict, ball = p.parent.shape[0] + 1, s.settings[STRICT], p.parts[a, 2]
+    for k in range(p.own[a, 0], p.own[a, 1]):
+        b, slot = p.pairs[k, 1], p.pairs[k, 2]
+        other = p.parts[b, 2]
+        place(other, p, w)
+        reach = p.rows[ball, 0] + p.rows[other, 0] + (p.buffers[k] * strict + SLACK)
+        reach = load(w.shift, (a * slots + slot) * WIDTH) + (
+            load(w.shift, (b * slots + slot) * WIDTH) + (load(w.best, 0) + reach)
+        )
+        x = number(w.rows, ball, 1) - number(w.rows, other, 1)
+        y = number(w.rows, ball, 2) - number(w.rows, other, 2)
+        z = number(w.rows, ball, 3) - number(w.rows, other, 3)
+        if some(reach * size(reach) > x * x + y * y + z * z):
+            compare_parts(k, p, s, w)
+
+
+@kernel
+def search_standing(a: int, p: Plan, s: Scratch, w: Place) -> None:
+    """Settle the pairs of a part with what does not move."""
+    slots, strict, ball = p.parent.shape[0] + 1, s.settings[STRICT], p.parts[a, 2]
+    u, v = number(w.rows, ball, 1), number(w.rows, ball, 2)
+    t = number(w.rows, ball, 3)
+    own = p.rows[ball, 0] + p.loose[a] * strict + SLACK
+    reach = load(w.shift, a * slots * WIDTH) + (load(w.best, 0) + own)
+    at = 0
+    while at < p.nodes.shape[0]:
+        x, y, z = u - p.nodes[at, 0], v - p.nodes[at, 1], t - p.nodes[at, 2]
+        far = reach + p.nodes[at, 3]
+        if not some(far * size(far) > x * x + y * y + z * z):
+            at = p.links[at, 0]
+            continue
+        b = p.links[at, 1]
+        at += 1
+        if b >= 0 and p.pair_at[a, b] >= 0:
+            compare_parts(p.pair_at[a, b], p, s, w)
+            reach = load(w.shift, a * slots * WIDTH) + (load(w.best, 0) + own)
 
 
 @kernel
@@ -106,19 +134,18 @@ def number(rows: Floats, i: int, k: int) -> Any:
 @kernel(inline=False)
 def try_leads(p: Plan, s: Scratch, w: Place) -> None:
     """Begin with the pairs that decided last."""
-    slots, count = p.parent.shape[0] + 1, p.kinds.shape[0]
+    slots = p.parent.shape[0] + 1
     last = -1.0
     for lane in range(WIDTH):
         code = w.lead[lane]
         if code < 0.0 or code == last:
             continue
         last = code
-        i = int(code) // count
-        j = int(code) - i * count
+        i, j = int(code) >> SHIFT, int(code) & (CODE - 1)
         a, b = p.part[i], p.part[j]
         k = p.pair_at[a, b]
         growth = growth_of(a, i, p.pairs[k, 2], slots, p, w)
-        if b < p.first.shape[0] - 1:
+        if b < p.own.shape[0]:
             growth = growth + growth_of(b, j, p.pairs[k, 2], slots, p, w)
         settle(i, j, p.buffers[k] * s.settings[STRICT], growth, 0, p, s, w)
 
@@ -135,7 +162,7 @@ def compare_parts(k: int, p: Plan, s: Scratch, w: Place) -> None:
     """Settle the pairs of primitives of two parts."""
     a, b, slot = p.pairs[k, 0], p.pairs[k, 1], p.pairs[k, 2]
     slots = p.parent.shape[0] + 1
-    moves = b < p.first.shape[0] - 1
+    moves = b < p.own.shape[0]
     buffer = p.buffers[k] * s.settings[STRICT]
     shift = splat(0.0)
     if moves:
@@ -206,7 +233,7 @@ def settle(
         settle_by_bound(i, j, buffer, growth, keep, p, s, w)
         return
     gap, best = gap_of(i, j, p, w) - buffer, load(w.best, 0)
-    code = float(min(i, j) * p.kinds.shape[0] + max(i, j))
+    code = float(min(i, j) * CODE + max(i, j))
     if w.exact[0] == 0:
         growth = growth + SLACK
         if keep == 1:
@@ -233,15 +260,15 @@ def keep_pair(
     while left != 0:
         lane = lowest(left)
         left &= left - 1
-        count = s.count[lane]
+        count = s.kept[lane]
         if count == ROOM:
-            s.count[lane] = -1
+            s.kept[lane] = -1
             w.best[lane] = -inf
             continue
         at = lane * ROOM + count
         s.pairs[at, 0], s.pairs[at, 1] = i, j
         s.low[at, 0], s.low[at, 1] = w.bound[lane], buffer
-        s.count[lane] = count + 1
+        s.kept[lane] = count + 1
 
 
 @kernel(inline=False)
@@ -249,7 +276,7 @@ def settle_by_bound(
     i: int, j: int, buffer: float, growth: Any, keep: int, p: Plan, s: Scratch, w: Place
 ) -> None:
     """The same for a pair without a formula in lanes."""
-    code = float(min(i, j) * p.kinds.shape[0] + max(i, j))
+    code = float(min(i, j) * CODE + max(i, j))
     low = most(gap_of(p.ball[i], p.hull[j], p, w), gap_of(p.ball[j], p.hull[i], p, w))
     low, best = low - (growth + (buffer + SLACK)), load(w.best, 0)
     if w.exact[0] == 0:
