@@ -1,5 +1,6 @@
 """Many configurations of a scene: clear or not, and how far from what."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import inf
 
@@ -56,9 +57,10 @@ class Checker:
 
     Args:
         scene: The scene.
+        threads: How many threads answer a call; results do not depend on it.
 
     Raises:
-        SceneError: The scene contradicts itself.
+        SceneError: The scene contradicts itself, or `threads` is below 1.
 
     Example:
         >>> import armguard as ag
@@ -67,8 +69,11 @@ class Checker:
         [True]
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, threads: int = 1) -> None:
+        if threads < 1:
+            raise SceneError(f"threads is {threads}; it must be at least 1")
         check_cache()
+        self._threads = threads
         self._tables = compile_scene(scene)
         self._plan = Ledger(plan := plan_of(self._tables))
         self.q_names = self._tables.q_names
@@ -128,10 +133,25 @@ class Checker:
         rows = np.ascontiguousarray(given, dtype=np.float64)
         settings = np.array([margin, strict, drop, self._limit])
         assert len(settings) == SETTINGS
+        found = np.zeros((len(rows), 3))
+        share = -(-len(rows) // (self._threads * SPAN * WIDTH)) * SPAN * WIDTH
+        starts = range(share, len(rows), share) if share else ()
+        parts = zip(np.split(rows, starts), np.split(found, starts), strict=True)
+        if len(starts) == 0:
+            self._check(rows, settings, found)
+            return found
+        with ThreadPoolExecutor(self._threads) as pool:
+            calls = [pool.submit(self._check, q, settings, out) for q, out in parts]
+        for call in calls:
+            call.result()
+        return found
+
+    def _check(self, rows: Floats, settings: Floats, found: Floats) -> None:
+        """Answer for some rows; see `check_rows`."""
         scratch = Ledger(
             Scratch(
                 settings=settings,
-                block=np.zeros(WIDTH * SPAN * joints + WIDTH),
+                block=np.zeros(WIDTH * SPAN * rows.shape[1] + WIDTH),
                 sides=np.zeros(3 * WIDTH),
                 kept=np.zeros(WIDTH, dtype=np.int64),
                 pairs=np.zeros((WIDTH * ROOM, 2), dtype=np.int32),
@@ -139,12 +159,10 @@ class Checker:
                 single=np.zeros((3, ROW_WIDTH)),
             )
         )
-        found = np.zeros((len(rows), 3))
         spans, places = self._place(exact=0), self._place(exact=1)
         check_rows(
             rows, self._plan.lines, spans.lines, places.lines, scratch.lines, found
         )
-        return found
 
     def _place(self, exact: int) -> Ledger:
         """Room for eight configurations."""
