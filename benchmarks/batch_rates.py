@@ -1,8 +1,9 @@
 """Rates of the checker beside Pinocchio with Coal, on a Panda of spheres.
 
-    python benchmarks/batch_rates.py panda_59_spheres.json
+    python benchmarks/batch_rates.py panda_59_spheres.json [--alone]
 
 The file names links with spheres (x, y, z, radius) and joints with their frames.
+`--alone` leaves out the peers.
 """
 
 import json
@@ -11,14 +12,19 @@ from pathlib import Path
 from time import perf_counter_ns
 
 import numpy as np
+from numpy.typing import NDArray
 
 import armguard as ag
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene.compile import compile_scene
+from armguard.scene.tables import SceneTables
 from peers.pinocchio_coal import AllDistances, BroadPhase
 from timing import quiet
 
+Floats = NDArray[np.float64]
+
 ROWS = 20_000
+MOTIONS = 320
 PEER_ROWS = 500
 ROUNDS = 5
 
@@ -67,26 +73,46 @@ def ring_scene(path: Path) -> ag.Scene:
     return scene
 
 
+def clear_motions(
+    checker: ag.Checker, tables: SceneTables, home: Floats | None
+) -> Floats:
+    """Rows of clear motions of 64: of 1.8 rad anywhere, or of 0.5 rad about home."""
+    rng = np.random.default_rng(1)
+    joints, length = len(tables.lower), 1.8 if home is None else 0.5
+    begin = rng.uniform(tables.lower, tables.upper, (4 * MOTIONS, joints))
+    if home is not None:
+        begin = home + rng.normal(0.0, 0.15, begin.shape)
+    way = rng.normal(size=begin.shape)
+    way *= length / np.linalg.norm(way, axis=1)[:, None]
+    end = begin + way
+    inside = ((end >= tables.lower) & (end <= tables.upper)).all(axis=1)
+    share = np.linspace(0.0, 1.0, 64)[:, None]
+    motions = begin[inside, None] + share * way[inside, None]
+    clear = checker.clear(motions.reshape(-1, joints)).reshape(-1, 64).all(axis=1)
+    return motions[clear][:MOTIONS].reshape(-1, joints)
+
+
 def main() -> None:
     """Print nanoseconds a configuration, the best of some rounds."""
     scene = ring_scene(Path(sys.argv[1]))
     tables, checker = compile_scene(scene), ag.Checker(scene)
+    two = ag.Checker(scene, threads=2)
     rng = np.random.default_rng(1)
-    anywhere = rng.uniform(tables.lower, tables.upper, (ROWS, len(tables.lower)))
-    share = np.linspace(0.0, 1.0, 64)[:, None]
-    ends = anywhere[: 2 * (ROWS // 64)].reshape(-1, 2, 1, len(tables.lower))
-    motions = (ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) * 0.3).reshape(
-        -1, len(tables.lower)
-    )
+    kinds = {
+        "anywhere": rng.uniform(tables.lower, tables.upper, (ROWS, len(tables.lower))),
+        "motions": clear_motions(checker, tables, None),
+        "about home": clear_motions(checker, tables, np.asarray(scene.home)),
+    }
     peers = [AllDistances(tables), BroadPhase(tables)]
     print(f"{len(tables.kinds)} primitives, {tables.checkable_pairs} pairs; ns a row")
-    for name, rows in (("anywhere", anywhere), ("motions", motions)):
+    for name, rows in kinds.items():
         calls = {
             "clear": (checker.clear, rows),
+            "clear, two threads": (two.clear, rows),
             "distances": (checker.distances, rows),
             "distances to 0.1 m": (lambda q: checker.distances(q, 0.1), rows),
         }
-        for peer in peers:
+        for peer in peers if "--alone" not in sys.argv else ():
             calls[peer.name] = (
                 lambda q, step=peer.step: [step(one) for one in q],
                 rows[:PEER_ROWS],
@@ -98,8 +124,8 @@ def main() -> None:
                     start = perf_counter_ns()
                     call(q)
                     best = min(best, (perf_counter_ns() - start) / len(q))
-            print(f"{name:9} {what:28} {best:10.0f}")
-        print(f"{name:9} share of clear rows {checker.clear(rows).mean():.2f}")
+            print(f"{name:10} {what:28} {best:10.0f}")
+        print(f"{name:10} share of clear rows {checker.clear(rows).mean():.2f}")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,16 @@
 """The checker: distances against Coal and the guard, and rows that do not matter."""
 
+import os
+import subprocess
+import sys
+
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import armguard as ag
+from armguard.batch.search import ROOM
 from arms import simple_arm, wall_scene
 from coal_shapes import coal_request
 from peers.pinocchio_coal import build_models
@@ -15,6 +20,14 @@ def random_rows(scene, count, seed=0):
     tables = ag.Guard(scene).tables
     rng = np.random.default_rng(seed)
     return rng.uniform(tables.lower, tables.upper, (count, len(tables.lower)))
+
+
+def motion_rows(scene, count, length, seed=0):
+    """Motions of 40 rows one after another: most spans lie within one."""
+    ends = random_rows(scene, 2 * count, seed).reshape(count, 2, 1, -1)
+    share = np.linspace(0.0, length, 40)[:, None]
+    rows = ends[:, 0] + share * (ends[:, 1] - ends[:, 0])
+    return rows.reshape(-1, ends.shape[-1])
 
 
 def mixed_scene():
@@ -46,8 +59,11 @@ def checker(bay):
     return ag.Checker(bay)
 
 
-def test_distances_are_those_of_coal(bay, checker):
-    rows = random_rows(bay, 2000)
+@pytest.mark.parametrize(
+    "make", [lambda bay: random_rows(bay, 1000), lambda bay: motion_rows(bay, 50, 0.3)]
+)
+def test_distances_are_those_of_coal(bay, checker, make):
+    rows = make(bay)
     model, geometry = build_models(ag.Guard(bay).tables)
     data, results = model.createData(), pin.GeometryData(geometry)
     pairs = [(p.first, p.second) for p in geometry.collisionPairs]
@@ -115,6 +131,79 @@ def test_bits_do_not_depend_on_count_order_or_place(bay, checker):
     np.testing.assert_array_equal(
         checker.clear(rows[order]), checker.clear(rows)[order]
     )
+
+
+@pytest.mark.parametrize("make", [ag.bay_scene, mixed_scene])
+@pytest.mark.parametrize("length", [0.02, 0.2, 0.6])
+def test_spans_change_no_bit_of_a_row(make, length):
+    scene = make()
+    checker = ag.Checker(scene)
+    rows = motion_rows(scene, 30, length, seed=6)
+    order = np.random.default_rng(7).permutation(len(rows))
+    for margin in (np.inf, 0.1):
+        found = checker.distances(rows, margin)
+        alone = checker.distances(rows[order], margin)
+        np.testing.assert_array_equal(alone.distance, found.distance[order])
+        np.testing.assert_array_equal(alone.a, found.a[order])
+        np.testing.assert_array_equal(alone.b, found.b[order])
+    clear = checker.clear(rows)
+    np.testing.assert_array_equal(checker.clear(rows[order]), clear[order])
+    assert 0 < clear.sum() < len(rows)
+
+
+def test_bits_do_not_depend_on_threads(bay, checker):
+    rows = motion_rows(bay, 20, 0.2, seed=8)
+    rows[77] = np.nan
+    whole = checker.distances(rows)
+    for threads in (2, 3, 40):
+        many = ag.Checker(bay, threads=threads)
+        found = many.distances(rows)
+        np.testing.assert_array_equal(found.distance, whole.distance)
+        np.testing.assert_array_equal(found.a, whole.a)
+        np.testing.assert_array_equal(many.clear(rows), checker.clear(rows))
+        assert many.clear(rows[:0]).shape == (0,)
+    with pytest.raises(ag.SceneError, match="threads is 0"):
+        ag.Checker(bay, threads=0)
+
+
+def test_a_span_with_too_many_near_pairs_is_searched_row_by_row():
+    scene = ag.Scene(mode="fixed")
+    scene.add_robot(simple_arm(), name="arm")
+    for k in range(2 * ROOM):
+        place = (1.0 + 1e-6 * k, 0.0, 0.3)
+        scene.add(ag.Sphere(radius=0.05), name=f"ball{k}", pose=ag.Pose(xyz=place))
+    rows = np.linspace(-0.3, 0.3, 24)[:, None] * np.ones(len(scene.home))
+    checker = ag.Checker(scene)
+    whole = checker.distances(rows)
+    alone = [checker.distances(rows[k : k + 1]).distance[0] for k in range(24)]
+    np.testing.assert_array_equal(whole.distance, alone)
+
+
+PLAIN = """
+import sys
+import numpy as np
+import armguard as ag
+rows = np.load(sys.argv[1])
+checker = ag.Checker(ag.bay_scene())
+found = checker.distances(rows, 0.2)
+np.savez(sys.argv[2], clear=checker.clear(rows), distance=found.distance, a=found.a)
+"""
+
+
+def test_without_compilation_the_bits_are_the_same(bay, checker, tmp_path):
+    rows = motion_rows(bay, 1, 0.1, seed=9)[:17]
+    np.save(tmp_path / "rows.npy", rows)
+    files = [str(tmp_path / "rows.npy"), str(tmp_path / "found.npz")]
+    subprocess.run(
+        [sys.executable, "-c", PLAIN, *files],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        check=True,
+    )
+    plain, found = np.load(files[1]), checker.distances(rows, 0.2)
+    np.testing.assert_array_equal(plain["distance"], found.distance)
+    np.testing.assert_array_equal(plain["a"], found.a)
+    np.testing.assert_array_equal(plain["clear"], checker.clear(rows))
+    assert np.isfinite(found.distance).any()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e6])

@@ -1,268 +1,176 @@
-"""Least signed distances of eight configurations at once."""
+"""Least signed distances of the rows of a batch: spans first, then rows."""
 
-from math import inf, isfinite, nan
-from typing import NamedTuple
+from math import inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.batch.gaps import has_lanes, lane_gap
-from armguard.batch.lanes import (
-    WIDTH,
-    either,
-    load,
-    most,
-    sincos,
-    some,
-    store,
-)
+from armguard.batch.lanes import WIDTH, least, load, most, size, some, splat, store
 from armguard.batch.plan import Plan
-from armguard.geometry.pairs import measure
-from armguard.geometry.shapes.kind import ShapeKind
-from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.batch.pose import Place, move_bodies, spread, widen
+from armguard.batch.search import (
+    CODE,
+    LIMIT,
+    MARGIN,
+    ROOM,
+    SHIFT,
+    Scratch,
+    search,
+    settle,
+)
 from armguard.kernel import kernel
-from armguard.robot.kinematics import FIXED, PRISMATIC
-from armguard.table import Matrix, Vector, opener, table
+from armguard.table import opener
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-SPHERE = int(ShapeKind.SPHERE)
-CAPSULE = int(ShapeKind.CAPSULE)
-TRIANGLE = int(ShapeKind.TRIANGLE)
-HALF_SPACE = int(ShapeKind.HALF_SPACE)
+# Rows of a span: they fill the lanes when it is searched row by row.
+SPAN = WIDTH
 
-# A lower bound may exceed the distance by less than this through rounding [m].
-SLACK = 1e-9
-
-# Places in `Scratch.settings`.
-MARGIN = 0  # distances from this on are left out [m]
-STRICT = 1  # 1: distances count above the pair's buffer
-DROP = 2  # infinite where one pair decides a configuration, else 0
-LIMIT = 3  # greatest joint position [rad or m]
-SETTINGS = 4
-
-
-@table
-class Scratch(NamedTuple):
-    """What one call writes; lanes are flat, eight numbers after each other.
-
-    Attributes:
-        settings: See MARGIN, shape (SETTINGS,).
-        q: Joint positions in lanes, shape (8 · n,).
-        T: Poses of the bodies in lanes, shape (8 · 12 · b,).
-        rows: Rows of primitives and balls in lanes, shape (8 · 16 · k,).
-        best: Least distance so far, shape (8,) [m].
-        who: Its pair, i · k + j; -1 for none, shape (8,).
-        bound: Lower bounds of a pair, shape (8,) [m].
-        single: Rows of a pair in one configuration, and its witness, shape (3, 16).
-    """
-
-    settings: Vector
-    q: Vector
-    T: Vector
-    rows: Vector
-    best: Vector
-    who: Vector
-    bound: Vector
-    single: Matrix
-
+# Spans whose joints may turn more than this in all are searched row by row [rad or m].
+WIDE = 1.0
 
 open_plan = opener(Plan)
+open_place = opener(Place)
 open_scratch = opener(Scratch)
 
 
 @kernel(inline=False, entry=True)
-def check_rows(q: Floats, plan: Longs, scratch: Longs, found: Floats) -> None:
+def check_rows(
+    q: Floats, plan: Longs, spans: Longs, rows: Longs, scratch: Longs, found: Floats
+) -> None:
     """Least signed distance and its pair, of each configuration.
 
     Args:
         q: Joint positions, shape (rows, n) [rad or m].
         plan: Ledger of the plan.
+        spans: Ledger of a place for spans.
+        rows: Ledger of a place for rows.
         scratch: Ledger of the scratch, with settings.
         found: Overwritten: distance, NaN for a row that cannot be judged, and the two
             primitives, -1 for none, shape (rows, 3).
     """
     p, s = open_plan(plan), open_scratch(scratch)
-    count = p.kinds.shape[0]
-    spread(p, s)
-    for start in range(0, q.shape[0], WIDTH):
-        take_rows(q, start, s)
-        move_bodies(p, s)
-        place_rows(p, s)
-        for k in range(p.pairs.shape[0]):
-            if not some(load(s.best, 0) > -inf):
+    above, w = open_place(spans), open_place(rows)
+    spread(p, above)
+    spread(p, w)
+    for start in range(0, q.shape[0], SPAN * WIDTH):
+        take_block(q, start, s)
+        search_spans(q.shape[1], p, s, above)
+        for lane in range(WIDTH):
+            first = start + lane * SPAN
+            if first >= q.shape[0]:
                 break
-            compare_parts(k, p, s)
-        for lane in range(min(WIDTH, q.shape[0] - start)):
-            out = found[start + lane]
-            out[0], who = s.best[lane], s.who[lane]
-            if who == -2.0:
-                out[0] = nan
-            out[1] = who // count if who >= 0.0 else -1.0
-            out[2] = who - out[1] * count if who >= 0.0 else -1.0
-
-
-@kernel
-def spread(p: Plan, s: Scratch) -> None:
-    """Write to all lanes what no joint moves."""
-    for body in range(p.parent.shape[0]):
-        for k in range(12):
-            for lane in range(WIDTH):
-                s.T[(body * 12 + k) * WIDTH + lane] = p.frames[body, k]
-    for i in range(p.kinds.shape[0]):
-        for k in range(ROW_WIDTH):
-            for lane in range(WIDTH):
-                s.rows[(i * ROW_WIDTH + k) * WIDTH + lane] = p.rows[i, k]
-
-
-@kernel
-def take_rows(q: Floats, start: int, s: Scratch) -> None:
-    """Turn eight configurations to lanes; one that cannot be judged is left at 0."""
-    for lane in range(WIDTH):
-        row = start + lane
-        good = row < q.shape[0]
-        if good:
-            for k in range(q.shape[1]):
-                good = good and isfinite(q[row, k])
-                good = good and abs(q[row, k]) <= s.settings[LIMIT]
-        for k in range(q.shape[1]):
-            s.q[k * WIDTH + lane] = q[row, k] if good else 0.0
-        s.best[lane] = s.settings[MARGIN] if good else -inf
-        s.who[lane] = -1.0 if good else -2.0
-
-
-@kernel
-def move_bodies(p: Plan, s: Scratch) -> None:
-    """Poses of all bodies in lanes, see `forward_kinematics`."""
-    T = s.T
-    for body in range(p.parent.shape[0]):
-        up, kind = p.parent[body], p.joint_kind[body]
-        if up < 0:
-            continue
-        angle = load(s.q, p.q_index[body] * WIDTH)
-        angle = angle * p.gain[body, 0] + p.gain[body, 1]
-        sine, cosine = sincos(angle)
-        x, y, z = p.axis[body, 0], p.axis[body, 1], p.axis[body, 2]
-        rest = 1.0 - cosine
-        sx, sy, sz = sine * x, sine * y, sine * z
-        xx, xy, xz = rest * (x * x) + cosine, rest * (x * y), rest * (x * z)
-        yy, yz, zz = rest * (y * y) + cosine, rest * (y * z), rest * (z * z) + cosine
-        for r in range(3):
-            above = (up * 12 + 4 * r) * WIDTH
-            out = (body * 12 + 4 * r) * WIDTH
-            u, v = load(T, above), load(T, above + WIDTH)
-            w, o = load(T, above + 2 * WIDTH), load(T, above + 3 * WIDTH)
-            F = p.frames
-            a = u * F[body, 0] + v * F[body, 4] + w * F[body, 8]
-            b = u * F[body, 1] + v * F[body, 5] + w * F[body, 9]
-            d = u * F[body, 2] + v * F[body, 6] + w * F[body, 10]
-            o = u * F[body, 3] + v * F[body, 7] + w * F[body, 11] + o
-            if kind == PRISMATIC:
-                o = o + angle * (a * x + b * y + d * z)
-            elif kind != FIXED:
-                m = a * xx + b * (xy + sz) + d * (xz - sy)
-                n = a * (xy - sz) + b * yy + d * (yz + sx)
-                d = a * (xz + sy) + b * (yz - sx) + d * zz
-                a, b = m, n
-            store(T, out, a)
-            store(T, out + WIDTH, b)
-            store(T, out + 2 * WIDTH, d)
-            store(T, out + 3 * WIDTH, o)
-
-
-@kernel
-def place_rows(p: Plan, s: Scratch) -> None:
-    """Rows in the world, in lanes, of all that rides on a body; see `place_row`."""
-    for i in range(p.kinds.shape[0]):
-        body, kind = p.bodies[i], p.kinds[i]
-        if body < 0:
-            continue
-        place_vector(p, s, i, 1, 1, 1.0)
-        if kind == CAPSULE or kind == TRIANGLE:
-            place_vector(p, s, i, 4, 1, 1.0)
-            if kind == TRIANGLE:
-                place_vector(p, s, i, 7, 1, 1.0)
-        elif kind == HALF_SPACE:
-            place_vector(p, s, i, 4, 1, 0.0)
-        elif kind != SPHERE:
-            for k in range(3):
-                place_vector(p, s, i, 7 + k, 3, 0.0)
-
-
-@kernel
-def place_vector(
-    p: Plan, s: Scratch, i: int, first: int, step: int, share: float
-) -> None:
-    """Place three numbers of row i: a point, or a direction where `share` is 0."""
-    x, y, z = p.rows[i, first], p.rows[i, first + step], p.rows[i, first + 2 * step]
-    for r in range(3):
-        at = (p.bodies[i] * 12 + 4 * r) * WIDTH
-        value = (
-            load(s.T, at) * x
-            + load(s.T, at + WIDTH) * y
-            + load(s.T, at + 2 * WIDTH) * z
-        )
-        value = value + load(s.T, at + 3 * WIDTH) * share
-        store(s.rows, (i * ROW_WIDTH + first + step * r) * WIDTH, value)
-
-
-@kernel(inline=False)
-def compare_parts(k: int, p: Plan, s: Scratch) -> None:
-    """Compare two parts: balls first, then their primitives."""
-    a, b = p.pairs[k, 0], p.pairs[k, 1]
-    ball, hull = p.parts[a, 2], p.parts[b, 3]
-    buffer = p.buffers[k] * s.settings[STRICT]
-    needed = lane_gap(SPHERE, ball, p.kinds[hull], hull, s.rows) - (buffer + SLACK)
-    if not some(needed < load(s.best, 0)):
-        return
-    several = p.parts[b, 1] - p.parts[b, 0] > 1
-    for i in range(p.parts[a, 0], p.parts[a, 1]):
-        if several:
-            ball = p.ball[i]
-            needed = lane_gap(SPHERE, ball, p.kinds[hull], hull, s.rows)
-            if not some(needed - (buffer + SLACK) < load(s.best, 0)):
-                continue
-        for j in range(p.parts[b, 0], p.parts[b, 1]):
-            if p.kinds[i] <= p.kinds[j]:
-                compare(i, j, buffer, p, s)
+            if s.kept[lane] == 0 or (s.kept[lane] > 0 and above.best[lane] == -inf):
+                store(w.best, 0, splat(above.best[lane]))
+                store(w.who, 0, splat(-1.0))
             else:
-                compare(j, i, buffer, p, s)
-
-
-@kernel(inline=False)
-def compare(i: int, j: int, buffer: float, p: Plan, s: Scratch) -> None:
-    """Compare two primitives, for kind of i <= kind of j."""
-    code = float(min(i, j) * p.kinds.shape[0] + max(i, j))
-    best = load(s.best, 0)
-    if has_lanes(p.kinds[i], p.kinds[j]):
-        gap = lane_gap(p.kinds[i], i, p.kinds[j], j, s.rows) - buffer
-        nearer = gap < best
-        if some(nearer):
-            store(s.best, 0, either(nearer, gap - s.settings[DROP], best))
-            store(s.who, 0, either(nearer, code, load(s.who, 0)))
-        return
-    hull_i, hull_j = p.hull[i], p.hull[j]
-    bound = most(
-        lane_gap(SPHERE, p.ball[i], p.kinds[hull_j], hull_j, s.rows),
-        lane_gap(SPHERE, p.ball[j], p.kinds[hull_i], hull_i, s.rows),
-    ) - (buffer + SLACK)
-    if not some(bound < best):
-        return
-    store(s.bound, 0, bound)
-    for lane in range(WIDTH):
-        if s.bound[lane] < s.best[lane]:
-            gap_here = gap_in_lane(i, j, lane, p, s) - buffer
-            if not gap_here >= s.best[lane]:
-                s.best[lane] = gap_here - s.settings[DROP]
-                s.who[lane] = code
+                take_rows(q.shape[1], lane, s, w)
+                move_bodies(p, w)
+                if s.kept[lane] < 0:
+                    search(p, s, w)
+                else:
+                    settle_kept(lane, p, s, w)
+            write_rows(first, w, found)
 
 
 @kernel
-def gap_in_lane(i: int, j: int, lane: int, p: Plan, s: Scratch) -> float:
-    """Signed distance of two primitives in one configuration [m]."""
-    for k in range(ROW_WIDTH):
-        s.single[0, k] = s.rows[(i * ROW_WIDTH + k) * WIDTH + lane]
-        s.single[1, k] = s.rows[(j * ROW_WIDTH + k) * WIDTH + lane]
-    measure(p.kinds[i], s.single[0], p.kinds[j], s.single[1], s.single[2])
-    return float(s.single[2, 0])
+def take_block(q: Floats, start: int, s: Scratch) -> None:
+    """Copy 64 rows; the last one again where there are fewer."""
+    joints = q.shape[1]
+    count = min(SPAN * WIDTH, q.shape[0] - start)
+    for row in range(count):
+        for k in range(joints):
+            s.block[row * joints + k] = q[start + row, k]
+    for at in range(count * joints, SPAN * WIDTH * joints):
+        s.block[at] = s.block[at - joints]
+
+
+@kernel
+def search_spans(joints: int, p: Plan, s: Scratch, w: Place) -> None:
+    """Keep the pairs that may matter in eight spans."""
+    narrow = False
+    for lane in range(WIDTH):
+        good = take_span(joints, lane, s, w) <= WIDE
+        s.kept[lane] = 0 if good else -1
+        w.best[lane] = s.settings[MARGIN] if good else -inf
+        w.who[lane] = -1.0
+        narrow = narrow or good
+    if narrow:
+        move_bodies(p, w)
+        widen(p, w)
+        search(p, s, w)
+        keep_leads(w)
+
+
+@kernel
+def take_span(joints: int, lane: int, s: Scratch, w: Place) -> float:
+    """Middle and half widths of a span; returns their sum, infinite for a bad one."""
+    total, begin = 0.0, lane * SPAN * joints
+    for first in range(0, joints, WIDTH):
+        low = high = load(s.block, begin + first)
+        farthest = size(low)
+        for row in range(1, SPAN):
+            value = load(s.block, begin + row * joints + first)
+            low, high = least(low, value), most(high, value)
+            farthest = farthest + size(value)
+        middle = 0.5 * (low + high)
+        store(s.sides, 0, middle)
+        store(s.sides, WIDTH, most(high - middle, middle - low))
+        store(s.sides, 2 * WIDTH, farthest)
+        for k in range(first, min(first + WIDTH, joints)):
+            good = s.sides[2 * WIDTH + k - first] <= s.settings[LIMIT]
+            w.q[k * WIDTH + lane] = s.sides[k - first] if good else 0.0
+            half = s.sides[WIDTH + k - first] if good else inf
+            w.half[k * WIDTH + lane] = half if good else 0.0
+            total += half
+    return total
+
+
+@kernel
+def take_rows(joints: int, lane: int, s: Scratch, w: Place) -> None:
+    """Turn a span's rows to lanes; one that cannot be judged is left at 0."""
+    begin = lane * SPAN * joints
+    for k in range(joints):
+        for row in range(SPAN):
+            w.q[k * WIDTH + row] = s.block[begin + row * joints + k]
+    store(w.best, 0, splat(s.settings[MARGIN]))
+    store(w.who, 0, splat(-1.0))
+    if s.kept[lane] < 0:
+        for row in range(SPAN):
+            good = True
+            for k in range(joints):
+                good = good and abs(w.q[k * WIDTH + row]) <= s.settings[LIMIT]
+            if not good:
+                w.best[row], w.who[row] = -inf, -2.0
+                for k in range(joints):
+                    w.q[k * WIDTH + row] = 0.0
+
+
+@kernel
+def settle_kept(lane: int, p: Plan, s: Scratch, w: Place) -> None:
+    """Settle the pairs that a span has kept, in its rows."""
+    growth = splat(0.0)
+    for at in range(lane * ROOM, lane * ROOM + s.kept[lane]):
+        if some(splat(s.low[at, 0]) < load(w.best, 0)):
+            settle(s.pairs[at, 0], s.pairs[at, 1], s.low[at, 1], growth, 0, p, s, w)
+
+
+@kernel
+def keep_leads(w: Place) -> None:
+    """Remember the pairs that decided."""
+    for lane in range(WIDTH):
+        if w.who[lane] >= 0.0:
+            w.lead[lane] = w.who[lane]
+
+
+@kernel
+def write_rows(first: int, w: Place, found: Floats) -> None:
+    """Write what eight rows have found."""
+    keep_leads(w)
+    for lane in range(min(WIDTH, found.shape[0] - first)):
+        who = int(w.who[lane])
+        row = first + lane
+        found[row, 0] = nan if who == -2 else w.best[lane]
+        found[row, 1] = float(who >> SHIFT) if who >= 0 else -1.0
+        found[row, 2] = float(who & (CODE - 1)) if who >= 0 else -1.0

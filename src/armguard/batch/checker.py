@@ -1,14 +1,17 @@
 """Many configurations of a scene: clear or not, and how far from what."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.batch.check import SETTINGS, Scratch, check_rows
+from armguard.batch.check import SPAN, check_rows
 from armguard.batch.lanes import WIDTH
 from armguard.batch.plan import plan_of
+from armguard.batch.pose import Place
+from armguard.batch.search import ROOM, SETTINGS, Scratch
 from armguard.errors import SceneError
 from armguard.geometry.shapes import ROW_WIDTH
 from armguard.kernel import check_cache
@@ -54,9 +57,10 @@ class Checker:
 
     Args:
         scene: The scene.
+        threads: How many threads answer a call; results do not depend on it.
 
     Raises:
-        SceneError: The scene contradicts itself.
+        SceneError: The scene contradicts itself, or `threads` is below 1.
 
     Example:
         >>> import armguard as ag
@@ -65,13 +69,16 @@ class Checker:
         [True]
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, threads: int = 1) -> None:
+        if threads < 1:
+            raise SceneError(f"threads is {threads}; it must be at least 1")
         check_cache()
+        self._threads = threads
         self._tables = compile_scene(scene)
         self._plan = Ledger(plan := plan_of(self._tables))
         self.q_names = self._tables.q_names
         self.labels = self._tables.labels
-        self._sizes = len(plan.parent), len(plan.kinds)
+        self._sizes = len(plan.parent), len(plan.kinds), len(plan.pair_at)
         factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
         self._limit = (LARGEST_ANGLE - offset) / factor
 
@@ -124,21 +131,57 @@ class Checker:
         if given.dtype.kind not in "fiu":
             raise SceneError(f"q holds {given.dtype}; it must hold numbers")
         rows = np.ascontiguousarray(given, dtype=np.float64)
-        bodies, shapes = self._sizes
         settings = np.array([margin, strict, drop, self._limit])
         assert len(settings) == SETTINGS
+        found = np.zeros((len(rows), 3))
+        share = -(-len(rows) // (self._threads * SPAN * WIDTH)) * SPAN * WIDTH
+        starts = range(share, len(rows), share) if share else ()
+        parts = zip(np.split(rows, starts), np.split(found, starts), strict=True)
+        if len(starts) == 0:
+            self._check(rows, settings, found)
+            return found
+        with ThreadPoolExecutor(self._threads) as pool:
+            calls = [pool.submit(self._check, q, settings, out) for q, out in parts]
+        for call in calls:
+            call.result()
+        return found
+
+    def _check(self, rows: Floats, settings: Floats, found: Floats) -> None:
+        """Answer for some rows; see `check_rows`."""
         scratch = Ledger(
             Scratch(
                 settings=settings,
-                q=np.zeros(WIDTH * joints),
-                T=np.zeros(WIDTH * 12 * bodies),
-                rows=np.zeros(WIDTH * ROW_WIDTH * shapes),
-                best=np.zeros(WIDTH),
-                who=np.zeros(WIDTH),
-                bound=np.zeros(WIDTH),
+                block=np.zeros(WIDTH * SPAN * rows.shape[1] + WIDTH),
+                sides=np.zeros(3 * WIDTH),
+                kept=np.zeros(WIDTH, dtype=np.int64),
+                pairs=np.zeros((WIDTH * ROOM, 2), dtype=np.int32),
+                low=np.zeros((WIDTH * ROOM, 2)),
                 single=np.zeros((3, ROW_WIDTH)),
             )
         )
-        found = np.zeros((len(rows), 3))
-        check_rows(rows, self._plan.lines, scratch.lines, found)
-        return found
+        spans, places = self._place(exact=0), self._place(exact=1)
+        check_rows(
+            rows, self._plan.lines, spans.lines, places.lines, scratch.lines, found
+        )
+
+    def _place(self, exact: int) -> Ledger:
+        """Room for eight configurations."""
+        bodies, shapes, moving = self._sizes
+        slots = moving * (1 + bodies)
+        return Ledger(
+            Place(
+                exact=np.array([exact]),
+                q=np.zeros(WIDTH * len(self.q_names)),
+                half=np.zeros(WIDTH * len(self.q_names)),
+                T=np.zeros(WIDTH * 12 * bodies),
+                rows=np.zeros(WIDTH * ROW_WIDTH * shapes),
+                stamp=np.zeros(shapes, dtype=np.int64),
+                turn=np.zeros(1, dtype=np.int64),
+                shift=np.zeros(WIDTH * slots),
+                swing=np.zeros(WIDTH * slots),
+                best=np.zeros(WIDTH),
+                who=np.zeros(WIDTH),
+                lead=np.full(WIDTH, -1.0),
+                bound=np.zeros(WIDTH),
+            )
+        )

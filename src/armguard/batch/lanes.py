@@ -110,6 +110,21 @@ def some(mask: Any) -> bool:
     return bool(np.any(mask))
 
 
+def bits(mask: Any) -> int:
+    """The mask as a number: bit k is lane k."""
+    return int(np.packbits(mask, bitorder="little")[0])
+
+
+def lowest(number: int) -> int:
+    """Place of the lowest bit of a number above 0."""
+    return (number & -number).bit_length() - 1
+
+
+def splat(number: Any) -> Any:
+    """One number in every lane."""
+    return np.full(WIDTH, float(number))
+
+
 def widened(builder: Any, kind: Any, value: Any) -> Any:
     """The vector itself, or a scalar in every lane."""
     if isinstance(kind, Lanes):
@@ -131,12 +146,16 @@ def fits(*kinds: Any) -> bool:
     )
 
 
-def define_binary(verb: Any, emit: Callable[..., Any], result: Any) -> None:
-    """Give a verb of two operands its vector code."""
+def define_binary(
+    verb: Any, emit: Callable[..., Any], result: Any, given: Any = LANES
+) -> None:
+    """Give a verb of two operands, lanes or masks, its vector code."""
 
     @intrinsic  # type: ignore[untyped-decorator]
     def code(_typing: Any, a: Any, b: Any) -> Any:
         def generate(_context: Any, builder: Any, sign: Any, values: Any) -> Any:
+            if given == MASK:
+                return emit(builder, *values)
             wide = (
                 widened(builder, k, v) for k, v in zip(sign.args, values, strict=True)
             )
@@ -149,7 +168,8 @@ def define_binary(verb: Any, emit: Callable[..., Any], result: Any) -> None:
         def vector(a: Any, b: Any) -> Any:
             return code(a, b)
 
-        return vector if fits(a, b) else None
+        fitting = a == b == MASK if given == MASK else fits(a, b)
+        return vector if fitting else None
 
 
 def define_unary(verb: Any, emit: Callable[..., Any], given: Any, result: Any) -> None:
@@ -203,6 +223,8 @@ define_binary(operator.ge, compared(">="), MASK)
 define_binary(operator.eq, compared("=="), MASK)
 define_binary(least, chosen_by("<"), LANES)
 define_binary(most, chosen_by(">"), LANES)
+define_binary(operator.and_, lambda builder, a, b: builder.and_(a, b), MASK, MASK)
+define_binary(operator.or_, lambda builder, a, b: builder.or_(a, b), MASK, MASK)
 define_unary(operator.neg, lambda builder, a: builder.fneg(a), LANES, LANES)
 define_unary(root, called("llvm.sqrt"), LANES, LANES)
 define_unary(size, called("llvm.fabs"), LANES, LANES)
@@ -214,6 +236,26 @@ define_unary(
     ),
     MASK,
     types.boolean,
+)
+define_unary(
+    bits,
+    lambda builder, mask: builder.zext(
+        builder.bitcast(mask, ir.IntType(8)), ir.IntType(64)
+    ),
+    MASK,
+    types.int64,
+)
+define_unary(
+    lowest,
+    lambda builder, number: builder.cttz(number, ir.Constant(ir.IntType(1), 1)),
+    types.int64,
+    types.int64,
+)
+define_unary(
+    splat,
+    lambda builder, number: widened(builder, types.float64, number),
+    types.float64,
+    LANES,
 )
 
 

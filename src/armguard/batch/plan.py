@@ -15,6 +15,17 @@ Ints = NDArray[np.int32]
 # Kinds that have a formula in lanes against a sphere.
 SIMPLE = (ShapeKind.SPHERE, ShapeKind.CAPSULE, ShapeKind.BOX, ShapeKind.HALF_SPACE)
 
+# Into how many groups the parts of a ball are divided.
+GROUPS = 4
+
+# Kinds whose rows hold points or directions, and no frame.
+CORNERS = (
+    ShapeKind.SPHERE,
+    ShapeKind.CAPSULE,
+    ShapeKind.TRIANGLE,
+    ShapeKind.HALF_SPACE,
+)
+
 
 @table
 class Plan(NamedTuple):
@@ -28,15 +39,27 @@ class Plan(NamedTuple):
         joint_kind: Kinds of the joints, shape (b,).
         q_index: Places in q, shape (b,).
         gain: Multipliers and offsets, shape (b, 2).
-        frames: Joint frames, shape (b, 12).
-        axis: Joint axes, shape (b, 3).
+        frames: Joint frames, turned so that each joint's axis is z, shape (b, 12).
         kinds: ShapeKind of primitives and balls, shape (k,).
         bodies: Their bodies, -1 for the world, shape (k,).
         rows: Their rows in the frames of their bodies, shape (k, 16).
         ball: Ball that encloses each primitive, shape (p,).
         hull: Row with a formula against spheres that encloses it, shape (p,).
-        parts: First primitive, end, ball and hull of each part, shape (t, 4).
-        pairs: Two parts that are checked, shape (c, 2).
+        spread: Farthest point of each primitive, less its radius, from the middle of
+            its part's ball, shape (p,) [m].
+        part: Part of each primitive, -1 for none, shape (p,).
+        parts: First primitive, end, ball and hull of each part; those that move come
+            first, shape (t, 4).
+        pairs: Two parts that are checked, the first of which moves, and one more than
+            the last body that carries both, 0 for the world, shape (c, 3).
+        own: First pair and end of each moving part's with moving ones, shape (m, 2).
+        loose: Largest buffer of each moving part beside what does not move, minus
+            infinity if it is not checked there, shape (m,) [m].
+        nodes: Centre and radius of balls, each round some that follow it, shape
+            (n, 4) [m].
+        links: Node that follows those in a node, and the part that a node is, -1 for
+            none, shape (n, 2).
+        pair_at: Pair of a moving part and another, -1 for none, shape (m, t).
         buffers: Distance that each pair must keep, shape (c,) [m].
     """
 
@@ -45,14 +68,20 @@ class Plan(NamedTuple):
     q_index: IntVector
     gain: Matrix
     frames: Matrix
-    axis: Matrix
     kinds: IntVector
     bodies: IntVector
     rows: Matrix
     ball: IntVector
     hull: IntVector
+    spread: Vector
+    part: IntVector
     parts: IntMatrix
     pairs: IntMatrix
+    own: IntMatrix
+    loose: Vector
+    nodes: Matrix
+    links: IntMatrix
+    pair_at: IntMatrix
     buffers: Vector
 
 
@@ -86,17 +115,42 @@ def ball_around(balls: Floats) -> Floats:
     return np.array([*centre, reach.max()])
 
 
+def turn_to(axis: Floats) -> Floats:
+    """A rotation that turns z to a unit vector, shape (3, 3)."""
+    x, y, z = axis
+    if z < 0.0:
+        return np.asarray(turn_to(-axis) * np.array([1.0, -1.0, -1.0]))
+    v = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
+    return np.asarray(np.eye(3) + v + v @ v / (1.0 + z))
+
+
+def turned_row(kind: int, row: Floats, R: Floats) -> Floats:
+    """A row in a frame that is turned by R."""
+    row = row.copy()
+    for first in (1, 4, 7) if kind in CORNERS else (1,):
+        row[first : first + 3] = R.T @ row[first : first + 3]
+    if kind not in CORNERS:
+        row[7:16] = (R.T @ row[7:16].reshape(3, 3)).reshape(9)
+    return row
+
+
 class Rows:
     """Rows of primitives, with those of balls added behind them.
 
     Args:
         tables: The scene.
+        turns: Rotation of each body's frame, shape (b, 3, 3).
     """
 
-    def __init__(self, tables: SceneTables) -> None:
+    def __init__(self, tables: SceneTables, turns: Floats) -> None:
         self.kinds = tables.kinds.tolist()
         self.bodies = tables.bodies.tolist()
-        self.rows = list(tables.local_rows)
+        self.rows = [
+            turned_row(kind, row, turns[body]) if body >= 0 else row
+            for kind, body, row in zip(
+                self.kinds, self.bodies, tables.local_rows, strict=True
+            )
+        ]
         count = len(self.kinds)
         self.balls = np.array(
             [ball_of(self.kinds[i], self.rows[i]) for i in range(count)]
@@ -127,9 +181,8 @@ class Rows:
         return first, end, ball, ball
 
 
-def plan_of(tables: SceneTables) -> Plan:
-    """The plan of a scene; boxes that stand for a gripper are left out of it."""
-    rows = Rows(tables)
+def ranges(tables: SceneTables) -> list[tuple[int, int]]:
+    """First primitive and end of each part; boxes that stand for a gripper are none."""
     coarse = {part.coarse for part in tables.holds.grippers}
     count, moving = len(tables.kinds), tables.moving_count
     key = [
@@ -138,32 +191,131 @@ def plan_of(tables: SceneTables) -> Plan:
     ]
     starts = [i for i in range(count) if i == 0 or key[i] != key[i - 1]]
     ends = [*starts[1:], count]
-    spans = [
+    return [
         (first, end)
         for first, end in zip(starts, ends, strict=False)
         if tables.body_names[first] not in coarse
     ]
-    parts = [rows.part(*span) for span in spans]
+
+
+def carriers(parent: Ints, body: int) -> list[int]:
+    """A body, its parent and so on to the root, and -1 for the world."""
+    found = [body]
+    while found[-1] >= 0:
+        found.append(int(parent[found[-1]]))
+    return found
+
+
+def checked_pairs(
+    tables: SceneTables, spans: list[tuple[int, int]]
+) -> list[tuple[int, int, int]]:
+    """Rows of `Plan.pairs`."""
     group = [int(tables.groups[first]) for first, _ in spans]
-    pairs = [
-        (a, b)
-        for a in range(len(parts))
-        for b in range(a + 1, len(parts))
-        if spans[a][0] < moving and tables.checked[group[a], group[b]]
+    above = [carriers(tables.parent, int(tables.bodies[first])) for first, _ in spans]
+    return [
+        (a, b, 1 + next(body for body in above[a] if body in above[b]))
+        for a in range(len(spans))
+        if spans[a][0] < tables.moving_count
+        for b in range(a + 1, len(spans))
+        if tables.checked[group[a], group[b]]
     ]
+
+
+def tree_of(
+    balls: Floats, members: list[int], largest: float
+) -> list[tuple[Floats, int, int]]:
+    """Balls round groups of parts that do not move, each before those in it.
+
+    Args:
+        balls: Balls of all parts, shape (t, 4) [m].
+        members: Parts to group.
+        largest: Members of a group that gets a ball.
+
+    Returns:
+        Ball, nodes in it with itself, and part or -1, of each node.
+    """
+    if len(members) == 1:
+        return [(balls[members[0]], 1, members[0])]
+    centres = balls[members, :3]
+    order = np.argsort(centres[:, np.ptp(centres, axis=0).argmax()], kind="stable")
+    named = len(members) <= largest
+    halves = np.array_split(np.array(members)[order], 2)
+    below = len(members) / GROUPS if named else largest
+    nodes = [node for half in halves for node in tree_of(balls, half.tolist(), below)]
+    if not named:
+        return nodes
+    return [(ball_around(balls[members]), len(nodes) + 1, -1), *nodes]
+
+
+def trees(
+    balls: Floats, members: list[int]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """`Plan.nodes` and `Plan.links`."""
+    finite = [k for k in members if np.isfinite(balls[k, 3])]
+    nodes = [(balls[k], 1, k) for k in members if not np.isfinite(balls[k, 3])]
+    if finite:
+        nodes += tree_of(balls, finite, len(finite) / GROUPS)
+    links = [(at + inside, part) for at, (_, inside, part) in enumerate(nodes)]
+    return (
+        np.array([ball for ball, _, _ in nodes]).reshape(-1, 4),
+        np.array(links, dtype=np.int32).reshape(-1, 2),
+    )
+
+
+def aligned_frames(tables: SceneTables, turns: Floats) -> Floats:
+    """Joint frames between bodies whose frames are turned, shape (b, 12)."""
+    frames = tables.T_parent_joint.reshape(-1, 3, 4).copy()
+    for body, up in enumerate(tables.parent):
+        frames[body, :, :3] = frames[body, :, :3] @ turns[body]
+        if up >= 0:
+            frames[body] = turns[up].T @ frames[body]
+    return frames.reshape(-1, 12)
+
+
+def plan_of(tables: SceneTables) -> Plan:
+    """The plan of a scene."""
+    turns = np.array([turn_to(axis) for axis in tables.axis]).reshape(-1, 3, 3)
+    turns[tables.parent < 0] = np.eye(3)
+    rows, spans = Rows(tables, turns), ranges(tables)
+    parts = [rows.part(*span) for span in spans]
+    spread, part = np.zeros(len(tables.kinds)), np.full(len(tables.kinds), -1)
+    for k, (first, end, ball, _) in enumerate(parts):
+        part[first:end] = k
+        for i in range(first, end):
+            apart = np.linalg.norm(rows.balls[i, :3] - rows.rows[ball][1:4])
+            spread[i] = apart + rows.balls[i, 3] - rows.rows[i][0]
+    pairs = np.array(checked_pairs(tables, spans), dtype=np.int32).reshape(-1, 3)
+    moving = sum(first < tables.moving_count for first, _ in spans)
+    pair_at = np.full((moving, len(parts)), -1, dtype=np.int32)
+    pair_at[pairs[:, 0], pairs[:, 1]] = np.arange(len(pairs))
+    group = np.array([tables.groups[first] for first, _ in spans], dtype=int)
+    buffers = tables.buffers[group[pairs[:, 0]], group[pairs[:, 1]]]
+    loose = np.full(moving, -np.inf)
+    stands = pairs[:, 1] >= moving
+    np.maximum.at(loose, pairs[stands, 0], buffers[stands])
+    begin = np.searchsorted(pairs[:, 0], np.arange(moving))
+    within = np.bincount(pairs[~stands, 0], minlength=moving)
+    balls = np.array([[*rows.rows[k][1:4], rows.rows[k][0]] for _, _, k, _ in parts])
+    nodes, links = trees(balls, list(range(moving, len(parts))))
     return Plan(
         parent=tables.parent,
         joint_kind=tables.joint_kind,
         q_index=tables.q_index,
         gain=np.ascontiguousarray(tables.gain),
-        frames=np.ascontiguousarray(tables.T_parent_joint),
-        axis=np.ascontiguousarray(tables.axis),
+        frames=aligned_frames(tables, turns),
         kinds=np.array(rows.kinds, dtype=np.int32),
         bodies=np.array(rows.bodies, dtype=np.int32),
         rows=np.array(rows.rows, dtype=np.float64).reshape(-1, ROW_WIDTH),
         ball=np.array(rows.ball, dtype=np.int32),
         hull=np.array(rows.hull, dtype=np.int32),
+        spread=spread,
+        part=part.astype(np.int32),
         parts=np.array(parts, dtype=np.int32).reshape(-1, 4),
-        pairs=np.array(pairs, dtype=np.int32).reshape(-1, 2),
-        buffers=np.array([tables.buffers[group[a], group[b]] for a, b in pairs]),
+        pairs=pairs,
+        own=np.column_stack((begin, begin + within)).astype(np.int32),
+        loose=loose,
+        nodes=nodes,
+        links=links,
+        pair_at=pair_at,
+        buffers=buffers,
     )
