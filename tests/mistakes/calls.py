@@ -41,7 +41,7 @@ IN_MILLIMETRES = ([(0, 0, 0), (1200, 0, 0), (0, 800, 0)], [(0, 1, 2)])
 
 CALLS = {
     "degrees of a pose": Mistake(
-        *("[0.0, 0.0, 90.0]", "rpy", "give radians"),
+        *("is 90 rad", "rpy[2]", "give radians: 1.5708"),
         lambda *_: Pose(rpy=(0, 0, 90)),
     ),
     "few degrees of a pose": Mistake(
