@@ -122,5 +122,7 @@ def test_no_other_robot_is_suggested_for_an_unknown_one():
 def test_degrees_in_a_urdf_are_refused_at_their_line(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(URDF.replace('xyz="0 0 1"', 'xyz="0 0 1" rpy="0 0 90"'))
-    with pytest.raises(ModelError, match=r"'arm\.urdf' line 4: <origin> rpy\[2\] .*degrees"):
+    with pytest.raises(
+        ModelError, match=r"'arm\.urdf' line 4: <origin> rpy\[2\] .*degrees"
+    ):
         Scene().add_robot(path, "arm")
