@@ -89,6 +89,9 @@ def contradictions(cycle, message, remark, changed):
             yield "a card follows while its robot is stopped"
         if card["shown"] >= Level.STOP and card["blocked"].startswith("nothing within"):
             yield "a card says that nothing is near beside a stop"
+    full = message["explanation"]
+    if not (full.startswith(message["why"]) and full.endswith(cycle.verdict.explain())):
+        yield "the explanation is of another cycle"
 
 
 def test_light_and_words_never_disagree_in_a_thousand_random_cycles(filtered):

@@ -56,6 +56,21 @@ def test_the_picture_is_as_high_as_the_page_below_the_header(station):
     assert picture["y"] + picture["height"] == VIEWPORT["height"]
 
 
+def test_why_exactly_has_the_terms_of_the_same_cycle_as_its_sentence(station):
+    station.clear()
+    fold = station.page.locator("#exactly")
+    fold.locator("summary").click()
+    text = fold.locator("pre")
+    station.until(lambda: text.inner_text().startswith("cycle "), "it is empty")
+    # The whole text is replaced at once, so it is of one cycle.
+    cycle, said, *full = text.inner_text().split("\n")
+    assert said and full
+    assert int(cycle.removeprefix("cycle ")) <= station.newest().cycle
+    station.picture("exactly")
+    fold.locator("summary").click()
+    assert not text.is_visible()
+
+
 def test_the_light_turns_while_the_page_is_busy_drawing(station):
     station.clear()
     busy, stops = 3.0, 1.0

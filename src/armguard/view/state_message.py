@@ -65,6 +65,8 @@ def state_message(
         Level.CAUTION if changed else Level.CLEAR,
     )
     waits = bool(held) and level < Level.BRAKE
+    why = sentence(cycle, held, remark, changed)
+    full = (command or verdict).explain()
     return {
         "cycle": frame.cycle,
         "level": int(level),
@@ -73,7 +75,8 @@ def state_message(
         "colour": hexadecimal(LEVEL_COLOURS[level]),
         "ink": hexadecimal(ink_on(LEVEL_COLOURS[level])),
         "held": bool(held),
-        "why": sentence(cycle, held, remark, changed),
+        "why": why,
+        "explanation": full if full.startswith(why) else f"{why}\n\n{full}",
         "changed": changed,
         "time_left_ms": finite(verdict.headroom.s * 1e3),
         "headroom_mm": finite(verdict.headroom.m * 1e3),

@@ -5,6 +5,7 @@
   const SILENCE = 0.5; // without news for so long the page is grey [s]
   const REPEAT = 50; // keys that are held and gamepads are sent again after this [ms]
   const ANSWER = 4000; // a question waits so long for its answer [ms]
+  const READING = 0.5; // an open explanation is left as it is for so long [s]
   const PULSE = 100; // that this page lives is sent again after this [ms]
   const make = (tag, id, parent) => {
     const made = document.createElement(tag);
@@ -41,6 +42,9 @@
   const refused = make("div", "refused");
   const refusal = make("span", null, refused);
   const remedy = make("button", null, refused);
+  const fold = make("details", "exactly");
+  make("summary", null, fold).textContent = "Why exactly";
+  const exactly = make("pre", null, fold);
   const cards = new Map();
 
   const card = (name) => {
@@ -77,6 +81,15 @@
   const number = (value, digits, unit) =>
     value === null ? "–" : `${value.toFixed(digits)} ${unit}`;
 
+  let explained = -Infinity; // when the open fold was written, on this page's clock [s]
+  const explain = (message) => {
+    explained = now();
+    exactly.textContent = `cycle ${message.cycle}\n${message.explanation}`;
+  };
+  fold.addEventListener("toggle", () => {
+    if (fold.open && state) explain(state);
+  });
+
   const show = (message) => {
     state = message;
     heard = now();
@@ -85,6 +98,7 @@
     document.documentElement.style.setProperty("--level", message.colour);
     document.documentElement.style.setProperty("--ink", message.ink);
     why.textContent = message.why;
+    if (fold.open && now() - explained > READING) explain(message);
     showButtons();
     if (message.recorded) timeLine.show(message);
     for (const robot of message.robots) {
@@ -265,7 +279,7 @@
 
   const begin = () => {
     document.body.prepend(bar);
-    document.body.append(veil, busy, refused);
+    document.body.append(veil, busy, refused, fold);
     refused.hidden = true;
     setInterval(refresh, 50);
     setInterval(tellPads, REPEAT);
