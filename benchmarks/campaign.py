@@ -28,6 +28,7 @@ RANDOM_STATES = 1_000_000
 
 PARTS: dict[str, Callable[[], dict[str, Any]]] = {
     "cycle": lambda: run("cycle", progress=say),
+    "robots": lambda: run("robots", progress=say),
     "index": lambda: run("index", progress=say),
     "random_states": lambda: agree_on_random_states(RANDOM_STATES, say),
     "distance": lambda: run("distance", progress=say),
