@@ -1,8 +1,8 @@
 """`bench robots`: cycles of two arms of one kind over a table, beside their peers.
 
 The states are those of a filtered drive: every joint sways at a share of its top
-speed, and the guard limits it. `step` and the peers judge the same states again. What
-is slower than a peer comes first.
+speed, and the guard limits it. `step` and the peers judge the same states again. The
+rows in which `path` is slowest beside a peer come first.
 """
 
 from typing import Any, NamedTuple
@@ -110,7 +110,7 @@ def stepped(guard: Guard, found: Drive, paced: bool) -> Floats:
 
 
 def bench(cycles: int, progress: Progress) -> dict[str, Any]:
-    """Durations by scene, speed and contestant; what is slower than a peer first."""
+    """Durations by scene, speed and contestant; the slowest beside a peer first."""
     rows = []
     absent: set[str] = set()
     for name, scene in scenes().items():
