@@ -140,8 +140,11 @@ def test_a_joint_outside_its_limits_stops_and_distances_are_still_told(guard):
     verdict = guard.step(np.array([0.0, 2.5, 0.0]))
     assert verdict.reason is Reason.OUT_OF_LIMITS
     assert verdict.level is Level.STOP
-    said = "its limits are [-2.0000, 2.0000]; check units and order"
-    assert verdict.why == f"joint 'arm/joint2' is at 2.5000: stop, {said}"
+    assert verdict.why == (
+        "joint 'arm/joint2' is at 2.5000: stop, its limits are [-2.0000, 2.0000]; move "
+        "the joint back inside by hand or with the robot's own controller, or check "
+        "units and order"
+    )
     inside = guard.step(np.array([2.1, 0.0, 0.0]))
     assert inside.reason is Reason.OUT_OF_LIMITS
 

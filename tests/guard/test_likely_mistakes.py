@@ -8,6 +8,7 @@ import pytest
 from approach import FIGURES, ball_scene
 from armguard import Guard, Level, Pose, Reason, Scene
 from armguard.guard.pace import IN_A_ROW
+from armguard.guard.sentences import OUTSIDE
 from armguard.recording.frames import frame_of
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.ring import RingReader, RingWriter
@@ -82,7 +83,7 @@ def test_degrees_are_named(guard):
     ],
 )
 def test_what_is_no_evidence_gets_no_hint(guard, q):
-    assert why(guard, np.array(q)).endswith("]; check units and order")
+    assert why(guard, np.array(q)).endswith(f"]; {OUTSIDE}")
 
 
 def test_reverse_order_is_named(guard, signs):
@@ -100,7 +101,7 @@ def test_reverse_order_is_named(guard, signs):
     )
     guard.reset()
     said = why(guard, np.array([0.5, 0.5, 0.5, 0.0, 0.5]))
-    assert said.endswith("]; check units and order")
+    assert said.endswith(f"]; {OUTSIDE}")
 
 
 def test_a_guard_of_fixed_buffers_names_it_too():

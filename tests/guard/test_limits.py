@@ -57,7 +57,7 @@ def test_farther_beyond_is_a_stop_with_the_joint_and_its_limits(at_limit):
     assert verdict.reason is Reason.OUT_OF_LIMITS
     assert verdict.levels == {"arm": Level.STOP}
     assert verdict.joint == "arm/joint1"
-    assert ": stop, its limits are [-2.0000, 2.0000]; check units" in verdict.why
+    assert ": stop, its limits are [-2.0000, 2.0000]; move the joint" in verdict.why
 
 
 @pytest.mark.parametrize("other", ["path", None])

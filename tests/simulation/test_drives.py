@@ -16,7 +16,8 @@ def drives(**figures):
         simple_arm(),
         **{"velocity": 1.0, "deceleration": 4.0, "acceleration": 8.0, **figures},
     )
-    return Drives(declared, np.zeros(len(declared.velocity))), declared
+    still = np.zeros(len(declared.velocity))
+    return Drives(declared, still, still - np.inf, still + np.inf), declared
 
 
 def driven(**figures):

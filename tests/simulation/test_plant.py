@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from armguard.errors import SceneError
-from armguard.respond import Action
+from armguard.guard.levels import Level
+from armguard.respond import Action, Guard
 from armguard.scene import Scene, bay_scene
 from armguard.simulation import PERFECT, Imperfection, Plant
 from arms import simple_arm
@@ -82,6 +83,49 @@ def test_an_arm_that_is_held_does_not_drift():
         plant.advance(0.01, np.zeros(14))
     assert (plant.q == SCENE.home).all()
     assert not plant.measure()[1].any()
+
+
+def test_an_arm_rests_at_its_end_stops_and_can_be_led_away_again():
+    plant = Plant(SCENE, imperfection=PERFECT)
+    for _ in range(2):
+        plant.advance(6.0, np.eye(14)[0])
+        assert (plant.q[0], plant.v[0]) == (3.05, 0.0)
+    plant.advance(0.5, -0.1 * np.eye(14)[0])
+    assert plant.q[0] == pytest.approx(3.0, abs=0.001)
+
+
+def test_a_stop_that_comes_too_late_ends_at_the_end_stop():
+    plant = Plant(SCENE, imperfection=PERFECT)
+    plant.advance(3.0, np.eye(14)[0])
+    plant.advance(1.0, np.zeros(14), dict.fromkeys(SCENE.robots, Action.STOP))
+    assert plant.held["left"]
+    assert (plant.q[0], plant.v[0]) == (3.05, 0.0)
+
+
+def test_an_arm_that_a_late_machine_let_run_on_is_engaged_and_led_back():
+    scene = bay_scene("path")
+    near_limit = scene.home.copy()
+    near_limit[0] = 2.9
+    plant = Plant(scene, q=near_limit)
+    guard = Guard(scene, self_test=False)
+
+    def cycle(speed, gap=0.004):
+        q, v = plant.measure()
+        command = guard.filter(q, speed * np.eye(14)[0], plant.time, velocity=v)
+        plant.advance(gap, command.velocity, command.actions)
+        return command
+
+    for _ in range(40):
+        cycle(1.0)
+    cycle(1.0, gap=0.5)
+    assert cycle(0.0).verdict.level >= Level.STOP
+    for _ in range(400):
+        cycle(0.0)
+    guard.engage()
+    for _ in range(250):
+        last = cycle(-0.2)
+    assert not last.held, last.why
+    assert plant.q[0] < 2.95
 
 
 def test_a_robot_without_figures_is_refused_in_words():

@@ -14,7 +14,7 @@ from armguard.recording.ring import RingReader, RingWriter
 from armguard.respond import Action
 from armguard.respond.command import Blocked
 from armguard.view.lateness import BUSY_SPAN, BUSY_STOPS, Lateness
-from armguard.view.state_message import state_message
+from armguard.view.state_message import since, state_message
 from armguard.view.world import World
 
 CYCLES = 1000
@@ -79,6 +79,8 @@ def contradictions(cycle, message, remark, changed):
     causes = own.level >= Level.STOP, held, bool(remark)
     if stopped and any(causes) and why.endswith(": stopped"):
         yield "a stop without the cause that is known"
+    if stopped and any("to a stop" in said for said in message["measures"]):
+        yield "time that is left until a stop beside a stop"
     if message["name"] == "HELD" and not ("HELD" in why or "STOPPED BY" in why):
         yield "HELD without a word about it"
     if changed and "objects were changed" not in why:
@@ -104,6 +106,8 @@ def test_light_and_words_never_disagree_in_a_thousand_random_cycles(filtered):
         changed = bool(rng.random() < 0.2)
         message = state_message(cycle, 0.0, remark=remark, changed=changed)
         found = list(contradictions(cycle, message, remark, changed))
+        if not remark and not changed and message["level"] != cycle.level:
+            found.append("the plot has another level than the light")
         assert not found, (k, found, message)
         seen.add(message["name"])
     # Every light was shown, or the cycles were not random enough.
@@ -119,6 +123,40 @@ def test_the_cases_that_newcomers_stumbled_over(filtered):
     assert [card["word"] for card in stopped["robots"]] == ["stop", "stop"]
     actions = cycle.command.actions.values()
     assert set(actions) <= {Action.FOLLOW, Action.HOLD, Action.STOP}
+
+
+def test_a_robot_that_is_still_stopping_says_why(filtered):
+    world, frame = filtered
+    verdict = frame.verdict.copy()
+    verdict[layout.REASON] = Reason.STOPPING
+    verdict[layout.HEADER + layout.ROBOT_LEVEL] = Level.STOP
+    verdict[layout.HEADER + layout.ROBOT_CAUSE] = Reason.TOO_CLOSE
+    message = state_message(world.cycle(replace(frame, verdict=verdict)), 0.0)
+    assert "still stopping" in message["why"]
+    assert message["why"].endswith(f", because {Reason.TOO_CLOSE.sentence}")
+
+
+def test_a_joint_outside_its_limits_is_named_with_the_way_back(filtered):
+    world, frame = filtered
+    verdict, told, robots = frame.verdict.copy(), frame.told.copy(), 2
+    verdict[layout.REASON], verdict[layout.JOINT] = Reason.OUT_OF_LIMITS, 3
+    verdict[layout.VALUE] = 2.11
+    for k in range(robots):
+        row = layout.HEADER + k * layout.ROBOT_WIDTH
+        verdict[row + layout.ROBOT_CAUSE] = Reason.OUT_OF_LIMITS
+        verdict[row + layout.ROBOT_LEVEL] = Level.STOP
+    told[-2 * robots : -robots] = 0.0
+    told[-4 * robots : -3 * robots] = Blocked.STOPPED
+    cycle = world.cycle(replace(frame, verdict=verdict, told=told))
+    message = state_message(cycle, 0.0)
+    assert message["word"] == "HELD"
+    joint = world.tables.q_names[3]
+    assert message["why"] == (
+        f"HELD since {since(cycle, cycle.command.held['left'])}: joint '{joint}' is at "
+        "2.1100: stop, its limits are [-2.1000, 2.1000]; move the joint back inside "
+        "by hand or with the robot's own controller, or check units and order"
+        " – then press Engage all"
+    )
 
 
 def test_a_machine_is_busy_after_three_stops_by_lateness_and_not_for_ever(filtered):

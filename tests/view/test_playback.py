@@ -1,6 +1,7 @@
 """A recording on a time line: where it is, what it shows, where it goes."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,24 @@ def test_it_goes_from_stop_to_stop(played, frames):
     assert playback.position <= first
 
 
+def test_the_time_line_has_the_level_of_a_stop_while_a_robot_is_held(frames):
+    cycles = [frame for frame in frames if frame.kind is Kind.CYCLE][:3]
+    # Since when each of two robots is held, before two other numbers of each.
+    told = [np.array([*[0.0] * 60, since, np.nan, 0.0, 0.0]) for since in (np.nan, 1.0)]
+    held = [
+        replace(frame, told=told[at])
+        for frame, at in zip(cycles, (0, 1, 0), strict=True)
+    ]
+    before, after = Playback(cycles, 2), Playback(held, 2)
+    assert before.levels[0][1] < Level.STOP and len(before.levels) == 1
+    assert [level for _, level in after.levels] == [
+        before.levels[0][1],
+        Level.STOP,
+        before.levels[0][1],
+    ]
+    assert after.stops == before.stops == ()
+
+
 def test_an_empty_recording_shows_nothing():
     playback = Playback([], 2)
     assert playback.newest is None
@@ -118,6 +137,9 @@ def test_a_recording_opens_at_its_first_stop_and_its_time_line_steers(frames):
         ):
             view._received("one", message)
             view.step()
+            plotted = view.plot._points
+            assert len(plotted) == cycle + 1
+            assert plotted[-1][0] == playback.newest.monotonic
             assert playback.newest.cycle == cycle
         view._received("one", {"type": "speed", "value": 4.0})
         view._received("one", {"type": "speed", "value": 1e9})

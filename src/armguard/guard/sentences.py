@@ -64,6 +64,12 @@ REMEDIES = {
     Reason.STAMP_REPEATED: "stamp each measurement when it is taken",
 }
 
+# Remedy for a joint outside its limits, where the positions show no other mistake.
+OUTSIDE = (
+    "move the joint back inside by hand or with the robot's own controller, "
+    "or check units and order"
+)
+
 # Reasons explained by a joint that has not stopped as declared.
 LAGS = (Reason.STOP_LAGS, Reason.BRAKE_LAGS)
 
@@ -100,7 +106,7 @@ def sentence_of(
     if reason in ABOUT_PAIRS and k >= 0:
         return pair_sentence(doing, reason, answer.pair(k))
     if answer.data[layout.JOINT] >= 0.0:
-        return joint_sentence(doing, reason, answer, fault or "check units and order")
+        return joint_sentence(doing, reason, answer, fault or OUTSIDE)
     return input_sentence(doing, reason, answer, subject_of(reason, answer, disproved))
 
 

@@ -27,6 +27,7 @@ class Drives:
     """All joints of one arm.
 
     A stop that has begun is carried out to its end, whatever they are told meanwhile.
+    A joint that reaches its end stop rests there until it is driven away from it.
 
     Attributes:
         q: Positions, shape (n,) [rad or m].
@@ -37,10 +38,15 @@ class Drives:
     Args:
         figures: How they accelerate and stop.
         q: Where the arm is held at the start.
+        lower: End stops, shape (n,); -inf for a joint without one [rad or m].
+        upper: The same; inf for a joint without one.
     """
 
-    def __init__(self, figures: StoppingFigures, q: Floats) -> None:
+    def __init__(
+        self, figures: StoppingFigures, q: Floats, lower: Floats, upper: Floats
+    ) -> None:
         self.q = np.array(q, dtype=np.float64)
+        self._lower, self._upper = lower, upper
         self.v = np.zeros_like(self.q)
         self.phase = Phase.HELD
         self.braked = False
@@ -78,6 +84,9 @@ class Drives:
             self._approach(dt)
         elif self.phase is Phase.STOPPING:
             self._come_to_rest(dt)
+        reached = np.clip(self.q, self._lower, self._upper)
+        self.v = np.where(self.q == reached, self.v, 0.0)
+        self.q = reached
 
     def _approach(self, dt: float) -> None:
         """Change velocities towards what is told, and stay there."""

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from armguard.errors import SceneError
 from armguard.respond.command import Action
+from armguard.robot.limits import joint_limits
+from armguard.robot.model import RobotModel
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.scene import Scene
 from armguard.simulation.drives import Drives, Phase
@@ -55,6 +57,8 @@ class Order:
 class Arm:
     """One arm: its drives, and the orders on their way to them.
 
+    Its joints have mechanical end stops at their limits.
+
     Attributes:
         name: The robot's name.
         own: Its part of q.
@@ -63,10 +67,15 @@ class Arm:
     """
 
     def __init__(
-        self, name: str, own: slice, figures: StoppingFigures, q: Floats
+        self,
+        name: str,
+        own: slice,
+        figures: StoppingFigures,
+        model: RobotModel,
+        q: Floats,
     ) -> None:
         self.name, self.own, self.figures = name, own, figures
-        self.drives = Drives(figures, q[own])
+        self.drives = Drives(figures, q[own], *joint_limits(model))
         self._orders: deque[Order] = deque()
         self._brake_at = np.inf
 
@@ -142,7 +151,7 @@ class Plant:
                     "unknown; give it `stopping: {deceleration: ...}` to simulate it"
                 )
             own = slice(first, first + len(robot.model.q_names))
-            self.arms.append(Arm(name, own, robot.stopping, start))
+            self.arms.append(Arm(name, own, robot.stopping, robot.model, start))
             first = own.stop
         self._how = imperfection or Imperfection()
         self._rng = np.random.default_rng(self._how.seed)

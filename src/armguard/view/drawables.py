@@ -32,6 +32,9 @@ Floats = NDArray[np.float64]
 # Nearest pairs with a line, with a label, with shells.
 LINES, LABELS, SHELLS = 64, 3, 4
 
+# Labels stand so far apart that they can be read, and so far above their lines [m].
+APART, ABOVE = 0.25, np.array([0.0, 0.0, 0.04])
+
 # A shell follows the distance that its pair needs in steps of this [m].
 STEP = 0.005
 
@@ -64,8 +67,8 @@ class Drawable:
         """Draw it from the next cycle on, or not."""
         self.shown, self._due = shown, -np.inf
 
-    def follow(self, cycle: Cycle, now: float) -> None:
-        """Draw a cycle, and nothing of an earlier one.
+    def follow(self, cycle: Cycle, now: float) -> bool:
+        """Draw a cycle, and nothing of an earlier one; whether that is done.
 
         Args:
             cycle: The cycle.
@@ -76,6 +79,9 @@ class Drawable:
         elif now >= self._due:
             self._due = now + self.every
             self._draw(cycle)
+        else:
+            return False
+        return True
 
     def _draw(self, cycle: Cycle) -> None:
         raise NotImplementedError
@@ -228,11 +234,12 @@ class NearPairs(Drawable):
             colours = np.array([[pair_look(pair)[0]] * 2 for pair in pairs])
             self._lines.points = points.astype(np.float32)
             self._lines.colors = colours.astype(np.uint8)
+        labelled = apart(pairs)
         for k, label in self.nodes.items():
-            label.visible = k < len(pairs)
-            if k < len(pairs):
-                pair = pairs[k]
-                label.position = (pair.point_a + pair.point_b) / 2.0
+            label.visible = k < len(labelled)
+            if k < len(labelled):
+                pair = labelled[k]
+                label.position = middle_of(pair) + ABOVE
                 label.text = f"{pair_look(pair)[1]} {pair.distance * 1e3:.0f} mm"
 
 
@@ -273,6 +280,21 @@ class Shells(Drawable):
     def _hide(self) -> None:
         while self.nodes:
             self.nodes.popitem()[1].remove()
+
+
+def middle_of(pair: NearPair) -> Floats:
+    """Middle between the witness points of a pair, shape (3,) [m]."""
+    return np.asarray((pair.point_a + pair.point_b) / 2.0)
+
+
+def apart(pairs: Iterable[NearPair]) -> list[NearPair]:
+    """The first pairs whose labels do not hide those of the ones before."""
+    found: list[NearPair] = []
+    for pair in pairs:
+        gaps = [np.linalg.norm(middle_of(pair) - middle_of(one)) for one in found]
+        if all(gap >= APART for gap in gaps):
+            found.append(pair)
+    return found[:LABELS]
 
 
 def put(node: Any, T: Floats) -> None:

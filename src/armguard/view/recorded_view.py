@@ -13,8 +13,15 @@ from armguard.guard.levels import Level
 from armguard.recording.frames import Frame, Kind
 from armguard.recording.palette import LEVEL_COLOURS, hexadecimal
 from armguard.scene.scene import Scene
+from armguard.view.signals import RATE, SPAN
 from armguard.view.view import View
-from armguard.view.world import ObjectPoses, levels_of
+from armguard.view.world import ObjectPoses, held_in, levels_of
+
+# A cycle that is so much later than the last one, or earlier, comes after a jump [s].
+JUMP = 1.0
+
+# Cycles before a position that the plot shows.
+PLOTTED = SPAN * RATE
 
 # Parts of the time line that can be distinguished.
 PIECES = 2000
@@ -30,7 +37,8 @@ class Playback:
 
     Attributes:
         stops: When a robot was stopped [s].
-        levels: When the highest level changed [s], and to which.
+        levels: When the highest level changed [s], and to which; that of a stop at
+            least while a robot is held.
         speed: Seconds of the recording in a second [-].
 
     Args:
@@ -59,8 +67,9 @@ class Playback:
             if not len(frame.poses) or not len(frame.verdict):
                 continue
             level = Level(levels_of(frame, robots)[0])
-            if not levels or level != levels[-1][1]:
-                levels.append((frame.monotonic, level))
+            shown = max(level, Level.STOP) if any(held_in(frame, robots)) else level
+            if not levels or shown != levels[-1][1]:
+                levels.append((frame.monotonic, shown))
             now = level >= Level.STOP
             if now and not stopped:
                 stops.append(frame.monotonic)
@@ -98,6 +107,12 @@ class Playback:
     def newest(self) -> Frame | None:
         """The newest cycle at this position; None of an empty recording."""
         return self._cycles[self._place()] if self._cycles else None
+
+    def past(self) -> list[Frame]:
+        """Cycles of the last seconds before this position, no more than are plotted."""
+        last = self._place()
+        first = bisect.bisect_left(self._times, self.position - SPAN, hi=last)
+        return self._cycles[first : last : max(round((last - first) / PLOTTED), 1)]
 
     def events(self) -> list[Frame]:
         """All frames up to this position that are no cycles."""
@@ -166,7 +181,7 @@ class RecordedView(View):
     ) -> None:
         super().__init__(scene, page_port, self._received)
         self.source = Playback(frames, len(self.world.names.robots))
-        self._events = -1
+        self._events, self._plotted = -1, -math.inf
         if self.source.stops:
             self.source.go(self.source.stops[0])
         self.page.publish("timeline", self._time_line())
@@ -182,8 +197,11 @@ class RecordedView(View):
                 if event.kind is Kind.EVENT:
                     self.world.objects.apply(event.text)
         frame = playback.newest
-        self.draw(frame)
         if frame is not None:
+            if not 0.0 <= frame.monotonic - self._plotted <= JUMP:
+                self.plot.fill(self.world.cycle(one) for one in playback.past())
+            self._plotted = frame.monotonic
+            self.draw(frame)
             when = datetime.datetime.fromtimestamp(frame.wall, datetime.UTC)
             self.place = {"position": playback.position, "playing": playback.playing}
             self.publish(frame, recorded=f"recorded {when:%Y-%m-%d %H:%M:%S} UTC")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from armguard.guard.levels import ORDERED, Level, Reason
+from armguard.guard.verdict import Verdict
 from armguard.recording.palette import LEVEL_COLOURS, LEVEL_WORDS, Rgb, hexadecimal
 from armguard.respond import Action
 from armguard.respond.command import Blocked, Held
@@ -60,8 +61,8 @@ def state_message(
     verdict, command, frame = cycle.verdict, cycle.command, cycle.frame
     held = {} if command is None else command.held
     level = max(
-        *(verdict.level, *verdict.levels.values()),
-        Level.STOP if remark or held else Level.CLEAR,
+        cycle.level,
+        Level.STOP if remark else Level.CLEAR,
         Level.CAUTION if changed else Level.CLEAR,
     )
     waits = bool(held) and level < Level.BRAKE
@@ -78,8 +79,7 @@ def state_message(
         "why": why,
         "explanation": full if full.startswith(why) else f"{why}\n\n{full}",
         "changed": changed,
-        "time_left_ms": finite(verdict.headroom.s * 1e3),
-        "headroom_mm": finite(verdict.headroom.m * 1e3),
+        "measures": measures(verdict, level),
         "age": age,
         "wall": frame.wall,
         "grey": grey,
@@ -143,8 +143,9 @@ def sentence(
         sentences.append(remark)
     stopped = [name for name, own in verdict.levels.items() if own >= Level.STOP]
     if verdict.reason.level >= Level.STOP:
-        if not sentences or verdict.reason not in ORDERED:
-            sentences.append(verdict.why)
+        said = verdict.reason in ORDERED or verdict.why in "; ".join(sentences)
+        if not sentences or not said:
+            sentences.append(verdict.why + cause_of_stop(verdict))
     elif not sentences and stopped:
         sentences.append(f"{' and '.join(stopped)}: stopped")
     elif not sentences and not (changed and verdict.reason is Reason.OK):
@@ -154,11 +155,29 @@ def sentence(
     return "; ".join(sentences)
 
 
+def cause_of_stop(verdict: Verdict) -> str:
+    """Why robots that are still stopping were stopped, as the end of a sentence."""
+    if verdict.reason is not Reason.STOPPING:
+        return ""
+    known = set(verdict.causes.values()) - {Reason.OK, Reason.STOPPING}
+    causes = " and ".join(sorted(cause.sentence for cause in known))
+    return f", because {causes}" if causes else ""
+
+
 def waiting(cycle: Cycle, held: Mapping[str, Held]) -> list[str]:
-    """Why robots wait for a person, since when, and how each goes on."""
+    """Why robots wait for a person, since when, and how each goes on.
+
+    A fault of the input that is still there comes with its place and its remedy: until
+    then no robot goes on.
+    """
     groups: dict[str, list[str]] = {}
+    verdict = cycle.verdict
     for name, one in held.items():
         why, how = f"HELD: {one.cause}", "press Engage all"
+        if one.reason is verdict.reason and one.reason >= Reason.NOT_FINITE:
+            fault = f"HELD since {since(cycle, one)}: {verdict.why} – then {how}"
+            groups.setdefault(fault, []).append(name)
+            continue
         if one.reason is Reason.STOP_ORDERED and one.until_engaged:
             why = "STOPPED BY A PERSON"
         elif not one.until_engaged:
@@ -203,6 +222,11 @@ def ink_on(colour: Rgb) -> Rgb:
     return (0, 0, 0) if (light + 0.05) / 0.05 > 1.05 / (light + 0.05) else (255,) * 3
 
 
-def finite(value: float) -> float | None:
-    """A number, or None where JSON has no word for it."""
-    return value if math.isfinite(value) else None
+def measures(verdict: Verdict, level: Level) -> list[str]:
+    """Time and distance that are left, in words; no time to a stop beside a stop."""
+    left, said = verdict.headroom, []
+    if math.isfinite(left.s) and level < Level.STOP:
+        said.append(f"≥ {left.s * 1e3:.0f} ms to a stop")
+    if math.isfinite(left.m):
+        said.append(f"headroom {left.m * 1e3:.1f} mm")
+    return said

@@ -1,5 +1,6 @@
 """The page: a world with its drawables, its tabs, its light and its sounds."""
 
+import itertools
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -26,10 +27,10 @@ from armguard.view.drawables import (
 )
 from armguard.view.login import Login
 from armguard.view.page_server import PageServer
-from armguard.view.signals import NearList, SignalPlot
+from armguard.view.signals import MarkedPair, NearList, SignalPlot
 from armguard.view.state_message import state_message
 from armguard.view.viser_server import open_viser
-from armguard.view.world import World, body_poses, levels_of
+from armguard.view.world import World, body_poses, held_in, levels_of
 
 Floats = NDArray[np.float64]
 
@@ -45,8 +46,9 @@ DIRECTION = 1.35, 0.85, 0.8
 # Room about the origins of links for the links themselves [m].
 LINK = 0.15
 
-# Half of the angle that the first camera fits the scene into [rad].
-HALF_VIEW = 0.58
+# Slopes of the lines of sight that the first camera fits the robots into, aside and
+# above [-].
+HALF_VIEW = np.array([0.9, 0.65])
 
 BACKGROUND = (238, 241, 244)
 
@@ -61,6 +63,8 @@ class View:
         world: The scene that is drawn.
         tabs: The panel's tabs.
         drawables: What follows the cycles, in the scene and in the panel.
+        plot: The plot of the last seconds.
+        marked: The pair that is marked in the picture.
         remark: Why the service stops all robots beside its verdicts; empty if it does
             not.
         changed: Whether objects were changed within the last second.
@@ -83,11 +87,12 @@ class View:
         page_port: int,
         received: Callable[[str, Mapping[str, Any]], None],
     ) -> None:
+        self._hand_on = received
         self.login = Login()
         self.server = open_viser(self.login)
         port = self.server.get_port()
         try:
-            self.page = PageServer(page_port, port, self.login, received)
+            self.page = PageServer(page_port, port, self.login, self._receive)
         except StationError:
             self.server.stop()
             raise
@@ -113,7 +118,9 @@ class View:
         self._summary: tuple[int, ...] = ()
         self.tabs = self.server.gui.add_tab_group()
         with self.tabs.add_tab("Watch", viser.Icon.EYE):
-            self.drawables += SignalPlot(world), NearList(world)
+            self.plot = SignalPlot(world)
+            self.marked = MarkedPair(world, self.plot)
+            self.drawables += self.plot, self.marked, NearList(world)
             with self.server.gui.add_folder("Show"):
                 for one in self.drawables:
                     if one.label:
@@ -132,14 +139,16 @@ class View:
         raise NotImplementedError
 
     def draw(self, frame: Frame | None) -> None:
-        """Draw a cycle, unless it is drawn already."""
+        """Draw a cycle, unless all of it is drawn already."""
         if frame is None or frame is self._drawn or not self.world.fits(frame):
             return
         self._drawn = frame
         cycle, now = self.world.cycle(frame), time.monotonic()
         with self.server.atomic():
-            for one in self.drawables:
-                one.follow(cycle, now)
+            done = [one.follow(cycle, now) for one in self.drawables]
+        if not all(done):
+            # A cycle that stays, as in a recording, is drawn by all of them.
+            self._drawn = None
 
     def publish(self, frame: Frame | None, grey: str = "", recorded: str = "") -> None:
         """Send a cycle's state to the pages: at once if levels changed, else seldom.
@@ -175,11 +184,22 @@ class View:
         self.page.close()
         self.server.stop()
 
+    def _receive(self, page: str, message: Mapping[str, Any]) -> None:
+        """Take a page's message, in the page's thread."""
+        if message["type"] == "mark":
+            self.marked.pointed = str(message["at"]), str(message["name"])
+            # Also where the cycle stays the same.
+            self._drawn = None
+            return
+        if message["type"] == "gone":
+            self.marked.pointed = "", ""
+        self._hand_on(page, message)
+
     def _summary_of(self, frame: Frame) -> tuple[int, ...]:
         """What pages get at once when it changes: levels, who is held, remarks."""
         robots = len(self.world.names.robots)
-        held = np.isfinite(frame.told[-2 * robots : -robots]) if len(frame.told) else ()
-        return *levels_of(frame, robots), *held, self.changed, bool(self.remark)
+        levels, held = levels_of(frame, robots), held_in(frame, robots)
+        return *levels, *held, self.changed, bool(self.remark)
 
     def _add_switch(self, drawable: Drawable) -> None:
         def show(shown: bool) -> None:
@@ -225,11 +245,24 @@ def set_stage(server: viser.ViserServer, tables: SceneTables) -> None:
     towards = towards / size if size > 0.05 else np.array([0.0, -1.0, 0.0])
     aside = np.array([-towards[1], towards[0], 0.0])
     direction = np.array([towards, aside, [0.0, 0.0, 1.0]]).T @ DIRECTION
-    low, high = bounds_of(tables, places)
-    server.initial_camera.position = (low + high) / 2.0 + direction / np.linalg.norm(
-        direction
-    ) * np.linalg.norm(high - low) / (2.0 * np.sin(HALF_VIEW))
-    server.initial_camera.look_at = (low + high) / 2.0
+    corners = corners_of(*bounds_of(tables, places))
+    position, look_at = fitted(corners, direction / np.linalg.norm(direction))
+    server.initial_camera.position, server.initial_camera.look_at = position, look_at
+
+
+def fitted(corners: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """Position of a camera that sees all corners, and the point it looks at [m].
+
+    Args:
+        corners: Corners of a box, shape (8, 3) [m].
+        direction: Unit vector from the box to the camera.
+    """
+    middle = corners.mean(axis=0)
+    aside = np.cross(direction, [0.0, 0.0, 1.0])
+    aside /= np.linalg.norm(aside)
+    beside = (corners - middle) @ np.array([aside, np.cross(aside, direction)]).T
+    away = (np.abs(beside) / HALF_VIEW).max(axis=1) + (corners - middle) @ direction
+    return middle + away.max() * direction, middle
 
 
 def bounds_of(tables: SceneTables, places: Floats) -> tuple[Floats, Floats]:
@@ -244,3 +277,8 @@ def bounds_of(tables: SceneTables, places: Floats) -> tuple[Floats, Floats]:
     """
     joints = places[: len(tables.parent)]
     return joints.min(axis=0) - LINK, joints.max(axis=0) + LINK
+
+
+def corners_of(low: Floats, high: Floats) -> Floats:
+    """Corners of a box, shape (8, 3) [m]."""
+    return np.array(list(itertools.product(*zip(low, high, strict=True))))

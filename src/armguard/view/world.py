@@ -94,6 +94,13 @@ class Cycle:
         """Its near pairs, the one with the least headroom first."""
         return sorted(self.verdict.near, key=lambda pair: pair.headroom)
 
+    @property
+    def level(self) -> Level:
+        """The highest level; that of a stop at least while a robot is held."""
+        held = self.command is not None and bool(self.command.held)
+        waits = Level.STOP if held else Level.CLEAR
+        return max(self.verdict.level, *self.verdict.levels.values(), waits)
+
 
 def levels_of(frame: Frame, robots: int) -> tuple[int, ...]:
     """The highest level of a cycle, then that of each robot, without making a verdict.
@@ -108,6 +115,13 @@ def levels_of(frame: Frame, robots: int) -> tuple[int, ...]:
     each = frame.verdict[first : first + robots * step : step]
     levels = tuple(int(level) for level in each)
     return (max((int(own), *levels), default=int(Level.CLEAR)), *levels)
+
+
+def held_in(frame: Frame, robots: int) -> tuple[bool, ...]:
+    """Which robots are held in a cycle; none where no motion was asked for."""
+    if not len(frame.told):
+        return ()
+    return tuple(np.isfinite(frame.told[-2 * robots : -robots]).tolist())
 
 
 class World:

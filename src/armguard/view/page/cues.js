@@ -24,12 +24,9 @@ const isGrey = () =>
   state === null || state.grey !== "" || performance.now() - heard > SILENCE;
 
 const line = () => {
-  const { time_left_ms, headroom_mm, cycle, recorded } = state;
   const age = state.age + (performance.now() - heard) / 1000;
-  const when = recorded || (age < 0.2 ? "live" : `written ${age.toFixed(1)} s ago`);
-  const left = headroom_mm === null ? "" : ` · headroom ${headroom_mm.toFixed(1)} mm`;
-  const time = time_left_ms === null ? "–" : `≥ ${time_left_ms.toFixed(0)} ms`;
-  return `${time} to a stop${left} · cycle ${cycle} · ${when}`;
+  const when = state.recorded || (age < 0.2 ? "live" : `written ${age.toFixed(1)} s ago`);
+  return [...state.measures, `cycle ${state.cycle}`, when].join(" · ");
 };
 
 const draw = () => {

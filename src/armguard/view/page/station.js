@@ -7,6 +7,7 @@
   const ANSWER = 4000; // a question waits so long for its answer [ms]
   const READING = 0.5; // an open explanation is left as it is for so long [s]
   const PULSE = 100; // that this page lives is sent again after this [ms]
+  const ADOPT = 300; // new parts of viser's page are looked for after this [ms]
   const make = (tag, id, parent) => {
     const made = document.createElement(tag);
     if (id) made.id = id;
@@ -51,6 +52,8 @@
     if (cards.has(name)) return cards.get(name);
     const box = make("div", null, robots);
     box.className = "robot";
+    box.dataset.name = name;
+    box.tabIndex = 0;
     const head = make("b", null, box);
     const title = make("span", null, head);
     title.textContent = name;
@@ -77,9 +80,6 @@
   };
   let heard = -Infinity; // when it came, on this page's clock [s]
   const now = () => performance.now() / 1000;
-
-  const number = (value, digits, unit) =>
-    value === null ? "–" : `${value.toFixed(digits)} ${unit}`;
 
   let explained = -Infinity; // when the open fold was written, on this page's clock [s]
   const explain = (message) => {
@@ -111,6 +111,16 @@
     }
   };
 
+  // Viser makes these parts when it likes: the plot gets the focus of the keyboard, and
+  // the picture ends where the panel of a phone begins.
+  const adopt = () => {
+    for (const plot of document.querySelectorAll(".uplot:not([tabindex])")) plot.tabIndex = 0;
+    const panel = document.querySelector('#root .mantine-Paper-root[style*="position: fixed"]');
+    const height = `${panel?.offsetHeight ?? 0}px`;
+    const root = document.documentElement.style;
+    if (root.getPropertyValue("--sheet") !== height) root.setProperty("--sheet", height);
+  };
+
   const refresh = () => {
     const silent = now() - heard;
     const age = state === null ? Infinity : state.age + silent;
@@ -121,9 +131,7 @@
     else veil.textContent = state.grey;
     if (state !== null) {
       const written = state.recorded ? state.recorded : `written ${(1000 * age).toFixed(0)} ms ago`;
-      headroom.textContent =
-        `≥ ${number(state.time_left_ms, 0, "ms")} to a stop · headroom ${number(state.headroom_mm, 1, "mm")}` +
-        ` · cycle ${state.cycle} · ${written}`;
+      headroom.textContent = [...state.measures, `cycle ${state.cycle}`, written].join(" · ");
     }
   };
 
@@ -251,6 +259,27 @@
   }, true);
   window.addEventListener("blur", () => { down.clear(); pulse(); });
 
+  // What is pointed at, or focused by the keyboard, is marked in the picture.
+  let beneath = null; // what the pointer is over
+  let pointed = ""; // what the view was sent
+  const pairOf = (part) => {
+    const card = part?.closest?.(".robot");
+    if (card) return { at: "robot", name: card.dataset.name };
+    if (part?.closest?.(".uplot")) return { at: "plot", name: "" };
+    const row = part?.closest?.("#root tbody tr");
+    return row ? { at: "pair", name: row.cells[0].textContent } : null;
+  };
+  const point = () => {
+    const focused = document.querySelector(".robot:focus-visible, .uplot:focus-visible");
+    const found = pairOf(beneath) ?? pairOf(focused) ?? { at: "", name: "" };
+    if (JSON.stringify(found) === pointed) return;
+    pointed = JSON.stringify(found);
+    say({ type: "mark", ...found });
+  };
+  window.addEventListener("pointerover", (event) => { beneath = event.target; point(); }, true);
+  document.documentElement.addEventListener("pointerleave", () => { beneath = null; point(); });
+  for (const kind of ["focusin", "focusout"]) window.addEventListener(kind, () => setTimeout(point), true);
+
   cues.onmessage = ({ data }) => {
     if (data.type === "state") {
       cues.postMessage({ type: "seen" });
@@ -283,6 +312,7 @@
     refused.hidden = true;
     setInterval(refresh, 50);
     setInterval(tellPads, REPEAT);
+    setInterval(adopt, ADOPT);
     setInterval(pulse, PULSE);
   };
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin);
