@@ -32,8 +32,8 @@ from armguard.record import records
 from armguard.respond import Action, Blocked, Guard
 from armguard.respond import state as places
 from armguard.respond.escape_state import APPROACHING_COUNT, KNOWN, NEXT_TRY
+from armguard.respond.joint_bounds import frame_limits
 from armguard.respond.lead_state import LEAD_NOTES
-from armguard.respond.program import frame_limits
 from armguard.respond.straight import reaches_anything
 from armguard.robot.model import CollisionElement, MeshFile
 from armguard.scene import Scene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armguard import Action, Guard, Reason, bay_scene
-from armguard.respond.program import LIMIT_SPARE
+from armguard.respond.joint_bounds import LIMIT_SPARE
 from armguard.respond.state import MOST_TWISTS
 from bay_loop import LEFT, RIGHT, bay_loop, tool_pose
 

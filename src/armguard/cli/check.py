@@ -1,5 +1,6 @@
 """`armguard check`: what keeps a scene from being guarded, and a verdict."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -76,46 +77,65 @@ def check(
 ) -> None:
     """Check a scene. Exit code 0 sound, 1 too close at home, 2 cannot be guarded."""
     loaded: Scene | None = None
-    findings = [versions()]
-    proposals: list[str] = []
-    audits: list[RowAudit] = []
+    findings, proposals, audits = [versions()], list[str](), list[RowAudit]()
     try:
         loaded = load_scene(scene, robot=robot, progress=say_progress)
     except ArmguardError as error:
         findings += file_findings(error, scene.name)
     else:
-        findings.append(loop_finding(loaded))
-        findings += scene_findings(loaded, scene.name, prove)
-        findings += stopping_findings(loaded)
-        findings += plausibility_findings(loaded)
-        findings += guard_findings(loaded, scene.name)
+        findings += own_findings(loaded, scene.name, prove)
         if prove:
             audits = prove_claims(loaded, prove_seconds)
             findings += claim_findings(audits)
         if propose:
-            found = propose_allowed(compile_scene(loaded), samples=propose)
-            proposals = [pair.yaml for pair in found]
-    code = worst(findings)
+            proposals = proposed_pairs(loaded, propose)
     if json:
-        answer = {
-            "scene": scene.name,
-            "exit_code": code,
-            "findings": [finding.row for finding in findings],
-            **tables_of(loaded),
-            "proposals": proposals,
-            "claims": claim_table(audits) if prove else None,
-        }
-        print_json(answer)
+        print_json(
+            {
+                "scene": scene.name,
+                "exit_code": worst(findings),
+                "findings": [finding.row for finding in findings],
+                **tables_of(loaded),
+                "proposals": proposals,
+                "claims": claim_table(audits) if prove else None,
+            }
+        )
     else:
-        if verbose and loaded is not None:
-            show_fits(fit_table(loaded))
-            show_stops(loaded)
         if verbose:
-            show_claims(audits)
+            show_tables(loaded, audits)
         if propose:
             show_proposals(proposals)
         show(findings, scene, verbose)
-    raise typer.Exit(code)
+    raise typer.Exit(worst(findings))
+
+
+def proposed_pairs(scene: Scene, samples: int) -> list[str]:
+    """Lines of YAML that allow the pairs which touch in most of these samples."""
+    found = propose_allowed(compile_scene(scene), samples=samples)
+    return [pair.yaml for pair in found]
+
+
+def own_findings(scene: Scene, name: str, proven: bool) -> Iterator[Finding]:
+    """Findings of a scene that could be read.
+
+    Args:
+        scene: The scene.
+        name: Name of its file.
+        proven: Whether claims about pairs of links are proven as well.
+    """
+    yield loop_finding(scene)
+    yield from scene_findings(scene, name, proven)
+    yield from stopping_findings(scene)
+    yield from plausibility_findings(scene)
+    yield from guard_findings(scene, name)
+
+
+def show_tables(scene: Scene | None, audits: list[RowAudit]) -> None:
+    """Print fits and stops of a scene that could be read, and audited claims."""
+    if scene is not None:
+        show_fits(fit_table(scene))
+        show_stops(scene)
+    show_claims(audits)
 
 
 def loop_finding(scene: Scene) -> Finding:

@@ -103,12 +103,7 @@ def core_depth(
         return -norm(v), scaled(-1.0 / norm(v), v)
     if used < 4:
         # A - B has no volume: along its normal nothing has to be moved.
-        w, _p = difference(kind_a, a, kind_b, b, flat_normal)
-        other, _p = difference(kind_a, a, kind_b, b, scaled(-1.0, flat_normal))
-        up, down = dot(w, flat_normal), -dot(other, flat_normal)
-        if up <= down:
-            return up, flat_normal
-        return down, scaled(-1.0, flat_normal)
+        return flat_depth(kind_a, a, kind_b, b, flat_normal)
     face_count = first_faces(corners, faces)
     best, normal = np.inf, (1.0, 0.0, 0.0)
     whole = True
@@ -156,6 +151,25 @@ def core_depth(
         # No face could be measured: there is nothing to say.
         best, normal = np.nan, (np.nan, np.nan, np.nan)
     return best, normal
+
+
+@kernel
+def flat_depth(kind_a: int, a: Row, kind_b: int, b: Row, n: Vec3) -> tuple[float, Vec3]:
+    """Depth of two cores whose difference is flat, and the direction of B's way out.
+
+    Args:
+        kind_a: ShapeKind of A.
+        a: Its row.
+        kind_b: ShapeKind of B.
+        b: Its row.
+        n: Unit normal of the difference.
+    """
+    w, _p = difference(kind_a, a, kind_b, b, n)
+    other, _p = difference(kind_a, a, kind_b, b, scaled(-1.0, n))
+    up, down = dot(w, n), -dot(other, n)
+    if up <= down:
+        return up, n
+    return down, scaled(-1.0, n)
 
 
 @kernel(inline=False)

@@ -294,19 +294,7 @@ def check_placement(
             raise CheckpointError("in a checkpoint a part of an object is there alone")
     for name in holders:
         free[slice(*tables.holds.places[name])] = False
-    wanted = np.ones(len(there), dtype=np.uint8)
-    for part, row in zip(tables.holds.grippers, found["grips.grippers"], strict=True):
-        if part.coarse is None:
-            coarse = 0
-            refuse_where(
-                row[[at.COARSE_NOW]] != 0, "grips.grippers", row[[at.COARSE_NOW]], "0"
-            )
-        else:
-            coarse = int(row[at.COARSE_NOW])
-            wanted[slice(*tables.holds.places[part.coarse])] = coarse
-        for member in part.members:
-            wanted[slice(*tables.holds.places[member])] = 1 - coarse
-    wrong = (there != wanted) & ~free
+    wrong = (there != expected_presence(found["grips.grippers"], tables)) & ~free
     refuse_where(wrong[:moving], "there", there[:moving], "the other")
     rows = found["rows"]
     if not np.isfinite(rows).all() or not (np.abs(rows) <= FARTHEST).all():
@@ -331,6 +319,33 @@ def check_placement(
             )
     if isinstance(index, Octree):
         check_cube(found["cube"], index)
+
+
+def expected_presence(
+    grippers: NDArray[np.int64], tables: SceneTables
+) -> NDArray[np.uint8]:
+    """1 for each primitive that is present if nothing is removed or held, shape (p,).
+
+    Args:
+        grippers: Rows of the grippers of a checkpoint.
+        tables: The scene.
+
+    Raises:
+        CheckpointError: A gripper without a coarse model uses one.
+    """
+    present = np.ones(len(tables.kinds), dtype=np.uint8)
+    for part, row in zip(tables.holds.grippers, grippers, strict=True):
+        if part.coarse is None:
+            coarse = 0
+            refuse_where(
+                row[[at.COARSE_NOW]] != 0, "grips.grippers", row[[at.COARSE_NOW]], "0"
+            )
+        else:
+            coarse = int(row[at.COARSE_NOW])
+            present[slice(*tables.holds.places[part.coarse])] = coarse
+        for member in part.members:
+            present[slice(*tables.holds.places[member])] = 1 - coarse
+    return present
 
 
 def is_row(kind: int, row: Floats, leads: NDArray[np.int64]) -> bool:

@@ -146,43 +146,14 @@ class ContractTable:
             GraspError: Both are one body, the pair is not checked, a number is out of
                 range, or there is no room for another contract.
         """
-        holds = self.grippers.tables.holds
-        for name in (a, b):
-            if name not in holds.places:
-                raise UnknownNameError(
-                    f"no body is named '{name}'; "
-                    f"{did_you_mean(str(name), holds.places)}"
-                )
-        if a == b:
-            raise GraspError(f"'{a}' is allowed to touch itself; name two bodies")
-        if not (np.isfinite(depth) and depth >= 0.0):
-            raise GraspError(
-                f"'{a}' may touch '{b}': depth is {depth} m; it must be finite and >= 0"
-            )
-        if not (np.isfinite(speed) and speed > 0.0):
-            raise GraspError(
-                f"'{a}' may touch '{b}': speed is {speed} m/s; it must be finite and "
-                "> 0"
-            )
-        for what, value, greatest, unit in (
-            ("depth", depth, MOST_OVERLAP, "m"),
-            ("speed", speed, MOST_CREEP, "m/s"),
-        ):
-            if value > greatest:
-                raise GraspError(
-                    f"'{a}' may touch '{b}': {what} {in_other_units(value, unit)}"
-                )
+        self._check_bodies(a, b)
+        check_contact(a, b, depth, speed)
         now = float(self.watch.last[LAST_NOW])
         until = now + GRASP.expiry if until is None else until
         if not (np.isfinite(until) and until > now):
             raise GraspError(
                 f"'{a}' may touch '{b}' until {until} s; give a time on the clock of "
                 f"the stamps that is later than the last cycle's, {now} s"
-            )
-        if not holds.rules[holds.group_of[a], holds.group_of[b]]:
-            raise GraspError(
-                f"'{a}' and '{b}' are not checked against each other; a contract "
-                "would change nothing"
             )
         self.grippers.check_modes()
         frame = None if region is None else self._frame(region)
@@ -203,6 +174,23 @@ class ContractTable:
                 row[at.T_REGION : at.GRIPPER] = T[:3].reshape(12)
             row[at.STATE] = at.IN_FORCE
             self.write_groups()
+
+    def _check_bodies(self, a: str, b: str) -> None:
+        """Refuse two names that are not those of two bodies checked as a pair."""
+        holds = self.grippers.tables.holds
+        for name in (a, b):
+            if name not in holds.places:
+                raise UnknownNameError(
+                    f"no body is named '{name}'; "
+                    f"{did_you_mean(str(name), holds.places)}"
+                )
+        if a == b:
+            raise GraspError(f"'{a}' is allowed to touch itself; name two bodies")
+        if not holds.rules[holds.group_of[a], holds.group_of[b]]:
+            raise GraspError(
+                f"'{a}' and '{b}' are not checked against each other; a contract "
+                "would change nothing"
+            )
 
     def in_force(self) -> Iterator[Contract]:
         """All contracts between bodies, except dormant ones."""
@@ -292,3 +280,27 @@ class ContractTable:
 def gain_of(grasp: Grasp) -> float:
     """Increase of the permitted closing speed per metre of distance [1/s]."""
     return (grasp.intent_speed - grasp.creep) / grasp.near
+
+
+def check_contact(a: str, b: str, depth: float, speed: float) -> None:
+    """Refuse a depth [m] or closing speed [m/s] that no contract can have.
+
+    Raises:
+        GraspError: A number is not finite, out of range, or in other units.
+    """
+    if not (np.isfinite(depth) and depth >= 0.0):
+        raise GraspError(
+            f"'{a}' may touch '{b}': depth is {depth} m; it must be finite and >= 0"
+        )
+    if not (np.isfinite(speed) and speed > 0.0):
+        raise GraspError(
+            f"'{a}' may touch '{b}': speed is {speed} m/s; it must be finite and > 0"
+        )
+    for what, value, greatest, unit in (
+        ("depth", depth, MOST_OVERLAP, "m"),
+        ("speed", speed, MOST_CREEP, "m/s"),
+    ):
+        if value > greatest:
+            raise GraspError(
+                f"'{a}' may touch '{b}': {what} {in_other_units(value, unit)}"
+            )

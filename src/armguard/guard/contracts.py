@@ -111,42 +111,18 @@ def prove_with_contract(
     Returns:
         How the proof ended, and the headroom, negative for a deficit [m].
     """
-    v, m = w.watch, w.motion
-    h = w.grips
-    if h.may[w.groups[i], w.groups[j]] == 0 or m.span[SEGMENT] != 0.0:
-        return prove_pair(i, j, plan_i, plan_j, place, w)
-    k = contract_of(i, j, h)
+    v, m, h = w.watch, w.motion, w.grips
+    k = -1
+    if h.may[w.groups[i], w.groups[j]] != 0 and m.span[SEGMENT] == 0.0:
+        k = contract_of(i, j, h)
     if k < 0:
         return prove_pair(i, j, plan_i, plan_j, place, w)
     c = h.contracts[k]
     if c[STATE] == DORMANT:
         note_nearest(i, place, c, w.out)
         return prove_pair(i, j, plan_i, plan_j, place, w)
-    # The contract has to be checked again whenever commands change.
-    m.effort[LOOKED] = 1
-    refine_pair(i, j, place, w)
-    note_nearest(i, place, c, w.out)
-    kept, spare = False, -inf
+    kept, spare = keep_contract(i, j, plan_i, plan_j, place, k, w)
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    recovers = v.phase[robot_i] == RECOVERING
-    if robot_j >= 0:
-        recovers |= v.phase[robot_j] == RECOVERING
-    if (c[STATE] != EXPIRED or recovers) and is_inside(place, c, w):
-        spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], w)
-        closing, time = closing_commanded(i, j, plan_i, plan_j, place, w, v, m)
-        known, _ = closing_commanded(i, j, NOW, NOW, place, w, v, m)
-        share = COMMANDED_ANEW if closing > known + GRAIN else 1.0
-        # A moving object may have approached since it was seen, and may approach on.
-        drift = object_speed(j, v)
-        if drift > 0.0:
-            spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
-            closing += drift
-        distance = w.out[place + WITNESS] - max(closing, 0.0) * time
-        most = share * speed_at(max(distance, 0.0), c)
-        if c[STATE] == EXPIRED:
-            # An expired contract still lets a pair that is near separate.
-            most = 0.0
-        kept = spare >= 0.0 and closing <= most + GRAIN
     if kept and c[STATE] == IN_FORCE:
         w.out[place + BUFFER] = -c[DEPTH]
         return (ALLOWED, spare)
@@ -177,9 +153,55 @@ def prove_with_contract(
     if kept:
         w.out[place + BUFFER] = -c[DEPTH]
         return (ALLOWED, spare)
-    if proof == PROVEN or proof == SPENT or proof == UNPROVEN:
-        return (proof, left)
-    return (EXCEEDED, left)
+    kept = proof == PROVEN or proof == SPENT or proof == UNPROVEN
+    return (proof if kept else EXCEEDED, left)
+
+
+@kernel
+def keep_contract(
+    i: int, j: int, plan_i: int, plan_j: int, place: int, k: int, w: Workspace
+) -> tuple[bool, float]:
+    """Whether a pair keeps depth and speed of its contract on its stop paths.
+
+    Args:
+        i: First primitive.
+        j: Second primitive.
+        plan_i: NEXT or NOW, the stop of the robot of the first.
+        plan_j: NEXT or NOW, the stop of the robot of the second.
+        place: Where the pair's row of the answer starts; its witness is refined.
+        k: Row of the contract.
+        w: The workspace.
+
+    Returns:
+        Whether it does, and its headroom above the depth; -inf if the contract does
+        not apply [m].
+    """
+    v, m = w.watch, w.motion
+    c = w.grips.contracts[k]
+    # The contract has to be checked again whenever commands change.
+    m.effort[LOOKED] = 1
+    refine_pair(i, j, place, w)
+    note_nearest(i, place, c, w.out)
+    robot_j = robot_of(j, v)
+    recovers = v.phase[robot_of(i, v)] == RECOVERING
+    if robot_j >= 0:
+        recovers |= v.phase[robot_j] == RECOVERING
+    if (c[STATE] == EXPIRED and not recovers) or not is_inside(place, c, w):
+        return (False, -inf)
+    spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], w)
+    closing, time = closing_commanded(i, j, plan_i, plan_j, place, w, v, m)
+    known, _ = closing_commanded(i, j, NOW, NOW, place, w, v, m)
+    share = COMMANDED_ANEW if closing > known + GRAIN else 1.0
+    # A moving object may have approached since it was seen, and may approach on.
+    drift = object_speed(j, v)
+    if drift > 0.0:
+        spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
+        closing += drift
+    distance = w.out[place + WITNESS] - max(closing, 0.0) * time
+    # An expired contract still lets a pair that is near separate.
+    expired = c[STATE] == EXPIRED
+    most = 0.0 if expired else share * speed_at(max(distance, 0.0), c)
+    return (spare >= 0.0 and closing <= most + GRAIN, spare)
 
 
 @kernel

@@ -48,10 +48,9 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
     v, m = w.watch, w.motion
     out = w.out
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    plan_i = plan_j = NEXT
     m.effort[LOOKED] = 0
     out[place + ENVELOPE] = OF_WITNESS
-    proof, spare = prove(i, j, plan_i, plan_j, place, w)
+    proof, spare = prove(i, j, NEXT, NEXT, place, w)
     judged = out[place + ENVELOPE]
     out[place + HEADROOM] = spare
     out[place + PROOF] = proof
@@ -71,8 +70,25 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
         if r >= 0 and not left >= v.time_left[r]:
             if robot_j < 0 or robot_i == robot_j or m.rate[k] >= OWN_SHARE * closing:
                 v.time_left[r] = left
-    if proof == PROVEN or proof == UNPROVEN:
-        return
+    if proof != PROVEN and proof != UNPROVEN:
+        demand_stops(i, j, place, proof, w)
+        out[place + ENVELOPE] = judged
+
+
+@kernel
+def demand_stops(i: int, j: int, place: int, proof: int, w: Workspace) -> None:
+    """Demand a stop of the robots by which a pair without a proof can have one again.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        place: Where the pair's row starts; its envelope may be overwritten.
+        proof: How its proof ended.
+        w: The workspace; robots that must stop are marked.
+    """
+    v, m = w.watch, w.motion
+    out = w.out
+    robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     cause = TOO_CLOSE if proof == NEEDED else NO_PROOF
     if proof == SPENT:
         cause = BUDGET_SPENT
@@ -100,7 +116,6 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
         plan_i = NOW if stopped == robot_i else NEXT
         plan_j = NOW if stopped == robot_j else NEXT
         found = prove(i, j, plan_i, plan_j, place, w)
-        out[place + ENVELOPE] = judged
         if found[0] == PROVEN or found[0] == ALLOWED:
             demand_stop(stopped, cause, v)
             return

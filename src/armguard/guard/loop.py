@@ -24,6 +24,7 @@ from armguard.guard.grippers import Grippers
 from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
+from armguard.guard.initial import all_pairs, watch_of
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.objects import Objects
@@ -33,12 +34,7 @@ from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
 from armguard.guard.saving import Saving
 from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
-from armguard.guard.watch import (
-    FEW,
-    Watch,
-    all_pairs,
-    watch_of,
-)
+from armguard.guard.watch import FEW, Watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     CONTRACTS,
@@ -115,27 +111,7 @@ class Loop:
         self._motion = motion_of(tables, self._budget)
         self._watch_ledger = Ledger(self._watch)
         self._grips = grips_of(tables)
-        changes = self._world_changed, self._take_over_tables
-        self._grippers = Grippers(tables, self.index, self._grips, *changes)
-        self._contracts = ContractTable(self._grippers, self._watch)
-        self._holding = Holding(
-            tables,
-            self._watch,
-            self._motion,
-            T_world,
-            self._grippers,
-            self._contracts,
-            lambda: self._lines,
-        )
-        self._objects = Objects(
-            tables,
-            self._watch,
-            self.index,
-            self._holding,
-            self._world_changed,
-            dict(tables.standing),
-        )
-        self._grippers.show_detailed()
+        self._open_calls()
         self._expect_contracts()
         settings[MOVING_COUNT] = tables.moving_count
         settings[INDEX_KIND] = index_kind(tables)
@@ -155,16 +131,49 @@ class Loop:
         self._open_ledger(workspace)
         self._holding.warm_up()
         self._names = names_of(snapshot(tables), self._watch.disproved)
-        self._saving = Saving(
-            {
-                **kept_of_tables(tables),
-                **chosen(
-                    watch=self._watch,
-                    motion=self._motion,
-                    grips=self._grips,
-                    workspace=workspace,
-                ),
-            },
+        self._saving = self._open_saving()
+
+    def _open_calls(self) -> None:
+        """Create what changes grippers, contracts and objects between cycles."""
+        tables, watch = self.tables, self._watch
+        self._grippers = Grippers(
+            tables,
+            self.index,
+            self._grips,
+            self._world_changed,
+            self._take_over_tables,
+        )
+        self._contracts = ContractTable(self._grippers, watch)
+        self._holding = Holding(
+            tables,
+            watch,
+            self._motion,
+            self._poses,
+            self._grippers,
+            self._contracts,
+            lambda: self._lines,
+        )
+        self._objects = Objects(
+            tables,
+            watch,
+            self.index,
+            self._holding,
+            self._world_changed,
+            dict(tables.standing),
+        )
+        self._grippers.show_detailed()
+
+    def _open_saving(self) -> Saving:
+        """What writes and reads checkpoints of this loop."""
+        tables = self.tables
+        arrays = chosen(
+            watch=self._watch,
+            motion=self._motion,
+            grips=self._grips,
+            workspace=self._workspace,
+        )
+        return Saving(
+            {**kept_of_tables(tables), **arrays},
             greatest_of(tables),
             self._watch,
             self._memory,

@@ -139,18 +139,9 @@ def prove_need(
     """
     v, m = w.watch, w.motion
     out = w.out
-    moving = m.rate.shape[0]
     distance, drift = out[place + WITNESS], object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
-    shared = shared_joints(w.bodies[i], w.bodies[j], m)
-    by_levers = distance - whole
-    if shared == 0:
-        by_levers -= m.reach[plan_i, i]
-        if j < moving:
-            by_levers -= m.reach[plan_j, j]
-    else:
-        by_levers -= own_sum(i, w.bodies[i], shared, m.spread[plan_i], m)
-        by_levers -= own_sum(j, w.bodies[j], shared, m.spread[plan_j], m)
+    by_levers = less_reach(distance - whole, i, j, plan_i, plan_j, w)
     blunt = not distance > 0.0 or coarse(i, v, m) or coarse(j, v, m)
     if not relieved and (blunt or is_plenty(by_levers, i, j, place, w, v, m)):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
@@ -175,6 +166,49 @@ def prove_need(
         describe_pair(i, j, plan_i, plan_j, w, m, p)
     if spare >= (LITTLE if m.span[SEGMENT] == 0.0 else 0.0):
         return (PROVEN, spare)
+    return prove_halved(i, j, place, spare, relieved, w, p)
+
+
+@kernel
+def less_reach(
+    left: float, i: int, j: int, plan_i: int, plan_j: int, w: Workspace
+) -> float:
+    """A length less how far two primitives may approach on their stop paths [m].
+
+    It bounds the travel of each by the levers of the joints that move it against the
+    other one. The arguments are those of `prove_need`.
+    """
+    m = w.motion
+    shared = shared_joints(w.bodies[i], w.bodies[j], m)
+    if shared == 0:
+        left -= m.reach[plan_i, i]
+        if j < m.rate.shape[0]:
+            left -= m.reach[plan_j, j]
+    else:
+        left -= own_sum(i, w.bodies[i], shared, m.spread[plan_i], m)
+        left -= own_sum(j, w.bodies[j], shared, m.spread[plan_j], m)
+    return left
+
+
+@kernel
+def prove_halved(
+    i: int, j: int, place: int, spare: float, relieved: bool, w: Workspace, p: Pair
+) -> tuple[int, float]:
+    """Prove a pair by spans of its stop paths, first of primitives, then exact.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        place: Where the pair's row starts.
+        spare: Headroom over the whole paths, negative for a deficit [m].
+        relieved: Whether the distance to keep was reduced for a recovery.
+        w: The workspace.
+        p: The pair, described.
+
+    Returns:
+        How the proof ended, and the headroom, negative for a deficit [m].
+    """
+    m, out = w.motion, w.out
     known = spare if spare >= 0.0 else -inf
     proof, by_spans = prove_by_spans(known, p, m)
     if proof == PROVEN and by_spans > spare:
@@ -186,7 +220,7 @@ def prove_need(
     if proof == SPENT:
         return (proof, spare)
     out[place + ENVELOPE] = OF_PRIMITIVES
-    if not has_exact:
+    if w.exact_of[i, 1] == 0 and w.exact_of[j, 1] == 0:
         return (proof, by_spans)
     m.effort[LOOKED] = 1
     exact, by_exact = prove_exact(i, j, w, p)

@@ -2,12 +2,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from armguard.guard.static_errors import static_errors, static_needs
-from armguard.motion.state import CLOCK, PLANS
-from armguard.scene.tables import SceneTables
 from armguard.table import (
     IntMatrix,
     IntVector,
@@ -17,9 +11,6 @@ from armguard.table import (
     Vector,
     table,
 )
-
-Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
 
 # An arm is slowed if a stop would have to be ordered within this time [s].
 SLOW_TIME_DEFAULT = 0.1
@@ -66,9 +57,6 @@ GIVES_UP = 4
 # Greatest count of primitives for which testing all pairs is faster than a search in
 # the index.
 FEW = 128
-
-# Commands stored beyond the pending ones: cycles may be early.
-SPARE_COMMANDS = 8
 
 # Greatest count of pairs recorded in a cycle for a second proof by their headroom.
 JUDGED_ROOM = 4096
@@ -279,148 +267,3 @@ class Watch(NamedTuple):
     sighted_at: Vector
     object_stale: Vector
     lagged: LongVector
-
-
-def watch_of(tables: SceneTables) -> Watch:
-    """Initial state for a scene, with all robots at rest."""
-    robots, n, p = len(tables.robots), len(tables.q_names), len(tables.kinds)
-    m = tables.moving_count
-    speeds = tables.top_speeds
-    pace = np.zeros(PACE)
-    pace[[PERIOD, LATE, SLOW_TIME]] = tables.period, tables.late, SLOW_TIME_DEFAULT
-    last = np.zeros(LAST)
-    last[LAST_NOW] = -np.inf
-    errors = static_errors(tables)
-    pairs = all_pairs(tables)
-    tools = [tables.links[part.tool] for part in tables.robots]
-    return Watch(
-        stamps=np.zeros(robots),
-        given=np.zeros(GIVEN),
-        velocity=np.zeros(n),
-        last=last,
-        pace=pace,
-        last_stamp=np.full(robots, -np.inf),
-        sample_count=np.zeros(robots, dtype=np.int64),
-        sample_t=np.zeros((robots, HISTORY)),
-        sample_q=np.zeros((n, HISTORY)),
-        phase=np.full(robots, RESTING, dtype=np.int64),
-        ordered=np.zeros(robots),
-        must=np.zeros(robots, dtype=np.int64),
-        cause=np.zeros(robots, dtype=np.int64),
-        fastest=np.zeros(n),
-        fastest_at=np.zeros(robots),
-        rest_low=np.zeros(n),
-        rest_high=np.zeros(n),
-        rest_began=np.zeros(robots),
-        rested=np.zeros(robots, dtype=np.int64),
-        level=np.zeros(robots, dtype=np.int64),
-        time_left=np.zeros(robots),
-        disproved=np.zeros(n, dtype=np.int64),
-        **errors,
-        top_speed=speeds,
-        seen_at=np.full(len(speeds) and p, -np.inf),
-        robot_of=tables.robot_of_primitive,
-        movers=np.flatnonzero(speeds).astype(np.int32),
-        pairs=pairs,
-        pair_need=static_needs(
-            pairs, errors["link_error"], errors["robot_error"], tables
-        ),
-        look=np.zeros(p),
-        ahead=np.zeros(tables.moving_count),
-        tight=np.zeros(tables.moving_count, dtype=np.int64),
-        wanted=np.zeros(n),
-        sent=np.zeros((commands := commands_under_way(tables), n)),
-        sent_at=np.full(commands, -np.inf),
-        held=np.zeros((commands, robots), dtype=np.int64),
-        sent_count=np.zeros(1, dtype=np.int64),
-        commanded=np.zeros(n),
-        commanded_at=np.full(1, -np.inf),
-        under_way=np.zeros((n, 2)),
-        driven_to=np.zeros((n, 2)),
-        band=np.zeros((n, 2)),
-        deficit=np.zeros(robots),
-        relief=np.zeros(robots),
-        relieved=np.zeros(robots, dtype=np.int64),
-        tool_body=np.array([frame.body for frame in tools], dtype=np.int64),
-        tool_point=np.array([frame.T_body_link[:3, 3] for frame in tools]),
-        row=np.zeros(n),
-        recover=np.zeros(robots, dtype=np.int64),
-        evades=np.zeros(robots, dtype=np.int64),
-        object_velocity=np.zeros((len(speeds), 3)),
-        evaded=np.zeros(len(speeds), dtype=np.int64),
-        judged_pairs=np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
-        judged_left=np.zeros(JUDGED_ROOM),
-        judged_count=np.zeros(1, dtype=np.int64),
-        judged_ways=np.zeros((2 * PLANS * n, JUDGED_WAY)),
-        judged_clock=np.zeros((PLANS * robots, CLOCK)),
-        judged_settled=np.zeros(1),
-        grown=np.zeros(m),
-        yields=np.ones(robots, dtype=np.int64),
-        stuck=np.zeros((n, STUCK_ROW)),
-        looked_at=np.full(robots, -np.inf),
-        may_stand=joints_of_fingers(tables),
-        followed=np.tile([-np.inf, np.inf], (n, DELAY_STEPS)),
-        delays=np.zeros(robots),
-        relief_until=np.zeros(robots),
-        agreement=no_agreement(n),
-        doubt=np.zeros(len(speeds) and p, dtype=np.int64),
-        sighted_at=np.full(len(speeds) and p, -np.inf),
-        object_stale=ages_of_objects(len(speeds) and p, tables),
-        lagged=np.zeros(robots, dtype=np.int64),
-    )
-
-
-def no_agreement(joints: int) -> Floats:
-    """Initial `Watch.agreement`, before the first sample, shape (joints, AGREEMENT)."""
-    found = np.zeros((joints, AGREEMENT))
-    found[:, [LATEST, EARLIER]] = np.nan
-    return found
-
-
-def ages_of_objects(count: int, tables: SceneTables) -> Floats:
-    """Age beyond which a sighting of each primitive is refused, shape (count,) [s]."""
-    found = np.full(count, np.inf)
-    for thing in tables.standing.values():
-        found[thing.first : thing.first + thing.count] = thing.stale
-    return found
-
-
-def joints_of_fingers(tables: SceneTables) -> Longs:
-    """1 where a joint moves a gripper's finger, shape (n,)."""
-    found = np.zeros(len(tables.q_names), dtype=np.int64)
-    for part in tables.holds.grippers:
-        for finger in part.fingers:
-            j = int(tables.q_index[tables.links[finger].body])
-            if j >= 0:
-                found[j] = 1
-    return found
-
-
-def commands_under_way(tables: SceneTables) -> int:
-    """Size of the ring of sent commands: greatest count of pending ones, and spares.
-
-    It suffices for drives with the longest tested delay.
-    """
-    figures = [part.stopping for part in tables.robots if part.stopping is not None]
-    most = DELAY_SHARE * DELAY_STEPS
-    longest = max(
-        (most * f.command + f.stale + f.sensing for f in figures), default=0.0
-    )
-    return int(np.ceil(longest / tables.period)) + SPARE_COMMANDS
-
-
-def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
-    """Every checked pair of a small scene in ascending order, else none, shape (c, 2).
-
-    In each pair a primitive that a robot moves is first. For few primitives, testing
-    all pairs is faster than a search in the index.
-    """
-    p, m = len(tables.kinds), tables.moving_count
-    if p > FEW or tables.index.kind == "brute_force":
-        return np.zeros((0, 2), dtype=np.int32)
-    i, j = np.triu_indices(p, 1)
-    wanted = (i < m) & (tables.checked[tables.groups[i], tables.groups[j]] != 0)
-    pairs = np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)
-    behind = tables.robot_of_primitive[pairs[:, 0]] < 0
-    pairs[behind] = pairs[behind, ::-1]
-    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]

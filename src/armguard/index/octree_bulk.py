@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.box_separation import PLANE_SIN
 from armguard.geometry.shapes import ShapeKind
+from armguard.geometry.vec3 import Vec3
 from armguard.index.octree_cell import (
     Cell,
     border_of,
@@ -143,27 +144,49 @@ def build_tree(
         for c in range(8):
             frames[height + c, 0], frames[height + c, 2] = first + c, 0
         choose_children(node, start, length, clear, world, state, lists, masks)
-        for k in range(length):
-            for c in range(8):
-                frames[height + c, 2] += (masks[k] >> c) & 1
-        end = start + length
-        for c in range(8):
-            frames[height + c, 1] = end
-            end += frames[height + c, 2]
-        if end > lists.shape[0]:
+        if not share_list(start, length, masks, lists, frames[height : height + 8]):
             return LISTS_SHORT
-        for k in range(length):
-            for c in range(8):
-                if masks[k] & (1 << c):
-                    lists[frames[height + c, 1]] = lists[start + k]
-                    frames[height + c, 1] += 1
-        for c in range(8):
-            frames[height + c, 1] -= frames[height + c, 2]
         height += 8
     if header[DROPPED]:
         merge_below(0, world, state)
     settle(world, state)
     return BUILT
+
+
+@kernel
+def share_list(
+    start: int, length: int, masks: Bytes, lists: Ints, children: Longs
+) -> bool:
+    """Write the lists of a node's children behind its own.
+
+    Args:
+        start: Start of the node's list.
+        length: Its length.
+        masks: Bit set of the children of each of its ids.
+        lists: The lists.
+        children: Node, start and length of each child's list, shape (8, 3); lengths
+            are 0 before.
+
+    Returns:
+        Whether there was room.
+    """
+    for k in range(length):
+        for c in range(8):
+            children[c, 2] += (masks[k] >> c) & 1
+    end = start + length
+    for c in range(8):
+        children[c, 1] = end
+        end += children[c, 2]
+    if end > lists.shape[0]:
+        return False
+    for k in range(length):
+        for c in range(8):
+            if masks[k] & (1 << c):
+                lists[children[c, 1]] = lists[start + k]
+                children[c, 1] += 1
+    for c in range(8):
+        children[c, 1] -= children[c, 2]
+    return True
 
 
 @kernel
@@ -309,6 +332,27 @@ def box_meets_cell(row: Floats, growth: float, cell: Cell, clear: float) -> int:
         if gap > far:
             return -1
         overlap = overlap and gap < -clear
+    crossed = edges_meet(row, d, h, far, clear)
+    if crossed < 0:
+        return -1
+    return 1 if overlap and crossed > 0 else 0
+
+
+@kernel
+def edges_meet(row: Floats, d: Vec3, h: Vec3, far: float, clear: float) -> int:
+    """Whether a box and a cell overlap along the axes at right angles to two edges.
+
+    Args:
+        row: Row of the box, shape (16,).
+        d: Centre of the cell from that of the box [m].
+        h: Half extents of the cell [m].
+        far: Gap from which on they are well apart [m].
+        clear: Least length that counts as well inside [m].
+
+    Returns:
+        1 if they overlap well along all; -1 if one surely separates them; else 0.
+    """
+    overlap = True
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
         for j in range(3):

@@ -118,7 +118,6 @@ def plan_stop(
     """
     reaction, acceleration = order.reaction, figures.acceleration
     least, most, ramp = order.least, order.most, order.ramp
-    settle_time, top = order.settled_after, figures.velocity
     out.top_speed = max(driven, velocity, 0.0)
     out.reaction = reaction
     out.acceleration = acceleration
@@ -133,7 +132,7 @@ def plan_stop(
     out.swing_back = swing_back(velocity, against, figures, out)
     # A joint that moves the other way may speed up, and then rests and swings later.
     out.settled = reaction + ramp + (against + acceleration * reaction) / least
-    out.settled += settle_time
+    out.settled += order.settled_after
     if backwards:
         # It cannot reverse before the stop takes effect: it only moves back.
         out.effect_speed = out.effect_way = out.travel = out.swing = 0.0
@@ -143,6 +142,23 @@ def plan_stop(
         out.rest_time = reaction - velocity / least + ramp
         out.curvature = 0.0 if most == inf else out.opposite_deceleration
         return
+    plan_braking(figures, order, curve, out)
+
+
+@kernel
+def plan_braking(
+    figures: JointFigures, order: Order, curve: Floats, out: JointStop
+) -> None:
+    """Write the stop of a joint from the order to its rest.
+
+    Args:
+        figures: Its figures.
+        order: When and how hard it brakes.
+        curve: Measured stops as in `plan_stop`.
+        out: Its speeds and accelerations are read; times and travels are written.
+    """
+    reaction, ramp, top = order.reaction, order.ramp, figures.velocity
+    acceleration, least = figures.acceleration, order.least
     out.effect_way = accelerated_way(reaction, out)
     out.effect_speed = min(out.speed + acceleration * reaction, out.top_speed)
     out.ramp_left = max(ramp - order.passed, 0.0)
@@ -163,7 +179,7 @@ def plan_stop(
         out.effect_speed, out.ramp_left, out.ramp_share, least
     )
     out.travel = out.effect_way + braked_way(out.rest_time - reaction, out)
-    out.settled = max(out.settled, out.rest_time + settle_time)
+    out.settled = max(out.settled, out.rest_time + order.settled_after)
 
 
 @kernel

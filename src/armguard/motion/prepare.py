@@ -67,10 +67,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         joint_figures=joint_figures(tables),
         robot_figures=robot_figures(tables),
         curves=stop_curves(tables),
-        robot_of_joint=np.repeat(
-            np.arange(len(tables.robots), dtype=np.int32),
-            [part.joint_count for part in tables.robots],
-        ),
+        robot_of_joint=robot_of_joint(tables),
         q=np.zeros(n),
         v_low=np.zeros(n),
         v_high=np.zeros(n),
@@ -96,28 +93,44 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         middle_T=np.zeros((b, 12)),
         middle_axes=np.zeros((b, 6)),
         middle_balls=np.zeros((m, 3)),
-        node_stamp=np.zeros(PLANS * NODES, dtype=np.int64),
-        node_q=np.zeros((PLANS * NODES, n)),
-        node_T=np.zeros((PLANS * NODES * b, 12)),
-        node_axes=np.zeros((PLANS * NODES * b, 6)),
-        node_way=np.zeros((PLANS * NODES, b)),
-        node_wide=np.zeros((PLANS * NODES, b)),
-        node_grow=np.zeros((PLANS * NODES, b)),
-        q_half=np.zeros(n),
-        q_node=np.zeros(n),
-        q_way=np.zeros(n),
-        q_wide=np.zeros(n),
-        q_grow=np.zeros(n),
-        box_line=np.tile([0.0, 1.0], (BOX_LEVELS + 1, 1)),
-        box_place=np.zeros((BOX_LEVELS + 1, b)),
-        box_part=np.ones((BOX_LEVELS + 1, b)),
-        box_axes=np.zeros((b, 6)),
+        **halved_scratch(n, b),
         sizes=np.zeros(b),
         corner_T=np.zeros((b, 12)),
         columns=np.zeros((2 * depth, COLUMN)),
         lever_rows=np.zeros((depth, LEVER_ROW + depth)),
         swings=np.zeros((len(tables.q_names), SWINGS_WIDTH)),
     )
+
+
+def robot_of_joint(tables: SceneTables) -> NDArray[np.int32]:
+    """Robot of each joint, shape (n,)."""
+    counts = [part.joint_count for part in tables.robots]
+    return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+
+
+def halved_scratch(n: int, b: int) -> dict[str, NDArray[Any]]:
+    """Scratch for stop paths halved in time and in joint positions, by field.
+
+    Args:
+        n: Count of joints.
+        b: Count of bodies.
+    """
+    return {
+        "node_stamp": np.zeros(PLANS * NODES, dtype=np.int64),
+        "node_q": np.zeros((PLANS * NODES, n)),
+        "node_T": np.zeros((PLANS * NODES * b, 12)),
+        "node_axes": np.zeros((PLANS * NODES * b, 6)),
+        "node_way": np.zeros((PLANS * NODES, b)),
+        "node_wide": np.zeros((PLANS * NODES, b)),
+        "node_grow": np.zeros((PLANS * NODES, b)),
+        **{
+            f"q_{name}": np.zeros(n) for name in ("half", "node", "way", "wide", "grow")
+        },
+        "box_line": np.tile([0.0, 1.0], (BOX_LEVELS + 1, 1)),
+        "box_place": np.zeros((BOX_LEVELS + 1, b)),
+        "box_part": np.ones((BOX_LEVELS + 1, b)),
+        "box_axes": np.zeros((b, 6)),
+    }
 
 
 def exact_levers(

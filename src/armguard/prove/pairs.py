@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from time import monotonic
+from typing import NamedTuple
 
 from armguard.errors import UnknownNameError, did_you_mean
 from armguard.geometry.shapes import PlacedShape
@@ -51,75 +52,132 @@ def prove_pairs(
     Raises:
         UnknownNameError: The robot has no such link.
     """
-    budget = Budget() if budget is None else budget
-    end = monotonic() + budget.seconds
     if pairs is None:
         links = list(robot.fits)
         pairs = [(a, b) for k, a in enumerate(links) for b in links[k + 1 :]]
     check_links(robot, pairs)
     wanted = list(dict.fromkeys((min(pair), max(pair)) for pair in pairs))
-    found: dict[tuple[str, str], PairProof] = {}
-    waiting: list[tuple[tuple[str, str], str, PairSearch]] = []
-
-    def settle(pair: tuple[str, str], proof: PairProof) -> None:
-        found[pair] = proof
-        if progress is not None:
-            progress(f"{pair[0]}, {pair[1]}", len(found), len(wanted))
-
-    table = kinematic_table(robot.model)
-
-    @cache
-    def prints(link: str) -> str:
-        T = table.T_body_link[link]
-        return link_print(robot.model.links[link], robot.fits[link], T)
-
-    @cache
-    def surface(link: str) -> tuple[PlacedShape, ...]:
-        return surface_parts(robot.model.links[link], robot.fits[link])
-
-    for pair in wanted:
-        if pair[0] not in robot.fits or pair[1] not in robot.fits:
-            settle(pair, without_geometry(*pair))
-            continue
-        sides = [SideShapes.of(robot.fits[link]) for link in pair]
-        tables = pair_tables(robot.model, table, *sides)
-        key = proof_key(tables, [prints(link) for link in pair])
-        held = read_proof(key, budget)
-        if held is not None:
-            settle(pair, held)
-        elif monotonic() > end:
-            settle(pair, not_looked_at(*pair))
-        else:
-            search = PairSearch(tables)
-            if not waiting:
-                # The first search may have had to compile what all of them use.
-                end = max(end, monotonic() + budget.seconds)
-            if search.verdict == "sometimes":
-                finer = [s.joined(surface(s.link)) for s in sides]
-                if finer != sides:
-                    tables = pair_tables(robot.model, table, *finer)
-                    search = PairSearch(tables, solid=search)
-            search.run(FIRST_TURN, budget.boxes)
-            waiting.append((pair, key, search))
+    proofs = PairProofs(robot, len(wanted), budget or Budget(), progress)
+    waiting = [search for pair in wanted if (search := proofs.begin(*pair)) is not None]
     turn = FIRST_TURN
     while waiting:
-        still = []
-        for number, (pair, key, search) in enumerate(waiting):
-            share = (end - monotonic()) / (len(waiting) - number)
-            search.run(min(turn, share), budget.boxes - search.boxes)
-            spent = monotonic() >= end or search.boxes >= budget.boxes
-            if search.is_over or spent:
-                proof = search.proof(*pair)
-                write_proof(key, proof, budget)
-                settle(pair, proof)
-            else:
-                still.append((pair, key, search))
-        waiting = still
+        waiting = [
+            search
+            for number, search in enumerate(waiting)
+            if proofs.goes_on(search, turn, len(waiting) - number)
+        ]
         turn *= TURN_GROWTH
+    found = proofs.found
     return [
         replace(found[min(pair), max(pair)], link_a=pair[0], link_b=pair[1])
         for pair in pairs
     ]
+
+
+class WaitingSearch(NamedTuple):
+    """A pair that is not decided yet: its key on disk, and its search."""
+
+    pair: tuple[str, str]
+    key: str
+    search: PairSearch
+
+
+class PairProofs:
+    """Proofs of pairs of one robot's links within one budget.
+
+    Attributes:
+        found: The proof of each decided pair.
+
+    Args:
+        robot: The robot.
+        count: Count of pairs.
+        budget: What they may cost together.
+        progress: Called as pairs are decided.
+    """
+
+    def __init__(
+        self, robot: SceneRobot, count: int, budget: Budget, progress: Progress | None
+    ) -> None:
+        self.found: dict[tuple[str, str], PairProof] = {}
+        self._robot, self._count = robot, count
+        self._budget, self._progress = budget, progress
+        self._end = monotonic() + budget.seconds
+        self._searched = False
+        self._table = kinematic_table(robot.model)
+        self._print = cache(self._link_print)
+        self._surface = cache(self._surface_parts)
+
+    def begin(self, a: str, b: str) -> WaitingSearch | None:
+        """Decide a pair that needs no long search; else give its search a first turn.
+
+        Returns:
+            The search if it is not over.
+        """
+        fits, budget = self._robot.fits, self._budget
+        if a not in fits or b not in fits:
+            self._settle((a, b), without_geometry(a, b))
+            return None
+        sides = [SideShapes.of(fits[link]) for link in (a, b)]
+        tables = pair_tables(self._robot.model, self._table, *sides)
+        key = proof_key(tables, [self._print(link) for link in (a, b)])
+        held = read_proof(key, budget)
+        if held is not None:
+            self._settle((a, b), held)
+            return None
+        if monotonic() > self._end:
+            self._settle((a, b), not_looked_at(a, b))
+            return None
+        search = PairSearch(tables)
+        if not self._searched:
+            # The first search may have had to compile what all of them use.
+            self._end = max(self._end, monotonic() + budget.seconds)
+            self._searched = True
+        if search.verdict == "sometimes":
+            finer = [side.joined(self._surface(side.link)) for side in sides]
+            if finer != sides:
+                tables = pair_tables(self._robot.model, self._table, *finer)
+                search = PairSearch(tables, solid=search)
+        search.run(FIRST_TURN, budget.boxes)
+        return WaitingSearch((a, b), key, search)
+
+    def goes_on(self, waiting: WaitingSearch, turn: float, left: int) -> bool:
+        """Give a search a turn; write and keep its proof if it is over then.
+
+        Args:
+            waiting: The search.
+            turn: Longest time for it [s].
+            left: Count of searches that share the time left, with this one.
+
+        Returns:
+            Whether it needs another turn.
+        """
+        pair, key, search = waiting
+        budget = self._budget
+        share = (self._end - monotonic()) / left
+        search.run(min(turn, share), budget.boxes - search.boxes)
+        spent = monotonic() >= self._end or search.boxes >= budget.boxes
+        if not (search.is_over or spent):
+            return True
+        proof = search.proof(*pair)
+        write_proof(key, proof, budget)
+        self._settle(pair, proof)
+        return False
+
+    def _settle(self, pair: tuple[str, str], proof: PairProof) -> None:
+        """Keep the proof of a pair, and report it."""
+        self.found[pair] = proof
+        if self._progress is not None:
+            self._progress(f"{pair[0]}, {pair[1]}", len(self.found), self._count)
+
+    def _link_print(self, link: str) -> str:
+        """Hash of a link and its fit."""
+        robot = self._robot
+        T = self._table.T_body_link[link]
+        return link_print(robot.model.links[link], robot.fits[link], T)
+
+    def _surface_parts(self, link: str) -> tuple[PlacedShape, ...]:
+        """Exact surface of a link, in parts."""
+        return surface_parts(self._robot.model.links[link], self._robot.fits[link])
 
 
 def check_links(robot: SceneRobot, pairs: Sequence[tuple[str, str]]) -> None:

@@ -193,8 +193,7 @@ class RecordedGuard:
             received: When it came in, monotonic; NaN if that is not known [s].
         """
         given = in_order(given, self.guard.tables.robots)
-        n, stamp, now = self._joints, given["stamp"], given["now"]
-        velocity = given["velocity"]
+        n, now, velocity = self._joints, given["now"], given["velocity"]
         commanded = isinstance(answer, Command)
         verdict = answer.verdict if isinstance(answer, Command) else answer
         tools = list(given["twists"]) if form is Form.TWISTS else []
@@ -207,7 +206,7 @@ class RecordedGuard:
         sections: tuple[Floats | Sequence[float], ...] = (
             as_row(given["q"], n),
             np.zeros(n) if velocity is None else as_row(velocity, n),
-            [as_number(own) for own in by_robot(stamp, self._robots)],
+            [as_number(own) for own in by_robot(given["stamp"], self._robots)],
             asked_in(form, given, self.guard.q_names),
             answer.numbers if commanded else (),
             verdict.numbers,

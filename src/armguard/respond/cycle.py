@@ -36,17 +36,11 @@ from armguard.respond.engagement import NO_REQUEST, engage, wait_if_stopped
 from armguard.respond.evasion import look_for_threats
 from armguard.respond.finger_pace import slow_fingers
 from armguard.respond.grip_keeping import keep_grips
+from armguard.respond.joint_bounds import frame_limits, retreats
 from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
-from armguard.respond.program import (
-    BY_ROWS,
-    add_pairs,
-    breaks_rows,
-    frame_limits,
-    retreats,
-    scale_back,
-)
+from armguard.respond.program import BY_ROWS, add_pairs, breaks_rows, scale_back
 from armguard.respond.programs import solve_programs
 from armguard.respond.state import (
     ASKS,

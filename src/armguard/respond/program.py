@@ -22,7 +22,7 @@ bounds are relaxed so that the declared stop satisfies all of them.
 The rows do not decide safety. Only the proof decides whether the result is sent.
 """
 
-from math import exp, inf, sqrt
+from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ from armguard.guard.near_pairs import row_place
 from armguard.guard.needs import robot_of
 from armguard.guard.pair_row import pair_row
 from armguard.guard.relief import SINK
-from armguard.guard.watch import RESTING, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
@@ -59,10 +59,9 @@ from armguard.respond.constraints import (
     lost_till_then,
     part_of,
     surely_opens_by,
-    time_to_effect,
 )
 from armguard.respond.evasion import gets_out_of_its_way
-from armguard.respond.lead_state import BY_RETREAT, LED
+from armguard.respond.joint_bounds import time_before_stop
 from armguard.respond.leaving import (
     anybody_leaves,
     note_ways_out,
@@ -95,21 +94,13 @@ from armguard.respond.straight import (
 
 Floats = NDArray[np.float64]
 
-BY_SPEED = int(Changed.SPEED)
-BY_ACCELERATION = int(Changed.ACCELERATION)
-BY_LIMITS = int(Changed.LIMITS)
 BY_ROWS = int(Changed.ROWS)
-BY_BLOCKED = int(Changed.BLOCKED)
 
 
 # Headroom that an approach row leaves to the proof, and headroom that a holding row
 # never uses up in one cycle [m].
 SPARE = 6e-4
 LEAST_SPARE = 2e-4
-
-
-# Distance from its limit at which a joint stops, beyond position errors [rad].
-LIMIT_SPARE = 1e-3
 
 
 @kernel(separate=True)
@@ -172,130 +163,6 @@ def breaks_rows(r: int, limits: Floats, a: Response, m: Motion) -> bool:
 
 
 @kernel
-def frame_limits(
-    r: int, follows: bool, a: Response, w: Workspace, v: Watch, m: Motion
-) -> None:
-    """Write the velocity bounds of a robot's joints for this cycle, and its target.
-
-    The target keeps the direction of the request while the robot accelerates to it.
-
-    Args:
-        r: The robot.
-        follows: Whether the robot follows the request.
-        a: Responses; `target`, `low`, `high` and `brake` are written, and the reasons
-            for which the target differs from the request.
-        w: Workspace.
-        v: Watch.
-        m: Motion.
-    """
-    requested, target, low, high, brake = a.requested, a.target, a.low, a.high, a.brake
-    robot, dt = m.robot_figures[r], time_passed(v)
-    first = robot.first_joint
-    end = first + robot.joint_count
-    share = a.speed[r]
-    # A recovery begins at a speed that surely opens the pairs.
-    begins = a.notes[r, RETREATS] != 0 and v.phase[r] == RESTING and v.evades[r] == 0
-    slower = 1.0
-    for j in range(first, end):
-        top = share * m.joint_figures[j].velocity
-        if follows and abs(requested[j]) > top:
-            slower = min(slower, top / abs(requested[j]))
-    part, changed = 1.0, int(slower < 1.0) * BY_SPEED + int(not follows) * BY_BLOCKED
-    for j in range(first, end):
-        last, gain = v.commanded[j], m.joint_figures[j].acceleration * dt
-        target[j] = slower * requested[j] if follows else 0.0
-        change = abs(target[j] - last)
-        if change > gain and not begins:
-            part = min(part, gain / change)
-    changed |= int(part < 1.0) * BY_ACCELERATION
-    lost = 1.0
-    for j in range(first, end):
-        last = abs(v.commanded[j])
-        if last > 0.0:
-            lost = min(lost, m.joint_figures[j].deceleration * dt / last)
-    straight = a.settings[r].scales != 0 or retreats(r, a)
-    for j in range(first, end):
-        figures = m.joint_figures[j]
-        last, gain = v.commanded[j], figures.acceleration * dt
-        gain = inf if begins else gain
-        if part < 1.0:
-            target[j] = last + part * (target[j] - last)
-        # A robot that keeps its path slows down all joints in proportion.
-        less = lost * abs(last) if straight else figures.deceleration * dt
-        brake[j] = max(last - less, 0.0) if last > 0.0 else min(last + less, 0.0)
-        top = max(share * figures.velocity, abs(brake[j]))
-        # The position error counts twice: now, and when the joint is at the limit.
-        away = 2.0 * figures.position_error + LIMIT_SPARE
-        up = speed_within(w.upper[j] - m.q[j] - away, j, r, m)
-        down = speed_within(m.q[j] - w.lower[j] - away, j, r, m)
-        # Before its limit a joint brakes at full deceleration, independent of others.
-        own = figures.deceleration * dt
-        hardest = max(last - own, 0.0) if last > 0.0 else min(last + own, 0.0)
-        high[j] = max(min(last + gain, top, up), hardest)
-        low[j] = min(max(last - gain, -min(top, down)), hardest)
-        brake[j] = min(max(brake[j], low[j]), high[j])
-        lead_within_limits(j, a, w, m)
-        within = min(max(target[j], low[j]), high[j])
-        if within != target[j]:
-            changed |= BY_LIMITS
-            target[j] = within
-    a.notes[r, CHANGED] = changed
-
-
-@kernel
-def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
-    """Move a joint back that surely crept beyond a limit, if no body is there.
-
-    The bound is its tracking error. The velocity of the declared stop is clipped to the
-    new bounds.
-
-    Args:
-        j: The joint.
-        a: Responses; `low`, `high` and `brake` are narrowed.
-        w: Workspace.
-        m: Motion.
-    """
-    low, high, brake = a.low, a.high, a.brake
-    error, missed = m.joint_figures[j].position_error, m.joint_figures[j].tracking_error
-    if m.q[j] - w.upper[j] > error:
-        high[j] = min(high[j], max(-missed, low[j]))
-    elif w.lower[j] - m.q[j] > error:
-        low[j] = max(low[j], min(missed, high[j]))
-    brake[j] = min(max(brake[j], low[j]), high[j])
-
-
-@kernel
-def retreats(r: int, a: Response) -> bool:
-    """Whether a robot retreats, so that it keeps to its path."""
-    return bool(a.lead.notes[r, LED] == BY_RETREAT)
-
-
-@kernel
-def speed_within(way: float, j: int, r: int, m: Motion) -> float:
-    """Greatest commanded speed from which a joint stops within a distance [rad/s].
-
-    Tracking error, ramp of the stop and swing are included.
-    """
-    if not way > 0.0:
-        return 0.0
-    figures, time = m.joint_figures[j], time_before_stop(j, r, m)
-    d = figures.deceleration
-    speed = d * (sqrt(time * time + 2.0 * way / d) - time)
-    return float(max(speed - figures.tracking_error, 0.0))
-
-
-@kernel
-def time_before_stop(j: int, r: int, m: Motion) -> float:
-    """Time for which a joint's speed counts besides braking [s].
-
-    The sum of reaction, half the ramp and swing.
-    """
-    figures = m.joint_figures[j]
-    time = time_to_effect(r, m) + 0.5 * m.robot_figures[r].ramp
-    return float(time + figures.settle / figures.velocity)
-
-
-@kernel
 def add_pair(
     place: int, approaches: bool, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
@@ -328,13 +195,7 @@ def add_pair(
             continue
         if v.evades[r] != 0 and gets_out_of_its_way(r, j, v):
             continue
-        requested = 0.0 if intended else closing_of(r, raw, a.requested, m)
-        if requested > GRAIN:
-            a.notes[r, LEADS_AWAY] = -1
-        elif requested < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
-            a.notes[r, LEADS_AWAY] = 1
-        if not surely_opens_by(r, raw, a, m):
-            a.notes[r, OPENS] = 0
+        note_request(r, intended, a, m)
         if resting < SINK and a.notes[r, RETREATS] != 0 and not intended:
             only_out(r, a, m)
             a.notes[r, CHANGED] |= BY_ROWS
@@ -355,19 +216,58 @@ def add_pair(
             a.notes[r, CHANGED] |= BY_ROWS
             slow_to_contract(r, straight, part, out[place + WITNESS], a, w, m)
         begin = a.notes[r, ROW_COUNT]
-        # A touching pair opens whenever an arm drifts into it. Other pairs do not move
-        # a robot that has no request or keeps its path.
-        keeps_path = a.settings[r].scales != 0
-        opens = intended or (a.notes[r, ASKS] != 0 and not keeps_path)
-        lost = lost_till_then(r, a, v, m)
-        add_approach(r, part * (left - SPARE) - lost, opens, a, v, m)
-        add_holding(r, part * (left - LEAST_SPARE) - lost, opens, a, v, m)
-        if intended:
-            distance = out[place + WITNESS]
-            contract = contract_of(i, j, w.grips)
-            add_contract(r, part, contract, distance, not keeps_path, a, w, m)
+        add_limits(r, place, part, left, a, w)
         if straight >= 0:
             slow_to_rows(r, straight, begin, a, w, m)
+
+
+@kernel
+def note_request(r: int, intended: bool, a: Response, m: Motion) -> None:
+    """Note whether a robot's request leads away from a pair, and surely opens it.
+
+    Args:
+        r: The robot.
+        intended: Whether the pair has a contract in force.
+        a: Responses; `raw` has the pair's gradient, the notes are written.
+        m: Motion.
+    """
+    requested = 0.0 if intended else closing_of(r, a.raw, a.requested, m)
+    if requested > GRAIN:
+        a.notes[r, LEADS_AWAY] = -1
+    elif requested < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
+        a.notes[r, LEADS_AWAY] = 1
+    if not surely_opens_by(r, a.raw, a, m):
+        a.notes[r, OPENS] = 0
+
+
+@kernel
+def add_limits(
+    r: int, place: int, part: float, left: float, a: Response, w: Workspace
+) -> None:
+    """Add the rows by which a robot keeps its part of a pair's headroom.
+
+    Args:
+        r: The robot.
+        place: Start of the pair's row in `out`.
+        part: Its part of the headroom [-].
+        left: The headroom [m].
+        a: Responses; the robot's program is written.
+        w: Workspace.
+    """
+    v, m, out = w.watch, w.motion, w.out
+    intended = out[place + PROOF] == ALLOWED
+    # A touching pair opens whenever an arm drifts into it. Other pairs do not move
+    # a robot that has no request or keeps its path.
+    keeps_path = a.settings[r].scales != 0
+    opens = intended or (a.notes[r, ASKS] != 0 and not keeps_path)
+    lost = lost_till_then(r, a, v, m)
+    add_approach(r, part * (left - SPARE) - lost, opens, a, v, m)
+    add_holding(r, part * (left - LEAST_SPARE) - lost, opens, a, v, m)
+    if intended:
+        i, j = int(out[place + FIRST]), int(out[place + SECOND])
+        distance = out[place + WITNESS]
+        contract = contract_of(i, j, w.grips)
+        add_contract(r, part, contract, distance, not keeps_path, a, w, m)
 
 
 @kernel

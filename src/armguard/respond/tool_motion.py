@@ -10,7 +10,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
-from armguard.respond.program import LIMIT_SPARE
+from armguard.respond.joint_bounds import LIMIT_SPARE
 from armguard.robot.kinematics import FIXED, PRISMATIC
 
 Floats = NDArray[np.float64]

@@ -54,18 +54,15 @@ def compile_scene(scene: Scene) -> SceneTables:
     )
     rules, holds = rules_and_holds(layout, blocks)
     joined, rows = layout.joined(), stacked_rows(blocks)
-    kinds = np.concatenate([np.zeros(0, dtype=np.int32), *(b.kinds for b in blocks)])
+    kinds = np.concatenate([np.zeros(0, np.int32), *(b.kinds for b in blocks)])
     bodies = repeated(np.array([b.body for b in blocks], dtype=np.int32), blocks)
     group = [rules.group_of[b.owner] for b in blocks]
     groups = repeated(np.array(group, dtype=np.int32), blocks)
     moving = int(np.count_nonzero(bodies >= 0))
-    limits = zip(*(joint_limits(r.model) for r in scene.robots.values()), strict=True)
-    lower, upper = map(np.concatenate, limits)
-    centre, edge = root_cube(layout, kinds, bodies, rows)
+    cube = root_cube(layout, kinds, bodies, rows)
     return SceneTables(
         q_names=scene.q_names,
-        lower=lower,
-        upper=upper,
+        **limits_of(scene),
         home=scene.home,
         parent=joined.parent,
         joint_kind=joined.joint_kind,
@@ -86,12 +83,12 @@ def compile_scene(scene: Scene) -> SceneTables:
         checkable_pairs=count_checkable(groups, holds.rules, moving),
         body_names=PrimitiveNames(blocks, numbered=False),
         labels=PrimitiveNames(blocks, numbered=True),
-        model_errors=np.concatenate([np.zeros(0), *(b.model_errors for b in blocks)]),
+        model_errors=np.concatenate([[], *(b.model_errors for b in blocks)]),
         shapes=tuple(shape for b in blocks for shape in b.shapes),
         standing=standing_objects(scene.objects, holds.places, layout.own),
         exact=exact_tables(blocks, exact_parts(layout)),
-        cube_centre=centre,
-        cube_edge=edge,
+        cube_centre=cube[0],
+        cube_edge=cube[1],
         index=scene.index,
         notes=tuple(scene.notes),
         robots=robot_parts(scene),
@@ -104,6 +101,13 @@ def compile_scene(scene: Scene) -> SceneTables:
         late=scene.late,
         holds=holds,
     )
+
+
+def limits_of(scene: Scene) -> dict[str, NDArray[np.float64]]:
+    """Lower and upper limits of all joints, each of shape (n,) [rad or m]."""
+    limits = zip(*(joint_limits(r.model) for r in scene.robots.values()), strict=True)
+    lower, upper = map(np.concatenate, limits)
+    return {"lower": lower, "upper": upper}
 
 
 def link_blocks(layout: Layout) -> Iterator[Block]:

@@ -89,18 +89,13 @@ def stop_travel(
         reaction_time,
     )
     table = figures.table_of(j)
-    settle = settle_time = 0.0
     if table is not None:
         braking_time, braking = table.at(v)
-    else:
-        braking, braking_time = brake_way(
-            v, float(figures.deceleration[j]), figures.ramp
-        )
-        settle = float(figures.settle[j]) * v / float(figures.velocity[j])
-        settle_time = figures.settle_time
-    return StopTravel(
-        reaction, braking, settle, reaction_time, braking_time, settle_time, v
-    )
+        return StopTravel(reaction, braking, 0.0, reaction_time, braking_time, 0.0, v)
+    braking, braking_time = brake_way(v, float(figures.deceleration[j]), figures.ramp)
+    settle = float(figures.settle[j]) * v / float(figures.velocity[j])
+    times = reaction_time, braking_time, figures.settle_time
+    return StopTravel(reaction, braking, settle, *times, v)
 
 
 def speed_up(

@@ -66,18 +66,7 @@ class Service:
     def __init__(
         self, scene: Scene, settings: ServiceSettings, *, file: str = ""
     ) -> None:
-        if len(scene.robots) > MOST_ROBOTS:
-            raise ServiceError(
-                f"the scene has {len(scene.robots)} robots; a message can name "
-                f"{MOST_ROBOTS}"
-            )
-        joints = len(scene.q_names)
-        size = command_size(len(scene.robots), joints)
-        if size > MOST:
-            raise ServiceError(
-                f"the scene has {joints} joints of {len(scene.robots)} robots; their "
-                f"COMMAND takes {size} bytes, and a message has {MOST}"
-            )
+        check_size(scene)
         self._settings, self._file = settings, file
         sockets = Sockets(settings.bind, settings.port)
         self.port: int = sockets.port
@@ -277,3 +266,22 @@ class Service:
             self.counters.close()
             if self._keys_file is not None:
                 self._keys_file.unlink(missing_ok=True)
+
+
+def check_size(scene: Scene) -> None:
+    """Refuse a scene of which no message can hold all robots and joints.
+
+    Raises:
+        ServiceError: It has too many.
+    """
+    robots, joints = len(scene.robots), len(scene.q_names)
+    if robots > MOST_ROBOTS:
+        raise ServiceError(
+            f"the scene has {robots} robots; a message can name {MOST_ROBOTS}"
+        )
+    size = command_size(robots, joints)
+    if size > MOST:
+        raise ServiceError(
+            f"the scene has {joints} joints of {robots} robots; their COMMAND takes "
+            f"{size} bytes, and a message has {MOST}"
+        )

@@ -1,0 +1,215 @@
+"""Initial state of a guard, allocated once from a compiled scene."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.guard.static_errors import static_errors, static_needs
+from armguard.guard.watch import (
+    AGREEMENT,
+    DELAY_SHARE,
+    DELAY_STEPS,
+    EARLIER,
+    FEW,
+    GIVEN,
+    HISTORY,
+    JUDGED_ROOM,
+    JUDGED_WAY,
+    LAST,
+    LAST_NOW,
+    LATE,
+    LATEST,
+    PACE,
+    PERIOD,
+    RESTING,
+    SLOW_TIME,
+    SLOW_TIME_DEFAULT,
+    STUCK_ROW,
+    Watch,
+)
+from armguard.motion.state import CLOCK, PLANS
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
+# Commands stored beyond the pending ones: cycles may be early.
+SPARE_COMMANDS = 8
+
+
+def watch_of(tables: SceneTables) -> Watch:
+    """Initial state for a scene, with all robots at rest."""
+    robots, n = len(tables.robots), len(tables.q_names)
+    pace = np.zeros(PACE)
+    pace[[PERIOD, LATE, SLOW_TIME]] = tables.period, tables.late, SLOW_TIME_DEFAULT
+    last = np.zeros(LAST)
+    last[LAST_NOW] = -np.inf
+    tools = [tables.links[part.tool] for part in tables.robots]
+    return Watch(
+        **samples_at_rest(tables),
+        **pairs_at_rest(tables),
+        **commands_at_rest(tables),
+        **sightings_at_start(tables),
+        given=np.zeros(GIVEN),
+        last=last,
+        pace=pace,
+        phase=np.full(robots, RESTING, dtype=np.int64),
+        ordered=np.zeros(robots),
+        must=np.zeros(robots, dtype=np.int64),
+        cause=np.zeros(robots, dtype=np.int64),
+        fastest=np.zeros(n),
+        fastest_at=np.zeros(robots),
+        rest_low=np.zeros(n),
+        rest_high=np.zeros(n),
+        rest_began=np.zeros(robots),
+        rested=np.zeros(robots, dtype=np.int64),
+        level=np.zeros(robots, dtype=np.int64),
+        time_left=np.zeros(robots),
+        disproved=np.zeros(n, dtype=np.int64),
+        deficit=np.zeros(robots),
+        relief=np.zeros(robots),
+        relieved=np.zeros(robots, dtype=np.int64),
+        relief_until=np.zeros(robots),
+        tool_body=np.array([frame.body for frame in tools], dtype=np.int64),
+        tool_point=np.array([frame.T_body_link[:3, 3] for frame in tools]),
+        row=np.zeros(n),
+        recover=np.zeros(robots, dtype=np.int64),
+        evades=np.zeros(robots, dtype=np.int64),
+        yields=np.ones(robots, dtype=np.int64),
+        lagged=np.zeros(robots, dtype=np.int64),
+    )
+
+
+def samples_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
+    """Initial measurements and what follows from them, by field of a `Watch`."""
+    robots, n = len(tables.robots), len(tables.q_names)
+    return {
+        "stamps": np.zeros(robots),
+        "velocity": np.zeros(n),
+        "last_stamp": np.full(robots, -np.inf),
+        "sample_count": np.zeros(robots, dtype=np.int64),
+        "sample_t": np.zeros((robots, HISTORY)),
+        "sample_q": np.zeros((n, HISTORY)),
+        "stuck": np.zeros((n, STUCK_ROW)),
+        "looked_at": np.full(robots, -np.inf),
+        "may_stand": joints_of_fingers(tables),
+        "agreement": no_agreement(n),
+    }
+
+
+def pairs_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
+    """Static needs, and initial judgements of pairs, by field of a `Watch`."""
+    robots, n = len(tables.robots), len(tables.q_names)
+    m = tables.moving_count
+    errors = static_errors(tables)
+    pairs = all_pairs(tables)
+    needs = static_needs(pairs, errors["link_error"], errors["robot_error"], tables)
+    return {
+        **errors,
+        "robot_of": tables.robot_of_primitive,
+        "pairs": pairs,
+        "pair_need": needs,
+        "look": np.zeros(len(tables.kinds)),
+        "ahead": np.zeros(m),
+        "tight": np.zeros(m, dtype=np.int64),
+        "grown": np.zeros(m),
+        "judged_pairs": np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
+        "judged_left": np.zeros(JUDGED_ROOM),
+        "judged_count": np.zeros(1, dtype=np.int64),
+        "judged_ways": np.zeros((2 * PLANS * n, JUDGED_WAY)),
+        "judged_clock": np.zeros((PLANS * robots, CLOCK)),
+        "judged_settled": np.zeros(1),
+    }
+
+
+def commands_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
+    """Initial commands and observed delays, by field of a `Watch`."""
+    robots, n = len(tables.robots), len(tables.q_names)
+    commands = commands_under_way(tables)
+    return {
+        "wanted": np.zeros(n),
+        "sent": np.zeros((commands, n)),
+        "sent_at": np.full(commands, -np.inf),
+        "held": np.zeros((commands, robots), dtype=np.int64),
+        "sent_count": np.zeros(1, dtype=np.int64),
+        "commanded": np.zeros(n),
+        "commanded_at": np.full(1, -np.inf),
+        "under_way": np.zeros((n, 2)),
+        "driven_to": np.zeros((n, 2)),
+        "band": np.zeros((n, 2)),
+        "followed": np.tile([-np.inf, np.inf], (n, DELAY_STEPS)),
+        "delays": np.zeros(robots),
+    }
+
+
+def sightings_at_start(tables: SceneTables) -> dict[str, NDArray[Any]]:
+    """Moving objects, none of them seen yet, by field of a `Watch`."""
+    speeds = tables.top_speeds
+    count = len(speeds) and len(tables.kinds)
+    return {
+        "top_speed": speeds,
+        "movers": np.flatnonzero(speeds).astype(np.int32),
+        "seen_at": np.full(count, -np.inf),
+        "sighted_at": np.full(count, -np.inf),
+        "object_velocity": np.zeros((len(speeds), 3)),
+        "object_stale": ages_of_objects(count, tables),
+        "evaded": np.zeros(len(speeds), dtype=np.int64),
+        "doubt": np.zeros(count, dtype=np.int64),
+    }
+
+
+def no_agreement(joints: int) -> Floats:
+    """Initial `Watch.agreement`, before the first sample, shape (joints, AGREEMENT)."""
+    found = np.zeros((joints, AGREEMENT))
+    found[:, [LATEST, EARLIER]] = np.nan
+    return found
+
+
+def ages_of_objects(count: int, tables: SceneTables) -> Floats:
+    """Age beyond which a sighting of each primitive is refused, shape (count,) [s]."""
+    found = np.full(count, np.inf)
+    for thing in tables.standing.values():
+        found[thing.first : thing.first + thing.count] = thing.stale
+    return found
+
+
+def joints_of_fingers(tables: SceneTables) -> Longs:
+    """1 where a joint moves a gripper's finger, shape (n,)."""
+    found = np.zeros(len(tables.q_names), dtype=np.int64)
+    for part in tables.holds.grippers:
+        for finger in part.fingers:
+            j = int(tables.q_index[tables.links[finger].body])
+            if j >= 0:
+                found[j] = 1
+    return found
+
+
+def commands_under_way(tables: SceneTables) -> int:
+    """Size of the ring of sent commands: greatest count of pending ones, and spares.
+
+    It suffices for drives with the longest tested delay.
+    """
+    figures = [part.stopping for part in tables.robots if part.stopping is not None]
+    most = DELAY_SHARE * DELAY_STEPS
+    longest = max(
+        (most * f.command + f.stale + f.sensing for f in figures), default=0.0
+    )
+    return int(np.ceil(longest / tables.period)) + SPARE_COMMANDS
+
+
+def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
+    """Every checked pair of a small scene in ascending order, else none, shape (c, 2).
+
+    In each pair a primitive that a robot moves is first. For few primitives, testing
+    all pairs is faster than a search in the index.
+    """
+    p, m = len(tables.kinds), tables.moving_count
+    if p > FEW or tables.index.kind == "brute_force":
+        return np.zeros((0, 2), dtype=np.int32)
+    i, j = np.triu_indices(p, 1)
+    wanted = (i < m) & (tables.checked[tables.groups[i], tables.groups[j]] != 0)
+    pairs = np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)
+    behind = tables.robot_of_primitive[pairs[:, 0]] < 0
+    pairs[behind] = pairs[behind, ::-1]
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
