@@ -33,7 +33,7 @@ def led(guard, seed, cycles=400):
 def test_what_is_told_is_the_same_to_the_bit(scene, monkeypatch):
     quick = led(SCENES[scene](), 4)
     # Without room for what pairs had left, all of them are judged anew.
-    monkeypatch.setattr("armguard.guard.watch.JUDGED_ROOM", 0)
+    monkeypatch.setattr("armguard.guard.initial.JUDGED_ROOM", 0)
     anew = led(SCENES[scene](), 4)
     saved = 0
     for one, other in zip(quick, anew, strict=True):

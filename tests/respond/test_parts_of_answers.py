@@ -159,7 +159,7 @@ def lost(a, v, m):
 
 @numba.njit
 def within_limits(j, a, w, m):
-    program.lead_within_limits(j, a, w, m)
+    joint_bounds.lead_within_limits(j, a, w, m)
 
 
 @numba.njit

@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
+from armguard.address import pointer, stack
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3, add, dot
@@ -56,6 +56,14 @@ CONE = int(ShapeKind.CONE)
 ELLIPSOID = int(ShapeKind.ELLIPSOID)
 HULL = int(ShapeKind.HULL)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
+
+
+# Above this count of vertices, a bound over the box of a hull costs less than it saves.
+MANY = 16
+
+# Numbers for that bound; and what its rounding cannot exceed [m].
+BOUNDS_ROOM = 16
+ROUNDING = 1e-12
 
 
 @kernel(inline=False)
@@ -215,11 +223,25 @@ def hull_reach(
     y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
     z = row[9] * n[0] + row[12] * n[1] + row[15] * n[2]
     base = dot(n, origin)
+    bounds = numba.carray(stack(BOUNDS_ROOM), (2, 8), np.float64)
+    box = numba.carray(stack(6), (6,), np.float64)
+    bounded = vertices > MANY
+    best = 0
+    if bounded:
+        box_of_vertices(v, vertices, box)
+        bound_in_box(n, box, row, line, first, count, rows, bounds)
+        best = highest_vertex(v, vertices, box, bounds)
     one = other = -inf
-    for i in range(vertices):
+    for step in range(vertices):
+        # The vertex with the greatest bound comes first: it rules out most others.
+        i = best if step == 0 else step - 1 if step <= best else step
         a, b, c = v[i], v[i + vertices], v[i + 2 * vertices]
         if base + x * a + y * b + z * c + most <= min(one, other):
             continue
+        if bounded and step > 0:
+            first_bound, last_bound = interpolated(a, b, c, box, bounds)
+            if first_bound + ROUNDING <= one and last_bound + ROUNDING <= other:
+                continue
         p = (
             origin[0] + row[7] * a + row[8] * b + row[9] * c,
             origin[1] + row[10] * a + row[11] * b + row[12] * c,
@@ -228,6 +250,91 @@ def hull_reach(
         first_end, last_end = point_reach(n, p, line, first, count, rows)
         one, other = max(one, first_end), max(other, last_end)
     return (one, other)
+
+
+@kernel
+def box_of_vertices(v: Floats, vertices: int, box: Floats) -> None:
+    """Write least and greatest coordinates of a hull's vertices, in its frame [m]."""
+    for k in range(3):
+        least, most = inf, -inf
+        for i in range(k * vertices, (k + 1) * vertices):
+            least, most = min(least, v[i]), max(most, v[i])
+        box[k], box[k + 3] = least, most
+
+
+@kernel
+def bound_in_box(
+    n: Vec3,
+    box: Floats,
+    row: Floats,
+    line: bool,
+    first: int,
+    count: int,
+    rows: Floats,
+    bounds: Matrix,
+) -> None:
+    """Write an interpolation that bounds the reach of every point in a box.
+
+    The reach is a convex function of the point, so between the corners of a box it is
+    at most the trilinear interpolation of its values there.
+
+    Args:
+        n: Unit direction.
+        box: Least and greatest coordinates in the frame of the row [m].
+        row: Row of the primitive in the world.
+        line: Whether the joints are on a line.
+        first: First joint of the chain that counts.
+        count: Length of the chain.
+        rows: Derivatives and ranges, see `joint_rows`.
+        bounds: Coefficients of both ends, overwritten, shape (2, 8): that of a product
+            of coordinates from the box's least ones is at the index with the bits of
+            its factors.
+    """
+    for k in range(8):
+        a, b, c = box[3 * (k & 1)], box[1 + 3 * (k >> 1 & 1)], box[2 + 3 * (k >> 2)]
+        p = (
+            row[1] + row[7] * a + row[8] * b + row[9] * c,
+            row[2] + row[10] * a + row[11] * b + row[12] * c,
+            row[3] + row[13] * a + row[14] * b + row[15] * c,
+        )
+        bounds[0, k], bounds[1, k] = point_reach(n, p, line, first, count, rows)
+    for end in range(2):
+        for axis in range(3):
+            width = box[axis + 3] - box[axis]
+            for k in range(8):
+                if k >> axis & 1:
+                    slope = bounds[end, k] - bounds[end, k ^ (1 << axis)]
+                    bounds[end, k] = slope / width if width > 0.0 else 0.0
+
+
+@kernel
+def interpolated(a: float, b: float, c: float, box: Floats, bounds: Matrix) -> Ends:
+    """Bound of the reach of a point of a box at both ends of the line [m]."""
+    x, y, z = a - box[0], b - box[1], c - box[2]
+    one, other = bounds[0], bounds[1]
+    return (
+        one[0]
+        + x * (one[1] + y * (one[3] + z * one[7]) + z * one[5])
+        + y * (one[2] + z * one[6])
+        + z * one[4],
+        other[0]
+        + x * (other[1] + y * (other[3] + z * other[7]) + z * other[5])
+        + y * (other[2] + z * other[6])
+        + z * other[4],
+    )
+
+
+@kernel
+def highest_vertex(v: Floats, vertices: int, box: Floats, bounds: Matrix) -> int:
+    """Index of the vertex with the greatest bound."""
+    best, most = 0, -inf
+    for i in range(vertices):
+        one, other = interpolated(
+            v[i], v[i + vertices], v[i + 2 * vertices], box, bounds
+        )
+        if one + other > most:
+            best, most = i, one + other
+    return best
 
 
 @kernel

@@ -35,7 +35,14 @@ LIMIT_SPARE = 1e-3
 
 @kernel
 def bound_joint(
-    j: int, r: int, less: float, begins: bool, a: Response, w: Workspace
+    j: int,
+    r: int,
+    less: float,
+    begins: bool,
+    a: Response,
+    w: Workspace,
+    v: Watch,
+    m: Motion,
 ) -> None:
     """Write the velocity bounds of a joint for this cycle, and its braked velocity.
 
@@ -46,8 +53,10 @@ def bound_joint(
         begins: Whether a recovery begins, at any acceleration.
         a: Responses; `low`, `high` and `brake` of the joint are written.
         w: Workspace.
+        v: Watch.
+        m: Motion.
     """
-    v, m, low, high, brake = w.watch, w.motion, a.low, a.high, a.brake
+    low, high, brake = a.low, a.high, a.brake
     figures, dt = m.joint_figures[j], time_passed(v)
     last = v.commanded[j]
     gain = inf if begins else figures.acceleration * dt
@@ -114,7 +123,8 @@ def frame_limits(
             target[j] = last + part * (target[j] - last)
         # A robot that keeps its path slows down all joints in proportion.
         own = m.joint_figures[j].deceleration * dt
-        bound_joint(j, r, lost * abs(last) if straight else own, begins, a, w)
+        less = lost * abs(last) if straight else own
+        bound_joint(j, r, less, begins, a, w, v, m)
         lead_within_limits(j, a, w, m)
         within = min(max(target[j], low[j]), high[j])
         if within != target[j]:
