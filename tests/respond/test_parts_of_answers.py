@@ -24,7 +24,7 @@ from armguard.guard.watch import (
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.state import CLOCK, PLANS, REACTION
 from armguard.record import records
-from armguard.respond import constraints, field, leading, program
+from armguard.respond import constraints, field, joint_bounds, leading, program
 from armguard.respond import state as places
 from armguard.respond.engagement import OK, STOP_ORDERED, wait_if_ordered
 from armguard.respond.escape_path import LIMIT_ROOM, speed_of, stand_on_way
