@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.batch.check import SPAN, check_rows
+from armguard.batch.check import LONGEST, check_rows
 from armguard.batch.lanes import WIDTH
 from armguard.batch.plan import plan_of
 from armguard.batch.pose import Place
@@ -20,6 +20,9 @@ from armguard.scene.scene import Scene
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
+
+# Scratch of a call, its place for spans and its place for rows.
+Room = tuple[Ledger, Ledger, Ledger]
 
 # The sine in lanes is exact up to this angle [rad].
 LARGEST_ANGLE = 1e5
@@ -78,6 +81,7 @@ class Checker:
         self._plan = Ledger(plan := plan_of(self._tables))
         self.q_names = self._tables.q_names
         self.labels = self._tables.labels
+        self._spare: list[Room] = []
         self._sizes = len(plan.parent), len(plan.kinds), len(plan.pair_at)
         factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
         self._limit = (LARGEST_ANGLE - offset) / factor
@@ -134,12 +138,13 @@ class Checker:
         settings = np.array([margin, strict, drop, self._limit])
         assert len(settings) == SETTINGS
         found = np.zeros((len(rows), 3))
-        share = -(-len(rows) // (self._threads * SPAN * WIDTH)) * SPAN * WIDTH
+        block = LONGEST * WIDTH
+        share = -(-len(rows) // (self._threads * block)) * block
         starts = range(share, len(rows), share) if share else ()
-        parts = zip(np.split(rows, starts), np.split(found, starts), strict=True)
         if len(starts) == 0:
             self._check(rows, settings, found)
             return found
+        parts = zip(np.split(rows, starts), np.split(found, starts), strict=True)
         with ThreadPoolExecutor(self._threads) as pool:
             calls = [pool.submit(self._check, q, settings, out) for q, out in parts]
         for call in calls:
@@ -148,20 +153,33 @@ class Checker:
 
     def _check(self, rows: Floats, settings: Floats, found: Floats) -> None:
         """Answer for some rows; see `check_rows`."""
-        scratch = Ledger(
+        room = self._room()
+        scratch, spans, places = room
+        scratch.arrays[0][:] = settings
+        check_rows(
+            rows, self._plan.lines, spans.lines, places.lines, scratch.lines, found
+        )
+        self._spare.append(room)
+
+    def _room(self) -> Room:
+        """What one call writes; that of an earlier call where there is one."""
+        try:
+            return self._spare.pop()
+        except IndexError:
+            return self._scratch(), self._place(exact=0), self._place(exact=1)
+
+    def _scratch(self) -> Ledger:
+        """Room beside the places."""
+        return Ledger(
             Scratch(
-                settings=settings,
-                block=np.zeros(WIDTH * SPAN * rows.shape[1] + WIDTH),
+                settings=np.zeros(SETTINGS),
+                block=np.zeros(WIDTH * LONGEST * len(self.q_names) + WIDTH),
                 sides=np.zeros(3 * WIDTH),
                 kept=np.zeros(WIDTH, dtype=np.int64),
                 pairs=np.zeros((WIDTH * ROOM, 2), dtype=np.int32),
                 low=np.zeros((WIDTH * ROOM, 2)),
                 single=np.zeros((3, ROW_WIDTH)),
             )
-        )
-        spans, places = self._place(exact=0), self._place(exact=1)
-        check_rows(
-            rows, self._plan.lines, spans.lines, places.lines, scratch.lines, found
         )
 
     def _place(self, exact: int) -> Ledger:

@@ -55,7 +55,8 @@ class Scratch(NamedTuple):
 
     Attributes:
         settings: See MARGIN, shape (SETTINGS,).
-        block: Joint positions of 64 rows, and eight numbers more, (64 · n + 8,).
+        block: Joint positions of the rows of eight spans, and eight numbers more,
+            shape (256 · n + 8,).
         sides: Middle, half width and sum of magnitudes, of eight joints, (24,).
         kept: Pairs that are kept of each span; -1: search its rows, shape (8,).
         pairs: Primitives of those pairs, shape (8 · ROOM, 2).
