@@ -60,11 +60,11 @@ def test_the_pair_that_ends_a_proof_is_at_its_buffer_there(make):
     assert np.all(found.a[found.proven] == -1)
 
 
-def turning_arm(buffer, height=0.5):
-    """One joint that turns a link of 1 m past a ball of 0.1 m."""
+def turning_arm(buffer):
+    """One joint that turns a link of 0.4 m towards a ball."""
     scene = ag.Scene(mode="fixed", buffer=buffer)
     scene.add_robot(simple_arm(joints=1), name="arm")
-    scene.add(ag.Sphere(radius=0.1), name="ball", pose=ag.Pose(xyz=(0.7, height, 0.0)))
+    scene.add(ag.Sphere(radius=0.1), name="ball", pose=ag.Pose(xyz=(0.2, 0.4, 0.2)))
     return ag.Checker(scene)
 
 
@@ -75,6 +75,7 @@ def test_a_motion_that_ends_at_the_buffer_is_proven_on_one_side_only(way, above)
     angles = np.linspace(-0.5, 1.0, 15001)[:, None]
     gap = free.distances(angles).distance
     end = angles[np.argmax(gap < 0.05)]
+    assert end > 0.0
     buffer = free.distances([end]).distance[0] - above
     found = turning_arm(buffer).prove([end - way], [end])
     assert found.proven[0] == (above > 0.0)
@@ -85,7 +86,7 @@ def test_a_motion_that_ends_at_the_buffer_is_proven_on_one_side_only(way, above)
 def test_a_motion_that_grazes_a_ball_is_proven_below_its_least_distance(scale, proven):
     scene = ag.Scene(mode="fixed")
     scene.add_robot(simple_arm(joints=2), name="arm")
-    place = ag.Pose(xyz=(1.6, 0.9, 0.0))
+    place = ag.Pose(xyz=(0.825, 0.495, 0.4))
     scene.add(ag.Sphere(radius=0.1), name="ball", pose=place)
     start, end = np.array([[0.0, 1.2]]), np.array([[1.2, -1.2]])
     share = np.linspace(0.0, 1.0, 200001)[:, None]
