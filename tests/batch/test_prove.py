@@ -1,5 +1,9 @@
 """Proven motions: against dense samples, near the bound, and bad rows."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -144,3 +148,16 @@ def test_arrays_of_any_layout_and_of_numbers_only(bay):
         checker.prove(starts, ends[:-1])
     with pytest.raises(ag.SceneError, match="starts holds"):
         checker.prove(starts.astype(str), ends)
+
+
+def test_proofs_near_the_bound_are_the_same_without_compilation():
+    chosen = "side_only or grazes or spoils_no_other"
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
+        + ["-k", chosen],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stdout
