@@ -150,6 +150,14 @@ def test_arrays_of_any_layout_and_of_numbers_only(bay):
         checker.prove(starts.astype(str), ends)
 
 
+def test_a_scene_with_nothing_to_check_is_proven():
+    scene = ag.Scene(mode="fixed")
+    scene.add_robot(simple_arm(joints=1), name="arm")
+    found = ag.Checker(scene).prove([[0.0], [np.nan]], [[1.0], [1.0]])
+    assert found.proven.tolist() == [True, False]
+    assert found.share.tolist() == [1.0, 0.0]
+
+
 def test_proofs_near_the_bound_are_the_same_without_compilation():
     chosen = ("-q", "-p", "no:cacheprovider", "-k", "side_only or grazes")
     done = subprocess.run(
