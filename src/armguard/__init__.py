@@ -13,7 +13,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from armguard.batch.checker import Checker, NearestPairs
+    from armguard.batch.checker import Checker, NearestPairs, ProvenMotions
     from armguard.errors import (
         ArmguardError,
         GraspError,
@@ -77,7 +77,7 @@ __version__ = version("armguard")
 # Public names and the room each comes from. They are imported when first used, so
 # that `import armguard` is quick and a scene can be read without compiling anything.
 _ROOMS = {
-    "armguard.batch.checker": ("Checker", "NearestPairs"),
+    "armguard.batch.checker": ("Checker", "NearestPairs", "ProvenMotions"),
     "armguard.errors": (
         "ArmguardError",
         "GraspError",
@@ -171,6 +171,7 @@ __all__ = [
     "PlacedShape",
     "Pose",
     "PoseError",
+    "ProvenMotions",
     "Proximities",
     "Proximity",
     "Reason",

@@ -24,8 +24,13 @@ from armguard.table import opener
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# Rows of a span: they fill the lanes when it is searched row by row.
-SPAN = WIDTH
+# Fewest and most rows of a span; the fewest fill the lanes when it is searched row by
+# row.
+SHORTEST = WIDTH
+LONGEST = 32
+
+# What the joints of a span should turn in all; half of that is enough [rad or m].
+TURN = 0.4
 
 # Spans whose joints may turn more than this in all are searched row by row [rad or m].
 WIDE = 1.0
@@ -54,44 +59,53 @@ def check_rows(
     above, w = open_place(spans), open_place(rows)
     spread(p, above)
     spread(p, w)
-    for start in range(0, q.shape[0], SPAN * WIDTH):
-        take_block(q, start, s)
-        search_spans(q.shape[1], p, s, above)
+    start, length = 0, SHORTEST
+    while start < q.shape[0]:
+        take_block(q, start, length, s)
+        widest = search_spans(q.shape[1], length, p, s, above)
         for lane in range(WIDTH):
-            first = start + lane * SPAN
-            if first >= q.shape[0]:
-                break
+            first = start + lane * length
             if s.kept[lane] == 0 or (s.kept[lane] > 0 and above.best[lane] == -inf):
                 store(w.best, 0, splat(above.best[lane]))
                 store(w.who, 0, splat(-1.0))
-            else:
-                take_rows(q.shape[1], lane, s, w)
+                for at in range(first, min(first + length, q.shape[0]), WIDTH):
+                    write_rows(at, w, found)
+                continue
+            for at in range(first, min(first + length, q.shape[0]), WIDTH):
+                take_rows(q.shape[1], at - start, s.kept[lane] < 0, s, w)
                 move_bodies(p, w)
                 if s.kept[lane] < 0:
                     search(p, s, w)
                 else:
                     settle_kept(lane, p, s, w)
-            write_rows(first, w, found)
+                write_rows(at, w, found)
+        start += length * WIDTH
+        if widest > TURN:
+            length = max(length // 2, SHORTEST)
+        elif widest <= 0.5 * TURN:
+            length = min(2 * length, LONGEST)
 
 
 @kernel
-def take_block(q: Floats, start: int, s: Scratch) -> None:
-    """Copy 64 rows; the last one again where there are fewer."""
+def take_block(q: Floats, start: int, length: int, s: Scratch) -> None:
+    """Copy the rows of eight spans; the last one again where there are fewer."""
     joints = q.shape[1]
-    count = min(SPAN * WIDTH, q.shape[0] - start)
+    count = min(length * WIDTH, q.shape[0] - start)
     for row in range(count):
         for k in range(joints):
             s.block[row * joints + k] = q[start + row, k]
-    for at in range(count * joints, SPAN * WIDTH * joints):
+    for at in range(count * joints, length * WIDTH * joints):
         s.block[at] = s.block[at - joints]
 
 
 @kernel
-def search_spans(joints: int, p: Plan, s: Scratch, w: Place) -> None:
-    """Keep the pairs that may matter in eight spans."""
-    narrow = False
+def search_spans(joints: int, length: int, p: Plan, s: Scratch, w: Place) -> float:
+    """Keep the pairs that may matter in eight spans; returns the widest one's turn."""
+    narrow, widest = False, 0.0
     for lane in range(WIDTH):
-        good = take_span(joints, lane, s, w) <= WIDE
+        turn = take_span(joints, lane, length, s, w)
+        widest = max(widest, turn)
+        good = turn <= WIDE
         s.kept[lane] = 0 if good else -1
         w.best[lane] = s.settings[MARGIN] if good else -inf
         w.who[lane] = -1.0
@@ -101,16 +115,17 @@ def search_spans(joints: int, p: Plan, s: Scratch, w: Place) -> None:
         widen(p, w)
         search(p, s, w)
         keep_leads(w)
+    return widest
 
 
 @kernel
-def take_span(joints: int, lane: int, s: Scratch, w: Place) -> float:
+def take_span(joints: int, lane: int, length: int, s: Scratch, w: Place) -> float:
     """Middle and half widths of a span; returns their sum, infinite for a bad one."""
-    total, begin = 0.0, lane * SPAN * joints
+    total, begin = 0.0, lane * length * joints
     for first in range(0, joints, WIDTH):
         low = high = load(s.block, begin + first)
         farthest = size(low)
-        for row in range(1, SPAN):
+        for row in range(1, length):
             value = load(s.block, begin + row * joints + first)
             low, high = least(low, value), most(high, value)
             farthest = farthest + size(value)
@@ -128,16 +143,24 @@ def take_span(joints: int, lane: int, s: Scratch, w: Place) -> float:
 
 
 @kernel
-def take_rows(joints: int, lane: int, s: Scratch, w: Place) -> None:
-    """Turn a span's rows to lanes; one that cannot be judged is left at 0."""
-    begin = lane * SPAN * joints
+def take_rows(joints: int, first: int, doubtful: bool, s: Scratch, w: Place) -> None:
+    """Turn eight rows of the block to lanes; one that cannot be judged is left at 0.
+
+    Args:
+        joints: Joints of a row.
+        first: Place of the first row in the block.
+        doubtful: Whether there may be such rows.
+        s: The block.
+        w: Gets the rows.
+    """
+    begin = first * joints
     for k in range(joints):
-        for row in range(SPAN):
+        for row in range(WIDTH):
             w.q[k * WIDTH + row] = s.block[begin + row * joints + k]
     store(w.best, 0, splat(s.settings[MARGIN]))
     store(w.who, 0, splat(-1.0))
-    if s.kept[lane] < 0:
-        for row in range(SPAN):
+    if doubtful:
+        for row in range(WIDTH):
             good = True
             for k in range(joints):
                 good = good and abs(w.q[k * WIDTH + row]) <= s.settings[LIMIT]

@@ -15,6 +15,9 @@ Ints = NDArray[np.int32]
 # Kinds that have a formula in lanes against a sphere.
 SIMPLE = (ShapeKind.SPHERE, ShapeKind.CAPSULE, ShapeKind.BOX, ShapeKind.HALF_SPACE)
 
+# A bound may be wrong by less than this through rounding [m].
+SLACK = 1e-9
+
 # Into how many groups the parts of a ball are divided.
 GROUPS = 4
 
@@ -55,8 +58,8 @@ class Plan(NamedTuple):
         own: First pair and end of each moving part's with moving ones, shape (m, 2).
         loose: Largest buffer of each moving part beside what does not move, minus
             infinity if it is not checked there, shape (m,) [m].
-        nodes: Centre and radius of balls, each round some that follow it, shape
-            (n, 4) [m].
+        nodes: Centre and radius of balls, each round some that follow it: what is apart
+            from a ball is apart from those, whatever is rounded, shape (n, 4) [m].
         links: Node that follows those in a node, and the part that a node is, -1 for
             none, shape (n, 2).
         pair_at: Pair of a moving part and another, -1 for none, shape (m, t).
@@ -244,7 +247,8 @@ def tree_of(
     nodes = [node for half in halves for node in tree_of(balls, half.tolist(), below)]
     if not named:
         return nodes
-    return [(ball_around(balls[members]), len(nodes) + 1, -1), *nodes]
+    ball = ball_around(balls[members]) + np.array([0.0, 0.0, 0.0, SLACK])
+    return [(ball, len(nodes) + 1, -1), *nodes]
 
 
 def trees(

@@ -15,18 +15,23 @@ CAPSULE = int(ShapeKind.CAPSULE)
 TRIANGLE = int(ShapeKind.TRIANGLE)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
+# What a place holds in its lanes.
+SPANS = 0  # spans of rows; pairs are kept for their rows
+ROWS = 1  # rows; the least distance is found
+MOTIONS = 2  # spans of motions; they are proven, or not
+
 
 @table
 class Place(NamedTuple):
-    """Eight configurations, each a row of a batch or the middle of a span of rows.
+    """Eight configurations, each a row of a batch or the middle of a span.
 
     Lanes are flat, eight numbers after each other. A *slot* is 0 for the world and
     1 + b for body b.
 
     Attributes:
-        exact: 1 for rows, 0 for spans, shape (1,).
+        mode: SPANS, ROWS or MOTIONS, shape (1,).
         q: Joint positions, shape (8 · n,).
-        half: Largest distance of a row's joint positions from q, shape (8 · n,).
+        half: Largest distance of a span's joint positions from q, shape (8 · n,).
         T: Poses of the bodies, shape (8 · 12 · b,).
         rows: Rows of primitives and balls that move, shape (8 · 16 · k,).
         stamp: Turn in which a row was placed last, shape (k,).
@@ -35,13 +40,15 @@ class Place(NamedTuple):
             carriers, shape (8 · m · (1 + b),) [m].
         swing: Sum of the angles by which joints between may turn it, of that shape
             [rad].
-        best: Least distance so far; of a span, a number that no row's exceeds, (8,).
-        who: Its pair, i · CODE + j; -1 for none, shape (8,).
+        best: Least distance so far; of a span of rows, a number that no row's exceeds;
+            of a span of a motion, 0, or -inf if a pair is not proven, shape (8,).
+        who: Its pair, i · CODE + j; -1 for none; of a span of a motion, -2 where the
+            middle does not keep a buffer, shape (8,).
         lead: The last such pair of each lane, shape (8,).
         bound: Lower bounds of a pair, shape (8,) [m].
     """
 
-    exact: LongVector
+    mode: LongVector
     q: Vector
     half: Vector
     T: Vector
@@ -147,7 +154,7 @@ def place_vector(
 
 @kernel(inline=False)
 def widen(p: Plan, w: Place) -> None:
-    """How far the rows of each span may carry each part from where it is at q.
+    """How far each span may carry each part from where it is at q.
 
     Joints are turned from q one after another, from the root on. Until a joint's turn
     comes, what lies behind it keeps its distance from its axis, and the turn carries

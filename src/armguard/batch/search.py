@@ -19,8 +19,8 @@ from armguard.batch.lanes import (
     splat,
     store,
 )
-from armguard.batch.plan import Plan
-from armguard.batch.pose import Place, place
+from armguard.batch.plan import SLACK, Plan
+from armguard.batch.pose import MOTIONS, SPANS, Place, place
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -31,15 +31,15 @@ Floats = NDArray[np.float64]
 
 SPHERE = int(ShapeKind.SPHERE)
 
-# A bound may be wrong by less than this through rounding [m].
-SLACK = 1e-9
-
 # Pairs that are kept of one span; a span with more is searched row by row.
 ROOM = 512
 
 # A pair of primitives i < j is the number CODE · i + j, which a double holds.
 SHIFT = 25
 CODE = 1 << SHIFT
+
+# `bits` of a mask that is true in every lane.
+ALL = (1 << WIDTH) - 1
 
 # Places in `Scratch.settings`.
 MARGIN = 0  # distances from this on are left out [m]
@@ -55,7 +55,8 @@ class Scratch(NamedTuple):
 
     Attributes:
         settings: See MARGIN, shape (SETTINGS,).
-        block: Joint positions of 64 rows, and eight numbers more, (64 · n + 8,).
+        block: Joint positions of the rows of eight spans, and eight numbers more,
+            shape (256 · n + 8,).
         sides: Middle, half width and sum of magnitudes, of eight joints, (24,).
         kept: Pairs that are kept of each span; -1: search its rows, shape (8,).
         pairs: Primitives of those pairs, shape (8 · ROOM, 2).
@@ -74,8 +75,13 @@ class Scratch(NamedTuple):
 
 @kernel(inline=False)
 def search(p: Plan, s: Scratch, w: Place) -> None:
-    """Settle every pair that may matter: balls of parts, then their primitives."""
-    try_leads(p, s, w)
+    """Settle every pair that may matter: balls of parts, then their primitives.
+
+    What a lane finds does not depend on the others: a pair is settled only in those
+    lanes in which no ball has shown it apart.
+    """
+    if w.mode[0] != MOTIONS:
+        try_leads(p, s, w)
     for a in range(p.own.shape[0]):
         if not some(load(w.best, 0) > -inf):
             return
@@ -99,8 +105,9 @@ def search_own(a: int, p: Plan, s: Scratch, w: Place) -> None:
         x = number(w.rows, ball, 1) - number(w.rows, other, 1)
         y = number(w.rows, ball, 2) - number(w.rows, other, 2)
         z = number(w.rows, ball, 3) - number(w.rows, other, 3)
-        if some(reach * size(reach) > x * x + y * y + z * z):
-            compare_parts(k, p, s, w)
+        near = reach * size(reach) > x * x + y * y + z * z
+        if some(near):
+            compare_parts(k, near, p, s, w)
 
 
 @kernel
@@ -115,13 +122,14 @@ def search_standing(a: int, p: Plan, s: Scratch, w: Place) -> None:
     while at < p.nodes.shape[0]:
         x, y, z = u - p.nodes[at, 0], v - p.nodes[at, 1], t - p.nodes[at, 2]
         far = reach + p.nodes[at, 3]
-        if not some(far * size(far) > x * x + y * y + z * z):
+        near = far * size(far) > x * x + y * y + z * z
+        if not some(near):
             at = p.links[at, 0]
             continue
         b = p.links[at, 1]
         at += 1
         if b >= 0 and p.pair_at[a, b] >= 0:
-            compare_parts(p.pair_at[a, b], p, s, w)
+            compare_parts(p.pair_at[a, b], near, p, s, w)
             reach = load(w.shift, a * slots * WIDTH) + (load(w.best, 0) + own)
 
 
@@ -158,15 +166,18 @@ def growth_of(part: int, i: int, slot: int, slots: int, p: Plan, w: Place) -> An
 
 
 @kernel(inline=False)
-def compare_parts(k: int, p: Plan, s: Scratch, w: Place) -> None:
-    """Settle the pairs of primitives of two parts."""
+def compare_parts(k: int, near: Any, p: Plan, s: Scratch, w: Place) -> None:
+    """Settle the pairs of primitives of two parts, in the lanes that are near.
+
+    A growth of minus infinity marks a lane in which a pair is known to be apart.
+    """
     a, b, slot = p.pairs[k, 0], p.pairs[k, 1], p.pairs[k, 2]
     slots = p.parent.shape[0] + 1
     moves = b < p.own.shape[0]
     buffer = p.buffers[k] * s.settings[STRICT]
-    shift = splat(0.0)
+    shift = either(near, splat(0.0), -inf)
     if moves:
-        shift = load(w.shift, (b * slots + slot) * WIDTH)
+        shift = shift + load(w.shift, (b * slots + slot) * WIDTH)
     hull, other = p.parts[b, 3], p.parts[b, 2]
     if hull != other:
         ball = p.parts[a, 2]
@@ -174,21 +185,26 @@ def compare_parts(k: int, p: Plan, s: Scratch, w: Place) -> None:
         low = gap_of(ball, hull, p, w) - (growth + buffer)
         if not some(low < load(w.best, 0)):
             return
+        shift = either(low < load(w.best, 0), shift, -inf)
     several = p.parts[b, 1] - p.parts[b, 0] > 1
     for i in range(p.parts[a, 0], p.parts[a, 1]):
-        growth = growth_of(a, i, slot, slots, p, w)
-        if several and not near_ball(i, other, growth + shift, buffer, p, w):
-            continue
+        growth = growth_of(a, i, slot, slots, p, w) + shift
+        if several:
+            close = near_ball(i, other, growth, buffer, p, w)
+            if not some(close):
+                continue
+            growth = either(close, growth, -inf)
         for j in range(p.parts[b, 0], p.parts[b, 1]):
             both = growth
             if moves:
-                both = growth + growth_of(b, j, slot, slots, p, w)
+                swing = load(w.swing, (b * slots + slot) * WIDTH)
+                both = growth + swing * p.spread[j]
             settle(i, j, buffer, both, 1, p, s, w)
 
 
 @kernel
-def near_ball(i: int, j: int, growth: Any, buffer: float, p: Plan, w: Place) -> bool:
-    """Whether the ball of a primitive that moves may matter beside another ball."""
+def near_ball(i: int, j: int, growth: Any, buffer: float, p: Plan, w: Place) -> Any:
+    """In which lanes the ball of a primitive that moves may matter beside another."""
     i = p.ball[i]
     place(i, p, w)
     reach = growth + (p.rows[i, 0] + p.rows[j, 0] + buffer + SLACK) + load(w.best, 0)
@@ -201,7 +217,7 @@ def near_ball(i: int, j: int, growth: Any, buffer: float, p: Plan, w: Place) -> 
         u = number(w.rows, i, 1) - number(w.rows, j, 1)
         v = number(w.rows, i, 2) - number(w.rows, j, 2)
         t = number(w.rows, i, 3) - number(w.rows, j, 3)
-    return some(reach * size(reach) > u * u + v * v + t * t)
+    return reach * size(reach) > u * u + v * v + t * t
 
 
 @kernel(inline=False)
@@ -225,27 +241,42 @@ def settle(
 ) -> None:
     """Let a pair of primitives decide what it may.
 
-    In rows it lowers the least distance. In spans it lowers the number that no row's
-    least distance exceeds, and the pair is kept for those spans in which it may lie
-    below; not where `keep` is 0.
+    In rows it lowers the least distance. In spans of rows it lowers the number that no
+    row's least distance exceeds, and the pair is kept for those spans in which it may
+    lie below; not where `keep` is 0. A span of a motion is not proven if the pair may
+    lie below.
     """
     if not has_lanes(min(p.kinds[i], p.kinds[j]), max(p.kinds[i], p.kinds[j])):
         settle_by_bound(i, j, buffer, growth, keep, p, s, w)
         return
     gap, best = gap_of(i, j, p, w) - buffer, load(w.best, 0)
+    if w.mode[0] == MOTIONS:
+        refuse(gap - (growth + SLACK) >= best, gap, w)
+        return
     code = float(min(i, j) * CODE + max(i, j))
-    if w.exact[0] == 0:
+    if w.mode[0] == SPANS:
         growth = growth + SLACK
+        low = gap - growth
         if keep == 1:
-            keep_pair(i, j, buffer, gap - growth, best, s, w)
+            keep_pair(i, j, buffer, low, best, s, w)
         gap = gap + growth
-        nearer = gap < best
+        nearer = (gap < best) & (low < best)
     else:
         who = load(w.who, 0)
         nearer = (gap < best) | ((gap == best) & (splat(code) < who))
     if some(nearer):
         store(w.best, 0, either(nearer, gap - s.settings[DROP], best))
         store(w.who, 0, either(nearer, splat(code), load(w.who, 0)))
+
+
+@kernel
+def refuse(proven: Any, gap: Any, w: Place) -> None:
+    """Mark the spans of motions in which a pair is not proven."""
+    if bits(proven) == ALL:
+        return
+    store(w.best, 0, either(proven, load(w.best, 0), -inf))
+    failed = either(proven, splat(0.0), gap) < 0.0
+    store(w.who, 0, either(failed, splat(-2.0), load(w.who, 0)))
 
 
 @kernel
@@ -279,7 +310,7 @@ def settle_by_bound(
     code = float(min(i, j) * CODE + max(i, j))
     low = most(gap_of(p.ball[i], p.hull[j], p, w), gap_of(p.ball[j], p.hull[i], p, w))
     low, best = low - (growth + (buffer + SLACK)), load(w.best, 0)
-    if w.exact[0] == 0:
+    if w.mode[0] == SPANS:
         if keep == 1:
             keep_pair(i, j, buffer, low, best, s, w)
         return
@@ -288,12 +319,17 @@ def settle_by_bound(
         return
     place(i, p, w)
     place(j, p, w)
+    store(w.bound, 0, growth + SLACK)
     while left != 0:
         lane = lowest(left)
         left &= left - 1
         gap = gap_in_lane(i, j, lane, p, s, w) - buffer
         best_here, who = w.best[lane], w.who[lane]
-        if not (gap > best_here or (gap == best_here and who <= code)):
+        if w.mode[0] == MOTIONS:
+            if not gap - w.bound[lane] >= best_here:
+                w.best[lane] = -inf
+                w.who[lane] = -2.0 if gap < 0.0 else who
+        elif not (gap > best_here or (gap == best_here and who <= code)):
             w.best[lane] = gap - s.settings[DROP]
             w.who[lane] = code
 

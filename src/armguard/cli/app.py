@@ -2,6 +2,7 @@
 
 import typer
 
+from armguard.cli.batch import batch
 from armguard.cli.chaos import chaos
 from armguard.cli.check import check
 from armguard.cli.demo import demo
@@ -21,7 +22,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (demo, init, check, run, serve, keys, view, replay, report, chaos):
+for command in (
+    demo,
+    init,
+    check,
+    run,
+    serve,
+    keys,
+    view,
+    replay,
+    report,
+    batch,
+    chaos,
+):
     app.command()(command)
 
 
