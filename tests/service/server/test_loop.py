@@ -33,8 +33,9 @@ def test_the_first_command_is_what_was_wished_for(served):
         arms.drive(0 * wish, 10)
 
 
-def test_the_ring_holds_the_scene_and_every_cycle(served):
-    with served.client() as client:
+def test_the_ring_holds_the_scene_and_every_cycle(serving):
+    # A service of its own: a ring loses its first frames to those that come later.
+    with serving() as served, served.client() as client:
         reader = RingReader(served.ring, newest=True)
         arms = Arms(client)
         answers = [arms.drive(np.full(14, 0.01), 1) for _ in range(20)]
