@@ -13,7 +13,12 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from armguard.batch.checker import Checker, NearestPairs, ProvenMotions
+    from armguard.batch.checker import (
+        Checker,
+        NearestPairs,
+        ProvenMotions,
+        Witnesses,
+    )
     from armguard.errors import (
         ArmguardError,
         GraspError,
@@ -77,7 +82,12 @@ __version__ = version("armguard")
 # Public names and the room each comes from. They are imported when first used, so
 # that `import armguard` is quick and a scene can be read without compiling anything.
 _ROOMS = {
-    "armguard.batch.checker": ("Checker", "NearestPairs", "ProvenMotions"),
+    "armguard.batch.checker": (
+        "Checker",
+        "NearestPairs",
+        "ProvenMotions",
+        "Witnesses",
+    ),
     "armguard.errors": (
         "ArmguardError",
         "GraspError",
@@ -189,6 +199,7 @@ __all__ = [
     "Triangle",
     "UnknownNameError",
     "Verdict",
+    "Witnesses",
     "bay_scene",
     "bay_task",
     "distance",

@@ -12,7 +12,6 @@ from armguard.batch.search import (
     CODE,
     LIMIT,
     MARGIN,
-    ROOM,
     SHIFT,
     Scratch,
     search,
@@ -173,8 +172,8 @@ def take_rows(joints: int, first: int, doubtful: bool, s: Scratch, w: Place) -> 
 @kernel
 def settle_kept(lane: int, p: Plan, s: Scratch, w: Place) -> None:
     """Settle the pairs that a span has kept, in its rows."""
-    growth = splat(0.0)
-    for at in range(lane * ROOM, lane * ROOM + s.kept[lane]):
+    growth, first = splat(0.0), lane * (s.low.shape[0] // WIDTH)
+    for at in range(first, first + s.kept[lane]):
         if some(splat(s.low[at, 0]) < load(w.best, 0)):
             settle(s.pairs[at, 0], s.pairs[at, 1], s.low[at, 1], growth, 0, p, s, w)
 

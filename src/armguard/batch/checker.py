@@ -11,15 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.batch.check import LONGEST, check_rows
 from armguard.batch.lanes import WIDTH
-from armguard.batch.plan import plan_of
-from armguard.batch.pose import MOTIONS, ROWS, SPANS, Place
+from armguard.batch.near import Listing, list_near, measure_pairs
+from armguard.batch.plan import place_object, plan_of, remove_object
+from armguard.batch.pose import MOTIONS, NEAR, ROWS, SPANS, Place
 from armguard.batch.prove import WAITING, WHOLE, Walk, prove_motions
 from armguard.batch.search import ROOM, SETTINGS, Scratch
 from armguard.errors import SceneError
-from armguard.geometry.shapes import ROW_WIDTH
+from armguard.geometry.pose import Pose, transform_of
+from armguard.geometry.shapes import ROW_WIDTH, Shape
+from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import check_cache
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
+from armguard.scene.standing import object_named
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
@@ -27,6 +31,9 @@ Floats = NDArray[np.float64]
 
 # The sine in lanes is exact up to this angle [rad].
 LARGEST_ANGLE = 1e5
+
+# Near pairs of a part of a batch that there is room for at first.
+FIRST_ROOM = 1024
 
 
 class Room(NamedTuple):
@@ -63,6 +70,34 @@ class NearestPairs:
 
 
 @dataclass(frozen=True, slots=True)
+class Witnesses:
+    """Witness points of pairs of primitives, and the gradient of their distance.
+
+    A row with NaN in `distance` has NaN in all the others.
+
+    Attributes:
+        row: Configuration of each pair, a place in the batch, shape (k,).
+        a: Primitive A, a place in `Checker.labels`; -1 for no pair, shape (k,).
+        b: Primitive B, shape (k,).
+        distance: Signed distance; NaN for no pair, shape (k,) [m].
+        point_a: Point of A nearest to B, in the world, shape (k, 3) [m].
+        point_b: Point of B nearest to A, shape (k, 3) [m].
+        normal: Unit normal from A to B, shape (k, 3).
+        gradient: Derivative of the distance by each joint position, shape (k, joints)
+            [m/rad, or 1 for a prismatic joint].
+    """
+
+    row: NDArray[np.intp]
+    a: NDArray[np.intp]
+    b: NDArray[np.intp]
+    distance: Floats
+    point_a: Floats
+    point_b: Floats
+    normal: Floats
+    gradient: Floats
+
+
+@dataclass(frozen=True, slots=True)
 class ProvenMotions:
     """How far straight joint motions are proven to keep every buffer.
 
@@ -82,17 +117,27 @@ class ProvenMotions:
     b: NDArray[np.intp]
 
 
+def witnesses(pairs: NDArray[np.int64], witness: Floats, gradient: Floats) -> Witnesses:
+    """The arrays of a `Listing` by name."""
+    row, a, b = pairs.astype(np.intp).T
+    parts = witness[:, 0], witness[:, 1:4], witness[:, 4:7], witness[:, 7:10]
+    return Witnesses(row, a, b, *parts, gradient)
+
+
 class Checker:
     """Answers for arrays of joint configurations of a scene.
 
-    It checks the pairs of primitives that a `Guard` of the scene checks, in the scene
-    as it is now: nothing is gripped, every object stands where the scene has it, and a
-    gripper is measured by its links. The exact hulls of links, by which a guard may
-    accept a pair whose primitives are too near, are not measured. A changed scene needs
-    a new checker. Calls from several threads at once are allowed.
+    It checks the pairs of primitives that a `Guard` of the scene checks: nothing is
+    gripped, and a gripper is measured by its links. An object has the pose of the scene
+    until `place` or `remove`. The exact hulls of links, by which a guard may accept a
+    pair whose primitives are too near, are not measured. Other changes of the scene
+    need a new checker. Calls from several threads at once are allowed, but for `place`
+    and `remove`.
 
     Attributes:
         q_names: 'robot/joint' of each place of a configuration.
+        lower: Least joint positions, shape (joints,) [rad or m].
+        upper: Greatest joint positions, of that shape.
         labels: Name of each primitive, as in `NearPair.primitive_a`.
 
     Args:
@@ -115,13 +160,51 @@ class Checker:
         check_cache()
         self._threads = threads
         self._tables = compile_scene(scene)
-        self._plan = Ledger(plan := plan_of(self._tables))
+        self._world = plan = plan_of(self._tables)
+        self._plan = Ledger(plan)
+        self._objects = dict(self._tables.standing)
         self.q_names = self._tables.q_names
+        self.lower, self.upper = self._tables.lower.copy(), self._tables.upper.copy()
         self.labels = self._tables.labels
         self._spare: list[Room] = []
         self._sizes = len(plan.parent), len(plan.kinds), len(plan.pair_at)
         factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
         self._limit = (LARGEST_ANGLE - offset) / factor
+        for name, item in self._objects.items():
+            if not item.present:
+                self.remove(name)
+
+    def place(
+        self, name: str, pose: Pose | ArrayLike, *, shape: Shape | None = None
+    ) -> None:
+        """Set the pose of an object, and add it to the world if it was absent.
+
+        Args:
+            name: An object of the scene that is attached to no link.
+            pose: Its frame in the world, a `Pose` or a transform of shape (4, 4).
+            shape: New shape, of the same kind; see `Guard.place`.
+
+        Raises:
+            UnknownNameError: There is no such object.
+            PoseError: The transform is not rigid, or a number is not finite.
+            SceneError: The object cannot have that shape.
+        """
+        item = object_named(name, self._objects)
+        if shape is not None:
+            item = item.reshaped(name, shape)
+        place_object(self._world, item, transform_of(pose))
+        self._objects[name] = item
+        self._spare.clear()
+
+    def remove(self, name: str) -> None:
+        """Remove an object from the world; `place` brings it back.
+
+        Raises:
+            UnknownNameError: There is no such object.
+        """
+        remove_object(self._world, object_named(name, self._objects))
+        # These begin with the pair that was nearest last, which may be gone.
+        self._spare.clear()
 
     def clear(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Whether every checked pair keeps its buffer, in each configuration.
@@ -154,12 +237,85 @@ class Checker:
         Raises:
             SceneError: `q` is no array of numbers of that shape, or `margin` is NaN.
         """
-        if not margin > -inf:
-            raise SceneError(f"margin is {margin} m; it must be a number")
         found = self._found(q, margin, 0.0, 0.0)
         pair = found[:, 1:].astype(np.intp)
         distance = np.where((pair[:, 0] < 0) & ~np.isnan(found[:, 0]), inf, found[:, 0])
         return NearestPairs(distance, pair[:, 0], pair[:, 1])
+
+    def near(self, q: ArrayLike, margin: float) -> Witnesses:
+        """Every checked pair nearer than the margin, with witness points and gradient.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (rows, joints)
+                [rad or m].
+            margin: Signed distance below which a pair is reported [m].
+
+        Returns:
+            The pairs in ascending order of row, `a` and `b`. A row that cannot be
+            judged has one entry, without a pair and with NaN.
+
+        Raises:
+            SceneError: `q` is no array of numbers of that shape, or `margin` is NaN.
+
+        Example:
+            >>> import armguard as ag
+            >>> scene = ag.bay_scene()
+            >>> bool((ag.Checker(scene).near([scene.home], 0.2).distance < 0.2).all())
+            True
+        """
+        rows = self._rows(q, "q")
+        settings = self._settings(margin, 0.0, 0.0)
+        parts: dict[int, tuple[Floats, ...]] = {}
+
+        def answer(part: slice) -> None:
+            parts[part.start or 0] = self._list(rows[part], settings)
+
+        self._divide(answer, len(rows), WIDTH)
+        for start in parts:
+            parts[start][0][:, 0] += start
+        pairs, witness, gradient = map(
+            np.concatenate, zip(*parts.values(), strict=True)
+        )
+        order = np.lexsort(pairs.T[::-1])
+        return witnesses(pairs[order], witness[order], gradient[order])
+
+    def witnesses(self, q: ArrayLike, pairs: NearestPairs) -> Witnesses:
+        """Witness points and gradient of one pair in each configuration.
+
+        Args:
+            q: Joint positions in the order of `q_names`, shape (rows, joints)
+                [rad or m].
+            pairs: A pair for each row, as `distances` returns them.
+
+        Raises:
+            SceneError: `q` is no array of numbers of that shape, or there is not one
+                pair for each row.
+
+        Example:
+            >>> import armguard as ag
+            >>> scene = ag.bay_scene()
+            >>> checker = ag.Checker(scene)
+            >>> found = checker.witnesses([scene.home], checker.distances([scene.home]))
+            >>> found.gradient.shape
+            (1, 14)
+        """
+        rows = self._rows(q, "q")
+        given = np.column_stack((np.arange(len(pairs.a)), pairs.a, pairs.b))
+        if len(given) != len(rows):
+            raise SceneError(f"there are {len(rows)} rows and {len(given)} pairs")
+        listing = self._listing(len(rows))
+        listing.arrays[1][:] = given
+        room = self._room()
+        room.scratch.arrays[0][:] = self._settings(inf, 0.0, 0.0)
+        measure_pairs(
+            rows,
+            self._plan.lines,
+            room.rows.lines,
+            room.scratch.lines,
+            listing.lines,
+        )
+        self._spare.append(room)
+        return witnesses(*listing.arrays[1:])
 
     def prove(self, starts: ArrayLike, ends: ArrayLike) -> ProvenMotions:
         """Prove that straight joint motions keep every buffer all the way.
@@ -225,7 +381,7 @@ class Checker:
     def _found(self, q: ArrayLike, margin: float, strict: float, drop: float) -> Floats:
         """Distance and pair of each row, shape (rows, 3); see `check_rows`."""
         rows = self._rows(q, "q")
-        settings = np.array([margin, strict, drop, self._limit])
+        settings = self._settings(margin, strict, drop)
         found = np.zeros((len(rows), 3))
         self._divide(
             lambda part: self._check(rows[part], settings, found[part]),
@@ -233,6 +389,48 @@ class Checker:
             LONGEST * WIDTH,
         )
         return found
+
+    def _settings(self, margin: float, strict: float, drop: float) -> Floats:
+        """`Scratch.settings` of a call.
+
+        Raises:
+            SceneError: The margin is NaN or minus infinity.
+        """
+        if not margin > -inf:
+            raise SceneError(f"margin is {margin} m; it must be a number")
+        return np.array([margin, strict, drop, self._limit])
+
+    def _listing(self, count: int) -> Ledger:
+        """Room for pairs."""
+        return Ledger(
+            Listing(
+                total=np.zeros(1, dtype=np.int64),
+                pairs=np.zeros((count, 3), dtype=np.int64),
+                witness=np.zeros((count, WITNESS_WIDTH)),
+                gradient=np.zeros((count, len(self.q_names))),
+            )
+        )
+
+    def _list(self, rows: Floats, settings: Floats) -> tuple[Floats, ...]:
+        """Near pairs of some rows: arrays of a `Listing`, without its total."""
+        place, found, at = self._place(NEAR), [], 0
+        room, pairs = FIRST_ROOM, FIRST_ROOM // WIDTH
+        while True:
+            scratch, listing = self._scratch(pairs), self._listing(room)
+            scratch.arrays[0][:] = settings
+            at = list_near(
+                rows,
+                at,
+                self._plan.lines,
+                place.lines,
+                scratch.lines,
+                listing.lines,
+            )
+            count = int(listing.arrays[0][0])
+            found.append(tuple(array[:count] for array in listing.arrays[1:]))
+            if at == len(rows):
+                return tuple(map(np.concatenate, zip(*found, strict=True)))
+            room, pairs = 2 * room, 2 * pairs
 
     def _divide(self, answer: Callable[[slice], None], count: int, block: int) -> None:
         """Answer for rows in as many parts as there are threads, each whole blocks."""
@@ -285,18 +483,18 @@ class Checker:
         try:
             return self._spare.pop()
         except IndexError:
-            return Room(self._scratch(), *map(self._place, (SPANS, ROWS, MOTIONS)))
+            return Room(self._scratch(ROOM), *map(self._place, (SPANS, ROWS, MOTIONS)))
 
-    def _scratch(self) -> Ledger:
-        """Room beside the places."""
+    def _scratch(self, room: int) -> Ledger:
+        """Room beside the places, for so many pairs of each of eight spans or rows."""
         return Ledger(
             Scratch(
                 settings=np.zeros(SETTINGS),
                 block=np.zeros(WIDTH * LONGEST * len(self.q_names) + WIDTH),
                 sides=np.zeros(3 * WIDTH),
                 kept=np.zeros(WIDTH, dtype=np.int64),
-                pairs=np.zeros((WIDTH * ROOM, 2), dtype=np.int32),
-                low=np.zeros((WIDTH * ROOM, 2)),
+                pairs=np.zeros((WIDTH * room, 2), dtype=np.int32),
+                low=np.zeros((WIDTH * room, 2)),
                 single=np.zeros((3, ROW_WIDTH)),
             )
         )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes import ROW_WIDTH, ShapeKind
+from armguard.scene.standing import Standing
 from armguard.scene.tables import SceneTables
 from armguard.table import IntMatrix, IntVector, Matrix, Vector, table
 
@@ -59,7 +60,8 @@ class Plan(NamedTuple):
         loose: Largest buffer of each moving part beside what does not move, minus
             infinity if it is not checked there, shape (m,) [m].
         nodes: Centre and radius of balls, each round some that follow it: what is apart
-            from a ball is apart from those, whatever is rounded, shape (n, 4) [m].
+            from a ball is apart from those, whatever is rounded; the radius is minus
+            infinity round objects that are not present, shape (n, 4) [m].
         links: Node that follows those in a node, and the part that a node is, -1 for
             none, shape (n, 2).
         pair_at: Pair of a moving part and another, -1 for none, shape (m, t).
@@ -323,3 +325,55 @@ def plan_of(tables: SceneTables) -> Plan:
         pair_at=pair_at,
         buffers=buffers,
     )
+
+
+def place_object(plan: Plan, item: Standing, T: Floats) -> None:
+    """Place an object with its frame at T, shape (4, 4), whether present or not."""
+    rows = item.rows(np.eye(4) if item.body >= 0 else T)
+    if item.body >= 0:
+        plan.frames[item.body] = T[:3].reshape(12)
+    for i, row in zip(range(item.first, item.first + item.count), rows, strict=True):
+        plan.rows[i] = row
+        if plan.ball[i] != i:
+            ball = ball_of(plan.kinds[i], row)
+            plan.rows[plan.ball[i], :4] = ball[3], *ball[:3]
+    for part in parts_of(plan, item):
+        first, end, ball = plan.parts[part, :3]
+        if end > first + 1:
+            inner = plan.rows[plan.ball[first:end]]
+            around = ball_around(inner[:, [1, 2, 3, 0]])
+            plan.rows[ball, :4] = around[3], *around[:3]
+        refit(plan, part)
+
+
+def remove_object(plan: Plan, item: Standing) -> None:
+    """Remove an object: nothing is near a ball whose radius is minus infinity."""
+    for part in parts_of(plan, item):
+        plan.rows[plan.parts[part, 2], 0] = -np.inf
+        refit(plan, part)
+
+
+def parts_of(plan: Plan, item: Standing) -> list[int]:
+    """Parts of an object."""
+    return sorted(set(plan.part[item.places].tolist()) - {-1})
+
+
+def refit(plan: Plan, part: int) -> None:
+    """Fit the balls round a part that does not move to the part's own ball."""
+    found = np.flatnonzero(plan.links[:, 1] == part)
+    if part < len(plan.own) or not len(found):
+        return
+    leaf, ball = int(found[0]), plan.rows[plan.parts[part, 2]]
+    plan.nodes[leaf] = *ball[1:4], ball[0]
+    above = np.flatnonzero(plan.links[:leaf, 0] > leaf)
+    for node in above[::-1].tolist():
+        inside, at = [], node + 1
+        while at < plan.links[node, 0]:
+            inside.append(at)
+            at = int(plan.links[at, 0])
+        balls = plan.nodes[inside]
+        balls = balls[balls[:, 3] > -np.inf]
+        plan.nodes[node] = 0.0, 0.0, 0.0, -np.inf
+        if len(balls):
+            plan.nodes[node] = ball_around(balls)
+            plan.nodes[node, 3] += SLACK

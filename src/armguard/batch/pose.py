@@ -19,6 +19,7 @@ HALF_SPACE = int(ShapeKind.HALF_SPACE)
 SPANS = 0  # spans of rows; pairs are kept for their rows
 ROWS = 1  # rows; the least distance is found
 MOTIONS = 2  # spans of motions; they are proven, or not
+NEAR = 3  # rows; every pair that may be nearer than the margin is kept
 
 
 @table
@@ -29,7 +30,7 @@ class Place(NamedTuple):
     1 + b for body b.
 
     Attributes:
-        mode: SPANS, ROWS or MOTIONS, shape (1,).
+        mode: SPANS, ROWS, MOTIONS or NEAR, shape (1,).
         q: Joint positions, shape (8 · n,).
         half: Largest distance of a span's joint positions from q, shape (8 · n,).
         T: Poses of the bodies, shape (8 · 12 · b,).

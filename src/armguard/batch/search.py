@@ -20,7 +20,7 @@ from armguard.batch.lanes import (
     store,
 )
 from armguard.batch.plan import SLACK, Plan
-from armguard.batch.pose import MOTIONS, SPANS, Place, place
+from armguard.batch.pose import MOTIONS, NEAR, SPANS, Place, place
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 
 SPHERE = int(ShapeKind.SPHERE)
 
-# Pairs that are kept of one span; a span with more is searched row by row.
+# Pairs that are kept of one span at most; a span with more is searched row by row.
 ROOM = 512
 
 # A pair of primitives i < j is the number CODE · i + j, which a double holds.
@@ -59,8 +59,8 @@ class Scratch(NamedTuple):
             shape (256 · n + 8,).
         sides: Middle, half width and sum of magnitudes, of eight joints, (24,).
         kept: Pairs that are kept of each span; -1: search its rows, shape (8,).
-        pairs: Primitives of those pairs, shape (8 · ROOM, 2).
-        low: Least distance they may have in a row, and their buffer, (8 · ROOM, 2) [m].
+        pairs: Primitives of those pairs, shape (8 · room, 2).
+        low: Least distance they may have in a row, and their buffer, (8 · room, 2) [m].
         single: Rows of a pair in one configuration, and its witness, shape (3, 16).
     """
 
@@ -243,8 +243,9 @@ def settle(
 
     In rows it lowers the least distance. In spans of rows it lowers the number that no
     row's least distance exceeds, and the pair is kept for those spans in which it may
-    lie below; not where `keep` is 0. A span of a motion is not proven if the pair may
-    lie below.
+    lie below; not where `keep` is 0. In mode NEAR it is kept for the rows in which it
+    may be nearer than the margin. A span of a motion is not proven if the pair may lie
+    below.
     """
     if not has_lanes(min(p.kinds[i], p.kinds[j]), max(p.kinds[i], p.kinds[j])):
         settle_by_bound(i, j, buffer, growth, keep, p, s, w)
@@ -254,11 +255,13 @@ def settle(
         refuse(gap - (growth + SLACK) >= best, gap, w)
         return
     code = float(min(i, j) * CODE + max(i, j))
-    if w.mode[0] == SPANS:
+    if w.mode[0] == SPANS or w.mode[0] == NEAR:
         growth = growth + SLACK
         low = gap - growth
         if keep == 1:
             keep_pair(i, j, buffer, low, best, s, w)
+        if w.mode[0] == NEAR:
+            return
         gap = gap + growth
         nearer = (gap < best) & (low < best)
     else:
@@ -291,12 +294,12 @@ def keep_pair(
     while left != 0:
         lane = lowest(left)
         left &= left - 1
-        count = s.kept[lane]
-        if count == ROOM:
+        count, room = s.kept[lane], s.low.shape[0] // WIDTH
+        if count == room:
             s.kept[lane] = -1
             w.best[lane] = -inf
             continue
-        at = lane * ROOM + count
+        at = lane * room + count
         s.pairs[at, 0], s.pairs[at, 1] = i, j
         s.low[at, 0], s.low[at, 1] = w.bound[lane], buffer
         s.kept[lane] = count + 1
@@ -310,7 +313,7 @@ def settle_by_bound(
     code = float(min(i, j) * CODE + max(i, j))
     low = most(gap_of(p.ball[i], p.hull[j], p, w), gap_of(p.ball[j], p.hull[i], p, w))
     low, best = low - (growth + (buffer + SLACK)), load(w.best, 0)
-    if w.mode[0] == SPANS:
+    if w.mode[0] == SPANS or w.mode[0] == NEAR:
         if keep == 1:
             keep_pair(i, j, buffer, low, best, s, w)
         return

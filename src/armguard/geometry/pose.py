@@ -203,6 +203,15 @@ def check_transform(name: str, T: ArrayLike) -> NDArray[np.float64]:
     return matrix
 
 
+def transform_of(pose: Pose | ArrayLike) -> NDArray[np.float64]:
+    """A pose as a transform, shape (4, 4).
+
+    Raises:
+        PoseError: It is no rigid transform.
+    """
+    return pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
+
+
 def check_transforms(name: str, T: ArrayLike) -> NDArray[np.float64]:
     """Return `T` as rigid transforms, shape (n, 4, 4).
 

@@ -1,16 +1,16 @@
 """Objects placed, moved and removed between two cycles, and their sightings."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.errors import PoseError, SceneError, UnknownNameError, did_you_mean
+from armguard.errors import PoseError, SceneError
 from armguard.geometry.bounds import row_bounds
-from armguard.geometry.pose import Pose, check_transform
+from armguard.geometry.pose import Pose, transform_of
 from armguard.geometry.shapes import Shape
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.guard.holding import Holding
@@ -19,9 +19,8 @@ from armguard.guard.watch import Watch
 from armguard.index import BruteForce, Octree
 from armguard.index.base import Index
 from armguard.index.small_tree import small_tree
-from armguard.scene.blocks import WITH_ADDRESS
 from armguard.scene.objects import warn_of_length
-from armguard.scene.standing import Standing
+from armguard.scene.standing import Standing, object_named
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -136,9 +135,9 @@ class Objects:
             >>> guard.place("cart", Pose(xyz=(0.0, 0.0, 1.0)))
             >>> guard.remove("cart")
         """
-        item = self._named(name)
+        item = object_named(name, self.standing)
         if shape is not None:
-            item = reshaped(name, item, shape)
+            item = item.reshaped(name, shape)
         speeds = self.watch.top_speed
         moves = len(speeds) > 0 and speeds[item.first] > 0.0
         if not moves and velocity is not None:
@@ -165,7 +164,7 @@ class Objects:
             UnknownNameError: There is no such object.
             GraspError: A gripper holds it.
         """
-        item = self._named(name)
+        item = object_named(name, self.standing)
         self.holding.check_free(name)
         take_out(self.index, item)
         self.watch.seen_at[item.places] = inf
@@ -218,28 +217,6 @@ class Objects:
         # Its position error counts as travel at top speed before the sighting.
         watch.seen_at[item.places] = stamp - item.error / top
         return T
-
-    def _named(self, name: str) -> Standing:
-        """The object of that name that is attached to no link.
-
-        Raises:
-            UnknownNameError: There is no such object.
-        """
-        known = self.standing
-        if name not in known:
-            raise UnknownNameError(
-                f"no fixed object is named '{name}'; {did_you_mean(name, known)}"
-            )
-        return known[name]
-
-
-def transform_of(pose: Pose | ArrayLike) -> Floats:
-    """A pose as a transform, shape (4, 4).
-
-    Raises:
-        PoseError: It is no rigid transform.
-    """
-    return pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
 
 
 def frame_seen(name: str, pose: Pose | ArrayLike) -> Floats:
@@ -377,23 +354,3 @@ def take_out(index: Index, item: Standing) -> None:
     """Remove the primitives of an object from the index."""
     for i in range(item.first, item.first + item.count):
         index.remove(i)
-
-
-def reshaped(name: str, item: Standing, shape: Shape) -> Standing:
-    """A copy of an object with another shape of the same kind.
-
-    Raises:
-        SceneError: It is not one shape of that kind, or its shape cannot change.
-    """
-    said = f"object '{name}' cannot change its shape"
-    if len(item.shapes) != 1 or item.surfaces:
-        raise SceneError(f"{said}: it is not one shape")
-    if item.body >= 0:
-        raise SceneError(f"{said}: it may be gripped")
-    old = item.shapes[0]
-    was, becomes = old.shape.kind, shape.kind
-    if was is not becomes or was in WITH_ADDRESS:
-        raise SceneError(
-            f"{said}: it is a {was.name.lower()}, to become a {becomes.name.lower()}"
-        )
-    return replace(item, shapes=(replace(old, shape=shape),))

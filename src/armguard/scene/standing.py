@@ -1,14 +1,16 @@
 """Static objects, which may be added, removed and moved while a guard runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.shapes import PlacedShape
-from armguard.scene.blocks import blocks_of, stacked_rows
+from armguard.errors import SceneError, UnknownNameError, did_you_mean
+from armguard.geometry.shapes import PlacedShape, Shape
+from armguard.scene.blocks import WITH_ADDRESS, blocks_of, stacked_rows
 from armguard.scene.meshes.surface import Surface
 from armguard.scene.objects import SceneObject
 
@@ -47,6 +49,39 @@ class Standing:
     def rows(self, T: Floats) -> Floats:
         """Rows of its primitives where its frame is at T, shape (count, 16)."""
         return stacked_rows(list(blocks_of("", self.shapes, self.surfaces, T, -1)))
+
+    def reshaped(self, name: str, shape: Shape) -> Self:
+        """A copy with another shape of the same kind.
+
+        Raises:
+            SceneError: It is not one shape of that kind, or its shape cannot change.
+        """
+        said = f"object '{name}' cannot change its shape"
+        if len(self.shapes) != 1 or self.surfaces:
+            raise SceneError(f"{said}: it is not one shape")
+        if self.body >= 0:
+            raise SceneError(f"{said}: it may be gripped")
+        old = self.shapes[0]
+        was, becomes = old.shape.kind, shape.kind
+        if was is not becomes or was in WITH_ADDRESS:
+            raise SceneError(
+                f"{said}: it is a {was.name.lower()}, to become a "
+                f"{becomes.name.lower()}"
+            )
+        return replace(self, shapes=(replace(old, shape=shape),))
+
+
+def object_named(name: str, known: Mapping[str, Standing]) -> Standing:
+    """The object of that name that is attached to no link.
+
+    Raises:
+        UnknownNameError: There is no such object.
+    """
+    if name not in known:
+        raise UnknownNameError(
+            f"no fixed object is named '{name}'; {did_you_mean(name, known)}"
+        )
+    return known[name]
 
 
 def standing_objects(
