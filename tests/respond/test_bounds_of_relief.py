@@ -15,7 +15,11 @@ from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
 from armguard.guard.proofs import prove_pair
 from armguard.guard.relief import SINK, is_driven_nearer, relief_of
-from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING
+from armguard.guard.watch import (
+    RECOVERING,
+    RESTING,
+    RUNNING,
+)
 from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import PROVEN, UNPROVEN
 from armguard.motion.state import NEXT, SEGMENT
@@ -135,7 +139,7 @@ def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
         guard, lines = looked_at({})
         leaving(guard)
         guard._watch.relief[0] = 0.1
-        guard._watch.given[COMMANDED] = commanded
+        guard._watch.given.commanded = commanded
         guard._motion.span[SEGMENT] = segment
         relieved = relief_at(-0.02, FLOOR, lines) > 0.0
         assert relieved == (commanded != 0.0 and segment == 0.0)

@@ -23,14 +23,7 @@ from armguard.guard.layout import (
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import decide, row_place
 from armguard.guard.needs import object_speed
-from armguard.guard.watch import (
-    BACKWARDS,
-    COMMANDED,
-    RESTS,
-    SETTLES,
-    WAY,
-    Watch,
-)
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import rest_way, whole_way
@@ -58,16 +51,16 @@ TOO_MANY = -1
 @kernel
 def begin_notes(v: Watch, m: Motion) -> None:
     """Record the planned stops before the pairs are judged for them."""
-    v.judged_count[0] = TOO_MANY if v.given[COMMANDED] == 0.0 else 0
+    v.judged_count[0] = TOO_MANY if v.given.commanded == 0.0 else 0
     if v.judged_count[0] == TOO_MANY:
         return
     n = m.q.shape[0]
     for at in range(PLANS * n):
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
-            way = v.judged_ways[2 * at + side]
-            way[WAY], way[BACKWARDS] = whole_way(stop), stop.opposite_speed
-            way[SETTLES], way[RESTS] = stop.settled, rest_way(stop)
+            judged = v.judged_stops[2 * at + side]
+            judged.travel, judged.opposite_speed = whole_way(stop), stop.opposite_speed
+            judged.settled, judged.rest_travel = stop.settled, rest_way(stop)
     for at in range(v.judged_clock.shape[0]):
         for k in range(CLOCK):
             v.judged_clock[at, k] = m.clock[at, k]
@@ -155,12 +148,12 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
         at = plan * n + j
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
-            way = v.judged_ways[2 * at + side]
-            if way[BACKWARDS] != stop.opposite_speed:
+            judged = v.judged_stops[2 * at + side]
+            if judged.opposite_speed != stop.opposite_speed:
                 # Its motion may now also continue in this direction.
                 return inf
-            later = stop.settled > way[SETTLES]
-            least = min(way[WAY], way[RESTS]) if later else way[WAY]
+            later = stop.settled > judged.settled
+            least = min(judged.travel, judged.rest_travel) if later else judged.travel
             growth = max(growth, whole_way(stop) - least)
     return float(growth)
 

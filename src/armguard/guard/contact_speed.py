@@ -10,7 +10,7 @@ from armguard.guard.grips import (
 )
 from armguard.guard.layout import WITNESS
 from armguard.guard.needs import robot_of
-from armguard.guard.watch import COMMANDED, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import (
     Workspace,
 )
@@ -91,7 +91,7 @@ def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
         v: Watch.
         m: Motion.
     """
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return float(g * 0.5 * (m.v_low[q] + m.v_high[q]))
     low, high = v.under_way[q, 0], v.under_way[q, 1]
     if plan == NEXT:

@@ -30,7 +30,7 @@ from armguard.guard.near_pairs import row_place
 from armguard.guard.needs import LOOK_AHEAD, robot_of
 from armguard.guard.pair_row import pair_row
 from armguard.guard.proofs import NEAR_CUE
-from armguard.guard.watch import SLOW_TIME, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
@@ -54,7 +54,7 @@ def write_cues(w: Workspace, v: Watch, m: Motion) -> None:
     escape = HEADER + robots * ROBOT_WIDTH
     for j in range(m.q.shape[0]):
         out[escape + j] = 0.0
-    look = LOOK_AHEAD * v.pace[SLOW_TIME]
+    look = LOOK_AHEAD * v.timing.slow_time
     for r in range(robots):
         place = HEADER + r * ROBOT_WIDTH
         soon = 1.0 - v.time_left[r] / look

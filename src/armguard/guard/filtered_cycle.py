@@ -26,7 +26,6 @@ from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     AT_REST,
     AT_WORK,
-    COMMANDED,
     GIVES_UP,
     LEAVES,
     RECOVERING,
@@ -65,7 +64,7 @@ def open_cycle(q: Vector, w: Workspace) -> int:
         1 if the input could be judged, else 0.
     """
     v, m = w.watch, w.motion
-    v.given[COMMANDED] = 1.0
+    v.given.commanded = 1.0
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = v.commanded[j]
     clear_header(w)

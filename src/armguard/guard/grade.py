@@ -26,12 +26,10 @@ from armguard.guard.near_pairs import row_place
 from armguard.guard.needs import LOOK_AHEAD
 from armguard.guard.watch import (
     BRAKING,
-    FORCED,
     HYSTERESIS,
     LOST,
     RECOVERING,
     RESTING,
-    SLOW_TIME,
     STOPPING,
     Watch,
 )
@@ -67,7 +65,7 @@ BRAKE_LAGS = int(Reason.BRAKE_LAGS)
 def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
     """Write each robot's level, phase and speed scale, and the common reason."""
     out = w.out
-    slow_time = v.pace[SLOW_TIME]
+    slow_time = v.timing.slow_time
     least = inf
     worst = CLEAR
     which = -1
@@ -106,7 +104,7 @@ def robot_level(r: int, w: Workspace, v: Watch, m: Motion) -> int:
         return HARDWARE_STOP
     if phase == RESTING or phase == RECOVERING:
         return RECOVER
-    limit = v.pace[SLOW_TIME]
+    limit = v.timing.slow_time
     if v.level[r] == SLOW:
         limit *= HYSTERESIS
     if v.time_left[r] < limit:
@@ -126,7 +124,7 @@ def fixed_level(r: int, w: Workspace, v: Watch) -> int:
 def common_reason(worst: int, w: Workspace, v: Watch) -> int:
     """Reason of the highest level."""
     found = int(w.out[REASON])
-    forced = int(v.last[FORCED])
+    forced = int(v.last.forced)
     if worst == HARDWARE_STOP:
         return BRAKE_LAGS
     if worst == BRAKE:

@@ -31,7 +31,7 @@ from armguard.guard.stops import (
     stop_everything,
     supervise_stops,
 )
-from armguard.guard.watch import COMMANDED, FORCED, JUDGED, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import (
     Workspace,
     open_workspace,
@@ -68,7 +68,7 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     w = open_workspace(lines)
     out = w.out
     v, m = w.watch, w.motion
-    v.given[COMMANDED] = 0.0
+    v.given.commanded = 0.0
     rows = clear_header(w)
     if not judge_input(q, w):
         return rows
@@ -87,7 +87,7 @@ def judge_input(q: Floats, w: Workspace) -> bool:
         Whether the input could be judged; if not, every robot is stopped.
     """
     take_input(q, w)
-    return bool(w.watch.given[JUDGED] != 0.0)
+    return bool(w.watch.given.judged != 0.0)
 
 
 @kernel(separate=True)
@@ -100,7 +100,7 @@ def take_input(q: Vector, w: Workspace) -> None:
     """
     out = w.out
     v, m = w.watch, w.motion
-    v.given[JUDGED] = 0.0
+    v.given.judged = 0.0
     # The clock first: the stop for any other fault is ordered by it.
     right = clocks_are_right(out, v, m)
     if not positions_are_finite(q, w.lower, out):
@@ -111,12 +111,12 @@ def take_input(q: Vector, w: Workspace) -> None:
     if not observe(q, out, v, m):
         refuse(w)
         return
-    if v.given[COMMANDED] != 0.0 and not (
+    if v.given.commanded != 0.0 and not (
         is_as_commanded(v, m, out) and no_sensor_is_stuck(q, v, m, out)
     ):
         refuse(w)
         return
-    v.given[JUDGED] = 1.0
+    v.given.judged = 1.0
     begin(v, m)
     # Every pair is measured: one that does not move may need another distance now.
     w.memory[FORCE] = 1
@@ -155,7 +155,7 @@ def conclude(w: Workspace) -> None:
     """Order stops, grade the robots, explain the nearest pair, write times and cues."""
     v, m = w.watch, w.motion
     if w.out[REASON] == CAPACITY or w.out[REASON] == NO_DISTANCE:
-        v.last[FORCED] = w.out[REASON]
+        v.last.forced = w.out[REASON]
     order_stops(v, m)
     w.out[SPANS_TESTED] = m.effort[TESTS]
     grade_robots(w, v, m)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.layout import JOINT, REASON, VALUE
 from armguard.guard.levels import Reason
-from armguard.guard.watch import COMMANDED, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED
@@ -53,7 +53,7 @@ def measured_beyond(j: int, v: Watch, m: Motion) -> float:
     if m.robot_figures[m.robot_of_joint[j]].mode == FIXED:
         return 0.0
     figures = m.joint_figures[j]
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return float(figures.position_error)
     return float(figures.led_beyond + figures.position_error)
 

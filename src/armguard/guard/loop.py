@@ -68,7 +68,7 @@ OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one t
 
 # Arrays that `reset` does not change: figures of the scene, and sightings of objects.
 KEPT = (
-    "pace static_error link_error robot_error top_speed seen_at object_velocity doubt "
+    "timing static_error link_error robot_error top_speed seen_at object_velocity doubt "
     "object_stale robot_of movers pairs pair_need"
 ).split()
 
@@ -302,7 +302,7 @@ class Loop:
         self._input.last_stamp = -np.inf
         for name, fresh in watch_of(self.tables)._asdict().items():
             if name not in KEPT:
-                getattr(self._watch, name)[:] = fresh
+                getattr(self._watch, name)[...] = fresh
         self._motion.v_low[:] = self._motion.v_high[:] = 0.0
         self._motion.clock.fill(0.0)
         if len(self.tables.holds.grippers):

@@ -42,11 +42,9 @@ from armguard.guard.proofs import coarse
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import (
-    COMMANDED,
     FEW,
     HYSTERESIS,
     RECOVERING,
-    SLOW_TIME,
     Watch,
 )
 from armguard.guard.workspace import (
@@ -227,7 +225,7 @@ def judge_pair(
     if (
         distance > w.margin[0]
         and out[place + HEADROOM] >= hidden_by_error(i, j, w, v)
-        and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
+        and out[place + TIME_LEFT] >= HYSTERESIS * v.timing.slow_time
     ):
         note_pair(i, j, NO_ROW, place, w, v)
         return count
@@ -257,7 +255,7 @@ def is_far_along(i: int, j: int, need: float, place: int, w: Workspace) -> bool:
     n = (w.out[at + 7], w.out[at + 8], w.out[at + 9])
     shared = shared_joints(body_i, body_j, m)
     speed = bound_along(SPEED, n, i, j, body_i, body_j, shared, m)
-    kept += max(LOOK_AHEAD * v.pace[SLOW_TIME] * speed, hidden_by_error(i, j, w, v))
+    kept += max(LOOK_AHEAD * v.timing.slow_time * speed, hidden_by_error(i, j, w, v))
     travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
     if w.out[at] - travel >= kept:
         return True
@@ -284,7 +282,7 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
 @kernel
 def hidden(i: int, v: Watch, m: Motion) -> float:
     """A primitive's part of that headroom [m]."""
-    return 2.0 * m.blur[i] if v.given[COMMANDED] != 0.0 else 0.0
+    return 2.0 * m.blur[i] if v.given.commanded != 0.0 else 0.0
 
 
 @kernel
@@ -295,7 +293,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
     """
     if m.span[SEGMENT] == 0.0:
         bound_twists(w.world.boxes, w.bodies, m)
-    time = LOOK_AHEAD * v.pace[SLOW_TIME]
+    time = LOOK_AHEAD * v.timing.slow_time
     for i in range(w.settings[MOVING_COUNT]):
         v.tight[i] = follows_twists(i, v, m)
         if v.tight[i] == 0:
@@ -327,7 +325,7 @@ def follows_twists(i: int, v: Watch, m: Motion) -> int:
 @kernel
 def new_commands(v: Watch) -> float:
     """Search distance that covers new commands of this cycle [m]."""
-    return LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
+    return LOOK_MORE if v.given.commanded != 0.0 else 0.0
 
 
 @kernel
@@ -355,7 +353,7 @@ def closer_look(i: int, j: int, need: float, look: float, w: Workspace) -> float
     travel = relative_bound(TRAVEL, i, j, body_i, body_j, shared, m)
     speed = relative_bound(SPEED, i, j, body_i, body_j, shared, m)
     more = max(
-        LOOK_AHEAD * v.pace[SLOW_TIME] * speed, hidden(i, v, m) + hidden(j, v, m)
+        LOOK_AHEAD * v.timing.slow_time * speed, hidden(i, v, m) + hidden(j, v, m)
     )
     return float(min(look, need + travel + more + v.ahead[i] + v.ahead[j]))
 
@@ -404,7 +402,7 @@ def way_of_object(j: int, v: Watch, m: Motion) -> float:
 @kernel
 def time_ahead(v: Watch, m: Motion) -> float:
     """Look-ahead: time from now after which a contact is not reported [s]."""
-    return float(m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME])
+    return float(m.span[SETTLED] + LOOK_AHEAD * v.timing.slow_time)
 
 
 @kernel

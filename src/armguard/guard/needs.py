@@ -8,11 +8,7 @@ from armguard.guard.layout import (
     WITNESS,
 )
 from armguard.guard.observe import now_of
-from armguard.guard.watch import (
-    NOW_TIME,
-    SLOW_TIME,
-    Watch,
-)
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import (
     Workspace,
 )
@@ -133,7 +129,7 @@ def time_since(seen: float, v: Watch, m: Motion) -> float:
     the declared age of a measurement.
     """
     age = now_of(v) - seen
-    if v.given[NOW_TIME] != v.given[NOW_TIME]:
+    if v.given.now != v.given.now:
         oldest = 0.0
         for r in range(m.robot_figures.shape[0]):
             oldest = max(oldest, m.robot_figures[r].sensing)
@@ -144,4 +140,4 @@ def time_since(seen: float, v: Watch, m: Motion) -> float:
 @kernel
 def look_distance(i: int, v: Watch, m: Motion) -> float:
     """Distance beyond which a primitive's own motion needs no report [m]."""
-    return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.pace[SLOW_TIME])
+    return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.timing.slow_time)

@@ -21,15 +21,7 @@ from armguard.guard.agreement import (
 from armguard.guard.layout import JOINT, REASON, ROBOT, VALUE
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
-    FORCED,
-    HAS_VELOCITY,
     HISTORY,
-    LAST_NOW,
-    LATE,
-    NOW_TIME,
-    ORDERED_AT,
-    PERIOD,
-    UNANNOUNCED,
     Watch,
 )
 from armguard.kernel import kernel
@@ -90,7 +82,7 @@ def observe(q: Vector, out: Vector, v: Watch, m: Motion) -> bool:
 @kernel
 def now_of(v: Watch) -> float:
     """Time of the cycle as given, else the newest stamp [s]."""
-    now = v.given[NOW_TIME]
+    now = v.given.now
     if now == now:
         return float(now)
     newest = -inf
@@ -107,7 +99,7 @@ def unannounced_time(v: Watch, m: Motion) -> float:
     at most the least of these old. Two newest stamps may be farther apart than their
     cycles by as much.
     """
-    if v.given[NOW_TIME] == v.given[NOW_TIME]:
+    if v.given.now == v.given.now:
         return 0.0
     least = inf
     for r in range(v.stamps.shape[0]):
@@ -129,12 +121,12 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
         v: Inputs and memory.
         m: The prediction.
     """
-    v.last[FORCED], v.last[ORDERED_AT] = OK, inf
-    commanded = v.given[NOW_TIME] == v.given[NOW_TIME]
+    v.last.forced, v.last.ordered_at = OK, inf
+    commanded = v.given.now == v.given.now
     for r in range(v.stamps.shape[0]):
         if not (commanded or isfinite(v.stamps[r])):
             return blame_robot(STAMP_MISSING, r, v.stamps[r], out)
-    now, last = now_of(v), v.last[LAST_NOW]
+    now, last = now_of(v), v.last.now
     if not isfinite(now):
         return blame_robot(STAMP_MISSING, -1, now, out)
     if now < last:
@@ -144,7 +136,7 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
     grain = TIME_GRAIN + TIME_SHARE * abs(now)
     unannounced = unannounced_time(v, m)
     limit = (
-        v.pace[PERIOD] + v.pace[LATE] + max(unannounced, v.last[UNANNOUNCED]) + grain
+        v.timing.period + v.timing.late + max(unannounced, v.last.unannounced) + grain
     )
     in_time = now - last <= limit
     believed, ahead, right = in_time or not commanded, False, True
@@ -164,13 +156,13 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
             right = blame_robot(reason, r, value, out)
     if not believed:
         return False
-    v.last[LAST_NOW], v.last[UNANNOUNCED] = now, unannounced
+    v.last.now, v.last.unannounced = now, unannounced
     if not ahead:
-        v.last[ORDERED_AT] = now
+        v.last.ordered_at = now
         settle_orders(now, v, m)
     if right and not in_time and last != -inf:
         # The stop of the last proof was to be ordered by now.
-        v.last[FORCED] = CYCLE_LATE
+        v.last.forced = CYCLE_LATE
         out[VALUE] = now - last
     return right
 
@@ -198,7 +190,7 @@ def settle_orders(now: float, v: Watch, m: Motion) -> None:
     for r in range(v.ordered.shape[0]):
         if v.ordered[r] == inf:
             v.ordered[r] = now
-            if v.given[NOW_TIME] != v.given[NOW_TIME]:
+            if v.given.now != v.given.now:
                 v.ordered[r] += m.robot_figures[r].sensing
 
 
@@ -274,7 +266,7 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
             continue
         figures = m.joint_figures[j]
         top = figures.velocity * (1.0 + SPEED_SHARE)
-        if v.given[HAS_VELOCITY] != 0.0:
+        if v.given.has_velocity != 0.0:
             speed, error = v.velocity[j], figures.velocity_error
             m.v_low[j], m.v_high[j] = speed - error, speed + error
         elif not estimate_velocity(j, r, q[j], v, m):

@@ -24,7 +24,6 @@ from armguard.guard.watch import (
     BRAKING,
     LOST,
     RECOVERING,
-    SLOW_TIME,
     Watch,
 )
 from armguard.guard.workspace import (
@@ -257,7 +256,7 @@ def is_plenty(
     spare: float, i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
 ) -> bool:
     """Whether a pair's headroom is so large that a coarse bound suffices."""
-    time = LOOK_AHEAD * v.pace[SLOW_TIME]
+    time = LOOK_AHEAD * v.timing.slow_time
     if spare >= time * closing_speed(i, j, w, v, m):
         return True
     if not spare >= NEAR_CUE:

@@ -7,7 +7,6 @@ from armguard.guard.needs import object_speed, robot_of
 from armguard.guard.observe import now_of
 from armguard.guard.pair_row import pair_row
 from armguard.guard.watch import (
-    COMMANDED,
     RECOVERING,
     RUNNING,
     Watch,
@@ -118,7 +117,7 @@ def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
         w: The workspace.
     """
     v, m = w.watch, w.motion
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return False
     pair_row(i, j, place, v.row, w, m)
     closing = 0.0
@@ -143,7 +142,7 @@ def is_driven_nearer(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
         w: The workspace.
     """
     v, m = w.watch, w.motion
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return True
     pair_row(i, j, place, v.row, w, m)
     first = m.robot_figures[r].first_joint

@@ -5,7 +5,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.recording.frames import Form as Asked
@@ -99,10 +99,10 @@ def conclude_judging(
 def hand_over(d: Desk, v: Watch) -> None:
     """Hand to the guard what was measured, and when."""
     given = d.given
-    v.given[NOW_TIME] = given[START] * 1e-9
+    v.given.now = given[START] * 1e-9
     for r in range(d.stamps.shape[0]):
         v.stamps[r] = d.stamps[r]
-    v.given[HAS_VELOCITY] = given[MEASURED]
+    v.given.has_velocity = given[MEASURED]
     if given[MEASURED] != 0:
         for j in range(d.velocity.shape[0]):
             v.velocity[j] = d.velocity[j]
