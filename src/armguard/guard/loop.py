@@ -68,8 +68,8 @@ OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one t
 
 # Arrays that `reset` does not change: figures of the scene, and sightings of objects.
 KEPT = (
-    "timing static_error link_error robot_error top_speed seen_at object_velocity doubt "
-    "object_stale robot_of movers pairs pair_need"
+    "timing static_error link_error robot_error top_speed seen_at object_velocity "
+    "doubt object_stale robot_of movers pairs pair_need"
 ).split()
 
 

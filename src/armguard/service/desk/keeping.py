@@ -27,16 +27,9 @@ from armguard.recording.frames import (
     Kind,
 )
 from armguard.service.desk.desk import (
-    ASKED_COUNT,
-    ASKED_FORM,
-    BEGAN_AT,
-    MEASURED,
-    START,
-    USED,
+    Longs,
     open_desk,
 )
-from armguard.service.desk.desk import CYCLE as NUMBER
-from armguard.service.desk.desk import ENDED as ENDED_AT
 
 Floats = NDArray[np.float64]
 
@@ -45,46 +38,46 @@ OF_CYCLE = int(Kind.CYCLE)
 
 @kernel(inline=False, entry=True)
 def write_frame(
-    address: int, row: Floats, poses: Floats, monotonic: float, wall: float, text: int
+    desk: Longs, row: Floats, poses: Floats, monotonic: float, wall: float, text: int
 ) -> None:
     """Fill in a cycle's frame, all but its text.
 
     Args:
-        address: Address of the ledger of a desk, after `judge`.
+        desk: Ledger of a desk, after `judge`.
         row: The frame.
         poses: Poses of all bodies one after another, shape (12 b,).
         monotonic: Time on the monotonic clock [s].
         wall: Time on the wall clock [s].
         text: Length of the text that follows [bytes].
     """
-    d = open_desk(address)
-    given = d.given
+    d = open_desk(desk)
+    cycle = d.cycle
     n, robots = d.q.shape[0], d.stamps.shape[0]
     for k in range(HEADER):
         row[k] = 0.0
-    row[KIND], row[CYCLE] = OF_CYCLE, given[NUMBER]
+    row[KIND], row[CYCLE] = OF_CYCLE, cycle.number
     row[MONOTONIC], row[WALL] = monotonic, wall
-    row[FORM], row[NOW] = given[ASKED_FORM], given[START] * 1e-9
-    row[HAS_VELOCITY] = given[MEASURED]
-    began = given[BEGAN_AT]
+    row[FORM], row[NOW] = cycle.asked_form, cycle.start * 1e-9
+    row[HAS_VELOCITY] = d.arrival.measured
+    began = cycle.began_at
     row[RECEIVED] = began * 1e-9 if began != 0 else np.nan
-    row[ENDED] = given[ENDED_AT] * 1e-9
-    row[CYCLE_TIME] = (given[ENDED_AT] - given[START]) * 1e-9
-    row[JOINTS], row[ROBOTS], row[ASKED] = n, robots, given[ASKED_COUNT]
-    row[TOLD], row[VERDICT] = d.told.shape[0], given[USED]
+    row[ENDED] = cycle.ended * 1e-9
+    row[CYCLE_TIME] = (cycle.ended - cycle.start) * 1e-9
+    row[JOINTS], row[ROBOTS], row[ASKED] = n, robots, cycle.asked_count
+    row[TOLD], row[VERDICT] = d.command.shape[0], cycle.used
     row[POSES], row[TEXT], row[DATA] = poses.shape[0], text, 0.0
     at = HEADER
     at = put(d.q, n, row, at)
-    if given[MEASURED] != 0:
+    if d.arrival.measured != 0:
         at = put(d.velocity, n, row, at)
     else:
         for j in range(n):
             row[at + j] = 0.0
         at += n
     at = put(d.stamps, robots, row, at)
-    at = put(d.asked, given[ASKED_COUNT], row, at)
-    at = put(d.told, d.told.shape[0], row, at)
-    at = put(d.numbers, given[USED], row, at)
+    at = put(d.asked, cycle.asked_count, row, at)
+    at = put(d.command, d.command.shape[0], row, at)
+    at = put(d.numbers, cycle.used, row, at)
     put(poses, poses.shape[0], row, at)
 
 
