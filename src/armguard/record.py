@@ -10,6 +10,7 @@ array of records (`Records`, `records`), or a kernel makes it on its stack by
 import ctypes
 from collections import deque
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints, overload
 
 import numba
@@ -74,6 +75,12 @@ def dtype_of(declared: type) -> np.dtype[Any]:
     return np.dtype(fields, align=True)
 
 
+def indices(declared: type) -> Any:
+    """Index of the first number of each field in a record of equal numbers, by name."""
+    fields: Any = dtype_of(declared).fields
+    return SimpleNamespace(**{name: at // 8 for name, (_, at, *_) in fields.items()})
+
+
 def record(declared: type[Record]) -> type[Record]:
     """Let annotations of separate kernels name a record."""
     as_numba_type.register(declared, numba.from_dtype(dtype_of(declared)))
@@ -121,6 +128,11 @@ if numba.config.DISABLE_JIT:
         for name in row.dtype.names:
             row[name] = 0
 
+    def copy(row: Any, out: Any) -> None:
+        """Copy all fields of a record to another one of its kind."""
+        for name in row.dtype.names:
+            out[name] = row[name]
+
 else:
 
     @intrinsic  # type: ignore[untyped-decorator]
@@ -133,3 +145,15 @@ else:
             return context.get_dummy_value()
 
         return types.none(row), generate
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def copy(typing_context: Any, row: Any, out: Any) -> Any:
+        """Copy all fields of a record to another one of its kind."""
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            source, place = (builder.bitcast(a, cgutils.voidptr_t) for a in args)
+            size = ir.Constant(ir.IntType(64), row.size)
+            cgutils.raw_memcpy(builder, place, source, size, 1)
+            return context.get_dummy_value()
+
+        return types.none(row, out), generate

@@ -8,7 +8,7 @@ import pytest
 
 from armguard.guard import commands as kernels
 from armguard.guard.change import bound_growth, joint_growth
-from armguard.guard.layout import HEADER, JOINT, REASON, VALUE
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     DELAY_SHARE,
@@ -224,7 +224,7 @@ def test_what_is_new_is_taken_back_to_what_is_under_way(share):
 
 @pytest.mark.parametrize("phase", [RUNNING, RECOVERING, RESTING])
 def test_a_joint_that_is_faster_than_it_was_told_is_named_with_its_speed(phase):
-    rng, out = np.random.default_rng(5), np.zeros(HEADER)
+    rng, out = np.random.default_rng(5), records(1, Header)[0]
     for beyond in (-1e-3, 1e-3):
         for sign in (-1.0, 1.0):
             v, m, _ = memory(rng, 1)
@@ -243,8 +243,8 @@ def test_a_joint_that_is_faster_than_it_was_told_is_named_with_its_speed(phase):
             right = follows(v, m, out)
             assert right == (beyond < 0.0 or phase == RESTING)
             if not right:
-                assert (out[REASON], out[JOINT]) == (Reason.NOT_FOLLOWED, 1)
-                assert out[VALUE] == pytest.approx(near + 0.03 * sign)
+                assert (out.reason, out.joint) == (Reason.NOT_FOLLOWED, 1)
+                assert out.value == pytest.approx(near + 0.03 * sign)
             elif phase != RESTING:
                 # It is no faster than it can have become.
                 assert m.v_low[1] == max(before[0][1], -0.1 - 0.02)
@@ -261,7 +261,7 @@ def test_a_joint_that_older_commands_explain_is_named_with_the_delay_of_its_driv
     step = DELAY_SHARE * DELAY
     for beyond, sign in product((-1e-3, 1e-3), (-1.0, 1.0)):
         v, m, _ = memory(np.random.default_rng(12), 1)
-        out = np.zeros(HEADER)
+        out = records(1, Header)[0]
         v.band[:] = -0.1, 0.2
         v.followed[1] = [-0.1, 0.2] * short + [-0.9, 0.9] * (DELAY_STEPS - short)
         v.delays[:] = 0.0, 2.5 * step
@@ -273,13 +273,13 @@ def test_a_joint_that_older_commands_explain_is_named_with_the_delay_of_its_driv
         assert v.delays == pytest.approx([0.0, max(shown, 2.5 * step)])
         if beyond < 0.0:
             continue
-        assert out[JOINT] == 1
+        assert out.joint == 1
         if short < DELAY_STEPS:
-            assert out[REASON] == Reason.DRIVE_LAGS
-            assert out[VALUE] == v.delays[1]
+            assert out.reason == Reason.DRIVE_LAGS
+            assert out.value == v.delays[1]
         else:
-            assert out[REASON] == Reason.NOT_FOLLOWED
-            assert out[VALUE] == pytest.approx(speed)
+            assert out.reason == Reason.NOT_FOLLOWED
+            assert out.value == pytest.approx(speed)
 
 
 def test_the_time_since_the_last_commands_is_no_longer_than_a_cycle_may_take():

@@ -11,7 +11,6 @@ import pytest
 
 from armguard.geometry import Pose, Sphere
 from armguard.guard import Level, Reason
-from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
 from armguard.guard.proofs import prove_pair
 from armguard.guard.relief import SINK, is_driven_nearer, relief_of
@@ -43,14 +42,14 @@ def relief_at(spare, floor, lines):
     """What is taken off the need of the first near pair [m]."""
     w = open_workspace(lines)
     v, m = w.watch, w.motion
-    return relief_of(0, 1, row_place(0, w), spare, floor, w, v, m)
+    return relief_of(0, 1, w.near[0], spare, floor, w, v, m)
 
 
 @numba.njit
 def driven_nearer(r, lines):
     """Whether a robot is driven nearer to the other side of the first near pair."""
     w = open_workspace(lines)
-    return is_driven_nearer(r, 0, 1, row_place(0, w), w)
+    return is_driven_nearer(r, 0, 1, w.near[0], w)
 
 
 def looked_at(*figures, mover=None):
@@ -200,7 +199,7 @@ def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
 def proven(lines):
     """How the first near pair is proven, and what it has left [m]."""
     w = open_workspace(lines)
-    return prove_pair(0, 1, NEXT, NEXT, row_place(0, w), w)
+    return prove_pair(0, 1, NEXT, NEXT, w.near[0], w)
 
 
 @pytest.mark.parametrize("spare", [-1e-4, 1e-4])

@@ -12,6 +12,7 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.observe import blame_joint, now_of
 from armguard.guard.stops import GRAIN, effect_time, unknown_age
@@ -135,7 +136,7 @@ def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
 
 
 @kernel
-def is_as_commanded(v: Watch, m: Motion, out: Floats) -> bool:
+def is_as_commanded(v: Watch, m: Motion, out: Header) -> bool:
     """Whether joints follow their commands; narrows their velocity bounds if they do.
 
     Args:

@@ -8,7 +8,7 @@ from armguard.guard.grips import (
     CREEP,
     GAIN,
 )
-from armguard.guard.layout import WITNESS
+from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.needs import robot_of
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import (
@@ -40,7 +40,7 @@ def closing_commanded(
     j: int,
     plan_i: int,
     plan_j: int,
-    place: int,
+    near: NearRow,
     w: Workspace,
     v: Watch,
     m: Motion,
@@ -50,9 +50,8 @@ def closing_commanded(
     Returns:
         Speed along the pair's normal [m/s]; time until a stop has taken effect [s].
     """
-    out, robots = w.out, m.robot_figures.shape[0]
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
+    robots = m.robot_figures.shape[0]
+    n = normal_of(near)
     moving = m.rate.shape[0]
     first = shared_joints(w.bodies[i], w.bodies[j], m)
     closing = time = 0.0
@@ -63,9 +62,7 @@ def closing_commanded(
         r = robot_of(k, v)
         if r >= 0:
             time = max(time, m.clock[plan * robots + r, REACTION])
-        point = (
-            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
-        )  # fmt: skip
+        point = point_of(near, side)
         body = w.bodies[k]
         for x in range(first, m.length[body]):
             b = m.joints[body, x]

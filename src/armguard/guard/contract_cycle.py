@@ -19,7 +19,6 @@ from armguard.guard.grips import (
     Grips,
 )
 from armguard.guard.intent import read_intents
-from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.observe import now_of
@@ -64,7 +63,7 @@ def judge_with_contracts(w: Workspace) -> None:
         h.contracts[k, NEAREST], h.contracts[k, RELIED] = inf, 0.0
     choose_models(w)
     judge_motions(w)
-    if w.out[REASON] == CAPACITY:
+    if w.header.reason == CAPACITY:
         # Not all pairs were judged: it is unknown which contracts are needed.
         return
     end_contracts(h, v)

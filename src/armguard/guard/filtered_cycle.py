@@ -18,7 +18,6 @@ from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cycle import clear_header
 from armguard.guard.demands import demand_stop
 from armguard.guard.guarded_cycle import conclude, judge_input, refuse
-from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.observe import now_of
@@ -71,7 +70,7 @@ def open_cycle(q: Vector, w: Workspace) -> int:
     if not judge_input(q, w):
         return 0
     report_measured_limits(q, w, v, m)
-    if w.out[REASON] == OUT_OF_LIMITS:
+    if w.header.reason == OUT_OF_LIMITS:
         refuse(w)
         return 0
     return 1

@@ -11,6 +11,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.observe import blame_joint
 from armguard.guard.watch import (
@@ -31,7 +32,7 @@ HANGS_AFTER = 0.08
 
 
 @kernel
-def no_sensor_is_stuck(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+def no_sensor_is_stuck(q: Floats, v: Watch, m: Motion, out: Header) -> bool:
     """Whether no joint repeats its position although its commands should have moved it.
 
     A joint counts as stuck if every pending command moves it farther than its tracking

@@ -18,7 +18,7 @@ from armguard.guard.agreement import (
     interval_of,
     keep_agreement,
 )
-from armguard.guard.layout import JOINT, REASON, ROBOT, VALUE
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     HISTORY,
@@ -59,7 +59,7 @@ SPEED_SHARE = 0.02
 
 
 @kernel(separate=True)
-def observe(q: Vector, out: Vector, v: Watch, m: Motion) -> bool:
+def observe(q: Vector, out: Header, v: Watch, m: Motion) -> bool:
     """Store positions and velocity bounds of a cycle, or write what is wrong.
 
     Args:
@@ -109,7 +109,7 @@ def unannounced_time(v: Watch, m: Motion) -> float:
 
 
 @kernel(separate=True)
-def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
+def clocks_are_right(out: Header, v: Watch, m: Motion) -> bool:
     """Whether all stamps and the time of the cycle are plausible.
 
     The time of the cycle is accepted, and its orders count as given then, if the cycle
@@ -163,7 +163,7 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
     if right and not in_time and last != -inf:
         # The stop of the last proof was to be ordered by now.
         v.last.forced = CYCLE_LATE
-        out[VALUE] = now - last
+        out.value = now - last
     return right
 
 
@@ -195,7 +195,7 @@ def settle_orders(now: float, v: Watch, m: Motion) -> None:
 
 
 @kernel
-def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
+def sightings_are_right(v: Watch, m: Motion, out: Header) -> bool:
     """Whether every moving object has a plausible and recent sighting."""
     now = now_of(v)
     latest = now + unannounced_time(v, m) + TIME_GRAIN + TIME_SHARE * abs(now)
@@ -217,7 +217,7 @@ def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
 
 
 @kernel
-def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+def sample_is_right(q: Floats, v: Watch, m: Motion, out: Header) -> bool:
     """Whether each joint can have moved as measured since its last sample."""
     for r in range(m.robot_figures.shape[0]):
         robot = m.robot_figures[r]
@@ -226,7 +226,7 @@ def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
         interval = interval_of(r, v, m)
         for j in range(robot.first_joint, robot.first_joint + robot.joint_count):
             if not joint_sample_is_right(j, q[j], interval, v, m, out):
-                if out[REASON] == STATE_JUMPED:
+                if out.reason == STATE_JUMPED:
                     forget_samples(r, v)
                 return False
     return True
@@ -234,7 +234,7 @@ def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
 
 @kernel
 def joint_sample_is_right(
-    j: int, position: float, interval: Interval, v: Watch, m: Motion, out: Floats
+    j: int, position: float, interval: Interval, v: Watch, m: Motion, out: Header
 ) -> bool:
     """Whether a joint can have moved as measured since its last sample."""
     figures = m.joint_figures[j]
@@ -258,7 +258,7 @@ def joint_sample_is_right(
 
 
 @kernel
-def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Header) -> bool:
     """Write the bounds of each joint's velocity, and store the sample."""
     for j in range(q.shape[0]):
         r = m.robot_of_joint[j]
@@ -340,18 +340,18 @@ def forget_samples(r: int, v: Watch) -> None:
 
 
 @kernel
-def blame_robot(reason: int, r: int, value: float, out: Floats) -> bool:
+def blame_robot(reason: int, r: int, value: float, out: Header) -> bool:
     """Write the reason of a fault of one robot, or of all; returns False."""
-    out[REASON] = reason
-    out[ROBOT] = r
-    out[VALUE] = value
+    out.reason = reason
+    out.robot = r
+    out.value = value
     return False
 
 
 @kernel
-def blame_joint(reason: int, j: int, value: float, out: Floats) -> bool:
+def blame_joint(reason: int, j: int, value: float, out: Header) -> bool:
     """Write the reason of a fault of one joint; returns False."""
-    out[REASON] = reason
-    out[JOINT] = j
-    out[VALUE] = value
+    out.reason = reason
+    out.joint = j
+    out.value = value
     return False

@@ -18,6 +18,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from armguard.guard import layout
+from armguard.guard.layout import IN_HEADER
 from armguard.recording.frames import (
     DATA,
     POSES,
@@ -68,7 +69,7 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
     else:
         first = verdict + min(first_row, poses - verdict)
         pair = np.zeros(layout.NEAR_WIDTH)
-        nearest = int(row[verdict + layout.NEAREST])
+        nearest = int(row[verdict + IN_HEADER.nearest])
         start = first + nearest * layout.NEAR_WIDTH
         if nearest >= 0 and start + layout.NEAR_WIDTH <= poses:
             pair = row[start : start + layout.NEAR_WIDTH]
@@ -77,8 +78,8 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
         kept[VERDICT] = first - verdict + layout.NEAR_WIDTH
         kept[POSES] = 0.0
         if nearest >= 0:
-            kept[verdict + layout.NEAREST] = 0.0
-            kept[verdict + layout.NEAR_COUNT] = 1.0
+            kept[verdict + IN_HEADER.nearest] = 0.0
+            kept[verdict + IN_HEADER.near_count] = 1.0
     kept[DATA] = DIGEST
     return kept
 

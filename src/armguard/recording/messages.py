@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.answer import Names, names_of
+from armguard.guard.layout import IN_HEADER, IN_NEAR
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.recording import ros
@@ -53,17 +54,19 @@ class Summary:
     def __init__(self, row: Floats, first_row: int) -> None:
         *_, verdict, poses, _ = sections(row)
         numbers = row[verdict:poses]
-        reason = Reason(int(numbers[layout.REASON]))
+        reason = Reason(int(numbers[IN_HEADER.reason]))
         guarded = first_row > layout.HEADER and len(numbers) >= first_row
         ends = layout.HEADER + (int(row[ROBOTS]) * layout.ROBOT_WIDTH if guarded else 0)
         own = numbers[layout.HEADER : ends : layout.ROBOT_WIDTH]
         self.levels = tuple(int(x) for x in own) or (int(reason.level),)
         self.level = max(int(reason.level), *self.levels)
-        self.time_left = float(numbers[layout.LEAST_TIME_LEFT]) if guarded else np.inf
-        nearest = int(numbers[layout.NEAREST])
+        self.time_left = (
+            float(numbers[IN_HEADER.least_time_left]) if guarded else np.inf
+        )
+        nearest = int(numbers[IN_HEADER.nearest])
         self.headroom = np.inf
         if nearest >= 0:
-            at = first_row + nearest * layout.NEAR_WIDTH + layout.HEADROOM
+            at = first_row + nearest * layout.NEAR_WIDTH + IN_NEAR.headroom
             self.headroom = float(numbers[at])
 
 
@@ -124,9 +127,9 @@ class MessageMaker:
         pairs = row[verdict + self.first_row : poses]
         pairs = pairs[: len(pairs) // layout.NEAR_WIDTH * layout.NEAR_WIDTH]
         table = pairs.reshape(-1, layout.NEAR_WIDTH)
-        order = np.argsort(table[:, layout.HEADROOM], kind="stable")[:MOST_LINES]
-        rows = table[order, layout.WITNESS : layout.WITNESS + 7]
-        colours = [colour_of(left) for left in table[order, layout.HEADROOM].tolist()]
+        order = np.argsort(table[:, IN_NEAR.headroom], kind="stable")[:MOST_LINES]
+        rows = table[order, IN_NEAR.distance : IN_NEAR.distance + 7]
+        colours = [colour_of(left) for left in table[order, IN_NEAR.headroom].tolist()]
         label = f"{rows[0, 0] * 1e3:.0f} mm" if len(rows) else ""
         return ros.markers(time, rows[:, 1:].reshape(-1, 2, 3), colours, label)
 

@@ -9,7 +9,9 @@ from math import inf, isfinite, nan, sqrt
 from armguard.guard.commands import time_passed
 from armguard.guard.filtered_cycle import close_cycle
 from armguard.guard.intent import read_intents
-from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
+from armguard.guard.layout import (
+    NEAR_WIDTH,
+)
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     AT_REST,
@@ -191,7 +193,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
     note_leads(judged, a, w)
     note_changes(judged, a, v, m)
     write_command(a, v)
-    return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
+    return int(w.settings[FIRST_ROW]) + int(w.header.near_count) * NEAR_WIDTH
 
 
 @kernel

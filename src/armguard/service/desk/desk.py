@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer
+from armguard.guard.layout import Header, NearRow, RobotRow
 from armguard.kernel import kernel
 from armguard.record import Records, record
 from armguard.table import LongVector, Matrix, Vector, opener, table
@@ -68,10 +69,9 @@ class Cycle:
         commander: Sender of the desired motion; 0 for none.
         asked_form: Form of the request to the guard.
         asked_count: How many numbers that has.
-        used: Places of `numbers` that are used.
+        used: Places of `out` that are used.
         level: The highest level.
         reason: The verdict's reason.
-        first_row: Where near pairs start in `numbers`; given by the scene.
     """
 
     ask: int
@@ -89,7 +89,6 @@ class Cycle:
     used: int
     level: int
     reason: int
-    first_row: int
 
 
 @record
@@ -143,7 +142,11 @@ class Desk(NamedTuple):
     # silent, shape (n,).
     held: Vector
     asked: Vector  # what the guard was asked for last, shape (max(n, 6 MOST_TWISTS),)
-    numbers: Vector  # the verdict's numbers, see `armguard.guard.layout`
+    out: Vector  # the verdict's numbers, see `armguard.guard.layout`
+    header: Header  # their header, in the same memory
+    robots: Annotated[Records[RobotRow], 1]  # their rows of the robots, likewise
+    escape: Vector  # their escape directions, likewise
+    near: Annotated[Records[NearRow], 1]  # their rows of the near pairs, likewise
     command: Vector  # the numbers of the `Command`, shape (4 n + 4 r,)
     body_of: LongVector  # index in a COMMAND of the body of each primitive, shape (p,)
     level_of: LongVector  # level of each reason, shape (k,)

@@ -74,7 +74,7 @@ def conclude_judging(unsolved: int, desk: Longs, response: Longs, lines: Longs) 
     used = end_filtered_cycle(d.q, unsolved, response, lines)
     a, w = open_response(response), open_workspace(lines)
     for k in range(used):
-        d.numbers[k] = w.out[k]
+        d.out[k] = w.out[k]
     for k in range(d.command.shape[0]):
         d.command[k] = a.commanded[k]
     d.cycle.used = used

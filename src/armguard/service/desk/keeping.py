@@ -77,7 +77,7 @@ def write_frame(
     at = put(d.stamps, robots, row, at)
     at = put(d.asked, cycle.asked_count, row, at)
     at = put(d.command, d.command.shape[0], row, at)
-    at = put(d.numbers, cycle.used, row, at)
+    at = put(d.out, cycle.used, row, at)
     put(poses, poses.shape[0], row, at)
 
 

@@ -3,10 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard import layout
-from armguard.guard.answer import first_row_of
+from armguard.guard.answer import answer_of
 from armguard.guard.levels import Level, Reason
-from armguard.guard.loop import NEAR_CAPACITY
 from armguard.record import records
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
 from armguard.respond.tool import tool_of
@@ -38,12 +36,9 @@ def desk_of(
     levels = np.full(max(Reason) + 1, int(Level.STOP), dtype=np.int64)
     for reason in Reason:
         levels[reason] = reason.level
-    cycle = records((), Cycle)
-    cycle.first_row = first_row = first_row_of(tables)
-    most = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
     return Desk(
         arrival=records((), Arrival),
-        cycle=cycle,
+        cycle=records((), Cycle),
         message=message,
         answer=answer,
         q=np.full(n, np.nan),
@@ -61,7 +56,7 @@ def desk_of(
         rows=np.zeros(MOST_TWISTS * TWIST_ROW),
         held=np.full(n, np.nan),
         asked=np.zeros(max(n, 6 * MOST_TWISTS)),
-        numbers=np.zeros(first_row + most * layout.NEAR_WIDTH),
+        **answer_of(tables),
         command=np.zeros(4 * n + 4 * r),
         body_of=np.array([place[b] for b in tables.body_names], dtype=np.int64),
         level_of=levels,

@@ -3,23 +3,6 @@
 from math import inf
 from typing import Any
 
-from armguard.guard.layout import (
-    FIRST,
-    HEADROOM,
-    LEAST_TIME_LEFT,
-    NEAR_WIDTH,
-    NEAREST,
-    ROBOT_AGE,
-    ROBOT_CAUSE,
-    ROBOT_LEVEL,
-    ROBOT_SCALE,
-    ROBOT_URGENCY,
-    ROBOT_WIDTH,
-    SECOND,
-    WITNESS,
-)
-from armguard.guard.layout import HEADER as ROBOTS_IN_NUMBERS
-from armguard.guard.layout import REASON as REASON_IN_NUMBERS
 from armguard.guard.levels import Level
 from armguard.kernel import kernel
 from armguard.respond.command import ACTIONS, DRIVEN, Action
@@ -64,12 +47,12 @@ def write_answer(desk: Longs) -> None:
             numbers.
     """
     d = open_desk(desk)
-    cycle, numbers = d.cycle, d.numbers
+    cycle = d.cycle
     n, robots = d.q.shape[0], d.first_joint.shape[0]
     command = records(d.answer, PAYLOAD_AT, 1, COMMAND_ROW)[0]
     rows = records(d.answer, ROBOTS_AT, robots, ROBOT_ROW)
     lost = FIRST_LOST <= cycle.cause <= LAST_LOST
-    reason = int(numbers[REASON_IN_NUMBERS])
+    reason = int(d.header.reason)
     level, action = STOP_LEVEL, FOLLOW
     if 0 <= reason < d.level_of.shape[0]:
         level = d.level_of[reason]
@@ -102,10 +85,9 @@ def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
     Returns:
         Its level and its action.
     """
-    numbers, commanded = d.numbers, d.command
+    given, commanded = d.robots[r], d.command
     n, robots = d.q.shape[0], d.first_joint.shape[0]
-    at = ROBOTS_IN_NUMBERS + r * ROBOT_WIDTH
-    own = int(numbers[at + ROBOT_LEVEL])
+    own = int(given.level)
     phase = commanded[4 * n + robots + r]
     since = commanded[4 * n + 2 * robots + r]
     obeys = STOP_ACTION
@@ -121,10 +103,10 @@ def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
         own, obeys = max(own, STOP_LEVEL), max(obeys, STOP_ACTION)
     row["level"], row["action"] = own, obeys
     row["blocked"] = int(commanded[4 * n + r])
-    row["stopped_by"] = int(numbers[at + ROBOT_CAUSE])
-    row["speed_scale"] = numbers[at + ROBOT_SCALE]
-    row["urgency"] = numbers[at + ROBOT_URGENCY]
-    row["age"] = numbers[at + ROBOT_AGE]
+    row["stopped_by"] = int(given.cause)
+    row["speed_scale"] = given.scale
+    row["urgency"] = given.urgency
+    row["age"] = given.age
     row["sender"], row["sequence"] = d.sender[r], d.sequence[r]
     row["held_since"] = since
     return own, obeys
@@ -133,20 +115,19 @@ def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
 @kernel
 def write_nearest(d: Desk, command: Any) -> None:
     """Write the headroom and the nearest pair."""
-    numbers = d.numbers
-    near = int(numbers[NEAREST])
-    command["time_left"] = numbers[LEAST_TIME_LEFT]
-    if near < 0:
+    nearest = int(d.header.nearest)
+    command["time_left"] = d.header.least_time_left
+    if nearest < 0:
         command["headroom"] = command["distance"] = command["pair_headroom"] = inf
         command["body_a"] = command["body_b"] = NO_BODY
         for k in range(3):
             command["point_a"][k] = command["point_b"][k] = 0.0
         return
-    row = d.cycle.first_row + near * NEAR_WIDTH
-    command["body_a"] = d.body_of[int(numbers[row + FIRST])]
-    command["body_b"] = d.body_of[int(numbers[row + SECOND])]
-    command["headroom"] = command["pair_headroom"] = numbers[row + HEADROOM]
-    command["distance"] = numbers[row + WITNESS]
+    near = d.near[nearest]
+    command["body_a"] = d.body_of[int(near.first)]
+    command["body_b"] = d.body_of[int(near.second)]
+    command["headroom"] = command["pair_headroom"] = near.headroom
+    command["distance"] = near.distance
     for k in range(3):
-        command["point_a"][k] = numbers[row + WITNESS + 1 + k]
-        command["point_b"][k] = numbers[row + WITNESS + 4 + k]
+        command["point_a"][k] = near.point_a[k]
+        command["point_b"][k] = near.point_b[k]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import RefusedError, SceneError
-from armguard.guard import layout
 from armguard.guard.given import likely_mistake
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 from armguard.guard.verdict import Verdict
 from armguard.record import attributes
@@ -135,11 +135,11 @@ class Judge:
         if not self._judged:
             return None
         desk, tables = self.desk, self.guard.guard.tables
-        data = desk.numbers[: self.cycle.used].copy()
+        data = desk.out[: self.cycle.used].copy()
         now = self.cycle.start * 1e-9
         took = (self.cycle.ended - self.cycle.start) * 1e-9
         fault = ""
-        if data[layout.REASON] == Reason.OUT_OF_LIMITS:
+        if data[IN_HEADER.reason] == Reason.OUT_OF_LIMITS:
             fault = likely_mistake(desk.q, tables)
         verdict = Verdict(data, self.guard.guard.names, now, took, fault)
         return Command(desk.command.copy(), tables.robots, verdict)
@@ -330,7 +330,7 @@ class Judge:
         begin_judging(self.lines, *guard.ledgers)
         conclude_judging(NOT_JUDGED, self.lines, *guard.ledgers)
         self._poses = guard.poses.reshape(-1)
-        self._fill(np.zeros(len(self._poses) + 8 * len(self.desk.numbers)), 0.0, 0.0)
+        self._fill(np.zeros(len(self._poses) + 8 * len(self.desk.out)), 0.0, 0.0)
         guard.reset()
         self._judged = False
         self.desk.held.fill(np.nan)
