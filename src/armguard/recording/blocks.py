@@ -20,10 +20,7 @@ from numpy.typing import NDArray
 from armguard.guard import layout
 from armguard.guard.layout import IN_HEADER
 from armguard.recording.frames import (
-    DATA,
-    POSES,
-    TEXT,
-    VERDICT,
+    IN_FRAME,
     put_text,
     sections,
     words,
@@ -60,7 +57,7 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
         whole: Whether all near pairs and poses are kept.
     """
     *_, sent, verdict, poses, text = sections(row)
-    size = words(int(row[TEXT]))
+    size = words(int(row[IN_FRAME.text]))
     digest = digest_of(row[verdict:poses], row[sent:verdict])
     tail = np.zeros(1)
     put_text(digest, tail)
@@ -75,12 +72,12 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
             pair = row[start : start + layout.NEAR_WIDTH]
         rest = row[text : text + size]
         kept = np.concatenate((row[:first], pair, rest, tail))
-        kept[VERDICT] = first - verdict + layout.NEAR_WIDTH
-        kept[POSES] = 0.0
+        kept[IN_FRAME.verdict] = first - verdict + layout.NEAR_WIDTH
+        kept[IN_FRAME.poses] = 0.0
         if nearest >= 0:
             kept[verdict + IN_HEADER.nearest] = 0.0
             kept[verdict + IN_HEADER.near_count] = 1.0
-    kept[DATA] = DIGEST
+    kept[IN_FRAME.data] = DIGEST
     return kept
 
 

@@ -4,36 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.kernel import kernel
-from armguard.recording.frames import (
-    ASKED,
-    CYCLE,
-    CYCLE_TIME,
-    DATA,
-    ENDED,
-    FORM,
-    HAS_VELOCITY,
-    HEADER,
-    JOINTS,
-    KIND,
-    MONOTONIC,
-    NOW,
-    POSES,
-    RECEIVED,
-    ROBOTS,
-    TEXT,
-    TOLD,
-    VERDICT,
-    WALL,
-    Kind,
-)
-from armguard.service.desk.desk import (
-    Longs,
-    open_desk,
-)
+from armguard.record import dtype_of
+from armguard.recording.frames import HEADER, Header, Kind
+from armguard.service.desk.desk import Longs, open_desk, records
 
 Floats = NDArray[np.float64]
 
-OF_CYCLE = int(Kind.CYCLE)
+OF_CYCLE, FRAME = int(Kind.CYCLE), dtype_of(Header)
 
 
 @kernel(inline=False, entry=True)
@@ -53,19 +30,17 @@ def write_frame(
     d = open_desk(desk)
     cycle = d.cycle
     n, robots = d.q.shape[0], d.stamps.shape[0]
-    for k in range(HEADER):
-        row[k] = 0.0
-    row[KIND], row[CYCLE] = OF_CYCLE, cycle.number
-    row[MONOTONIC], row[WALL] = monotonic, wall
-    row[FORM], row[NOW] = cycle.asked_form, cycle.start * 1e-9
-    row[HAS_VELOCITY] = d.arrival.measured
-    began = cycle.began_at
-    row[RECEIVED] = began * 1e-9 if began != 0 else np.nan
-    row[ENDED] = cycle.ended * 1e-9
-    row[CYCLE_TIME] = (cycle.ended - cycle.start) * 1e-9
-    row[JOINTS], row[ROBOTS], row[ASKED] = n, robots, cycle.asked_count
-    row[TOLD], row[VERDICT] = d.command.shape[0], cycle.used
-    row[POSES], row[TEXT], row[DATA] = poses.shape[0], text, 0.0
+    head = records(row, 0, 1, FRAME)[0]
+    head["kind"], head["cycle"] = OF_CYCLE, cycle.number
+    head["monotonic"], head["wall"] = monotonic, wall
+    head["form"], head["now"] = cycle.asked_form, cycle.start * 1e-9
+    head["has_velocity"] = d.arrival.measured
+    head["received"] = cycle.began_at * 1e-9 if cycle.began_at != 0 else np.nan
+    head["ended"] = cycle.ended * 1e-9
+    head["cycle_time"] = (cycle.ended - cycle.start) * 1e-9
+    head["joints"], head["robots"], head["asked"] = n, robots, cycle.asked_count
+    head["told"], head["verdict"] = d.command.shape[0], cycle.used
+    head["poses"], head["text"], head["data"] = poses.shape[0], text, 0.0
     at = HEADER
     at = put(d.q, n, row, at)
     if d.arrival.measured != 0:
