@@ -120,12 +120,17 @@ def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
         arrays: The arrays that are saved.
         about: Further values that must be equal, ready for JSON.
     """
-    shapes = [
-        [IN_DIGEST.get(name, name), str(a.dtype), list(a.shape)]
-        for name, a in arrays.items()
-    ]
+    shapes = [[IN_DIGEST.get(name, name), *form_of(a)] for name, a in arrays.items()]
     text = json.dumps([shapes, *about])
     return blake2b(text.encode(), digest_size=DIGEST).digest()
+
+
+def form_of(array: NDArray[Any]) -> tuple[str, list[int]]:
+    """Type and shape of an array; equal numbers of a record count as columns."""
+    kinds = {str(kind) for kind, *_ in (array.dtype.fields or {}).values()}
+    if len(kinds) == 1:
+        return kinds.pop(), [*array.shape, len(array.dtype.names or ())]
+    return str(array.dtype), list(array.shape)
 
 
 def pack(layout: bytes, about: Mapping[str, Any], arrays: Arrays) -> bytes:
