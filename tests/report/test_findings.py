@@ -11,9 +11,7 @@ from armguard import bay_scene
 from armguard.cli.console import jsonable
 from armguard.guard import Level, Reason
 from armguard.guard.answer import names_of
-from armguard.guard.layout import (
-    IN_HEADER,
-)
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.nuisance import Cause
 from armguard.recording import open_recording
 from armguard.recording.frames import Kind, text_frame

@@ -14,11 +14,7 @@ from armguard.guard import Level, Reason
 from armguard.guard.objects import SightingError
 from armguard.guard.proofs import prove_pair
 from armguard.guard.relief import SINK, is_driven_nearer, relief_of
-from armguard.guard.watch import (
-    RECOVERING,
-    RESTING,
-    RUNNING,
-)
+from armguard.guard.watch import RECOVERING, RESTING, RUNNING
 from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import PROVEN, UNPROVEN
 from armguard.motion.state import NEXT, SEGMENT

@@ -12,13 +12,7 @@ from armguard.geometry import Capsule, Pose, Sphere
 from armguard.guard.grips import CONTRACT, IN_FORCE, NONE
 from armguard.guard.grips import STATE as CONTRACT_STATE
 from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
-from armguard.guard.watch import (
-    RESTING,
-    RUNNING,
-    Given,
-    LastCycle,
-    Timing,
-)
+from armguard.guard.watch import RESTING, RUNNING, Given, LastCycle, Timing
 from armguard.guard.workspace import INTENTS, open_workspace
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.pair_state import new_pair

@@ -12,9 +12,7 @@ from armguard.recording.ring import RingReader, RingWriter
 from armguard.respond import Action
 from armguard.respond.command import DRIVEN
 from armguard.respond.daqp_interface import FUNCTION
-from armguard.service.desk.desk import (
-    OUTCOMES,
-)
+from armguard.service.desk.desk import OUTCOMES
 from armguard.service.desk.taking import take_state, take_wish
 from armguard.service.server import ServiceSettings
 from armguard.service.server.judge import Judge

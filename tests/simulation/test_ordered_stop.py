@@ -7,11 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armguard.guard.layout import (
-    HEADER,
-    IN_ROBOT,
-    ROBOT_WIDTH,
-)
+from armguard.guard.layout import HEADER, IN_ROBOT, ROBOT_WIDTH
 from armguard.guard.levels import Reason
 from armguard.recording.counters import CountersReader
 from armguard.recording.frames import Kind, frame_of

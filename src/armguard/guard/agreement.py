@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.levels import Reason
 from armguard.guard.settling import hardest_stop, swing_speed
-from armguard.guard.watch import (
-    BRAKING,
-    LOST,
-    STOPPING,
-    Watch,
-)
+from armguard.guard.watch import BRAKING, LOST, STOPPING, Watch
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 

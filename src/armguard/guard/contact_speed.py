@@ -11,9 +11,7 @@ from armguard.guard.grips import (
 from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.needs import robot_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints

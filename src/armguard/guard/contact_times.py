@@ -7,10 +7,7 @@ lever bound, until the earliest contact of each robot is known.
 
 from math import inf, sqrt
 
-from armguard.guard.layout import (
-    NearRow,
-    normal_of,
-)
+from armguard.guard.layout import NearRow, normal_of
 from armguard.guard.needs import closing_speed, object_speed, robot_of, static_need
 from armguard.guard.proofs import coarse, describe_pair
 from armguard.guard.watch import Watch

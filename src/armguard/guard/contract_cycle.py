@@ -23,11 +23,7 @@ from armguard.guard.levels import Reason
 from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.observe import now_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import (
-    CONTRACTS,
-    INTENTS,
-    Workspace,
-)
+from armguard.guard.workspace import CONTRACTS, INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import SEGMENT
 

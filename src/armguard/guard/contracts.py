@@ -52,10 +52,7 @@ from armguard.guard.needs import object_speed, robot_of, time_since
 from armguard.guard.proofs import prove_pair
 from armguard.guard.refine import exact_row, refine_pair
 from armguard.guard.watch import RECOVERING
-from armguard.guard.workspace import (
-    CONTRACTS,
-    Workspace,
-)
+from armguard.guard.workspace import CONTRACTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.pair_proof import path_gap, shared_joints
 from armguard.motion.pair_state import (

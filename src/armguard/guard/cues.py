@@ -9,11 +9,7 @@ operator is 1.
 from math import sqrt
 
 from armguard.geometry.vec3 import Vec3, cross, sub
-from armguard.guard.layout import (
-    NearRow,
-    normal_of,
-    point_of,
-)
+from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.levels import Level
 from armguard.guard.needs import LOOK_AHEAD, robot_of
 from armguard.guard.pair_row import pair_row

@@ -7,10 +7,7 @@ from numpy.typing import NDArray
 
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
-from armguard.guard.layout import (
-    NEAR_WIDTH,
-    Header,
-)
+from armguard.guard.layout import NEAR_WIDTH, Header
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_limits
 from armguard.guard.memory import FORCE

@@ -4,11 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, dot, scaled
-from armguard.guard.layout import (
-    TERM_NAMES,
-    normal_of,
-    point_of,
-)
+from armguard.guard.layout import TERM_NAMES, normal_of, point_of
 from armguard.guard.needs import object_speed, robot_of, static_need
 from armguard.guard.proofs import OF_EXACT, OF_PRIMITIVES
 from armguard.guard.refine import refine_pair

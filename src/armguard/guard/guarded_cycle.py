@@ -19,9 +19,7 @@ from armguard.guard.cycle import (
 from armguard.guard.explain import explain_nearest, write_envelopes
 from armguard.guard.grade import grade_robots
 from armguard.guard.hanging import no_sensor_is_stuck
-from armguard.guard.layout import (
-    NEAR_WIDTH,
-)
+from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.memory import FORCE
@@ -34,10 +32,7 @@ from armguard.guard.stops import (
     supervise_stops,
 )
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import (
-    Workspace,
-    open_workspace,
-)
+from armguard.guard.workspace import Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, NOW, TESTS, Motion
 from armguard.motion.stop_path import (

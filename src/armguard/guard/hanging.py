@@ -14,11 +14,7 @@ from numpy.typing import NDArray
 from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.observe import blame_joint
-from armguard.guard.watch import (
-    RECOVERING,
-    RUNNING,
-    Watch,
-)
+from armguard.guard.watch import RECOVERING, RUNNING, Watch
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED
 from armguard.motion.state import Motion

@@ -33,12 +33,7 @@ from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.proofs import coarse
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
-from armguard.guard.watch import (
-    FEW,
-    HYSTERESIS,
-    RECOVERING,
-    Watch,
-)
+from armguard.guard.watch import FEW, HYSTERESIS, RECOVERING, Watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     CONTRACTS,

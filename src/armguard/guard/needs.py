@@ -7,9 +7,7 @@ from armguard.geometry.vec3 import dot
 from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.observe import now_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import (

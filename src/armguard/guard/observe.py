@@ -20,10 +20,7 @@ from armguard.guard.agreement import (
 )
 from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
-from armguard.guard.watch import (
-    HISTORY,
-    Watch,
-)
+from armguard.guard.watch import HISTORY, Watch
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     FIXED,

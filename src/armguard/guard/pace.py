@@ -6,9 +6,7 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.layout import (
-    IN_HEADER,
-)
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 from armguard.scene.schema import LEAST_UNLIKELY
 

@@ -17,15 +17,8 @@ from armguard.guard.needs import (
     static_need,
 )
 from armguard.guard.relief import relief_of
-from armguard.guard.watch import (
-    BRAKING,
-    LOST,
-    RECOVERING,
-    Watch,
-)
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.watch import BRAKING, LOST, RECOVERING, Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     SPEED,

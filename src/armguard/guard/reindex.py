@@ -1,11 +1,6 @@
 """Second step of a cycle: update of the index for the primitives that moved."""
 
-from armguard.guard.workspace import (
-    BRUTE_FORCE,
-    INDEX_KIND,
-    MOVING_COUNT,
-    Workspace,
-)
+from armguard.guard.workspace import BRUTE_FORCE, INDEX_KIND, MOVING_COUNT, Workspace
 from armguard.index.octree_state import (
     COUNT_ENTERED,
     COUNT_LEFT,

@@ -7,14 +7,8 @@ from armguard.guard.layout import NearRow
 from armguard.guard.needs import object_speed, robot_of
 from armguard.guard.observe import now_of
 from armguard.guard.pair_row import pair_row
-from armguard.guard.watch import (
-    RECOVERING,
-    RUNNING,
-    Watch,
-)
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.watch import RECOVERING, RUNNING, Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import (
     SEGMENT,

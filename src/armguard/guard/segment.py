@@ -5,9 +5,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cycle import clear_header, rebuild_world
-from armguard.guard.layout import (
-    NEAR_WIDTH,
-)
+from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.workspace import open_workspace

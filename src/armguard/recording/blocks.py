@@ -19,12 +19,7 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.layout import IN_HEADER
-from armguard.recording.frames import (
-    IN_FRAME,
-    put_text,
-    sections,
-    words,
-)
+from armguard.recording.frames import IN_FRAME, put_text, sections, words
 from armguard.recording.mcap_file import unpacked
 
 Floats = NDArray[np.float64]

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 
 from armguard.guard.answer import Names, names_of
-from armguard.guard.layout import (
-    IN_HEADER,
-)
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Level, Reason
 from armguard.recording.frames import Frame, Kind
 from armguard.recording.recording import Recording, reading

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 
 from armguard.guard.answer import Names
-from armguard.guard.layout import (
-    IN_HEADER,
-    IN_NEAR,
-    NEAR_WIDTH,
-)
+from armguard.guard.layout import IN_HEADER, IN_NEAR, NEAR_WIDTH
 from armguard.guard.levels import Level, Reason
 from armguard.guard.nuisance import Cause
 from armguard.guard.sentences import ABOUT_PAIRS

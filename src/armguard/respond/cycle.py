@@ -9,9 +9,7 @@ from math import inf, isfinite, nan, sqrt
 from armguard.guard.commands import time_passed
 from armguard.guard.filtered_cycle import close_cycle
 from armguard.guard.intent import read_intents
-from armguard.guard.layout import (
-    NEAR_WIDTH,
-)
+from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     AT_REST,
@@ -23,11 +21,7 @@ from armguard.guard.watch import (
     RUNNING,
     Watch,
 )
-from armguard.guard.workspace import (
-    FIRST_ROW,
-    INTENTS,
-    Workspace,
-)
+from armguard.guard.workspace import FIRST_ROW, INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked, Changed

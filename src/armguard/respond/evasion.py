@@ -14,16 +14,8 @@ from math import inf, nan
 from armguard.guard.commands import time_passed
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.needs import robot_of, time_since
-from armguard.guard.watch import (
-    RECOVERING,
-    RESTING,
-    RUNNING,
-    Watch,
-)
-from armguard.guard.workspace import (
-    MOVING_COUNT,
-    Workspace,
-)
+from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
+from armguard.guard.workspace import MOVING_COUNT, Workspace
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, PROVEN

@@ -10,13 +10,7 @@ from math import exp
 
 from armguard.guard.commands import time_passed
 from armguard.guard.levels import Reason
-from armguard.guard.watch import (
-    BRAKING,
-    LOST,
-    RUNNING,
-    STOPPING,
-    Watch,
-)
+from armguard.guard.watch import BRAKING, LOST, RUNNING, STOPPING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion

@@ -8,11 +8,7 @@ compensated.
 from math import exp
 
 from armguard.guard.commands import time_passed
-from armguard.guard.watch import (
-    RECOVERING,
-    RUNNING,
-    Watch,
-)
+from armguard.guard.watch import RECOVERING, RUNNING, Watch
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.state import Response

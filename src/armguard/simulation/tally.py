@@ -10,11 +10,7 @@ import numpy as np
 from armguard.guard import EventLog, Level
 from armguard.guard.answer import Names, names_of
 from armguard.guard.events import Event
-from armguard.guard.layout import (
-    HEADER,
-    IN_ROBOT,
-    ROBOT_WIDTH,
-)
+from armguard.guard.layout import HEADER, IN_ROBOT, ROBOT_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.verdict import Verdict
 from armguard.recording.frames import Form, Frame

@@ -19,12 +19,7 @@ from armguard.respond.state import (
 from armguard.respond.state import TWISTS as BY_TWISTS
 from armguard.respond.state import VELOCITIES as BY_VELOCITIES
 from armguard.respond.whole_cycle import begin_filtered_cycle, end_filtered_cycle
-from armguard.service.desk.desk import (
-    AS_WISHED,
-    NOTHING,
-    Desk,
-    open_desk,
-)
+from armguard.service.desk.desk import AS_WISHED, NOTHING, Desk, open_desk
 from armguard.service.desk.telling import write_answer
 from armguard.service.wire.layout import Form
 

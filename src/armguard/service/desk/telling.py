@@ -6,12 +6,7 @@ from typing import Any
 from armguard.guard.levels import Level
 from armguard.kernel import kernel
 from armguard.respond.command import ACTIONS, DRIVEN, Action
-from armguard.service.desk.desk import (
-    Desk,
-    Longs,
-    open_desk,
-    records,
-)
+from armguard.service.desk.desk import Desk, Longs, open_desk, records
 from armguard.service.wire.layout import (
     COMMAND,
     HEADER,

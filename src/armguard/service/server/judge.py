@@ -22,10 +22,7 @@ from armguard.respond.units import DesiredUnits
 from armguard.respond.whole_cycle import NOT_JUDGED
 from armguard.scene import Scene
 from armguard.scene.tables import SceneTables
-from armguard.service.desk.desk import (
-    AS_WISHED,
-    NOTHING,
-)
+from armguard.service.desk.desk import AS_WISHED, NOTHING
 from armguard.service.desk.judging import begin_judging, conclude_judging, judge
 from armguard.service.desk.keeping import write_frame
 from armguard.service.desk.making import desk_of

@@ -10,9 +10,7 @@ from armguard.errors import RefusedError
 from armguard.guard.levels import Level, Reason
 from armguard.recording.counters import DROPS
 from armguard.scene.tables import SceneTables
-from armguard.service.desk.desk import (
-    OUTCOMES,
-)
+from armguard.service.desk.desk import OUTCOMES
 from armguard.service.desk.making import bodies_of
 from armguard.service.desk.taking import take_state, take_wish
 from armguard.service.server.context import Context
